@@ -1,0 +1,37 @@
+# The interpreter that makes .venv; any of Python 3.11 to 3.13.
+PYTHON ?= python3
+# Where the main job writes; name an earlier folder to go on with it.
+OUT ?= results/quick-$(shell date +%Y%m%d-%H%M%S)
+
+BIN := .venv/bin
+INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt
+
+.PHONY: help run test lint clean
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
+
+run: .venv/run.stamp  ## set up once, then evaluate every policy on the quick suite into results/
+	$(BIN)/bug-gym evaluate --suite quick --workers 2 --out $(OUT)
+
+test: lint  ## set up once, then lint and test
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+lint: .venv/test.stamp  ## ruff and mypy --strict
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+clean:  ## remove .venv, caches and build products; results stay
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache build dist *.egg-info
+	find agents bug_gym tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.venv/run.stamp: pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) -e '.[play,render,report]'
+	touch $@
+
+.venv/test.stamp: pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) -e '.[dev,render,report,play,train]'
+	touch $@
+
+$(BIN)/python:
+	$(PYTHON) -m venv .venv

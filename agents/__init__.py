@@ -1,0 +1,81 @@
+"""The table of agents, and `make_policy`.
+
+To add a scripted policy: one file here with a ScriptedPolicy, one line in AGENTS; the tests that run over the table
+cover it then.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+from typing import Any, NamedTuple
+
+from bug_gym.observation import Sensors
+from bug_gym.policy import Policy, is_discrete, source_scenario
+
+
+class Agent(NamedTuple):
+    """One line of the table."""
+
+    entry_point: str
+    """ "module:Class", the module in this folder."""
+    family: str
+    """What kind of algorithm it is."""
+    reference: str
+    """Where it comes from."""
+    privileged: bool = False
+    """Whether it reads the world's map."""
+
+
+AGENTS: dict[str, Agent] = {
+    "random": Agent("random:Random", "floor", "-"),
+    "go_to_goal": Agent("go_to_goal:GoToGoal", "floor", "-"),
+    "bug0": Agent("bug0:Bug0", "bug", "Lumelsky and Stepanov 1986"),
+    "com": Agent("bug0:Bug0", "bug", "Lumelsky and Stepanov 1986; Sankaranarayanan and Vidyasagar 1990"),
+    "bug2": Agent("bug2:Bug2", "bug", "Lumelsky and Stepanov 1987"),
+}
+
+
+def policy_names() -> list[str]:
+    """Names that `make_policy` takes."""
+    return list(AGENTS)
+
+
+def agent(name: str) -> Agent:
+    """The line of the table under a name.
+
+    Raises:
+        ValueError: no such policy; the message offers the nearest names.
+    """
+    if name not in AGENTS:
+        near = difflib.get_close_matches(name, AGENTS, n=3, cutoff=0.4)
+        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+        raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(AGENTS)})")
+    return AGENTS[name]
+
+
+def make_policy(name: str, source: Any, **parameters: Any) -> Policy:
+    """Make a policy for a robot.
+
+    Args:
+        name: one of `policy_names()`.
+        source: an env of any face, a Simulation, or a Scenario (or its name, path or dict). The policy learns what a
+            driver of that robot would know (kinematics, body, limits, beams, range, step), never the world.
+        **parameters: the algorithm's own, see its class.
+
+    Raises:
+        ValueError: an unknown policy or parameter, or a parameter's value that cannot be.
+    """
+    line = agent(name)
+    module, class_name = line.entry_point.split(":")
+    policy_class = getattr(importlib.import_module(f".{module}", __name__), class_name)
+    known = [key for key in inspect.signature(policy_class).parameters if key not in ("sensors", "discrete")]
+    for key in parameters:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f", did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
+    sensors = Sensors.of(source_scenario(source))
+    policy: Policy = policy_class(sensors, discrete=is_discrete(source), **parameters)
+    return policy

@@ -1,0 +1,429 @@
+"""The toolbox of the Bug family: go straight until a wall, follow it at a clearance, remember where.
+
+A bug walks on the *contour*: the line at distance `clearance` from the obstacles, where convex corners are arcs. Every
+question is put to the swept free distance of a disc (View.free_distance), never to single beams. All positions are
+kept in the odometry frame. Sides: +1 turns left at a wall and keeps it on the right, -1 is its mirror image.
+
+Sources of the rules: Lumelsky and Stepanov (1987) for motion to goal and boundary following; McGuire et al. (2019) for
+what a robot with a range sensor needs beyond a point with a contact sensor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from bug_gym import kernels
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, Memory, Velocity
+
+Point = tuple[float, float]
+Turn = Literal["left", "right"]
+LeaveRule = Literal["front", "any"]
+
+SIDES: dict[str, int] = {"left": 1, "right": -1}
+LEAVE_RULES = ("front", "any")
+STANDING: Velocity = (0.0, 0.0)
+WAIT = 10.0
+"""Time without any open heading after which a robot calls itself stuck [s]; something that moves may go away before."""
+
+TARGET_MOVED = 0.5
+"""Way of the target after which distances and laps measured for its old place mean nothing [m]."""
+
+
+def wrap(angle: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def side_of(turn: str) -> int:
+    """+1 for "left", -1 for "right".
+
+    Raises:
+        ValueError: another word.
+    """
+    if turn not in SIDES:
+        raise ValueError(f"turn must be one of {sorted(SIDES)}, got {turn!r}")
+    return SIDES[turn]
+
+
+def checked_leave_rule(leave_rule: str) -> str:
+    """The leave rule, "front" or "any".
+
+    Raises:
+        ValueError: another word.
+    """
+    if leave_rule not in LEAVE_RULES:
+        raise ValueError(f"leave_rule must be one of {list(LEAVE_RULES)}, got {leave_rule!r}")
+    return leave_rule
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A door across the contour: passing it once more in the same direction closes a lap.
+
+    Proximity to a remembered point would fire several times a pass, and on the other side of a thin wall.
+    """
+
+    place: Point
+    """Middle of the door, odometry frame [m]."""
+    heading: float
+    """Direction in which it was passed [rad]."""
+    odometer: float
+    """Length of the contour walked when it was placed [m]."""
+    turned: float
+    """Total turning when it was placed [rad]."""
+
+    def is_passed(self, before: Point, after: Point, half_width: float) -> bool:
+        """Whether the step from `before` to `after` goes through the door in its direction."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        x0, y0 = before[0] - self.place[0], before[1] - self.place[1]
+        x1, y1 = after[0] - self.place[0], after[1] - self.place[1]
+        along0, along1 = cos * x0 + sin * y0, cos * x1 + sin * y1
+        if not along0 < 0.0 <= along1:
+            return False
+        share = -along0 / (along1 - along0)
+        lateral = cos * (y0 + share * (y1 - y0)) - sin * (x0 + share * (x1 - x0))
+        return abs(lateral) <= half_width and along1 - along0 > 0.5 * math.dist(before, after)
+
+
+@dataclass
+class Contour:
+    """What a bug keeps while it follows one boundary."""
+
+    side: int
+    """+1: the wall is on the right; -1: on the left."""
+    hit: Point
+    """Where it met the boundary, odometry frame [m]."""
+    wall: Point
+    """The point of the wall that the hand is on, odometry frame [m]."""
+    position: Point
+    """Own place at the last decision, odometry frame [m]."""
+    goal: Point
+    """Where the target was when the lap began, odometry frame [m]."""
+    before: Point = (0.0, 0.0)
+    """Own place at the decision before, odometry frame [m]."""
+    heading: float | None = None
+    """Direction of the last step, odometry frame [rad]; None before the first."""
+    odometer: float = 0.0
+    """Length walked along the boundary [m]."""
+    turned: float = 0.0
+    """Total turning since the hit [rad]; a closed lap adds or takes 2 pi."""
+    steps: int = 0
+    """Steps with motion since the hit."""
+    gate: Gate | None = None
+    """Door where the lap began; None until the robot goes along the wall."""
+    is_lap_closed: bool = False
+    """Whether the last step passed the gate."""
+    waited: float = 0.0
+    """Time without an open heading [s]."""
+
+
+@dataclass
+class BugMemory(Memory):
+    """Memory of a bug: what it follows now, and where it hit and left boundaries."""
+
+    contour: Contour | None = None
+    """The boundary that it follows; None while it goes to the goal."""
+    hits: list[Point] = field(default_factory=list)
+    """Hit points, odometry frame [m]."""
+    leaves: list[Point] = field(default_factory=list)
+    """Leave points, odometry frame [m]."""
+    hit_sides: list[int] = field(default_factory=list)
+    """Side taken at each hit point."""
+    hit_odometers: list[float] = field(default_factory=list)
+    """Length of the whole way at each hit point [m]."""
+    odometer: float = 0.0
+    """Length of the way so far by odometry [m]."""
+    position: Point | None = None
+    """Own place at the last decision, odometry frame [m]."""
+
+
+class Boundary:
+    """How a robot goes to walls, along them and away from them; the settings that all bugs share.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: distance from the robot's centre to a wall while following it [m]; None: the body's radius and the
+            way of one step, which is how far a robot can be off its line.
+        leave_rule: "front": a heading is free only within 90 degrees of the direction of travel, as a robot sees it
+            that looks ahead; "any": a free heading in any direction counts.
+
+    Raises:
+        ValueError: a clearance not above the body's radius, or an unknown leave rule.
+    """
+
+    def __init__(self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "front") -> None:
+        radius, step = sensors.radius, sensors.step_length
+        clearance = radius + step if clearance is None else clearance
+        if not clearance > radius or not math.isfinite(clearance):
+            raise ValueError(f"clearance must be above the body's radius of {radius} m, got {clearance!r}")
+        self.sensors = sensors
+        self.step = step
+        self.clearance = clearance
+        self.leave_rule = checked_leave_rule(leave_rule)
+        margin = clearance - radius
+        # The contour is kept at `clearance`, but a gap counts as one down to `inner`: a disc of exactly the gap's
+        # width would pass it or not by the noise of a range.
+        slack = min(0.1 * clearance, 0.5 * margin)
+        self.inner = clearance - slack
+        self.hit_radius = clearance - 1.5 * slack if 1.5 * slack < margin else self.inner
+        self.safe_radius = radius + 0.3 * margin
+        self.progress = max(2.0 * step, 0.05)
+        """By how much "closer" must be closer [m]."""
+        self.leave_length = max(1.5 * clearance, 4.0 * step)
+        """Free way toward the goal that makes a heading free [m]."""
+        self.gate_half_width = min(clearance, max(3.0 * step, 0.3 * clearance))
+        self.arming_length = max(2.0 * clearance, 4.0 * self.gate_half_width)
+        """Way after which a gate may fire [m]."""
+        self.touch = max(0.05 * step, 2.0 * sensors.range_noise)
+        """Remaining way at which a wall counts as reached [m]."""
+
+    # ------------------------------------------------------------------------------------------ motion to goal
+
+    def advance(self, view: View, memory: BugMemory) -> None:
+        """Bring the memory's odometer, and its contour, up to the present place. Call once a decision, first."""
+        if memory.position is not None:
+            memory.odometer += math.dist(memory.position, view.position)
+        memory.position = view.position
+        if memory.contour is not None:
+            self._advance_contour(view, memory.contour)
+
+    def go(self, view: View, bearing: float, distance: float) -> Velocity | None:
+        """Velocity straight along a bearing, slowing down to stand on the contour of what is in the way.
+
+        Args:
+            view: the observation.
+            bearing: where to [rad].
+            distance: how far [m]; what lies beyond does not block.
+
+        Returns:
+            The velocity in the robot's frame [m/s], or None at the hit point: the way is blocked from here.
+        """
+        if distance <= 0.0:
+            return STANDING
+        free = view.free_distance(bearing, self.hit_radius)
+        ahead = min(self.step, distance)
+        if free < distance and not self.can_reach_goal(view, bearing, distance):
+            ahead = min(ahead, free - (self.clearance - self.hit_radius))
+            if ahead <= self.touch:
+                return None
+        speed = ahead / self.sensors.drive.step
+        return speed * math.cos(bearing), speed * math.sin(bearing)
+
+    def can_reach_goal(self, view: View, bearing: float, distance: float) -> bool:
+        """Whether the body passes to a goal that lies nearer to a wall than the clearance."""
+        if distance > 2.0 * self.clearance + self.sensors.goal_radius:
+            return False
+        return view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius
+
+    def is_free(self, view: View, bearing: float, distance: float, contour: Contour | None = None) -> bool:
+        """Whether the robot can head along a bearing [rad] toward a target at a distance [m].
+
+        With a contour and the rule "front" the bearing must also lie within 90 degrees of the direction of travel.
+        """
+        if contour is not None and self.leave_rule == "front" and contour.heading is not None:
+            if abs(wrap(bearing + view.heading - contour.heading)) > 0.5 * math.pi:
+                return False
+        if self.can_reach_goal(view, bearing, distance):
+            return True
+        return view.free_distance(bearing, self.inner) >= min(distance, self.leave_length)
+
+    # ------------------------------------------------------------------------------------------ boundary following
+
+    def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
+        """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
+        distance, wall_bearing = view.nearest(bearing, 0.5 * math.pi)
+        if not math.isfinite(distance):
+            distance, wall_bearing = self.clearance, bearing
+        wall = view.to_odometry(distance * math.cos(wall_bearing), distance * math.sin(wall_bearing))
+        contour = Contour(side, hit=view.position, wall=wall, position=view.position, goal=view.goal_position)
+        contour.before = view.position
+        memory.contour = contour
+        memory.hits.append(view.position)
+        memory.hit_sides.append(side)
+        memory.hit_odometers.append(memory.odometer)
+        return contour
+
+    def leave(self, view: View, memory: BugMemory) -> None:
+        """Stop following; records the leave point."""
+        memory.leaves.append(view.position)
+        memory.contour = None
+
+    def _advance_contour(self, view: View, contour: Contour) -> None:
+        """Odometer, turning and gate of a contour after the last step."""
+        contour.is_lap_closed = False
+        contour.before = contour.position
+        length = math.dist(contour.position, view.position)
+        if length < 1e-3 * self.step:
+            return
+        heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
+        change = 0.0 if contour.heading is None else wrap(heading - contour.heading)
+        contour.turned += change
+        contour.odometer += length
+        contour.position = view.position
+        contour.heading = heading
+        contour.steps += 1
+        if contour.gate is None:
+            # Aligned with the wall, or on a contour so tight that it never goes straight.
+            if (contour.steps > 1 and abs(change) < math.radians(10.0)) or contour.steps > 4:
+                contour.gate = Gate(view.position, heading, contour.odometer, contour.turned)
+            return
+        if math.dist(view.goal_position, contour.goal) > TARGET_MOVED:
+            contour.goal = view.goal_position
+            contour.gate = Gate(view.position, heading, contour.odometer, contour.turned)
+            return
+        contour.is_lap_closed = self.closes_lap(contour, contour.gate)
+
+    def closes_lap(self, contour: Contour, gate: Gate) -> bool:
+        """Whether the last step passed a gate after a lap: far enough, in its direction, with a full turn made."""
+        if contour.odometer - gate.odometer <= self.arming_length:
+            return False
+        if abs(contour.turned - gate.turned) < math.pi:
+            return False  # a corridor walked back, or a wall met on its other side: no lap
+        return gate.is_passed(contour.before, contour.position, self.gate_half_width)
+
+    def follow(self, view: View, memory: BugMemory) -> Velocity:
+        """Velocity of one step along the boundary, its end on the contour.
+
+        The hand stays on the wall: from the bearing of the wall the heading turns away from it until a whole step is
+        open. One rule for straight walls, convex and concave corners, dead ends and thin walls. A robot without any
+        open heading waits, and calls itself stuck after WAIT seconds.
+        """
+        contour = memory.contour
+        assert contour is not None
+        bearing = self._wall_bearing(view, contour)
+        travel = None if contour.heading is None else contour.heading - view.heading
+        heading = self._open_heading(view, bearing, contour.side, travel)
+        if heading is None:
+            contour.waited += self.sensors.drive.step
+            if contour.waited > WAIT:
+                memory.verdict = "stuck"
+            return STANDING
+        contour.waited = 0.0
+        self._move_hand(view, contour, heading)
+        speed = self.sensors.drive.max_speed
+        return speed * math.cos(heading), speed * math.sin(heading)
+
+    def _wall_bearing(self, view: View, contour: Contour) -> float:
+        """Bearing of the wall that the hand is on, looked up in the present scan."""
+        x, y = view.to_robot(*contour.wall)
+        last = math.atan2(y, x)
+        # Wider windows only where the wall went out of sight: a nearer wall on the other side must not take the hand.
+        for window in (math.radians(45.0), math.radians(120.0), math.pi):
+            distance, bearing = view.nearest(last, window)
+            if math.isfinite(distance):
+                contour.wall = view.to_odometry(distance * math.cos(bearing), distance * math.sin(bearing))
+                return bearing
+        return last
+
+    def _move_hand(self, view: View, contour: Contour, heading: float) -> None:
+        """Lay the hand on the point that forbids a step nearer to the wall than `heading` [rad].
+
+        In a concave corner that is the next wall already, in a corridor never the wall across.
+        """
+        x, y = view.points
+        if len(x) == 0:
+            return
+        inward = heading - contour.side * TRIED
+        square = (x - self.step * math.cos(inward)) ** 2 + (y - self.step * math.sin(inward)) ** 2
+        index = int(square.argmin())
+        if square[index] <= self.clearance**2:
+            contour.wall = view.to_odometry(float(x[index]), float(y[index]))
+
+    def _open_heading(self, view: View, wall_bearing: float, side: int, travel: float | None) -> float | None:
+        """First heading away from the wall along which a step ends on the contour; None: boxed in.
+
+        A gap narrower than twice the clearance would turn the robot back by the noise of a range; it goes on through
+        the middle where the gap is wider than twice `inner`.
+        """
+        turned = self._turn_from(view, wall_bearing, side, self.clearance)
+        if travel is not None and (turned is None or abs(wrap(turned - travel)) > TURNED_BACK):
+            inner = self._turn_from(view, wall_bearing, side, self.inner)
+            if inner is not None and abs(wrap(inner - travel)) < 0.5 * math.pi:
+                angles = [inner + side * share * OUTWARD / 8.0 for share in range(9)]
+                gaps = [kernels.gap_after_step(*view.points, angle, self.step) for angle in angles]
+                return float(angles[max(range(9), key=gaps.__getitem__)])
+        if turned is None:
+            # Nearer to things than the contour, by more than a step: any step that gains distance will do.
+            nearest, _ = view.nearest()
+            turned = self._turn_from(view, wall_bearing, side, nearest + 0.5 * self.step)
+        return turned
+
+    def _turn_from(self, view: View, wall_bearing: float, side: int, clearance: float) -> float | None:
+        """First bearing, turning away from the wall, along which a step ends at a clearance [m]; None: there is none."""
+        x, y = view.points
+        turned = kernels.first_open_heading(x, y, wall_bearing, side, self.step, clearance, self.safe_radius, TRIED)
+        return None if turned < 0.0 else float(wall_bearing + side * turned)
+
+    # ------------------------------------------------------------------------------------------ what a bug remembers
+
+    def is_looping(self, memory: BugMemory) -> bool:
+        """Whether the last hit repeats earlier ones, side included: the third time at the same place."""
+        *earlier, (place, side, odometer) = zip(memory.hits, memory.hit_sides, memory.hit_odometers, strict=True)
+        matches = 0
+        for other, other_side, other_odometer in earlier:
+            is_same = other_side == side and math.dist(other, place) <= self.gate_half_width
+            matches += is_same and odometer - other_odometer > self.arming_length
+        return matches >= 2
+
+    def draw(self, memory: BugMemory) -> Drawing:
+        """Hit and leave points, and the wall that the hand is on."""
+        points = [(*place, "hit") for place in memory.hits] + [(*place, "leave") for place in memory.leaves]
+        if memory.contour is not None:
+            points.append((*memory.contour.wall, "wall"))
+        return Drawing(points=points)
+
+
+TRIED = math.radians(3.0)
+"""Angle between the headings that boundary following tries [rad]; the first open one is refined."""
+
+OUTWARD = math.radians(45.0)
+"""How far from the wall's side a robot looks for the middle of a narrow gap [rad]."""
+
+TURNED_BACK = math.radians(120.0)
+"""Change of direction that no corner demands but a gap that is just too narrow [rad]."""
+
+
+@dataclass(frozen=True)
+class MLine:
+    """The straight line from a start to the goal that Bug2 and its relatives follow."""
+
+    start: Point
+    """Odometry frame [m]."""
+    goal: Point
+    """Odometry frame [m]."""
+
+    def offset(self, place: Point) -> float:
+        """Signed distance of a place from the line [m], positive to its left."""
+        (sx, sy), (gx, gy) = self.start, self.goal
+        length = math.dist(self.start, self.goal)
+        if length == 0.0:
+            return 0.0
+        return ((gx - sx) * (place[1] - sy) - (gy - sy) * (place[0] - sx)) / length
+
+    def crossing(self, before: Point, after: Point) -> Point | None:
+        """Where a step crosses the line, or None."""
+        first, second = self.offset(before), self.offset(after)
+        if first * second > 0.0 or first == second:
+            return None
+        share = first / (first - second)
+        return before[0] + share * (after[0] - before[0]), before[1] + share * (after[1] - before[1])
+
+    def ahead(self, place: Point, length: float) -> Point:
+        """The point of the line `length` [m] beyond the foot of a place, at most the goal."""
+        (sx, sy), (gx, gy) = self.start, self.goal
+        whole = math.dist(self.start, self.goal)
+        if whole == 0.0:
+            return self.goal
+        ux, uy = (gx - sx) / whole, (gy - sy) / whole
+        along = min((place[0] - sx) * ux + (place[1] - sy) * uy + length, whole)
+        return sx + along * ux, sy + along * uy
+
+
+def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:
+    """`Boundary.go` on the M-line: a robot beside it steers back onto it. None at a hit point."""
+    target = line.ahead(view.position, 5.0 * boundary.step)
+    bearing = math.atan2(*reversed(view.to_robot(*target)))
+    return boundary.go(view, bearing, view.goal_distance)

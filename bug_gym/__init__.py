@@ -1,0 +1,58 @@
+"""Fast 2D navigation among unknown obstacles, and the Bug algorithms to play it.
+
+Importing it registers the environments with Gymnasium (and with PettingZoo, where that has a registry); compiled code is
+loaded when the first one is made.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import pettingzoo
+
+if TYPE_CHECKING:
+    from bug_gym.robots_env import env, parallel_env
+
+__version__ = "0.1.0"
+
+__all__ = ["__version__", "env", "parallel_env", "register_envs"]
+
+SCENARIOS_BY_ID = {
+    "BugGym/Navigation-v0": None,  # takes `scenario=`
+    "BugGym/Static-v0": "static",
+    "BugGym/Dynamic-v0": "dynamic",
+    "BugGym/MovingTarget-v0": "moving_target",
+    "BugGym/Rush-v0": "rush",
+    "BugGym/Maze-v0": "maze",
+}
+"""The scenario that each of the registered ids binds."""
+
+
+def register_envs() -> None:
+    """Register the environments; those that are registered already stay as they are."""
+    for name, scenario in SCENARIOS_BY_ID.items():
+        if name not in gym.registry:
+            gym.register(
+                name,
+                entry_point="bug_gym.navigation_env:NavigationEnv",
+                vector_entry_point="bug_gym.vector_env:NavigationVectorEnv",
+                kwargs={"scenario": scenario} if scenario else {},
+            )
+    if hasattr(pettingzoo, "register") and ROBOTS_ID not in pettingzoo.parallel_registry:  # PettingZoo 1.27 and later
+        pettingzoo.register("parallel", ROBOTS_ID, "bug_gym.robots_env:parallel_env")
+        pettingzoo.register("aec", ROBOTS_ID, "bug_gym.robots_env:env")
+
+
+ROBOTS_ID = "BugGym/Robots-v0"
+
+
+def __getattr__(name: str) -> Any:
+    """The functions that make a PettingZoo environment, imported on first use: they load compiled code."""
+    if name in ("env", "parallel_env"):
+        return getattr(import_module("bug_gym.robots_env"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+register_envs()

@@ -1,0 +1,1364 @@
+"""Compiled code of the world: move, collide, judge, cast rays, place obstacles.
+
+A kernel works on one row (one world) at a time. A row is two flat arrays, `floats` (Wf,) float64 and `ints` (Wi,)
+int64; `spec` (one record of `SPEC`) says where each named array begins in them and holds the constants of the scenario.
+World index first, always; a row never reads another row, so results depend neither on the batch nor on the threads.
+
+All kernels live in this file: numba's cache does not notice a change of a compiled callee in another file.
+No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
+
+# ---------------------------------------------------------------------------------------------- codes
+
+RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
+HOLONOMIC, DIFFERENTIAL = 0, 1
+STILL, BOUNCE, WAYPOINTS, RANDOM_WALK = 0, 1, 2, 3
+CIRCLES, POLYGONS, SQUARES, MIXED = 0, 1, 2, 3
+TERMS = 6  # progress, goal, collision, step, clearance, smoothness
+BORDER = -1  # polygon number of the border's wall segments
+MAX_VERTICES = 7  # of a polygon made by place_field
+EVERY_GOAL = -1
+
+# Streams of the counter-based random numbers: one for each use, so that none shares numbers with another.
+STREAM_WORLD, STREAM_RANGES, STREAM_ODOMETRY, STREAM_WALK, STREAM_POLICY = 1, 2, 3, 4, 5
+
+# The record that describes a row. Fields named like an array of the row hold the index where that array begins.
+FLOAT_ARRAYS = (
+    "time",
+    "fastest",
+    "pose",
+    "velocity",
+    "next_pose",
+    "odometry",
+    "origin",
+    "command",
+    "goal_distance",
+    "path_length",
+    "clearance",
+    "min_clearance",
+    "reward",
+    "terms",
+    "body_x",
+    "body_y",
+    "last_x",
+    "last_y",
+    "body_vx",
+    "body_vy",
+    "body_radius",
+    "body_event",
+    "body_nx",
+    "body_ny",
+    "body_speed",
+    "leg_min",
+    "leg_max",
+    "way_x",
+    "way_y",
+    "wall_x1",
+    "wall_y1",
+    "wall_x2",
+    "wall_y2",
+    "wall_half",
+    "local_x1",
+    "local_y1",
+    "local_x2",
+    "local_y2",
+)
+INT_ARRAYS = (
+    "seed",
+    "episode",
+    "steps",
+    "disc_count",
+    "moving_disc_count",
+    "polygon_count",
+    "moving_polygon_count",
+    "wall_count",
+    "moving_wall_count",
+    "outcome",
+    "goal_body",
+    "body_law",
+    "body_leg",
+    "way_first",
+    "way_count",
+    "way_next",
+    "way_loops",
+    "wall_body",
+    "wall_polygon",
+    "wall_ring",
+)
+COUNTS = ("robots", "discs", "polygons", "goals", "bodies", "walls", "ways", "beams", "footprint", "width")
+INT_CONSTANTS = ("kinematics", "limit_steps", "full_circle", "goal_by_odometry")
+FLOAT_CONSTANTS = (
+    "step",
+    "max_speed",
+    "max_reverse",
+    "max_turn_rate",
+    "max_acceleration",
+    "body_reach",
+    "goal_radius",
+    "reach",
+    "min_range",
+    "first_angle",
+    "angle_step",
+    "range_noise",
+    "dropout",
+    "translation_noise",
+    "rotation_noise",
+    "translation_bias",
+    "rotation_bias",
+    "clearance_scale",
+    "span",
+    "weight_progress",
+    "weight_goal",
+    "weight_collision",
+    "weight_step",
+    "weight_clearance",
+    "weight_smoothness",
+)
+SPEC = np.dtype(
+    [(name, np.int64) for name in FLOAT_ARRAYS + INT_ARRAYS + COUNTS + INT_CONSTANTS]
+    + [(name, np.float64) for name in FLOAT_CONSTANTS]
+)
+
+# What `place_fields` needs to know of a `field` scenario.
+FIELD = np.dtype(
+    [
+        (name, np.int64)
+        for name in ("discs", "moving_discs", "polygons", "moving_polygons", "squares", "laws", "target_law")
+    ]
+    + [
+        (name, np.float64)
+        for name in (
+            "xmin",
+            "ymin",
+            "xmax",
+            "ymax",
+            "size_min",
+            "size_max",
+            "speed_min",
+            "speed_max",
+            "gap",
+            "separation",
+            "start_clearance",
+            "goal_clearance",
+            "start_xmin",
+            "start_ymin",
+            "start_xmax",
+            "start_ymax",
+            "start_heading",
+            "goal_xmin",
+            "goal_ymin",
+            "goal_xmax",
+            "goal_ymax",
+            "target_speed",
+            "target_vx",
+            "target_vy",
+            "leg_min",
+            "leg_max",
+        )
+    ]
+)
+
+# ---------------------------------------------------------------------------------------------- random numbers
+
+
+@njit(**OPTIONS)
+def mix64(z):
+    """Scramble a uint64 (the finaliser of splitmix64)."""
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(**OPTIONS)
+def hash64(seed, episode, time, stream):
+    """Key of a stream of random numbers: a pure function of four integers. Returns uint64."""
+    z = mix64(np.uint64(seed) + np.uint64(0x9E3779B97F4A7C15))
+    z = mix64(z ^ (np.uint64(episode) + np.uint64(0xD1B54A32D192ED03)))
+    z = mix64(z ^ (np.uint64(time) + np.uint64(0x8CB92BA72F3D8DD7)))
+    return mix64(z ^ (np.uint64(stream) + np.uint64(0xABC98388FB8FAC03)))
+
+
+@njit(**OPTIONS)
+def uniform(key, index):
+    """Number `index` of the stream `key`, uniform in [0, 1)."""
+    z = mix64(key + np.uint64(index) * np.uint64(0x9E3779B97F4A7C15))
+    return float(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@njit(**OPTIONS)
+def normal(key, index):
+    """Number `index` of the stream `key`, standard normal (Box-Muller, exact)."""
+    u = uniform(key, 2 * index)
+    v = uniform(key, 2 * index + 1)
+    return math.sqrt(-2.0 * math.log(1.0 - u)) * math.cos(2.0 * math.pi * v)
+
+
+# ---------------------------------------------------------------------------------------------- contact on chords
+# "Chord" is the straight way of one step, as a fraction from 0 to 1. Everything is tested in the frame of one of the
+# two bodies, so that one moving thing is left. NEVER means: no contact on this chord.
+
+NEVER = 2.0
+
+
+@njit(**OPTIONS)
+def disc_contact(dx, dy, ex, ey, distance):
+    """First fraction at which a point from (dx, dy) along (ex, ey) comes within `distance` of the origin, or NEVER."""
+    a = ex * ex + ey * ey
+    b = dx * ex + dy * ey
+    c = dx * dx + dy * dy - distance * distance
+    if b >= 0.0:
+        return NEVER  # moving away, or standing
+    if c <= 0.0:
+        return 0.0
+    root = b * b - a * c
+    if root < 0.0:
+        return NEVER
+    fraction = c / (-b + math.sqrt(root))
+    return fraction if fraction <= 1.0 else NEVER
+
+
+@njit(**OPTIONS)
+def nearest_on_chord(dx, dy, ex, ey, end):
+    """Smallest distance from the origin of a point going from (dx, dy) along (ex, ey) up to the fraction `end`."""
+    a = ex * ex + ey * ey
+    fraction = 0.0
+    if a > 0.0:
+        fraction = min(max(-(dx * ex + dy * ey) / a, 0.0), end)
+    return math.hypot(dx + fraction * ex, dy + fraction * ey)
+
+
+@njit(**OPTIONS)
+def wall_contact(px, py, ex, ey, x1, y1, x2, y2, distance):
+    """First fraction at which a point from (px, py) along (ex, ey) comes within `distance` of a segment, or NEVER."""
+    ux, uy = x2 - x1, y2 - y1
+    length = math.hypot(ux, uy)
+    first = min(
+        disc_contact(px - x1, py - y1, ex, ey, distance),
+        disc_contact(px - x2, py - y2, ex, ey, distance),
+    )
+    if length == 0.0:
+        return first
+    ux, uy = ux / length, uy / length
+    height = (px - x1) * -uy + (py - y1) * ux  # signed distance to the line
+    rate = ex * -uy + ey * ux
+    if height < 0.0:
+        height, rate = -height, -rate
+    if rate < 0.0:
+        fraction = max((height - distance) / -rate, 0.0)
+        if fraction < first and fraction <= 1.0:
+            along = (px + fraction * ex - x1) * ux + (py + fraction * ey - y1) * uy
+            if 0.0 <= along <= length:
+                first = fraction
+    return first
+
+
+@njit(**OPTIONS)
+def point_wall_distance(px, py, x1, y1, x2, y2):
+    """Distance of a point to a segment."""
+    ux, uy = x2 - x1, y2 - y1
+    square = ux * ux + uy * uy
+    along = 0.0
+    if square > 0.0:
+        along = min(max(((px - x1) * ux + (py - y1) * uy) / square, 0.0), 1.0)
+    return math.hypot(px - x1 - along * ux, py - y1 - along * uy)
+
+
+@njit(**OPTIONS)
+def nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, end):
+    """Smallest distance to a segment of a point going from (px, py) along (ex, ey) up to the fraction `end`.
+
+    Only called where there is no contact, so the chord and the segment don't cross and an end point is nearest.
+    """
+    return min(
+        min(
+            point_wall_distance(px, py, x1, y1, x2, y2),
+            point_wall_distance(px + end * ex, py + end * ey, x1, y1, x2, y2),
+        ),
+        min(
+            nearest_on_chord(px - x1, py - y1, ex, ey, end),
+            nearest_on_chord(px - x2, py - y2, ex, ey, end),
+        ),
+    )
+
+
+# ---------------------------------------------------------------------------------------------- moving obstacles
+# A body moves straight until its next event: it touches something still, reaches a way-point, or takes a new heading.
+# Event times are computed once a leg, so a step costs an addition a body however many obstacles there are.
+
+TOUCHING = 1e-9  # [m] overlap that rounding leaves at a contact
+
+
+@njit(**OPTIONS)
+def plan_reflection(f, k, s, b, now):
+    """Time and normal of body b's next contact with a still obstacle or the border, from its place at `now`."""
+    x, y = f[s.body_x + b], f[s.body_y + b]
+    vx, vy = f[s.body_vx + b], f[s.body_vy + b]
+    radius = f[s.body_radius + b]
+    speed = math.hypot(vx, vy)
+    f[s.body_nx + b] = 0.0
+    f[s.body_ny + b] = 0.0
+    if speed == 0.0:
+        return math.inf
+    far = 2.0 * s.span  # longer than any straight way inside the border
+    ex, ey = vx / speed * far, vy / speed * far
+    best = NEVER
+    for m in range(k[s.moving_disc_count], k[s.disc_count]):
+        dx, dy = x - f[s.body_x + m], y - f[s.body_y + m]
+        distance = radius + f[s.body_radius + m]
+        if math.hypot(dx, dy) < distance - TOUCHING:
+            continue  # began inside it: a body is reflected from outside only
+        fraction = disc_contact(dx, dy, ex, ey, distance)
+        if fraction < best:
+            best = fraction
+            f[s.body_nx + b] = (dx + fraction * ex) / distance
+            f[s.body_ny + b] = (dy + fraction * ey) / distance
+    for w in range(k[s.moving_wall_count], k[s.wall_count]):
+        x1, y1 = f[s.wall_x1 + w], f[s.wall_y1 + w]
+        x2, y2 = f[s.wall_x2 + w], f[s.wall_y2 + w]
+        if point_wall_distance(x, y, x1, y1, x2, y2) < radius - TOUCHING:
+            continue
+        fraction = wall_contact(x, y, ex, ey, x1, y1, x2, y2, radius)
+        if fraction < best:
+            best = fraction
+            cx, cy = x + fraction * ex, y + fraction * ey
+            ux, uy = x2 - x1, y2 - y1
+            square = max(ux * ux + uy * uy, 1e-300)
+            along = min(max(((cx - x1) * ux + (cy - y1) * uy) / square, 0.0), 1.0)
+            nx, ny = cx - x1 - along * ux, cy - y1 - along * uy
+            norm = math.hypot(nx, ny)
+            if norm == 0.0:
+                # A body without extent touches at distance 0: the wall's own normal, against the motion.
+                nx, ny = -uy, ux
+                if nx * vx + ny * vy > 0.0:
+                    nx, ny = -nx, -ny
+                norm = math.hypot(nx, ny)
+            f[s.body_nx + b] = nx / norm
+            f[s.body_ny + b] = ny / norm
+    if best == NEVER:
+        return math.inf
+    return now + best * far / speed
+
+
+@njit(**OPTIONS)
+def walker_number(s, b):
+    """A number for body b that does not depend on how much room its row has for other bodies."""
+    if b < s.discs:
+        return 3 * b
+    if b < s.discs + s.polygons:
+        return 3 * (b - s.discs) + 1
+    return 3 * (b - s.discs - s.polygons) + 2
+
+
+@njit(**OPTIONS)
+def take_heading(f, k, s, b):
+    """Give a random walker its next heading and return how long it keeps it [s]."""
+    key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_WALK)
+    angle = 2.0 * math.pi * uniform(key, 2 * walker_number(s, b))
+    f[s.body_vx + b] = f[s.body_speed + b] * math.cos(angle)
+    f[s.body_vy + b] = f[s.body_speed + b] * math.sin(angle)
+    k[s.body_leg + b] += 1
+    low, high = f[s.leg_min + b], f[s.leg_max + b]
+    return low + (high - low) * uniform(key, 2 * walker_number(s, b) + 1)
+
+
+@njit(**OPTIONS)
+def head_for_way_point(f, k, s, b, now):
+    """Point body b at its next way-point; returns the time of arrival, infinite where it stays for ever."""
+    count = k[s.way_count + b]
+    if k[s.way_next + b] >= count:
+        if k[s.way_loops + b] == 0:
+            f[s.body_vx + b] = 0.0
+            f[s.body_vy + b] = 0.0
+            return math.inf
+        k[s.way_next + b] = 0
+    w = k[s.way_first + b] + k[s.way_next + b]
+    dx, dy = f[s.way_x + w] - f[s.body_x + b], f[s.way_y + w] - f[s.body_y + b]
+    distance = math.hypot(dx, dy)
+    speed = f[s.body_speed + b]
+    if distance == 0.0 or speed == 0.0:
+        f[s.body_vx + b] = 0.0
+        f[s.body_vy + b] = 0.0
+        return now if speed > 0.0 and count > 1 else math.inf
+    f[s.body_vx + b] = speed * dx / distance
+    f[s.body_vy + b] = speed * dy / distance
+    return now + distance / speed
+
+
+@njit(**OPTIONS)
+def plan_body(f, k, s, b, now):
+    """Set the next event of a body that has just been placed or has just had one."""
+    law = k[s.body_law + b]
+    if law == STILL:
+        f[s.body_event + b] = math.inf
+    elif law == BOUNCE:
+        f[s.body_event + b] = plan_reflection(f, k, s, b, now)
+    elif law == WAYPOINTS:
+        f[s.body_event + b] = head_for_way_point(f, k, s, b, now)
+    else:
+        turn = f[s.body_event + b]  # a random walker's new heading is due then; a reflection may come first
+        contact = plan_reflection(f, k, s, b, now)
+        if contact < turn:
+            f[s.body_event + b] = contact
+        else:
+            f[s.body_nx + b] = 0.0
+            f[s.body_ny + b] = 0.0
+
+
+@njit(**OPTIONS)
+def handle_event(f, k, s, b, now):
+    """Reflect, turn or take the next way-point: body b stands at the place of its event, at time `now`."""
+    law = k[s.body_law + b]
+    nx, ny = f[s.body_nx + b], f[s.body_ny + b]
+    if law == WAYPOINTS:
+        k[s.way_next + b] += 1
+    elif nx != 0.0 or ny != 0.0:
+        inward = f[s.body_vx + b] * nx + f[s.body_vy + b] * ny
+        if inward < 0.0:
+            f[s.body_vx + b] -= 2.0 * inward * nx
+            f[s.body_vy + b] -= 2.0 * inward * ny
+        if law == RANDOM_WALK:
+            # The heading after a reflection is kept for a leg of its own.
+            key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_WALK)
+            k[s.body_leg + b] += 1
+            low, high = f[s.leg_min + b], f[s.leg_max + b]
+            f[s.body_event + b] = now + low + (high - low) * uniform(key, 2 * walker_number(s, b) + 1)
+    elif law == RANDOM_WALK:
+        f[s.body_event + b] = now + take_heading(f, k, s, b)
+    plan_body(f, k, s, b, now)
+
+
+MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits there until the next step
+
+
+@njit(**OPTIONS)
+def move_body(f, k, s, b, start, end):
+    """Bring body b from its place at `start` to its place at `end`, through all its events between."""
+    now = start
+    for _ in range(MAX_EVENTS):
+        event = f[s.body_event + b]
+        if event > end:
+            f[s.body_x + b] += f[s.body_vx + b] * (end - now)
+            f[s.body_y + b] += f[s.body_vy + b] * (end - now)
+            return
+        event = max(event, now)
+        f[s.body_x + b] += f[s.body_vx + b] * (event - now)
+        f[s.body_y + b] += f[s.body_vy + b] * (event - now)
+        now = event
+        handle_event(f, k, s, b, now)
+    f[s.body_event + b] = end
+
+
+@njit(**OPTIONS)
+def move_bodies(f, k, s, start, end):
+    """Advance discs, polygons and goals from `start` to `end` [s]; their last places stay in last_x, last_y."""
+    # Bodies that can move: the first discs, then the polygons, then the goals. Still discs never change place.
+    moving = k[s.moving_disc_count]
+    x, y = f[s.body_x : s.body_x + moving], f[s.body_y : s.body_y + moving]
+    last_x, last_y = f[s.last_x : s.last_x + moving], f[s.last_y : s.last_y + moving]
+    vx, vy = f[s.body_vx : s.body_vx + moving], f[s.body_vy : s.body_vy + moving]
+    events = f[s.body_event : s.body_event + moving]
+    step = end - start
+    first = math.inf
+    for b in range(moving):
+        last_x[b] = x[b]
+        last_y[b] = y[b]
+        first = events[b] if events[b] < first else first
+    if first > end:
+        for b in range(moving):
+            x[b] += vx[b] * step
+            y[b] += vy[b] * step
+    else:
+        for b in range(moving):
+            if events[b] > end:
+                x[b] += vx[b] * step
+                y[b] += vy[b] * step
+            else:
+                move_body(f, k, s, b, start, end)
+    for b in range(s.discs, s.discs + k[s.moving_polygon_count]):
+        f[s.last_x + b] = f[s.body_x + b]
+        f[s.last_y + b] = f[s.body_y + b]
+        move_body(f, k, s, b, start, end)
+    for b in range(s.discs + s.polygons, s.bodies):
+        f[s.last_x + b] = f[s.body_x + b]
+        f[s.last_y + b] = f[s.body_y + b]
+        move_body(f, k, s, b, start, end)
+    for w in range(k[s.moving_wall_count]):
+        b = k[s.wall_body + w]
+        f[s.wall_x1 + w] = f[s.body_x + b] + f[s.local_x1 + w]
+        f[s.wall_y1 + w] = f[s.body_y + b] + f[s.local_y1 + w]
+        f[s.wall_x2 + w] = f[s.body_x + b] + f[s.local_x2 + w]
+        f[s.wall_y2 + w] = f[s.body_y + b] + f[s.local_y2 + w]
+
+
+# ---------------------------------------------------------------------------------------------- robots
+
+
+@njit(**OPTIONS)
+def drive(f, s, r, first, second):
+    """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose)."""
+    step = s.step
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    if s.kinematics == HOLONOMIC:
+        norm = max(math.hypot(first, second), 1.0)
+        vx, vy = first / norm * s.max_speed, second / norm * s.max_speed
+        dvx, dvy = vx - f[s.velocity + 2 * r], vy - f[s.velocity + 2 * r + 1]
+        change = math.hypot(dvx, dvy)
+        if change > s.max_acceleration * step:
+            share = s.max_acceleration * step / change
+            vx, vy = f[s.velocity + 2 * r] + share * dvx, f[s.velocity + 2 * r + 1] + share * dvy
+        cos, sin = math.cos(heading), math.sin(heading)
+        f[s.next_pose + 3 * r] = x + (cos * vx - sin * vy) * step
+        f[s.next_pose + 3 * r + 1] = y + (sin * vx + cos * vy) * step
+        f[s.next_pose + 3 * r + 2] = heading
+        f[s.velocity + 2 * r] = vx
+        f[s.velocity + 2 * r + 1] = vy
+        return
+    speed = -s.max_reverse + 0.5 * (first + 1.0) * (s.max_speed + s.max_reverse)
+    limit = s.max_acceleration * step
+    speed = min(max(speed, f[s.velocity + 2 * r] - limit), f[s.velocity + 2 * r] + limit)
+    rate = second * s.max_turn_rate
+    half = 0.5 * rate * step
+    # The chord of an arc of angle 2 half: its length over the arc's is sin(half)/half.
+    shrink = math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+    chord = speed * step * shrink
+    f[s.next_pose + 3 * r] = x + chord * math.cos(heading + half)
+    f[s.next_pose + 3 * r + 1] = y + chord * math.sin(heading + half)
+    f[s.next_pose + 3 * r + 2] = heading + 2.0 * half
+    f[s.velocity + 2 * r] = speed
+    f[s.velocity + 2 * r + 1] = rate
+
+
+@njit(**OPTIONS)
+def body_circle(f, s, footprint, at, r, c):
+    """Centre of circle c of robot r's body at the pose stored at `at` (s.pose or s.next_pose)."""
+    x, y = f[at + 3 * r], f[at + 3 * r + 1]
+    ox, oy = footprint[c, 0], footprint[c, 1]
+    if ox == 0.0 and oy == 0.0:
+        return x, y
+    cos, sin = math.cos(f[at + 3 * r + 2]), math.sin(f[at + 3 * r + 2])
+    return x + cos * ox - sin * oy, y + sin * ox + cos * oy
+
+
+@njit(**OPTIONS)
+def goal_contact(f, k, s, r):
+    """Fraction of the step at which robot r's centre comes within the goal radius of its goal, or NEVER."""
+    g = k[s.goal_body + r]
+    dx = f[s.pose + 3 * r] - f[s.last_x + g]
+    dy = f[s.pose + 3 * r + 1] - f[s.last_y + g]
+    if dx * dx + dy * dy <= s.goal_radius * s.goal_radius:
+        return 0.0
+    ex = f[s.next_pose + 3 * r] - f[s.pose + 3 * r] - (f[s.body_x + g] - f[s.last_x + g])
+    ey = f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1] - (f[s.body_y + g] - f[s.last_y + g])
+    return disc_contact(dx, dy, ex, ey, s.goal_radius)
+
+
+@njit(**OPTIONS)
+def obstacle_contact(f, k, s, footprint, r, end):
+    """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
+
+    Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below both the episode's smallest
+    so far and the reward's scale, else a lower bound of neither (the caller takes minima only).
+    """
+    fx, fy = f[s.next_pose + 3 * r] - f[s.pose + 3 * r], f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1]
+    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+    slack = math.hypot(fx, fy) + turn * s.body_reach + f[s.fastest] * s.step
+    need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
+    nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+    first = NEVER
+    clearance = math.inf
+    moving = k[s.moving_disc_count]
+    count = k[s.disc_count]
+    disc_x, disc_y = f[s.body_x : s.body_x + count], f[s.body_y : s.body_y + count]
+    disc_radius = f[s.body_radius : s.body_radius + count]
+    for m in range(count):
+        dx, dy = nx - disc_x[m], ny - disc_y[m]
+        limit = need + disc_radius[m]
+        if dx * dx + dy * dy >= limit * limit:
+            continue
+        mx, my = 0.0, 0.0
+        if m < moving:
+            mx, my = disc_x[m] - f[s.last_x + m], disc_y[m] - f[s.last_y + m]
+        for c in range(s.footprint):
+            x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
+            x1, y1 = body_circle(f, s, footprint, s.next_pose, r, c)
+            reach = disc_radius[m] + footprint[c, 2]
+            px, py = x0 - disc_x[m] + mx, y0 - disc_y[m] + my
+            ex, ey = x1 - x0 - mx, y1 - y0 - my
+            fraction = disc_contact(px, py, ex, ey, reach)
+            if fraction <= end:
+                first = min(first, fraction)
+            clearance = min(clearance, nearest_on_chord(px, py, ex, ey, end) - reach)
+    walls = k[s.wall_count]
+    wall_x1, wall_y1 = f[s.wall_x1 : s.wall_x1 + walls], f[s.wall_y1 : s.wall_y1 + walls]
+    wall_x2, wall_y2 = f[s.wall_x2 : s.wall_x2 + walls], f[s.wall_y2 : s.wall_y2 + walls]
+    wall_half = f[s.wall_half : s.wall_half + walls]
+    moving = k[s.moving_wall_count]
+    for w in range(walls):
+        dx, dy = nx - 0.5 * (wall_x1[w] + wall_x2[w]), ny - 0.5 * (wall_y1[w] + wall_y2[w])
+        limit = need + wall_half[w]
+        if dx * dx + dy * dy >= limit * limit:
+            continue
+        mx, my = 0.0, 0.0
+        if w < moving:
+            b = k[s.wall_body + w]
+            mx, my = f[s.body_x + b] - f[s.last_x + b], f[s.body_y + b] - f[s.last_y + b]
+        for c in range(s.footprint):
+            x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
+            x1, y1 = body_circle(f, s, footprint, s.next_pose, r, c)
+            px, py = x0 + mx, y0 + my
+            ex, ey = x1 - x0 - mx, y1 - y0 - my
+            radius = footprint[c, 2]
+            fraction = wall_contact(px, py, ex, ey, wall_x1[w], wall_y1[w], wall_x2[w], wall_y2[w], radius)
+            if fraction <= end:
+                first = min(first, fraction)
+            near = nearest_to_wall(px, py, ex, ey, wall_x1[w], wall_y1[w], wall_x2[w], wall_y2[w], end)
+            clearance = min(clearance, near - radius)
+    return first, clearance
+
+
+@njit(**OPTIONS)
+def robots_contact(f, s, footprint, stops, a, b, end):
+    """First contact of robots a and b up to the fraction `end`, and their smallest clearance.
+
+    `stops` (R,) is the fraction at which a robot has come to rest; a robot at rest since before the step has 0.
+    """
+    first = NEVER
+    clearance = math.inf
+    for ca in range(s.footprint):
+        ax0, ay0 = body_circle(f, s, footprint, s.pose, a, ca)
+        ax1, ay1 = body_circle(f, s, footprint, s.next_pose, a, ca)
+        for cb in range(s.footprint):
+            bx0, by0 = body_circle(f, s, footprint, s.pose, b, cb)
+            bx1, by1 = body_circle(f, s, footprint, s.next_pose, b, cb)
+            reach = footprint[ca, 2] + footprint[cb, 2]
+            # Up to three straight pieces: both move, one has stopped, both have.
+            begin = 0.0
+            px, py = ax0 - bx0, ay0 - by0
+            for piece in range(2):
+                finish = min(end, min(stops[a], stops[b])) if piece == 0 else min(end, max(stops[a], stops[b]))
+                if finish <= begin and piece == 1:
+                    continue
+                a_moves = 1.0 if stops[a] >= finish and finish > begin else 0.0
+                b_moves = 1.0 if stops[b] >= finish and finish > begin else 0.0
+                share = finish - begin
+                ex = share * (a_moves * (ax1 - ax0) - b_moves * (bx1 - bx0))
+                ey = share * (a_moves * (ay1 - ay0) - b_moves * (by1 - by0))
+                fraction = disc_contact(px, py, ex, ey, reach)
+                if fraction <= 1.0:
+                    first = min(first, begin + fraction * share)
+                clearance = min(clearance, nearest_on_chord(px, py, ex, ey, 1.0) - reach)
+                px, py = px + ex, py + ey
+                begin = finish
+    return first, clearance
+
+
+SAME_TIME = 1e-12  # as a fraction of the step
+
+
+@njit(**OPTIONS)
+def settle_robots(f, k, s, footprint, stops, verdicts):
+    """Find where each active robot's step ends and why; `stops` and `verdicts` (R,) are filled.
+
+    Contacts with the world come first; then, among robots, the earliest event stops its robot and the others are
+    looked at again, until no event is left.
+    """
+    robots = s.robots
+    for r in range(robots):
+        stops[r] = 0.0
+        verdicts[r] = k[s.outcome + r]
+        if verdicts[r] != RUNNING:
+            continue
+        goal = goal_contact(f, k, s, r)
+        end = min(goal, 1.0)
+        contact, clearance = obstacle_contact(f, k, s, footprint, r, end)
+        stops[r] = end
+        verdicts[r] = SUCCESS if goal <= 1.0 else RUNNING
+        if contact <= end:
+            stops[r] = contact
+            verdicts[r] = COLLISION
+            clearance = 0.0
+        f[s.clearance + r] = clearance
+    if robots == 1:
+        return
+    for _ in range(robots):
+        earliest = NEVER
+        for a in range(robots):
+            for b in range(a + 1, robots):
+                contact, _clearance = robots_contact(f, s, footprint, stops, a, b, max(stops[a], stops[b]))
+                # A contact settled before comes out again a rounding error earlier: that is no new one.
+                later = contact + SAME_TIME
+                touched = (k[s.outcome + a] == RUNNING and later < stops[a]) or (
+                    k[s.outcome + b] == RUNNING and later < stops[b]
+                )
+                if touched and contact < earliest:
+                    earliest = contact
+                    first, second = a, b
+        if earliest == NEVER:
+            break
+        for r in (first, second):
+            if k[s.outcome + r] == RUNNING and earliest <= stops[r]:
+                stops[r] = earliest
+                verdicts[r] = COLLISION
+                f[s.clearance + r] = 0.0
+    for a in range(robots):
+        for b in range(robots):
+            if a != b and k[s.outcome + a] == RUNNING and verdicts[a] != COLLISION:
+                _contact, clearance = robots_contact(f, s, footprint, stops, a, b, stops[a])
+                f[s.clearance + a] = min(f[s.clearance + a], clearance)
+
+
+@njit(**OPTIONS)
+def wrap(angle):
+    """The same angle in [-pi, pi)."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@njit(**OPTIONS)
+def track_odometry(f, k, s, r, dx, dy, turn):
+    """Advance robot r's own estimate of its pose by a motion (dx, dy) in its frame before the step, and a turn."""
+    distance = math.hypot(dx, dy)
+    scale = 1.0
+    if distance > 0.0:
+        scale += s.translation_bias
+        turn += s.rotation_bias * distance
+        if s.translation_noise > 0.0 or s.rotation_noise > 0.0:
+            key = hash64(k[s.seed], k[s.episode], k[s.steps], STREAM_ODOMETRY)
+            scale += s.translation_noise * normal(key, 2 * r) / math.sqrt(distance)
+            turn += s.rotation_noise * normal(key, 2 * r + 1) * math.sqrt(distance)
+    heading = f[s.odometry + 3 * r + 2]
+    cos, sin = math.cos(heading), math.sin(heading)
+    f[s.odometry + 3 * r] += scale * (cos * dx - sin * dy)
+    f[s.odometry + 3 * r + 1] += scale * (sin * dx + cos * dy)
+    f[s.odometry + 3 * r + 2] = wrap(heading + turn)
+
+
+@njit(**OPTIONS)
+def apply_motion(f, k, s, r, fraction):
+    """Move robot r along its chord to the fraction where its step ends."""
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    wx, wy = fraction * (f[s.next_pose + 3 * r] - x), fraction * (f[s.next_pose + 3 * r + 1] - y)
+    turn = fraction * (f[s.next_pose + 3 * r + 2] - heading)
+    cos, sin = math.cos(heading), math.sin(heading)
+    track_odometry(f, k, s, r, cos * wx + sin * wy, cos * wy - sin * wx, turn)
+    f[s.pose + 3 * r] = x + wx
+    f[s.pose + 3 * r + 1] = y + wy
+    f[s.pose + 3 * r + 2] = wrap(heading + turn)
+    f[s.path_length + r] += math.hypot(wx, wy)
+
+
+@njit(**OPTIONS)
+def judge(f, k, s, r, verdict, first, second):
+    """Outcome, reward terms (in the order of TERMS) and their weighted sum for robot r after its motion."""
+    g = k[s.goal_body + r]
+    distance = math.hypot(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
+    clearance = max(f[s.clearance + r], 0.0)
+    f[s.min_clearance + r] = min(f[s.min_clearance + r], clearance)
+    if verdict == RUNNING and k[s.steps] >= s.limit_steps:
+        verdict = TIMEOUT
+    k[s.outcome + r] = verdict
+    if verdict != RUNNING:
+        f[s.velocity + 2 * r] = 0.0
+        f[s.velocity + 2 * r + 1] = 0.0
+    t = s.terms + TERMS * r
+    d1, d2 = first - f[s.command + 2 * r], second - f[s.command + 2 * r + 1]
+    f[t] = s.weight_progress * (f[s.goal_distance + r] - distance)
+    f[t + 1] = s.weight_goal if verdict == SUCCESS else 0.0
+    f[t + 2] = s.weight_collision if verdict == COLLISION else 0.0
+    f[t + 3] = s.weight_step
+    f[t + 4] = s.weight_clearance * max(0.0, 1.0 - clearance / s.clearance_scale)
+    f[t + 5] = s.weight_smoothness * (d1 * d1 + d2 * d2)
+    f[s.reward + r] = f[t] + f[t + 1] + f[t + 2] + f[t + 3] + f[t + 4] + f[t + 5]
+    f[s.goal_distance + r] = distance
+    f[s.command + 2 * r] = first
+    f[s.command + 2 * r + 1] = second
+
+
+@njit(**OPTIONS)
+def clip(value, low, high):
+    """The value limited to [low, high]."""
+    return min(max(value, low), high)
+
+
+@njit(**OPTIONS)
+def step_row(f, k, observation, s, beams, footprint, scratch, scratch_int, actions):
+    """One step of one world; `actions` (R, 2) in [-1, 1], `observation` (R, D) is filled."""
+    k[s.steps] += 1
+    start = f[s.time]
+    end = k[s.steps] * s.step
+    f[s.time] = end
+    move_bodies(f, k, s, start, end)
+    robots = s.robots
+    for r in range(robots):
+        if k[s.outcome + r] == RUNNING:
+            drive(f, s, r, clip(actions[r, 0], -1.0, 1.0), clip(actions[r, 1], -1.0, 1.0))
+        else:
+            for i in range(3):
+                f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
+    stops, verdicts = scratch[:robots], scratch_int[:robots]
+    settle_robots(f, k, s, footprint, stops, verdicts)
+    for r in range(robots):
+        if k[s.outcome + r] == RUNNING:
+            apply_motion(f, k, s, r, stops[r])
+            judge(f, k, s, r, verdicts[r], clip(actions[r, 0], -1.0, 1.0), clip(actions[r, 1], -1.0, 1.0))
+        else:
+            f[s.reward + r] = 0.0
+            for i in range(TERMS):
+                f[s.terms + TERMS * r + i] = 0.0
+    for r in range(robots):
+        observe(f, k, observation[r], s, beams, footprint, scratch, scratch_int, r)
+
+
+@njit(**OPTIONS)
+def step_rows(floats, ints, observation, spec, beams, footprint, scratch, scratch_int, actions, rows):
+    """Step the worlds `rows` (n,) with `actions` (n, R, 2); everything else is (N, ...) and changed in place."""
+    s = spec[0]
+    for i in range(rows.size):
+        n = rows[i]
+        step_row(floats[n], ints[n], observation[n], s, beams, footprint, scratch, scratch_int, actions[i])
+
+
+# ---------------------------------------------------------------------------------------------- rays
+
+
+def scratch_sizes(discs: int, walls: int, beams: int, robots: int) -> tuple[int, int]:
+    """Lengths of the float and int working memory that the kernels need."""
+    return discs + walls + 2 * beams + robots + 64, discs + walls + robots + 64
+
+
+@njit(**OPTIONS)
+def cast_rays(disc_x, disc_y, disc_radius, discs, x1, y1, x2, y2, walls, x, y, heading, beam_cos, beam_sin,
+              first_angle, angle_step, full_circle, reach, scratch, scratch_int, ranges):
+    cos, sin = math.cos(heading), math.sin(heading)
+    for i in range(ranges.size):
+        ranges[i] = reach
+    for i in range(ranges.size):
+        bx, by = cos * beam_cos[i] - sin * beam_sin[i], sin * beam_cos[i] + cos * beam_sin[i]
+        best = reach
+        for m in range(discs):
+            dx, dy = disc_x[m] - x, disc_y[m] - y
+            along = dx * bx + dy * by
+            off = dy * bx - dx * by
+            root = disc_radius[m] ** 2 - off * off
+            if dx * dx + dy * dy <= disc_radius[m] ** 2:
+                best = 0.0
+            elif root >= 0.0 and along > 0.0:
+                best = min(best, along - math.sqrt(root))
+        for w in range(walls):
+            ax, ay = x1[w] - x, y1[w] - y
+            ux, uy = x2[w] - x1[w], y2[w] - y1[w]
+            det = bx * uy - by * ux
+            if det != 0.0:
+                t = (ax * uy - ay * ux) / det
+                share = (ax * by - ay * bx) / det
+                if t >= 0.0 and -1e-9 <= share <= 1.0 + 1e-9:
+                    best = min(best, t)
+        ranges[i] = best
+
+
+@njit(**OPTIONS)
+def add_noise(ranges, beams, reach, min_range, sigma, dropout, key):
+    for i in range(beams):
+        value = float(ranges[i])
+        if value < reach and sigma > 0.0:
+            value = min(max(value + sigma * normal(key, 2 * i), min_range), reach)
+        if dropout > 0.0 and uniform(key, 100000 + i) < dropout:
+            value = reach
+        ranges[i] = max(value, min_range)
+
+
+# ---------------------------------------------------------------------------------------------- sensing
+
+
+@njit(**OPTIONS)
+def observe(f, k, observation, s, beams, footprint, scratch, scratch_int, r):
+    """Fill robot r's observation (D,): ranges, goal, pose, velocity, peers, in the order of observation.FIELDS."""
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    discs = k[s.disc_count]
+    # The other robots are discs too while this one looks; they lie behind the world's own.
+    for other in range(s.robots):
+        if other != r:
+            for c in range(s.footprint):
+                cx, cy = body_circle(f, s, footprint, s.pose, other, c)
+                f[s.body_x + discs] = cx
+                f[s.body_y + discs] = cy
+                f[s.body_radius + discs] = footprint[c, 2]
+                discs += 1
+    walls = k[s.wall_count]
+    ranges = observation[: s.beams]
+    cast_rays(
+        f[s.body_x : s.body_x + discs],
+        f[s.body_y : s.body_y + discs],
+        f[s.body_radius : s.body_radius + discs],
+        discs,
+        f[s.wall_x1 : s.wall_x1 + walls],
+        f[s.wall_y1 : s.wall_y1 + walls],
+        f[s.wall_x2 : s.wall_x2 + walls],
+        f[s.wall_y2 : s.wall_y2 + walls],
+        walls,
+        x,
+        y,
+        heading,
+        beams[0],
+        beams[1],
+        s.first_angle,
+        s.angle_step,
+        s.full_circle,
+        s.reach,
+        scratch,
+        scratch_int,
+        ranges,
+    )
+    key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
+    add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
+    at = s.beams
+    g = k[s.goal_body + r]
+    ex, ey, eh = f[s.odometry + 3 * r], f[s.odometry + 3 * r + 1], f[s.odometry + 3 * r + 2]
+    if s.goal_by_odometry:
+        ox, oy, oh = f[s.origin + 3 * r], f[s.origin + 3 * r + 1], f[s.origin + 3 * r + 2]
+        wx, wy = f[s.body_x + g] - ox, f[s.body_y + g] - oy
+        cos, sin = math.cos(oh), math.sin(oh)
+        gx, gy = cos * wx + sin * wy - ex, cos * wy - sin * wx - ey
+        cos, sin = math.cos(eh), math.sin(eh)
+    else:
+        gx, gy = f[s.body_x + g] - x, f[s.body_y + g] - y
+        cos, sin = math.cos(heading), math.sin(heading)
+    observation[at] = clip(cos * gx + sin * gy, -s.span, s.span)
+    observation[at + 1] = clip(cos * gy - sin * gx, -s.span, s.span)
+    observation[at + 2] = clip(ex, -2.0 * s.span, 2.0 * s.span)
+    observation[at + 3] = clip(ey, -2.0 * s.span, 2.0 * s.span)
+    observation[at + 4] = eh
+    observation[at + 5] = f[s.velocity + 2 * r]
+    observation[at + 6] = f[s.velocity + 2 * r + 1]
+    at += 7
+    cos, sin = math.cos(heading), math.sin(heading)
+    for other in range(s.robots):
+        if other != r:
+            dx, dy = f[s.pose + 3 * other] - x, f[s.pose + 3 * other + 1] - y
+            vx, vy = f[s.velocity + 2 * other], f[s.velocity + 2 * other + 1]
+            turn = f[s.pose + 3 * other + 2] - heading
+            if s.kinematics == DIFFERENTIAL:
+                vy = 0.0
+            observation[at] = clip(cos * dx + sin * dy, -s.span, s.span)
+            observation[at + 1] = clip(cos * dy - sin * dx, -s.span, s.span)
+            observation[at + 2] = math.cos(turn) * vx - math.sin(turn) * vy
+            observation[at + 3] = math.sin(turn) * vx + math.cos(turn) * vy
+            at += 4
+
+
+@njit(**OPTIONS)
+def clearance_at(f, k, s, footprint, r):
+    """Distance from robot r's body to the nearest obstacle, border and other robot [m], at its present pose."""
+    nearest = math.inf
+    for c in range(s.footprint):
+        x, y = body_circle(f, s, footprint, s.pose, r, c)
+        radius = footprint[c, 2]
+        for m in range(k[s.disc_count]):
+            gap = math.hypot(x - f[s.body_x + m], y - f[s.body_y + m]) - f[s.body_radius + m]
+            nearest = min(nearest, gap - radius)
+        for w in range(k[s.wall_count]):
+            gap = point_wall_distance(
+                x, y, f[s.wall_x1 + w], f[s.wall_y1 + w], f[s.wall_x2 + w], f[s.wall_y2 + w]
+            )
+            nearest = min(nearest, gap - radius)
+        for other in range(s.robots):
+            if other != r:
+                for d in range(s.footprint):
+                    ox, oy = body_circle(f, s, footprint, s.pose, other, d)
+                    nearest = min(nearest, math.hypot(x - ox, y - oy) - radius - footprint[d, 2])
+    return nearest
+
+
+@njit(**OPTIONS)
+def begin_row(f, k, observation, s, beams, footprint, scratch, scratch_int):
+    """Start the episode of a row whose obstacles, poses and goals have been placed."""
+    f[s.time] = 0.0
+    k[s.steps] = 0
+    fastest = 0.0
+    for w in range(k[s.wall_count]):
+        dx, dy = f[s.wall_x2 + w] - f[s.wall_x1 + w], f[s.wall_y2 + w] - f[s.wall_y1 + w]
+        f[s.wall_half + w] = 0.5 * math.hypot(dx, dy)
+    for b in range(s.bodies):
+        f[s.last_x + b] = f[s.body_x + b]
+        f[s.last_y + b] = f[s.body_y + b]
+        law = k[s.body_law + b]
+        if law == STILL or (k[s.disc_count] <= b < s.discs):
+            f[s.body_event + b] = math.inf
+            continue
+        fastest = max(fastest, f[s.body_speed + b])
+        if law == RANDOM_WALK:
+            f[s.body_event + b] = take_heading(f, k, s, b)
+        plan_body(f, k, s, b, 0.0)
+    f[s.fastest] = fastest
+    for r in range(s.robots):
+        g = k[s.goal_body + r]
+        k[s.outcome + r] = RUNNING
+        for i in range(3):
+            f[s.origin + 3 * r + i] = f[s.pose + 3 * r + i]
+            f[s.odometry + 3 * r + i] = 0.0
+        for i in range(2):
+            f[s.velocity + 2 * r + i] = 0.0
+            f[s.command + 2 * r + i] = 0.0
+        f[s.path_length + r] = 0.0
+        f[s.reward + r] = 0.0
+        for i in range(TERMS):
+            f[s.terms + TERMS * r + i] = 0.0
+        f[s.goal_distance + r] = math.hypot(
+            f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1]
+        )
+        f[s.clearance + r] = clearance_at(f, k, s, footprint, r)
+        f[s.min_clearance + r] = f[s.clearance + r]
+    for r in range(s.robots):
+        observe(f, k, observation[r], s, beams, footprint, scratch, scratch_int, r)
+
+
+@njit(**OPTIONS)
+def begin_rows(floats, ints, observation, spec, beams, footprint, scratch, scratch_int, rows):
+    """Start the episodes of the worlds `rows` (n,)."""
+    s = spec[0]
+    for i in range(rows.size):
+        n = rows[i]
+        begin_row(floats[n], ints[n], observation[n], s, beams, footprint, scratch, scratch_int)
+
+
+# ---------------------------------------------------------------------------------------------- placing obstacles
+
+TRIES = 1000  # for one obstacle
+ATTEMPTS = 20  # at a whole world
+BOUNCE_BIT, WALK_BIT = 1, 2  # of FIELD.laws
+
+
+@njit(**OPTIONS)
+def between(key, draw, low, high):
+    """Draw number `draw` of the stream, uniform in [low, high)."""
+    return low + (high - low) * uniform(key, draw)
+
+
+@njit(**OPTIONS)
+def place_start_and_goal(f, k, s, p, key, draw):
+    """Draw the robots' starts (side by side, 2 m apart) and the goal; returns the next draw, or -1 where none fits."""
+    goal = s.discs + s.polygons
+    side = s.robots - 1.0  # the outermost robot stands this far from the middle [m]
+    room = s.body_reach + p.start_clearance
+    for _ in range(TRIES):
+        x = between(key, draw, p.start_xmin, p.start_xmax)
+        y = between(key, draw + 1, p.start_ymin, p.start_ymax)
+        heading = p.start_heading
+        if math.isnan(heading):
+            heading = between(key, draw + 2, -math.pi, math.pi)
+        gx = between(key, draw + 3, p.goal_xmin, p.goal_xmax)
+        gy = between(key, draw + 4, p.goal_ymin, p.goal_ymax)
+        draw += 5
+        clear = min(min(gx - p.xmin, p.xmax - gx), min(gy - p.ymin, p.ymax - gy)) >= p.goal_clearance
+        for r in range(s.robots):
+            offset = 2.0 * r - side
+            rx, ry = x - offset * math.sin(heading), y + offset * math.cos(heading)
+            clear &= min(min(rx - p.xmin, p.xmax - rx), min(ry - p.ymin, p.ymax - ry)) >= room
+            clear &= math.hypot(rx - gx, ry - gy) >= p.separation
+            f[s.pose + 3 * r] = rx
+            f[s.pose + 3 * r + 1] = ry
+            f[s.pose + 3 * r + 2] = heading
+        if clear:
+            f[s.body_x + goal] = gx
+            f[s.body_y + goal] = gy
+            return draw
+    return -1
+
+
+@njit(**OPTIONS)
+def is_free(f, k, s, p, x, y, radius, moves):
+    """Whether an obstacle of this bounding radius may stand at (x, y), given what has been placed before."""
+    goal = s.discs + s.polygons
+    if math.hypot(x - f[s.body_x + goal], y - f[s.body_y + goal]) < radius + p.goal_clearance:
+        return False
+    room = radius + s.body_reach + p.start_clearance
+    for r in range(s.robots):
+        if math.hypot(x - f[s.pose + 3 * r], y - f[s.pose + 3 * r + 1]) < room:
+            return False
+    gap = 0.0 if moves else p.gap
+    if gap < 0.0:
+        return True  # still obstacles may overlap
+    for m in range(p.moving_discs, k[s.disc_count]):
+        if math.hypot(x - f[s.body_x + m], y - f[s.body_y + m]) < radius + f[s.body_radius + m] + gap:
+            return False
+    for b in range(s.discs + p.moving_polygons, s.discs + k[s.polygon_count]):
+        if math.hypot(x - f[s.body_x + b], y - f[s.body_y + b]) < radius + f[s.body_radius + b] + gap:
+            return False
+    return True
+
+
+@njit(**OPTIONS)
+def place_body(f, k, s, p, b, moves, key, draw):
+    """Draw size and place of body b; returns the next draw, or -1 where nothing is free."""
+    for _ in range(TRIES):
+        radius = between(key, draw, p.size_min, p.size_max)
+        edge = radius if moves else radius + max(p.gap, 0.0)
+        x = between(key, draw + 1, p.xmin + edge, p.xmax - edge)
+        y = between(key, draw + 2, p.ymin + edge, p.ymax - edge)
+        draw += 3
+        if p.xmax - p.xmin >= 2.0 * edge and p.ymax - p.ymin >= 2.0 * edge and is_free(f, k, s, p, x, y, radius, moves):
+            f[s.body_x + b] = x
+            f[s.body_y + b] = y
+            f[s.body_radius + b] = radius
+            k[s.body_law + b] = STILL
+            return draw
+    return -1
+
+
+@njit(**OPTIONS)
+def set_motion(f, k, s, p, b, number, key, draw):
+    """Give mover number `number` its law and speed; returns the next draw."""
+    both = p.laws == BOUNCE_BIT | WALK_BIT
+    walks = p.laws == WALK_BIT or (both and number % 2 == 1)
+    speed = between(key, draw, p.speed_min, p.speed_max)
+    angle = between(key, draw + 1, -math.pi, math.pi)
+    k[s.body_law + b] = RANDOM_WALK if walks else BOUNCE
+    k[s.body_leg + b] = 0
+    f[s.body_speed + b] = speed
+    f[s.body_vx + b] = speed * math.cos(angle)
+    f[s.body_vy + b] = speed * math.sin(angle)
+    f[s.leg_min + b] = p.leg_min
+    f[s.leg_max + b] = p.leg_max
+    return draw + 2
+
+
+@njit(**OPTIONS)
+def add_wall(f, k, s, w, x1, y1, x2, y2, body, polygon, ring):
+    """Write wall segment w."""
+    f[s.wall_x1 + w] = x1
+    f[s.wall_y1 + w] = y1
+    f[s.wall_x2 + w] = x2
+    f[s.wall_y2 + w] = y2
+    k[s.wall_body + w] = body
+    k[s.wall_polygon + w] = polygon
+    k[s.wall_ring + w] = ring
+
+
+@njit(**OPTIONS)
+def shape_polygon(f, k, s, p, number, key, draw):
+    """Give polygon `number` its corners, star-shaped round its place; returns the next draw.
+
+    A corner lies in each equal sector, at most 0.4 of a sector off its middle: neighbours are less than half a turn
+    apart, so the polygon is simple; the first corner lies on the bounding circle.
+    """
+    b = s.discs + number
+    x, y, radius = f[s.body_x + b], f[s.body_y + b], f[s.body_radius + b]
+    corners = 4 if p.squares else 3 + int(uniform(key, draw) * 5.0)
+    turn = between(key, draw + 1, -math.pi, math.pi)
+    draw += 2
+    first = k[s.wall_count]
+    for i in range(corners):
+        angle, reach = 2.0 * math.pi * i / corners, radius
+        if not p.squares:
+            angle = 2.0 * math.pi * (i + between(key, draw, -0.2, 0.2)) / corners
+            if i > 0:
+                reach = radius * between(key, draw + 1, 0.6, 1.0)
+        draw += 2
+        f[s.local_x1 + first + i] = reach * math.cos(turn + angle)
+        f[s.local_y1 + first + i] = reach * math.sin(turn + angle)
+    for i in range(corners):
+        w = first + i
+        after = first + (i + 1) % corners
+        lx, ly = f[s.local_x1 + after], f[s.local_y1 + after]
+        f[s.local_x2 + w] = lx
+        f[s.local_y2 + w] = ly
+        add_wall(f, k, s, w, x + f[s.local_x1 + w], y + f[s.local_y1 + w], x + lx, y + ly, b, number, 0)
+    k[s.wall_count] = first + corners
+    return draw
+
+
+@njit(**OPTIONS)
+def place_border(f, k, s, p):
+    """Append the four walls of the bounds."""
+    w = k[s.wall_count]
+    add_wall(f, k, s, w, p.xmin, p.ymin, p.xmax, p.ymin, BORDER, BORDER, 0)
+    add_wall(f, k, s, w + 1, p.xmax, p.ymin, p.xmax, p.ymax, BORDER, BORDER, 0)
+    add_wall(f, k, s, w + 2, p.xmax, p.ymax, p.xmin, p.ymax, BORDER, BORDER, 0)
+    add_wall(f, k, s, w + 3, p.xmin, p.ymax, p.xmin, p.ymin, BORDER, BORDER, 0)
+    k[s.wall_count] = w + 4
+
+
+@njit(**OPTIONS)
+def place_obstacles(f, k, s, p, key, draw):
+    """Place all obstacles, the still ones first; returns the next draw, or -1 - (how many found a place)."""
+    placed = 0
+    k[s.disc_count] = p.moving_discs
+    for m in range(p.moving_discs, p.discs):
+        draw = place_body(f, k, s, p, m, False, key, draw)
+        if draw < 0:
+            return -1 - placed
+        k[s.disc_count] = m + 1
+        placed += 1
+    k[s.polygon_count] = p.moving_polygons
+    for number in range(p.moving_polygons, p.polygons):
+        draw = place_body(f, k, s, p, s.discs + number, False, key, draw)
+        if draw < 0:
+            return -1 - placed
+        k[s.polygon_count] = number + 1
+        placed += 1
+    mover = 0
+    for m in range(p.moving_discs):
+        draw = place_body(f, k, s, p, m, True, key, draw)
+        if draw < 0:
+            return -1 - placed
+        draw = set_motion(f, k, s, p, m, mover, key, draw)
+        mover += 1
+        placed += 1
+    for number in range(p.moving_polygons):
+        draw = place_body(f, k, s, p, s.discs + number, True, key, draw)
+        if draw < 0:
+            return -1 - placed
+        draw = set_motion(f, k, s, p, s.discs + number, mover, key, draw)
+        mover += 1
+        placed += 1
+    return draw
+
+
+@njit(**OPTIONS)
+def place_field(f, k, s, p):
+    """Draw the whole world of a row from its seed and episode.
+
+    Returns the number of obstacles that found a place in the best attempt: all of them, or the row is unusable; -1
+    where even start and goal did not fit.
+    """
+    key = hash64(k[s.seed], k[s.episode], 0, STREAM_WORLD)
+    goal = s.discs + s.polygons
+    for r in range(s.robots):
+        k[s.goal_body + r] = goal
+    draw = 0
+    best = -1
+    for _ in range(ATTEMPTS):
+        start = place_start_and_goal(f, k, s, p, key, draw)
+        if start < 0:
+            return best
+        result = place_obstacles(f, k, s, p, key, start)
+        if result >= 0:
+            draw = result
+            best = p.discs + p.polygons
+            break
+        best = max(best, -1 - result)
+        draw = start + 3 * TRIES * (1 - result)  # fresh numbers for the next attempt
+    if best < p.discs + p.polygons:
+        return best
+    k[s.moving_disc_count] = p.moving_discs
+    k[s.moving_polygon_count] = p.moving_polygons
+    k[s.wall_count] = 0
+    for number in range(p.moving_polygons):
+        draw = shape_polygon(f, k, s, p, number, key, draw)
+    k[s.moving_wall_count] = k[s.wall_count]
+    place_border(f, k, s, p)
+    for number in range(p.moving_polygons, p.polygons):
+        draw = shape_polygon(f, k, s, p, number, key, draw)
+    f[s.body_radius + goal] = p.goal_clearance
+    k[s.body_law + goal] = p.target_law
+    k[s.body_leg + goal] = 0
+    f[s.body_speed + goal] = p.target_speed
+    f[s.body_vx + goal] = p.target_vx
+    f[s.body_vy + goal] = p.target_vy
+    if p.target_law == BOUNCE and math.isnan(p.target_vx):
+        angle = between(key, draw, -math.pi, math.pi)
+        f[s.body_vx + goal] = p.target_speed * math.cos(angle)
+        f[s.body_vy + goal] = p.target_speed * math.sin(angle)
+    f[s.leg_min + goal] = p.leg_min
+    f[s.leg_max + goal] = p.leg_max
+    return best
+
+
+@njit(**OPTIONS)
+def place_fields(floats, ints, spec, field, rows, placed):
+    """Draw the worlds `rows` (n,); `placed` (n,) says how many obstacles found a place in each."""
+    s = spec[0]
+    p = field[0]
+    for i in range(rows.size):
+        n = rows[i]
+        placed[i] = place_field(floats[n], ints[n], s, p)
+
+
+# ---------------------------------------------------------------------------------------------- reading a scan
+# For scripted policies: `px`, `py` (k,) are the scan's points in the robot's frame. They see no world.
+
+
+@njit(**OPTIONS)
+def free_distance(px, py, angle, radius, reach):
+    """How far a disc of `radius` can travel along `angle` before it touches a scan point, at most `reach` [m].
+
+    Points beside or behind the disc's centre never block, so a robot nearer to a wall than `radius` can leave it.
+    """
+    cos, sin = math.cos(angle), math.sin(angle)
+    square = radius * radius
+    free = reach
+    for i in range(px.size):
+        along = px[i] * cos + py[i] * sin
+        if along <= 0.0:
+            continue
+        lateral = py[i] * cos - px[i] * sin
+        room = square - lateral * lateral
+        if room > 0.0:
+            free = min(free, max(along - math.sqrt(room), 0.0))
+    return free
+
+
+@njit(**OPTIONS)
+def free_distances(px, py, angles, radius, reach, result):
+    """`free_distance` for each of `angles` (m,), into `result` (m,)."""
+    for j in range(angles.size):
+        result[j] = free_distance(px, py, angles[j], radius, reach)
+
+
+@njit(**OPTIONS)
+def gap_after_step(px, py, angle, step):
+    """Distance from the end of a straight step to the nearest scan point [m]."""
+    ex, ey = step * math.cos(angle), step * math.sin(angle)
+    nearest = math.inf
+    for i in range(px.size):
+        dx, dy = px[i] - ex, py[i] - ey
+        square = dx * dx + dy * dy
+        nearest = square if square < nearest else nearest
+    return math.sqrt(nearest)
+
+
+@njit(**OPTIONS)
+def first_open_heading(px, py, wall_angle, side, step, clearance, radius, increment):
+    """First heading, turning away from the wall, along which a step ends at `clearance` or more from every point.
+
+    Args:
+        px: points' x (k,) in the robot's frame [m].
+        py: points' y (k,) [m].
+        wall_angle: bearing of the wall where the search begins [rad].
+        side: +1 turns counter-clockwise (wall on the right), -1 clockwise.
+        step: length of the step [m].
+        clearance: distance to keep at its end [m].
+        radius: the whole step must be free for a disc of this radius [m].
+        increment: angle between headings tried [rad]; the first open one is refined by bisection.
+
+    Returns:
+        The angle turned from `wall_angle` [rad], or -1 where no heading is open.
+    """
+    last = 0.0
+    for j in range(int(2.0 * math.pi / increment) + 1):
+        turned = j * increment
+        angle = wall_angle + side * turned
+        if gap_after_step(px, py, angle, step) >= clearance and free_distance(px, py, angle, radius, step) >= step:
+            if j == 0:
+                return 0.0
+            for _ in range(12):
+                middle = 0.5 * (last + turned)
+                angle = wall_angle + side * middle
+                if (
+                    gap_after_step(px, py, angle, step) >= clearance
+                    and free_distance(px, py, angle, radius, step) >= step
+                ):
+                    turned = middle
+                else:
+                    last = middle
+            return turned
+        last = turned
+    return -1.0

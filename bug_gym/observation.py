@@ -1,0 +1,301 @@
+"""What a robot observes: the table of fields, their spaces, and the named view for policies.
+
+The core writes one flat float32 vector a robot (kernels.observe); a Dict observation is that vector cut by this table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels
+from bug_gym.config import Scenario
+from bug_gym.kinematics import Drive
+from bug_gym.world import beam_angles
+
+F32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of the observation: its place in the flat vector and its bounds."""
+
+    name: str
+    shape: tuple[int, ...]
+    low: F32
+    """Smallest values, of the field's shape."""
+    high: F32
+    """Largest values, of the field's shape."""
+    begin: int
+    """Index of its first element in the flat vector."""
+
+    @property
+    def end(self) -> int:
+        """Index past its last element in the flat vector."""
+        return self.begin + math.prod(self.shape)
+
+
+def world_span(scenario: Scenario) -> float:
+    """Length of the diagonal of the bounds [m]: no distance in the world is longer."""
+    xmin, ymin, xmax, ymax = scenario.world.bounds
+    return math.hypot(xmax - xmin, ymax - ymin)
+
+
+def fields(scenario: Scenario) -> tuple[Field, ...]:
+    """The fields of a robot's observation in a scenario, in the order of the flat vector.
+
+    | field | shape | meaning |
+    |---|---|---|
+    | ranges | (B,) | range per beam [m], counter-clockwise from the heading (or over the field of view) |
+    | goal | (2,) | the goal in the robot's frame [m] |
+    | pose | (3,) | odometry x, y [m], heading [rad] in the frame of the start |
+    | velocity | (2,) | forward speed [m/s] and turn rate [rad/s], or velocity ahead and to the left [m/s] |
+    | peers | (R - 1, 4) | only with several robots: position [m] and velocity [m/s] in the robot's frame |
+    """
+    robot, lidar, span = scenario.robot, scenario.lidar, world_span(scenario)
+    if robot.kinematics == "holonomic":
+        slow, fast = [-robot.max_speed] * 2, [robot.max_speed] * 2
+    else:
+        slow, fast = [-robot.max_reverse, -robot.max_turn_rate], [robot.max_speed, robot.max_turn_rate]
+    table: list[tuple[str, tuple[int, ...], Any, Any]] = [
+        ("ranges", (lidar.beams,), lidar.min_range, lidar.range),
+        ("goal", (2,), -span, span),
+        ("pose", (3,), [-2.0 * span, -2.0 * span, -np.pi], [2.0 * span, 2.0 * span, np.pi]),
+        ("velocity", (2,), slow, fast),
+    ]
+    peers = scenario.robots.count - 1
+    if peers > 0:
+        top = max(robot.max_speed, robot.max_reverse)
+        table.append(("peers", (peers, 4), [-span, -span, -top, -top], [span, span, top, top]))
+    result = []
+    begin = 0
+    for name, shape, low, high in table:
+        low32 = np.broadcast_to(np.asarray(low, dtype=np.float32), shape).copy()
+        high32 = np.broadcast_to(np.asarray(high, dtype=np.float32), shape).copy()
+        result.append(Field(name, shape, low32, high32, begin))
+        begin += math.prod(shape)
+    return tuple(result)
+
+
+def width(table: tuple[Field, ...]) -> int:
+    """Length of the flat observation."""
+    return table[-1].end
+
+
+def dict_space(table: tuple[Field, ...]) -> gym.spaces.Dict:
+    """The Dict space of the fields."""
+    return gym.spaces.Dict({field.name: gym.spaces.Box(field.low, field.high, dtype=np.float32) for field in table})
+
+
+def flat_space(table: tuple[Field, ...]) -> gym.spaces.Box:
+    """The Box space of the flat observation."""
+    low = np.concatenate([field.low.ravel() for field in table])
+    high = np.concatenate([field.high.ravel() for field in table])
+    return gym.spaces.Box(low, high, dtype=np.float32)
+
+
+def as_dict(flat: F32, table: tuple[Field, ...]) -> dict[str, F32]:
+    """Cut flat observations (..., D) into fields (..., *shape); each is a copy of its own."""
+    batch = flat.shape[:-1]
+    return {field.name: flat[..., field.begin : field.end].reshape(batch + field.shape).copy() for field in table}
+
+
+def as_flat(observation: Mapping[str, F32], table: tuple[Field, ...]) -> F32:
+    """Join fields (..., *shape) into flat observations (..., D).
+
+    Raises:
+        ValueError: a field is missing or has another shape than the table says.
+    """
+    parts = []
+    for field in table:
+        if field.name not in observation:
+            raise ValueError(f"the observation lacks the field {field.name!r}; it has {sorted(observation)}")
+        value = np.asarray(observation[field.name], dtype=np.float32)
+        batch = value.shape[: value.ndim - len(field.shape)]
+        if value.shape[len(batch) :] != field.shape:
+            raise ValueError(f"field {field.name!r} has shape {value.shape}, expected (..., {field.shape})")
+        parts.append(value.reshape((*batch, -1)))
+    return np.concatenate(parts, axis=-1)
+
+
+# ---------------------------------------------------------------------------------------------- the view of a policy
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What a driver of the robot knows about it: body, motion, scanner. Nothing about the world."""
+
+    drive: Drive
+    """Kinematics and limits."""
+    radius: float
+    """Radius of the disc about the robot's origin that holds its body [m]."""
+    footprint: tuple[tuple[float, float, float], ...]
+    """The body as circles x, y, radius in the robot's frame [m]."""
+    angles: NDArray[np.float64]
+    """Bearing of each beam (B,) [rad]."""
+    range: float
+    """Range that means "nothing seen" [m]."""
+    range_noise: float
+    """Standard deviation of a range, from the data sheet [m]."""
+    goal_radius: float
+    """Distance within which the goal counts as reached [m]."""
+    fields: tuple[Field, ...]
+    """The fields of the observation."""
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Sensors:
+        """The sensors of a scenario's robot."""
+        robot, lidar = scenario.robot, scenario.lidar
+        acceleration = math.inf if robot.max_acceleration is None else robot.max_acceleration
+        return cls(
+            drive=Drive(
+                robot.kinematics,
+                robot.max_speed,
+                robot.max_reverse,
+                robot.max_turn_rate,
+                scenario.time.step,
+                acceleration,
+            ),
+            radius=robot.reach,
+            footprint=robot.footprint,
+            angles=beam_angles(scenario),
+            range=lidar.range,
+            range_noise=lidar.noise,
+            goal_radius=scenario.goal.radius,
+            fields=fields(scenario),
+        )
+
+    @property
+    def step_length(self) -> float:
+        """Way at full speed in one step [m]."""
+        return self.drive.max_speed * self.drive.step
+
+    @cached_property
+    def beam_directions(self) -> NDArray[np.float64]:
+        """Unit vectors (2, B) of the beams in the robot's frame."""
+        return np.stack([np.cos(self.angles), np.sin(self.angles)])
+
+
+class View:
+    """One robot's observation with names, and answers to what every policy asks of it.
+
+    Two frames: the robot's (x ahead, y left) and "odometry", the frame of the start, in which the robot keeps its
+    memory. Both in metres and radians.
+    """
+
+    __slots__ = ("sensors", "_flat", "ranges", "goal", "pose", "velocity", "_points", "_trig")
+
+    def __init__(self, flat: F32, sensors: Sensors) -> None:
+        self.sensors = sensors
+        self._flat = flat
+        self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        beams = len(sensors.angles)
+        self.ranges: NDArray[np.float64] = flat[:beams].astype(np.float64)
+        numbers = flat[beams : beams + 7].tolist()
+        self.goal: tuple[float, float] = (numbers[0], numbers[1])
+        self.pose: tuple[float, float, float] = (numbers[2], numbers[3], numbers[4])
+        self.velocity: tuple[float, float] = (numbers[5], numbers[6])
+        self._trig = (math.cos(numbers[4]), math.sin(numbers[4]))
+
+    def field(self, name: str) -> F32:
+        """A field of the observation by name, in its shape.
+
+        Raises:
+            KeyError: the scenario has no such field.
+        """
+        for field in self.sensors.fields:
+            if field.name == name:
+                return self._flat[field.begin : field.end].reshape(field.shape)
+        raise KeyError(name)
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """Own place in the odometry frame [m]."""
+        return self.pose[0], self.pose[1]
+
+    @property
+    def heading(self) -> float:
+        """Own heading in the odometry frame [rad]."""
+        return self.pose[2]
+
+    @property
+    def goal_distance(self) -> float:
+        """Distance to the goal [m]."""
+        return math.hypot(*self.goal)
+
+    @property
+    def goal_bearing(self) -> float:
+        """Bearing of the goal from the heading [rad]."""
+        return math.atan2(self.goal[1], self.goal[0])
+
+    @property
+    def goal_position(self) -> tuple[float, float]:
+        """The goal in the odometry frame [m]."""
+        return self.to_odometry(*self.goal)
+
+    @property
+    def points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Scan points x (k,), y (k,) in the robot's frame [m]: the beams that saw something."""
+        if self._points is None:
+            seen = self.ranges < self.sensors.range
+            directions = self.sensors.beam_directions[:, seen]
+            ranges = self.ranges[seen]
+            self._points = (directions[0] * ranges, directions[1] * ranges)
+        return self._points
+
+    def nearest(self, bearing: float = 0.0, half_width: float = math.pi) -> tuple[float, float]:
+        """Distance [m] and bearing [rad] of the nearest scan point within `half_width` of a bearing.
+
+        The distance is infinite where there is none.
+        """
+        x, y = self.points
+        if len(x) == 0:
+            return math.inf, bearing
+        square = x * x + y * y
+        if half_width < math.pi:
+            # |angle between| <= half_width, without an arc tangent for each point
+            ahead = x * math.cos(bearing) + y * math.sin(bearing) >= math.cos(half_width) * np.sqrt(square)
+            square = np.where(ahead, square, np.inf)
+        index = int(square.argmin())
+        if not np.isfinite(square[index]):
+            return math.inf, bearing
+        return math.sqrt(square[index]), math.atan2(y[index], x[index])
+
+    def free_distance(self, bearing: float, radius: float) -> float:
+        """How far a disc of `radius` [m] can travel along a bearing [rad] before it touches a scan point.
+
+        At most the LIDAR's range. (The scan in configuration space; algorithms use it instead of single beams.)
+        """
+        x, y = self.points
+        return float(kernels.free_distance(x, y, bearing, radius, self.sensors.range))
+
+    def free_distances(self, bearings: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+        """`free_distance` for each bearing (m,)."""
+        x, y = self.points
+        result = np.empty(len(bearings))
+        kernels.free_distances(x, y, np.ascontiguousarray(bearings, dtype=np.float64), radius, self.sensors.range, result)
+        return result
+
+    def to_odometry(self, x: float, y: float) -> tuple[float, float]:
+        """A point of the robot's frame in the odometry frame [m]."""
+        cos, sin = self._trig
+        return self.pose[0] + cos * x - sin * y, self.pose[1] + sin * x + cos * y
+
+    def to_robot(self, x: float, y: float) -> tuple[float, float]:
+        """A point of the odometry frame in the robot's frame [m]."""
+        cos, sin = self._trig
+        dx, dy = x - self.pose[0], y - self.pose[1]
+        return cos * dx + sin * dy, cos * dy - sin * dx
+
+    def scan_in_odometry(self) -> NDArray[np.float64]:
+        """Scan points (k, 2) in the odometry frame [m]."""
+        x, y = self.points
+        cos, sin = self._trig
+        return np.column_stack([self.pose[0] + cos * x - sin * y, self.pose[1] + sin * x + cos * y])

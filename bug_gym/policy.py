@@ -1,0 +1,205 @@
+"""One interface for all agents, scripted or learned: stable-baselines3's `predict`.
+
+`policy.predict(observation, state, episode_start, deterministic) -> (action, state)` on one observation or on a batch,
+Dict or flat. A scripted policy writes two methods: `start() -> Memory` and `act(view, memory) -> velocity`.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kinematics
+from bug_gym.config import Scenario, load
+from bug_gym.observation import Sensors, View, as_flat, width
+
+Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
+Velocity = tuple[float, float]
+
+VERDICTS = ("", "unreachable", "looping", "stuck")
+"""What a policy may find out about its task; "" while it goes on."""
+
+
+class Policy(Protocol):
+    """What evaluation and SB3's `evaluate_policy` ask of an agent."""
+
+    def predict(
+        self,
+        observation: Any,
+        state: tuple[Any, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[NDArray[Any], tuple[Any, ...] | None]:
+        """Actions for one observation or a batch, and the state to hand in next time."""
+        ...
+
+
+@dataclass
+class Memory:
+    """What a scripted policy keeps of one episode; each algorithm adds its own registers."""
+
+    mode: str = ""
+    """State of its state machine, such as "motion_to_goal"."""
+    verdict: str = ""
+    """One of VERDICTS; once it says something the robot stands."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What a policy shows of its mind; coordinates in the odometry frame [m], labels choose colours."""
+
+    points: Sequence[tuple[float, float, str]] = ()
+    """x, y and a label such as "hit", "leave", "candidate"."""
+    segments: Sequence[tuple[float, float, float, float, str]] = ()
+    """x1, y1, x2, y2 and a label such as "m_line"."""
+    areas: Sequence[tuple[NDArray[np.float64], str]] = ()
+    """Rings (k, 2) and a label such as "light"."""
+
+
+def source_scenario(source: Any) -> Scenario:
+    """The scenario behind an env of any face, a Simulation, or a scenario's own name, path or dict.
+
+    Raises:
+        ValueError: nothing of the kind.
+    """
+    if isinstance(source, (Scenario, str, Path, Mapping)):
+        return load(source)
+    core = getattr(source, "unwrapped", source)
+    core = getattr(core, "simulation", core)
+    scenario = getattr(core, "scenario", None)
+    if not isinstance(scenario, Scenario):
+        raise ValueError(f"expected an env of bug_gym, a Simulation or a Scenario, got {type(source).__name__}")
+    return scenario
+
+
+def is_discrete(source: Any) -> bool:
+    """Whether the env behind `source` takes discrete actions."""
+    for name in ("single_action_space", "action_space"):
+        space = getattr(source, name, None)
+        if isinstance(space, gym.Space):
+            return isinstance(space, gym.spaces.Discrete)
+    return False
+
+
+class ScriptedPolicy(ABC):
+    """A policy written by hand. It sees its observation and its own memory, nothing else.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        discrete: whether actions are numbers of the discrete action table instead of velocities.
+    """
+
+    privileged: ClassVar[bool] = False
+    """Whether it reads the world's map (a map planner does, and says so)."""
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False) -> None:
+        self.sensors = sensors
+        self.discrete = discrete
+        self._width = width(sensors.fields)
+        self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
+
+    @abstractmethod
+    def start(self) -> Memory:
+        """Memory of a new episode."""
+
+    @abstractmethod
+    def act(self, view: View, memory: Any) -> Velocity:
+        """Desired velocity in the robot's frame [m/s], x ahead, y left; `memory` is changed in place."""
+
+    def draw(self, memory: Any) -> Drawing:
+        """What to show of this memory in a picture."""
+        return Drawing()
+
+    def predict(
+        self,
+        observation: Observation,
+        state: tuple[Memory, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[Any], tuple[Memory, ...]]:
+        """Actions for one observation or a batch.
+
+        Args:
+            observation: Dict or flat, one or a batch (n, ...).
+            state: one Memory a row, as the last call returned it; None starts new ones.
+            episode_start: (n,) True where the observation is the first of an episode.
+            deterministic: ignored, a scripted policy always is.
+
+        Returns:
+            Actions (2,) or (n, 2) float32, or numbers of discrete actions; and the state, changed in place.
+
+        Raises:
+            ValueError: an observation of another size than the robot's this policy was made for.
+        """
+        flat = self._flat(observation)
+        rows = flat[None] if flat.ndim == 1 else flat
+        memories = list(state) if state is not None else [self.start() for _ in rows]
+        if len(memories) != len(rows):
+            raise ValueError(f"got {len(memories)} memories for {len(rows)} observations")
+        if episode_start is not None and state is not None:
+            for row in np.flatnonzero(episode_start):
+                memories[row] = self.start()
+        actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
+        return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
+
+    def _flat(self, observation: Observation) -> NDArray[np.float32]:
+        if isinstance(observation, Mapping):
+            beams = np.shape(observation["ranges"])[-1] if "ranges" in observation else 0
+            if beams != len(self.sensors.angles):
+                raise ValueError(f"this policy was made for {len(self.sensors.angles)} beams, the observation has {beams}")
+            return as_flat(observation, self.sensors.fields)
+        flat = np.asarray(observation, dtype=np.float32)
+        if flat.ndim not in (1, 2) or flat.shape[-1] != self._width:
+            raise ValueError(
+                f"the observation has shape {flat.shape}; this policy was made for {len(self.sensors.angles)} beams, "
+                f"so for (..., {self._width})"
+            )
+        return flat
+
+    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+        if not np.isfinite(flat).all():
+            raise ValueError("the observation holds a number that is not finite")
+        view = View(flat, self.sensors)
+        velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
+        if self._velocities is not None:
+            return nearest_discrete(self._velocities, velocity)
+        return kinematics.steering(self.sensors.drive, brake(view, velocity))
+
+
+def brake(view: View, velocity: Velocity) -> Velocity:
+    """The velocity, cut for a differential robot so that this step cannot end in something it sees.
+
+    It drives along its heading while it turns toward the desired direction, so what is ahead counts, not where it
+    wants to go.
+    """
+    drive = view.sensors.drive
+    if drive.kinematics == "holonomic":
+        return velocity
+    speed = math.hypot(*velocity)
+    error = abs(math.atan2(velocity[1], velocity[0])) if speed > 0.0 else 0.0
+    if error > kinematics.TURN_IN_PLACE:
+        return velocity
+    margin = 2.0 * view.sensors.range_noise + 0.02
+    free = max(view.free_distance(0.0, view.sensors.radius + margin) - margin, 0.0)
+    limit = free / drive.step
+    if math.isfinite(drive.max_acceleration):
+        limit = min(limit, math.sqrt(2.0 * drive.max_acceleration * free))
+    if speed <= limit:
+        return velocity
+    # A vanishing speed keeps the direction, so that the robot goes on turning.
+    share = max(limit, 1e-6) / speed
+    return velocity[0] * share, velocity[1] * share
+
+
+def nearest_discrete(velocities: NDArray[np.float64], velocity: Velocity) -> NDArray[np.int64]:
+    """Number of the discrete action whose velocity comes nearest to the desired one."""
+    gaps = (velocities[:, 0] - velocity[0]) ** 2 + (velocities[:, 1] - velocity[1]) ** 2
+    return np.asarray(int(gaps.argmin()), dtype=np.int64)

@@ -1,0 +1,166 @@
+"""Tables for people and files for programs from the summaries of an evaluation.
+
+On screen and in Markdown: one table a scenario, and one over all scenarios where there are several. On disk:
+summary.json, summary.csv and summary.md, each replaced as a whole, so that a reader never meets half a file.
+"""
+
+import csv
+import io
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from bug_gym.intervals import OVERALL, Summary
+from bug_gym.metrics import EpisodeRow
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_NOTHING = "–"
+"""Stands where nothing was measured."""
+
+
+def _success(summary: Summary) -> str:
+    return f"{_percent(summary.success)} [{_percent(summary.success_low)}, {_percent(summary.success_high)}]"
+
+
+def _iqm(summary: Summary) -> str:
+    if isnan(summary.spl_iqm_low):
+        return _number(summary.spl_iqm, 2)
+    return f"{summary.spl_iqm:.2f} [{summary.spl_iqm_low:.2f}, {summary.spl_iqm_high:.2f}]"
+
+
+def _gave_up(summary: Summary) -> str:
+    verdicts = ", ".join(f"{verdict or 'no verdict'} {count}" for verdict, count in summary.verdicts.items())
+    return f"{_percent(summary.gave_up)} ({verdicts})" if verdicts else _NOTHING
+
+
+class _Column(NamedTuple):
+    """A column of the tables; on screen there is room for some only."""
+
+    name: str
+    cell: Callable[[Summary], str]
+    on_screen: bool = True
+
+
+_COLUMNS = (
+    _Column("policy", lambda summary: summary.policy),
+    _Column("n", lambda summary: str(summary.n)),
+    _Column("success [%]", _success),
+    _Column("SPL", lambda summary: _number(summary.spl, 2)),
+    _Column("SPL, IQM", _iqm, on_screen=False),
+    _Column("path / shortest", lambda summary: _number(summary.path_ratio, 2)),
+    _Column("earliest / time", lambda summary: _number(summary.time_ratio, 2)),
+    _Column("time [s]", lambda summary: _number(summary.time, 1)),
+    _Column("collisions [%]", lambda summary: _percent(summary.collision)),
+    _Column("timeouts [%]", lambda summary: _percent(summary.timeout), on_screen=False),
+    _Column("gave up [%]", _gave_up, on_screen=False),
+    _Column("decision [ms]", lambda summary: _number(1000.0 * summary.decision_time, 3)),
+)
+
+
+def print_table(summaries: Sequence[Summary], console: "Console") -> None:
+    """Print a table a scenario, and one over all of them where there are several; 80 columns are enough."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    for title, header, lines in _tables(summaries, [column for column in _COLUMNS if column.on_screen]):
+        # Text, not str: a name in square brackets is a name, not rich's markup.
+        table = Table(title=Text(title), box=SIMPLE_HEAD, padding=0, pad_edge=False)
+        table.add_column(header[0], overflow="fold")
+        for name in header[1:]:
+            # Two lines a header and no others: a narrow screen folds the names of policies, never a number.
+            broken = name.replace(" [", "\n[").replace("/ ", "/\n")
+            table.add_column(Text(broken), justify="right", no_wrap=True)
+        for line in lines:
+            table.add_row(*(Text(cell) for cell in line))
+        console.print(table)
+
+
+def write_summary(folder: str | os.PathLike[str], rows: Sequence[EpisodeRow], summaries: Sequence[Summary]) -> None:
+    """Write summary.json (summaries and the rows behind them), summary.csv and summary.md into a folder.
+
+    The folder is made where it is missing. The JSON is strict: NaN is null, infinity the string "inf"; the CSV leaves a
+    cell empty for NaN.
+    """
+    contents = {
+        "summary.json": _json(rows, summaries),
+        "summary.csv": _csv(summaries),
+        "summary.md": _markdown(summaries),
+    }
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    for name, text in contents.items():
+        _replace(target / name, text)
+
+
+def _tables(summaries: Sequence[Summary], columns: Sequence[_Column]) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Title, header and lines of each table; a column in which nothing was measured is left out."""
+    if not summaries:
+        raise ValueError("no summaries to report")
+    by_scenario: dict[str, list[Summary]] = {}
+    for summary in summaries:
+        by_scenario.setdefault(summary.scenario, []).append(summary)
+    if len(by_scenario) == 2:
+        by_scenario.pop(OVERALL, None)
+    tables = []
+    for scenario, members in by_scenario.items():
+        filled = [[column.name, *(column.cell(member) for member in members)] for column in columns]
+        measured = [texts for texts in filled if any(text != _NOTHING for text in texts[1:])]
+        header, *lines = (list(line) for line in zip(*measured, strict=True))
+        tables.append(("all scenarios" if scenario == OVERALL else scenario, header, lines))
+    return tables
+
+
+def _json(rows: Sequence[EpisodeRow], summaries: Sequence[Summary]) -> str:
+    data = {"summaries": [summary.as_dict() for summary in summaries], "rows": [row.as_dict() for row in rows]}
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
+
+
+def _csv(summaries: Sequence[Summary]) -> str:
+    """One line a summary; verdicts as "unreachable:3 stuck:1"."""
+    records = [summary.as_dict() for summary in summaries]
+    for record in records:
+        record["verdicts"] = " ".join(f"{verdict}:{count}" for verdict, count in record["verdicts"].items())
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=[field.name for field in fields(Summary)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
+def _markdown(summaries: Sequence[Summary]) -> str:
+    parts = ["# Summary", "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval."]
+    for title, header, lines in _tables(summaries, _COLUMNS):
+        rule = [":--", *("--:" for _ in header[1:])]
+        table = "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, rule, *lines))
+        parts += [f"## {title}", table]
+    return "\n\n".join(parts) + "\n"
+
+
+def _escape(cell: str) -> str:
+    """Keep a cell of a Markdown table one cell."""
+    return cell.replace("|", "\\|").replace("\n", " ")
+
+
+def _number(value: float, digits: int) -> str:
+    return _NOTHING if isnan(value) else f"{value:.{digits}f}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f}"
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write beside the file and rename over it: whoever looks sees the old file or the new one."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_text(text, encoding="utf-8", newline="\n")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,167 @@
+"""One world with several robots as a PettingZoo `ParallelEnv`, and through PettingZoo's converter as an AEC env."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from pettingzoo.utils.conversions import parallel_to_aec
+from pettingzoo.utils.env import AECEnv, ParallelEnv
+
+from bug_gym.config import Scenario, load
+from bug_gym.navigation_env import (
+    ActionForm,
+    Observation,
+    ObservationForm,
+    RobotSpaces,
+    ScenarioSource,
+    require_one_of,
+    with_most_steps,
+)
+from bug_gym.observation import flat_space
+from bug_gym.simulation import Simulation
+
+
+class RobotsEnv(ParallelEnv[str, Any, Any]):
+    """Robots "robot_0", "robot_1" ... in one world, each on its way to its goal. `parallel_env` makes one.
+
+    ## Description
+    See NavigationEnv for what a robot senses, does and gets. The robots see and touch one another: a collision of two ends
+    the episode of both. A robot whose episode has ended stands where it is, an obstacle to the others.
+
+    ## Action Space
+    As NavigationEnv's, for each robot that is still in play.
+
+    ## Observation Space
+    As NavigationEnv's, and with several robots the field `peers` (R - 1, 4): position [m] and velocity [m/s] of each other
+    robot in this one's frame. `state()` is what all of them observe, in one vector.
+
+    ## Episode End
+    Each robot ends by itself, as in NavigationEnv, and then leaves `agents`.
+
+    The attribute `simulation` is the core that the env stands on.
+    """
+
+    metadata: dict[str, Any] = {
+        "name": "bug_gym_robots_v0",
+        "render_modes": ["human", "rgb_array"],
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self, scenario: Scenario, *, observation: ObservationForm, action: ActionForm, render_mode: str | None
+    ) -> None:
+        require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
+        self.simulation = Simulation(scenario)
+        robots = self.simulation.robots
+        self.possible_agents = [f"robot_{number}" for number in range(robots)]
+        self.agents: list[str] = []
+        # Spaces of its own for each robot: they carry the generator that samples from them.
+        self.spaces = {agent: RobotSpaces(self.simulation, observation, action) for agent in self.possible_agents}
+        flat = flat_space(self.simulation.fields)
+        self.state_space = gym.spaces.Box(np.tile(flat.low, robots), np.tile(flat.high, robots), dtype=np.float32)
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": 1.0 / scenario.time.step}
+
+    def observation_space(self, agent: str) -> gym.spaces.Space[Any]:
+        """What the robot may observe; the same object at each call."""
+        return self.spaces[agent].observation
+
+    def action_space(self, agent: str) -> gym.spaces.Space[Any]:
+        """What the robot may do; the same object at each call."""
+        return self.spaces[agent].action
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Start episode 0 of the seed, or without one the next episode; options as NavigationEnv's."""
+        self.simulation.reset(seeds=None if seed is None else [seed])
+        self.agents = list(self.possible_agents)
+        infos = {agent: self.simulation.robot_step(robot=robot).info for robot, agent in enumerate(self.agents)}
+        if options and options.get("shortest_path"):
+            for robot, info in enumerate(infos.values()):
+                info["shortest_path_length"] = self.simulation.shortest_path(robot=robot).length
+        return self._observe(self.agents), infos
+
+    def step(
+        self, actions: dict[str, Any]
+    ) -> tuple[
+        dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+    ]:
+        """Drive each robot that is still in play for one step.
+
+        Raises:
+            ValueError: an action for no robot of this env, or none for a robot in play.
+        """
+        if not actions.keys() <= self.spaces.keys() or not actions.keys() >= set(self.agents):
+            raise ValueError(f"got actions for {sorted(actions)}, expected them for {self.agents}")
+        velocities = np.zeros((1, len(self.possible_agents), 2))
+        for robot, agent in enumerate(self.possible_agents):
+            if agent in self.agents:
+                velocities[0, robot] = self.spaces[agent].velocities(actions[agent])
+        self.simulation.advance(velocities)
+        moved = self.agents
+        steps = {agent: self.simulation.robot_step(robot=self.possible_agents.index(agent)) for agent in moved}
+        self.agents = [agent for agent, step in steps.items() if not (step.terminated or step.truncated)]
+        return (
+            self._observe(moved),
+            {agent: step.reward for agent, step in steps.items()},
+            {agent: step.terminated for agent, step in steps.items()},
+            {agent: step.truncated for agent, step in steps.items()},
+            {agent: step.info for agent, step in steps.items()},
+        )
+
+    def state(self) -> NDArray[np.float32]:
+        """What all robots observe (R * D,), whether they are still in play or not."""
+        return self.simulation.observations().ravel()
+
+    def _observe(self, agents: list[str]) -> dict[str, Observation]:
+        flat = self.simulation.observations()[0]
+        by_agent = dict(zip(self.possible_agents, flat, strict=True))
+        return {agent: self.spaces[agent].present(by_agent[agent].copy()) for agent in agents}
+
+    def close(self) -> None:
+        """Close the window, where there is one."""
+
+
+def parallel_env(
+    scenario: ScenarioSource = "crossing_robots",
+    *,
+    robots: int | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    observation: ObservationForm = "dict",
+    action: ActionForm = "continuous",
+    render_mode: str | None = None,
+    max_cycles: int | None = None,
+) -> RobotsEnv:
+    """Make a PettingZoo `ParallelEnv` of one world with several robots, see RobotsEnv.
+
+    Args:
+        scenario: a name, the path of a YAML file, a dict or a Scenario.
+        robots: how many, instead of the scenario's number.
+        overrides: values by dotted key that replace the scenario's.
+        observation: "dict" or "flat".
+        action: "continuous" or "discrete".
+        render_mode: None, "rgb_array" or "human".
+        max_cycles: cuts off episodes after so many steps where the scenario's time limit comes later.
+
+    Raises:
+        ValueError: a scenario that can't be, or without places for so many robots; another form or mode than these.
+    """
+    settings = load(scenario, overrides)
+    if robots is not None:
+        settings = load(settings, {"robots.count": robots})
+    settings = with_most_steps(settings, max_cycles)
+    return RobotsEnv(settings, observation=observation, action=action, render_mode=render_mode)
+
+
+def env(
+    scenario: ScenarioSource = "crossing_robots", **settings: Any
+) -> AECEnv[str, Any, Any]:
+    """Make the same as a PettingZoo `AECEnv`; the arguments are those of `parallel_env`, which checks them."""
+    made: AECEnv[str, Any, Any] = parallel_to_aec(parallel_env(scenario, **settings))
+    return made

@@ -1,0 +1,441 @@
+"""Families of worlds: one function each, from a scenario and random numbers to a Layout.
+
+To add a family: a model in config.py, a function here, a line in FAMILIES. The `field` family is compiled
+(kernels.place_fields), because new worlds are needed at hundreds of thousands a minute while agents train.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from bug_gym import kernels, maps
+from bug_gym.config import (
+    ONI_WANG_PLACES,
+    ONI_WANG_POLYGON,
+    BarnWorld,
+    Bounce,
+    EmptyWorld,
+    ExplicitWorld,
+    FieldWorld,
+    MazeWorld,
+    Motion,
+    OniWangWorld,
+    Region,
+    RingWorld,
+    Scenario,
+    StartRegion,
+    UTrapWorld,
+    Waypoints,
+)
+from bug_gym.world import F64, Layout, Mover, Rings, World, side_by_side
+
+Rng = np.random.Generator
+TRIES = 1000
+
+Free = Callable[[float, float], bool]
+
+
+def rectangle(xmin: float, ymin: float, xmax: float, ymax: float) -> F64:
+    """Corners (4, 2) of an axis-parallel rectangle."""
+    return np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]], dtype=np.float64)
+
+
+def clearance(circles: F64, rings: Sequence[F64], x: float, y: float) -> float:
+    """Distance from a point to the nearest circle or ring edge [m], negative inside a circle."""
+    nearest = math.inf
+    if len(circles):
+        nearest = float((np.hypot(circles[:, 0] - x, circles[:, 1] - y) - circles[:, 2]).min())
+    point = np.array([x, y])
+    for ring in rings:
+        a, along = ring, np.roll(ring, -1, axis=0) - ring
+        share = ((point - a) * along).sum(1) / np.maximum((along**2).sum(1), 1e-300)
+        gaps = a + np.clip(share, 0.0, 1.0)[:, None] * along - point
+        nearest = min(nearest, float(np.hypot(gaps[:, 0], gaps[:, 1]).min()))
+    return nearest
+
+
+def contains(ring: F64, x: float, y: float) -> bool:
+    """Whether a point lies inside a ring (even-odd rule)."""
+    x1, y1 = ring[:, 0], ring[:, 1]
+    x2, y2 = np.roll(x1, -1), np.roll(y1, -1)
+    straddles = (y1 > y) != (y2 > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = x1 + (y - y1) * (x2 - x1) / (y2 - y1)
+    return bool(np.count_nonzero(straddles & (x < crossing)) % 2)
+
+
+def is_clear(circles: F64, polygons: Sequence[Rings], border: F64, room: float) -> Free:
+    """A test whether a disc of radius `room` [m] fits at a point."""
+    rings = [border, *(ring for polygon in polygons for ring in polygon)]
+
+    def free(x: float, y: float) -> bool:
+        if not contains(border, x, y) or clearance(circles, rings, x, y) < room:
+            return False
+        return not any(
+            contains(polygon[0], x, y) and not any(contains(hole, x, y) for hole in polygon[1:]) for polygon in polygons
+        )
+
+    return free
+
+
+def draw_point(region: Sequence[float], rng: Rng, free: Free, what: str) -> tuple[float, float]:
+    """A point of a rectangle, evenly over what is free in it.
+
+    Raises:
+        ValueError: no free point was found.
+    """
+    xmin, ymin, xmax, ymax = region
+    for _ in range(TRIES):
+        x, y = float(rng.uniform(xmin, xmax)), float(rng.uniform(ymin, ymax))
+        if free(x, y):
+            return x, y
+    raise ValueError(f"no free place for the {what} in {list(region)} after {TRIES} tries")
+
+
+def draw_start(scenario: Scenario, start: object, rng: Rng, free: Free) -> tuple[float, float, float]:
+    """A start pose: fixed, drawn from a region, or from the whole of the bounds."""
+    if isinstance(start, tuple):
+        return start
+    region = start.region if isinstance(start, Region) else scenario.world.bounds
+    x, y = draw_point(region, rng, free, "start")
+    heading = start.heading if isinstance(start, StartRegion) else None
+    return x, y, float(rng.uniform(-math.pi, math.pi)) if heading is None else heading
+
+
+def draw_goal(scenario: Scenario, goal: object, rng: Rng, free: Free) -> tuple[float, float]:
+    """A goal: fixed, drawn from a region, or from the whole of the bounds."""
+    if isinstance(goal, tuple):
+        return goal
+    region = goal.region if isinstance(goal, Region) else scenario.world.bounds
+    return draw_point(region, rng, free, "goal")
+
+
+def draw_both(
+    scenario: Scenario, start: object, goal: object, rng: Rng, start_free: Free, goal_free: Free, separation: float
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    """A start and a goal at least `separation` [m] apart.
+
+    Raises:
+        ValueError: no such pair was found.
+    """
+    for _ in range(TRIES):
+        pose = draw_start(scenario, start, rng, start_free)
+        place = draw_goal(scenario, goal, rng, goal_free)
+        if math.hypot(pose[0] - place[0], pose[1] - place[1]) >= separation:
+            return pose, place
+    raise ValueError(f"no start and goal at least {separation} m apart after {TRIES} tries")
+
+
+def with_direction(motion: Motion | None, rng: Rng) -> Motion | None:
+    """The motion with its direction drawn where it has only a speed."""
+    if isinstance(motion, Bounce) and motion.velocity is None and motion.speed is not None:
+        angle = rng.uniform(-math.pi, math.pi)
+        return Bounce(law="bounce", velocity=(motion.speed * math.cos(angle), motion.speed * math.sin(angle)))
+    return motion
+
+
+def finish(
+    scenario: Scenario,
+    start: Sequence[float],
+    goal: tuple[float, float],
+    *,
+    circles: F64 | None = None,
+    polygons: tuple[Rings, ...] = (),
+    movers: tuple[Mover, ...] = (),
+    target: Motion | None = None,
+) -> Layout:
+    """The layout of a world, its robots placed as the scenario says: by their own places, or side by side."""
+    robots, places = scenario.robots.count, scenario.robots.places
+    starts = np.array([place.start for place in places[:robots]]) if places else side_by_side(start, robots)
+    goals = [place.goal or goal for place in places[:robots]] if any(place.goal for place in places) else [goal]
+    return Layout(
+        border=rectangle(*scenario.world.bounds),
+        starts=starts.astype(np.float64),
+        goals=np.array(goals, dtype=np.float64),
+        circles=np.zeros((0, 3)) if circles is None else circles,
+        polygons=polygons,
+        movers=movers,
+        target=target,
+        goal_room=max(scenario.goal.radius, scenario.robot.reach),
+    )
+
+
+# ---------------------------------------------------------------------------------------------- the families
+
+
+def empty(scenario: Scenario, world: EmptyWorld, rng: Rng) -> Layout:
+    """Nothing but the border."""
+    free = is_clear(np.zeros((0, 3)), (), rectangle(*world.bounds), scenario.robot.reach)
+    goal = target_place(world)
+    start, place = draw_both(scenario, world.start, goal, rng, free, free, world.separation)
+    return finish(scenario, start, place, target=target_motion(world, rng))
+
+
+def target_place(world: EmptyWorld | ExplicitWorld) -> object:
+    """Where the goal is, or where it is drawn from: the world's goal or its target's start."""
+    if world.target is None:
+        return world.goal
+    return world.target.at if world.target.at is not None else Region(region=world.target.region or world.bounds)
+
+
+def target_motion(world: EmptyWorld | ExplicitWorld, rng: Rng) -> Motion | None:
+    """How the goal moves."""
+    return None if world.target is None else with_direction(world.target.motion, rng)
+
+
+def explicit(scenario: Scenario, world: ExplicitWorld, rng: Rng) -> Layout:
+    """Every obstacle written down; start and goal may be drawn from regions."""
+    circles = np.array(world.circles, dtype=np.float64).reshape(-1, 3)
+    polygons = tuple(
+        tuple(np.array(ring, dtype=np.float64) for ring in (polygon.shell, *polygon.holes)) for polygon in world.polygons
+    )
+    movers = []
+    for mover in world.movers:
+        shape, motion = mover.shape, with_direction(mover.motion, rng)
+        assert motion is not None
+        outline = shape.circle if shape.polygon is None else np.array(shape.polygon.shell, dtype=np.float64)
+        assert outline is not None
+        movers.append(Mover(outline, mover.at, motion))
+    border = rectangle(*world.bounds)
+    start_free = is_clear(circles, polygons, border, scenario.robot.reach)
+    goal_free = is_clear(circles, polygons, border, scenario.robot.reach)
+    start, goal = draw_both(scenario, world.start, target_place(world), rng, start_free, goal_free, 0.0)
+    return finish(
+        scenario,
+        start,
+        goal,
+        circles=circles,
+        polygons=polygons,
+        movers=tuple(movers),
+        target=target_motion(world, rng),
+    )
+
+
+def u_trap(scenario: Scenario, world: UTrapWorld, rng: Rng) -> Layout:
+    """A U that opens toward -x, turned about its middle."""
+    x0, x1, x2 = world.mouth_x, world.mouth_x + world.depth, world.mouth_x + world.depth + world.wall
+    inner, outer = world.half_width, world.half_width + world.wall
+    ring = np.array([(x0, -outer), (x2, -outer), (x2, outer), (x0, outer), (x0, inner), (x1, inner), (x1, -inner), (x0, -inner)])
+    angle = float(rng.uniform(-math.pi, math.pi)) if world.rotation == "random" else float(world.rotation)
+    if angle != 0.0:
+        cos, sin = math.cos(angle), math.sin(angle)
+        centre = np.array(world.centre)
+        ring = (ring - centre) @ np.array([[cos, sin], [-sin, cos]]) + centre
+    free = is_clear(np.zeros((0, 3)), ((ring,),), rectangle(*world.bounds), scenario.robot.reach)
+    start, goal = draw_both(scenario, world.start, world.goal, rng, free, free, 0.0)
+    return finish(scenario, start, goal, polygons=((ring,),))
+
+
+def ring(scenario: Scenario, world: RingWorld, rng: Rng) -> Layout:
+    """A closed square ring round the goal, or round the start."""
+    x, y = world.centre
+    outer = rectangle(x - world.outer, y - world.outer, x + world.outer, y + world.outer)
+    inner = rectangle(x - world.inner, y - world.inner, x + world.inner, y + world.inner)
+    clear = is_clear(np.zeros((0, 3)), ((outer, inner),), rectangle(*world.bounds), scenario.robot.reach)
+
+    def shut_in(px: float, py: float) -> bool:
+        return clear(px, py) and max(abs(px - x), abs(py - y)) < world.inner
+
+    def outside(px: float, py: float) -> bool:
+        return clear(px, py) and max(abs(px - x), abs(py - y)) > world.outer
+
+    start_free, goal_free = (outside, shut_in) if world.inside == "goal" else (shut_in, outside)
+    start = draw_start(scenario, world.start, rng, start_free)
+    goal = draw_goal(scenario, world.goal, rng, goal_free)
+    return finish(scenario, start, goal, polygons=((outer, inner),))
+
+
+def maze(scenario: Scenario, world: MazeWorld, rng: Rng) -> Layout:
+    """A perfect maze by randomised depth-first search, some of its walls taken away again for loops."""
+    columns, rows = world.cells
+    open_right, open_up = carve(columns, rows, world.loops, rng)
+    polygons = maze_walls(world, open_right, open_up)
+    places = [(column, row) for column in range(columns) for row in range(rows)]
+    for _ in range(TRIES):
+        first, last = (places[int(i)] for i in rng.integers(0, len(places), 2))
+        start, goal = cell_centre(world, *first), cell_centre(world, *last)
+        if math.dist(start, goal) >= world.separation:
+            pose = (*start, float(rng.uniform(-math.pi, math.pi)))
+            return finish(scenario, pose, goal, polygons=polygons)
+    raise ValueError(f"no two cells of the maze lie {world.separation} m apart")
+
+
+def carve(columns: int, rows: int, loops: float, rng: Rng) -> tuple[np.ndarray, np.ndarray]:
+    """Which cells are open to their right (columns - 1, rows) and upper (columns, rows - 1) neighbours."""
+    open_right, open_up = np.zeros((columns - 1, rows), dtype=bool), np.zeros((columns, rows - 1), dtype=bool)
+    seen = np.zeros((columns, rows), dtype=bool)
+    trail = [(int(rng.integers(columns)), int(rng.integers(rows)))]
+    seen[trail[0]] = True
+    while trail:
+        x, y = trail[-1]
+        ways = [(x + dx, y + dy) for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        ways = [(u, v) for u, v in ways if 0 <= u < columns and 0 <= v < rows and not seen[u, v]]
+        if not ways:
+            trail.pop()
+            continue
+        u, v = ways[int(rng.integers(len(ways)))]
+        if v == y:
+            open_right[min(x, u), y] = True
+        else:
+            open_up[x, min(y, v)] = True
+        seen[u, v] = True
+        trail.append((u, v))
+    open_right |= rng.random(open_right.shape) < loops
+    open_up |= rng.random(open_up.shape) < loops
+    return open_right, open_up
+
+
+def cell_centre(world: MazeWorld, column: int, row: int) -> tuple[float, float]:
+    """Middle of a cell [m]."""
+    (width, height), (xmin, ymin, _, _) = world.passages, world.bounds
+    return xmin + column * (width + world.wall) + 0.5 * width, ymin + row * (height + world.wall) + 0.5 * height
+
+
+def maze_walls(world: MazeWorld, open_right: np.ndarray, open_up: np.ndarray) -> tuple[Rings, ...]:
+    """The walls between the cells as polygons, joined where they meet."""
+    import shapely
+
+    (width, height), (xmin, ymin, xmax, ymax) = world.passages, world.bounds
+    thick = world.wall
+    columns, rows = world.cells
+    boxes = []
+    for x, y in zip(*np.nonzero(~open_right), strict=True):
+        left, low = xmin + (x + 1) * (width + thick) - thick, ymin + y * (height + thick)
+        boxes.append((left, low - thick, left + thick, low + height + thick))
+    for x, y in zip(*np.nonzero(~open_up), strict=True):
+        left, low = xmin + x * (width + thick), ymin + (y + 1) * (height + thick) - thick
+        boxes.append((left - thick, low, left + width + thick, low + thick))
+    # A wall that ends at the border goes on a little beyond it, so that no beam slips between the two.
+    joined = shapely.union_all([shapely.box(*box) for box in boxes])
+    frame = shapely.box(xmin - thick, ymin - thick, xmax + thick, ymax + thick)
+    pieces = shapely.get_parts(shapely.intersection(joined, frame))
+    return tuple(rings_of(piece) for piece in pieces)
+
+
+def rings_of(polygon: object) -> Rings:
+    """Shell and holes of a shapely polygon as open rings (k, 2), without points on straight lines."""
+    import shapely
+
+    simple = shapely.simplify(polygon, 0.0)
+    rings = [simple.exterior, *simple.interiors]
+    return tuple(np.asarray(shapely.get_coordinates(ring)[:-1], dtype=np.float64) for ring in rings)
+
+
+def oni_wang(scenario: Scenario, world: OniWangWorld, rng: Rng) -> Layout:
+    """The map of Fig. 1 in Oni and Wang; start and goal by letter."""
+    (x, y), goal = ONI_WANG_PLACES[world.start], ONI_WANG_PLACES[world.goal]
+    heading = math.atan2(goal[1] - y, goal[0] - x)
+    return finish(scenario, (x, y, heading), goal, polygons=((np.array(ONI_WANG_POLYGON),),))
+
+
+def barn(scenario: Scenario, world: BarnWorld, rng: Rng) -> Layout:
+    """A world of the BARN benchmark."""
+    worlds = maps.load_barn(world.path)
+    if world.world is None:
+        chosen = worlds[sorted(worlds)[int(rng.integers(len(worlds)))]]
+    elif world.world in worlds:
+        chosen = worlds[world.world]
+    else:
+        raise ValueError(f"no world {world.world} in {world.path}; it holds {sorted(worlds)}")
+    return finish(scenario, chosen.start, chosen.goal, circles=chosen.circles)
+
+
+FAMILIES: dict[str, Callable[..., Layout]] = {
+    "empty": empty,
+    "explicit": explicit,
+    "u_trap": u_trap,
+    "ring": ring,
+    "maze": maze,
+    "oni_wang": oni_wang,
+    "barn": barn,
+}
+"""Families made in Python, by their `family` key; `field` is compiled."""
+
+
+# ---------------------------------------------------------------------------------------------- drawing worlds
+
+
+def draw_layout(scenario: Scenario, seed: int, episode: int) -> Layout:
+    """The world of one episode, for a family made in Python.
+
+    Raises:
+        ValueError: start, goal or obstacles found no place.
+    """
+    # The salt keeps these numbers apart from any other use of the same seed.
+    rng = np.random.default_rng([kernels.STREAM_WORLD, seed, episode])
+    return FAMILIES[scenario.world.family](scenario, scenario.world, rng)
+
+
+def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
+    """The parameters of a `field` world as the record (1,) that kernels.place_fields reads.
+
+    Raises:
+        ValueError: a parameter that the family cannot have.
+    """
+    if scenario.robots.places:
+        raise ValueError("a field draws the starts of its robots: give robots.count instead of a list of places")
+    if isinstance(world.target_motion, Waypoints):
+        raise ValueError("a field's target_motion can be bounce or random_walk, not waypoints: its free space is drawn")
+    circles = {"circles": world.obstacles, "mixed": (world.obstacles + 1) // 2}.get(world.shapes, 0)
+    moving = round(world.moving * world.obstacles)
+    moving_circles = round(moving * circles / world.obstacles) if world.obstacles else 0
+    xmin, ymin, xmax, ymax = world.bounds
+    start, goal = world.start or StartRegion(region=world.bounds), world.goal or Region(region=world.bounds)
+    start_box = start.region if isinstance(start, StartRegion) else (start[0], start[1], start[0], start[1])
+    heading = start.heading if isinstance(start, StartRegion) else start[2]
+    goal_box = goal.region if isinstance(goal, Region) else (*goal, *goal)
+    laws = (kernels.BOUNCE_BIT if "bounce" in world.laws else 0) | (kernels.WALK_BIT if "random_walk" in world.laws else 0)
+    target = world.target_motion
+    speed = 0.0 if target is None else getattr(target, "speed", None)
+    velocity = getattr(target, "velocity", None)
+    if speed is None:
+        speed = math.hypot(*velocity)
+    record = np.zeros(1, dtype=kernels.FIELD)
+    values = {
+        "discs": circles,
+        "moving_discs": moving_circles,
+        "polygons": world.obstacles - circles,
+        "moving_polygons": moving - moving_circles,
+        "squares": int(world.shapes == "squares"),
+        "laws": laws,
+        "target_law": {None: kernels.STILL, "bounce": kernels.BOUNCE, "random_walk": kernels.RANDOM_WALK}[
+            None if target is None else target.law
+        ],
+        "xmin": xmin,
+        "ymin": ymin,
+        "xmax": xmax,
+        "ymax": ymax,
+        "size_min": world.sizes[0],
+        "size_max": world.sizes[1],
+        "speed_min": world.speeds[0],
+        "speed_max": world.speeds[1],
+        "gap": -1.0 if world.solvable is None else 2.0 * world.solvable,
+        "separation": world.separation,
+        "start_clearance": world.start_clearance,
+        "goal_clearance": world.goal_clearance,
+        "start_heading": math.nan if heading is None else heading,
+        "target_speed": speed,
+        "target_vx": velocity[0] if velocity else (math.nan if target and target.law == "bounce" else 0.0),
+        "target_vy": velocity[1] if velocity else 0.0,
+        "leg_min": getattr(target, "min_leg", 1.0),
+        "leg_max": getattr(target, "max_leg", 3.0),
+    }
+    corners = ("xmin", "ymin", "xmax", "ymax")
+    values |= {f"start_{name}": value for name, value in zip(corners, start_box, strict=True)}
+    values |= {f"goal_{name}": value for name, value in zip(corners, goal_box, strict=True)}
+    for name, value in values.items():
+        record[name] = value
+    return record
+
+
+def covered_share(world: World, row: int) -> float:
+    """Share of the bounds that the obstacles placed so far would cover, 0 to 1 (overlaps count twice)."""
+    xmin, ymin, xmax, ymax = world.scenario.world.bounds
+    first_polygon = int(world.spec["discs"][0])
+    radius = world.array("body_radius")[row]
+    last_polygon = first_polygon + int(world.array("polygon_count")[row, 0])
+    circles = np.concatenate([radius[: int(world.disc_count[row])], radius[first_polygon:last_polygon]])
+    return float(np.pi * (circles**2).sum() / ((xmax - xmin) * (ymax - ymin)))

@@ -1,0 +1,359 @@
+"""THE core: N worlds that reset and step by rows. Faces, evaluation and training all stand on this class.
+
+It composes the world (arrays), the families (layouts), the kernels (motion, contact, scan, reward) and the field table of
+observations, and decides nothing about episodes following one another: who resets what and when is a face's business.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
+
+from bug_gym import kernels, observation, scenarios, task
+from bug_gym.config import FieldWorld, Scenario, load
+from bug_gym.world import Capacity, Snapshot, World
+
+if TYPE_CHECKING:
+    from bug_gym.shortest_path import Path as ShortestPath
+
+logger = logging.getLogger("bug_gym")
+
+Rows = NDArray[np.int64]
+
+REPORTED = ("time", "path_length", "min_clearance", "goal_distance", "reward", "terms", "outcome")
+"""Arrays of a row that tell how its robots fare."""
+
+
+class Transition(NamedTuple):
+    """What one step gives for each of its rows (n,) and robots (R,)."""
+
+    observation: NDArray[np.float32]
+    """Flat observations (n, R, D)."""
+    reward: NDArray[np.float64]
+    """Sum of the weighted reward terms (n, R)."""
+    terminated: NDArray[np.bool_]
+    """Goal reached or something touched (n, R)."""
+    truncated: NDArray[np.bool_]
+    """Out of time (n, R)."""
+
+
+class RobotStep(NamedTuple):
+    """What the last step gave one robot, as Python's own values."""
+
+    reward: float
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+    """The contract's info; `reward_terms` by name."""
+
+
+class Simulation:
+    """N worlds of one scenario.
+
+    Args:
+        scenario: a Scenario, or what `config.load` takes: a name, a path or a dict.
+        count: how many worlds, N.
+        overrides: values by dotted key that replace the scenario's.
+        threads: how many threads share the rows of a call; results do not depend on it.
+
+    Raises:
+        ValueError: a scenario that can't be, or a count or a number of threads below 1.
+    """
+
+    def __init__(
+        self,
+        scenario: str | Path | Mapping[str, Any] | Scenario,
+        count: int = 1,
+        *,
+        overrides: Mapping[str, Any] | None = None,
+        threads: int = 1,
+    ) -> None:
+        if count < 1 or threads < 1:
+            raise ValueError(f"count and threads must be at least 1, got {count} and {threads}")
+        self.scenario = load(scenario, overrides)
+        self.count = count
+        self.fields = observation.fields(self.scenario)
+        self._field_record: NDArray[Any] | None = None
+        capacity = Capacity()
+        world = self.scenario.world
+        if isinstance(world, FieldWorld):
+            self._field_record = scenarios.field_record(self.scenario, world)
+            capacity = field_capacity(self._field_record)
+        self.world = World(
+            self.scenario,
+            count,
+            width=observation.width(self.fields),
+            weights=task.weights(self.scenario.reward),
+            clearance_scale=task.CLEARANCE_SCALE,
+            span=observation.world_span(self.scenario),
+            capacity=capacity,
+        )
+        self.all_rows: Rows = np.arange(count)
+        self._seeded = np.zeros(count, dtype=bool)
+        self._all_seeded = False
+        self._threads = threads
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="bug_gym") if threads > 1 else None
+        self._scratch: list[tuple[NDArray[np.float64], NDArray[np.int64]]] = []
+        self._bound_world: object = None
+        self._bind()
+        announce_compilation()
+
+    @property
+    def robots(self) -> int:
+        """Robots in each world, R."""
+        return self.world.robots
+
+    # ------------------------------------------------------------------------------------------ episodes
+
+    def reset(self, rows: Rows | None = None, seeds: Sequence[int | None] | None = None) -> NDArray[np.float32]:
+        """Start an episode in each of the rows.
+
+        Args:
+            rows: numbers of the rows (n,), all by default.
+            seeds: one for each row: a number starts episode 0 of that seed, None the next episode of the seed that
+                the row has (a first one without a seed draws it from entropy).
+
+        Returns:
+            Flat observations (n, R, D), a copy.
+
+        Raises:
+            ValueError: a seed that is no integer from 0 on, or a world that found no place for its obstacles.
+        """
+        rows = self.all_rows if rows is None else rows
+        self._seed(rows, seeds)
+        if self._field_record is not None:
+            self._place_fields(rows, self._field_record)
+        else:
+            self._place_layouts(rows)
+        self._run(kernels.begin_rows, rows)
+        return self.observations(rows)
+
+    def _seed(self, rows: Rows, seeds: Sequence[int | None] | None) -> None:
+        seed, episode = self.world.seed, self.world.episode
+        if seeds is None:
+            fresh = rows[~self._seeded[rows]]
+            episode[rows] += 1
+            if len(fresh):
+                seed[fresh] = np.random.SeedSequence().generate_state(len(fresh), np.uint64) >> np.uint64(2)
+                episode[fresh] = 0
+        else:
+            if len(seeds) != len(rows):
+                raise ValueError(f"got {len(seeds)} seeds for {len(rows)} rows")
+            for row, value in zip(rows, seeds, strict=True):
+                if value is None:
+                    self._seed(np.array([row]), None)
+                    continue
+                if not isinstance(value, (int, np.integer)) or not 0 <= value < 2**63:
+                    raise ValueError(f"a seed is an integer from 0 to 2**63 - 1, got {value!r}")
+                seed[row], episode[row] = value, 0
+        self._seeded[rows] = True
+
+    def _place_fields(self, rows: Rows, record: NDArray[Any]) -> None:
+        world = self.world
+        placed = np.zeros(len(rows), dtype=np.int64)
+        kernels.place_fields(world.floats, world.ints, world.spec, record, rows, placed)
+        wanted = int(record["discs"][0] + record["polygons"][0])
+        failed = np.nonzero(placed < wanted)[0]
+        if len(failed) == 0:
+            return
+        row, count = int(rows[failed[0]]), int(placed[failed[0]])
+        where = f"{self.scenario.name}, seed {world.seed[row]}, episode {world.episode[row]}"
+        if count < 0:
+            raise ValueError(f"{where}: no start and goal with their clearance and separation fit into the bounds")
+        share = scenarios.covered_share(world, row)
+        raise ValueError(
+            f"{where}: only {count} of {wanted} obstacles found a free place in {kernels.ATTEMPTS} attempts; they cover "
+            f"{100.0 * share:.0f} % of the world"
+        )
+
+    def _place_layouts(self, rows: Rows) -> None:
+        layouts = [
+            scenarios.draw_layout(self.scenario, int(self.world.seed[row]), int(self.world.episode[row])) for row in rows
+        ]
+        for row, layout in zip(rows, layouts, strict=True):
+            self.world.load(int(row), layout)
+
+    def step(self, actions: ArrayLike, rows: Rows | None = None) -> Transition:
+        """Advance the rows by one step.
+
+        Args:
+            actions: (n, R, 2) in [-1, 1], see the action space; larger values are cut.
+            rows: numbers of the rows (n,), all by default.
+
+        Raises:
+            ValueError: actions of another shape, or not finite.
+            gymnasium.error.ResetNeeded: a row that has never been reset.
+        """
+        rows = self.all_rows if rows is None else rows
+        self.advance(actions, rows)
+        return self.transition(rows)
+
+    def advance(self, actions: ArrayLike, rows: Rows | None = None) -> None:
+        """Do what `step` does, and read nothing back."""
+        rows = self.all_rows if rows is None else rows
+        array = np.ascontiguousarray(actions, dtype=np.float64)
+        if array.shape != (len(rows), self.robots, 2):
+            raise ValueError(f"actions have shape {array.shape}, expected {(len(rows), self.robots, 2)}")
+        if not is_finite(array):
+            raise ValueError(f"actions must be finite, got {array[~np.isfinite(array)][0]}")
+        if not self._all_seeded:
+            self._require_episodes(rows)
+        self._run(kernels.step_rows, rows, array)
+
+    def _require_episodes(self, rows: Rows) -> None:
+        missing = rows[~self._seeded[rows]]
+        if len(missing):
+            raise ResetNeeded(f"row {missing[0]} has no episode yet: call reset first")
+        self._all_seeded = bool(self._seeded.all())
+
+    def _run(self, kernel: Callable[..., None], rows: Rows, *per_row: NDArray[Any]) -> None:
+        """Call a kernel over the rows, in blocks where there are threads to share them."""
+        if self._bound_world is not self.world.floats:
+            self._bind()
+        if self._pool is None or len(rows) < 2 * self._threads:
+            kernel(*self._arrays, *self._scratch[0], *per_row, rows)
+            return
+        jobs = []
+        for number, block in enumerate(np.array_split(np.arange(len(rows)), self._threads)):
+            parts = [array[block] for array in per_row]
+            jobs.append(self._pool.submit(kernel, *self._arrays, *self._scratch[number], *parts, rows[block]))
+        wait(jobs)
+        for job in jobs:
+            job.result()
+
+    def _bind(self) -> None:
+        """Take hold of the world's buffers, which are new ones once it has grown."""
+        world = self.world
+        self._scratch = [world.make_scratch() for _ in range(self._threads)]
+        self._bound_world = world.floats
+        self._arrays = (world.floats, world.ints, world.observation, world.spec, world.beams, world.footprint)
+        self._begins = {name: int(world.spec[name][0]) for name in REPORTED}
+        numbers = {name: begin for name, begin in self._begins.items() if name != "outcome"}
+        self._report_end = max(numbers.values()) + kernels.TERMS * self.robots
+
+    # ------------------------------------------------------------------------------------------ reading
+
+    def _read(self, name: str, rows: Rows) -> NDArray[Any]:
+        """A copy (n, R) of an array with one number a robot."""
+        values = self.world.array(name)
+        return values.copy() if rows is self.all_rows else values[rows]
+
+    def observations(self, rows: Rows | None = None) -> NDArray[np.float32]:
+        """Flat observations (n, R, D), a copy."""
+        if rows is None or rows is self.all_rows:
+            return self.world.observation.copy()
+        return self.world.observation[rows]
+
+    def transition(self, rows: Rows) -> Transition:
+        """What the last step gave for the rows."""
+        outcome = self._read("outcome", rows)
+        terminated = (outcome == kernels.SUCCESS) | (outcome == kernels.COLLISION)
+        return Transition(self.observations(rows), self._read("reward", rows), terminated, outcome == kernels.TIMEOUT)
+
+    def info(self, rows: Rows | None = None) -> dict[str, NDArray[Any]]:
+        """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms) in task.REWARD_TERMS' order."""
+        rows = self.all_rows if rows is None else rows
+        outcome = self._read("outcome", rows)
+        return {
+            "is_success": outcome == kernels.SUCCESS,
+            "collision": outcome == kernels.COLLISION,
+            "outcome": task.OUTCOME_NAMES[outcome],
+            "path_length": self._read("path_length", rows),
+            "time": np.repeat(self._read("time", rows), self.robots, axis=1),
+            "min_clearance": self._read("min_clearance", rows),
+            "goal_distance": self._read("goal_distance", rows),
+            "reward_terms": self._read("terms", rows).reshape(len(rows), self.robots, kernels.TERMS),
+        }
+
+    def robot_step(self, row: int = 0, robot: int = 0) -> RobotStep:
+        """What the last step (or reset) gave one robot; the quick way for a face of one world."""
+        if self._bound_world is not self.world.floats:
+            self._bind()
+        begin = self._begins
+        values = self.world.floats[row, : self._report_end].tolist()
+        outcome = self.world.ints.item(row, begin["outcome"] + robot)
+        terms = begin["terms"] + kernels.TERMS * robot
+        info = {
+            "is_success": outcome == kernels.SUCCESS,
+            "collision": outcome == kernels.COLLISION,
+            "outcome": task.OUTCOMES[outcome],
+            "path_length": values[begin["path_length"] + robot],
+            "time": values[begin["time"]],
+            "min_clearance": values[begin["min_clearance"] + robot],
+            "goal_distance": values[begin["goal_distance"] + robot],
+            "reward_terms": dict(zip(task.REWARD_TERMS, values[terms : terms + kernels.TERMS], strict=True)),
+        }
+        terminated = outcome in (kernels.SUCCESS, kernels.COLLISION)
+        return RobotStep(values[begin["reward"] + robot], terminated, outcome == kernels.TIMEOUT, info)
+
+    def shortest_path(self, row: int = 0, robot: int = 0) -> ShortestPath:
+        """The shortest path among the still obstacles for a robot of a row from where it stands to its goal.
+
+        A body that is no disc counts as the disc about it.
+        """
+        from bug_gym.shortest_path import shortest_path
+
+        layout = self.world.layout(row)
+        goal = layout.goals[min(robot, len(layout.goals) - 1)]
+        start, radius = layout.starts[robot, :2], self.scenario.robot.reach
+        return shortest_path(layout.circles, layout.polygons, layout.border, start, goal, radius=radius)
+
+    # ------------------------------------------------------------------------------------------ snapshots
+
+    def save(self) -> tuple[Snapshot, NDArray[np.bool_]]:
+        """Copy all that the future depends on, but for the actions."""
+        return self.world.save(), self._seeded.copy()
+
+    def restore(self, state: tuple[Snapshot, NDArray[np.bool_]]) -> None:
+        """Go back to a saved state of a Simulation of the same scenario and count; it goes on bit for bit."""
+        snapshot, seeded = state
+        self.world.restore(snapshot)
+        self._seeded[:] = seeded
+        self._all_seeded = bool(seeded.all())
+
+    def close(self) -> None:
+        """Let the threads go."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle everything but the threads and what is bound to the buffers."""
+        return {**self.__dict__, "_pool": None, "_scratch": [], "_bound_world": None, "_arrays": ()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Unpickle and start the threads again."""
+        self.__dict__.update(state)
+        if self._threads > 1:
+            self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="bug_gym")
+
+
+def is_finite(array: NDArray[np.float64]) -> bool:
+    """Whether all numbers are finite."""
+    if array.size <= 8:  # NumPy's two calls take 2 us, as much as a step of one world
+        return all(map(math.isfinite, array.ravel().tolist()))
+    return bool(np.isfinite(array).all())
+
+
+def field_capacity(record: NDArray[Any]) -> Capacity:
+    """Room for any world of a `field` scenario."""
+    discs, polygons = int(record["discs"][0]), int(record["polygons"][0])
+    corners = 4 if record["squares"][0] else kernels.MAX_VERTICES
+    return Capacity(discs=discs, polygons=polygons, walls=4 + corners * polygons)
+
+
+def announce_compilation() -> None:
+    """Say in the log that the kernels are about to be compiled, where numba's cache does not hold them yet."""
+    if kernels.step_rows.signatures:
+        return
+    folder = Path(kernels.step_rows.stats.cache_path)
+    if not any(folder.glob("kernels.step_rows-*.nbi")):
+        logger.warning("compiling the simulation's kernels, once on this machine (up to half a minute)")

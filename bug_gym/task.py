@@ -1,0 +1,38 @@
+"""The task of the robots: reach the goal, touch nothing, in time. Names of reward terms and outcomes.
+
+The arithmetic is compiled (kernels.judge); this is its vocabulary and what a scenario's weights mean.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bug_gym import kernels
+from bug_gym.config import Reward
+
+REWARD_TERMS = ("progress", "goal", "collision", "step", "clearance", "smoothness")
+"""Reward terms, in the order in which the core writes them. Each is weighted by the scenario's key of that name:
+
+- progress: metres by which the distance to the goal has shrunk in this step.
+- goal: 1 in the step that reaches the goal.
+- collision: 1 in the step that touches something.
+- step: 1 each step.
+- clearance: 1 - clearance / CLEARANCE_SCALE where the body came nearer to an obstacle than that scale, else 0.
+- smoothness: squared change of the action since the last step.
+"""
+
+CLEARANCE_SCALE = 0.5
+"""Clearance [m] below which the reward's clearance term begins."""
+
+OUTCOMES = ("running", "success", "collision", "timeout")
+"""Outcome of a robot, by the core's code. Success and collision terminate, the time limit truncates."""
+
+OUTCOME_NAMES = np.array(OUTCOMES, dtype=object)
+
+assert OUTCOMES.index("success") == kernels.SUCCESS and OUTCOMES.index("timeout") == kernels.TIMEOUT
+assert len(REWARD_TERMS) == kernels.TERMS
+
+
+def weights(reward: Reward) -> dict[str, float]:
+    """The weight of each reward term."""
+    return {name: float(getattr(reward, name)) for name in REWARD_TERMS}

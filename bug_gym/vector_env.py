@@ -1,0 +1,196 @@
+"""N worlds with one robot each as a native `gymnasium.vector.VectorEnv`: one call of the core steps them all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from bug_gym.config import load
+from bug_gym.navigation_env import (
+    ActionForm,
+    Observation,
+    ObservationForm,
+    RobotSpaces,
+    ScenarioSource,
+    require_one_of,
+    require_one_robot,
+    with_most_steps,
+)
+from bug_gym.simulation import Simulation
+from bug_gym.task import REWARD_TERMS
+
+Bools = NDArray[np.bool_]
+Infos = dict[str, Any]
+
+
+class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
+    """`num_envs` worlds of NavigationEnv, see there for what a robot sees, does and gets.
+
+    Row k is NavigationEnv with seed + k, bit for bit, whatever the number of rows and threads. Infos are arrays with
+    their masks, `key` and `_key`, as `gymnasium.vector.SyncVectorEnv` gives them.
+
+    Args:
+        num_envs: how many worlds, n.
+        scenario: a name, the path of a YAML file, a dict or a Scenario.
+        overrides: values by dotted key that replace the scenario's.
+        observation: "dict" or "flat".
+        action: "continuous" or "discrete".
+        render_mode: None or "rgb_array".
+        autoreset_mode: what happens with a row whose episode has ended. NEXT_STEP: its next step is a reset, the action
+            is ignored. SAME_STEP: it is reset at once, `final_obs` and `final_info` hold the end. DISABLED: the caller
+            resets it, `reset(options={"reset_mask": mask})`.
+        max_episode_steps: cuts off episodes after so many steps where the scenario's time limit comes later.
+        threads: how many threads share the rows; more pay from some two thousand worlds on.
+
+    Raises:
+        ValueError: a scenario that can't be, or with several robots; another form or mode than these.
+    """
+
+    metadata: dict[str, Any] = {
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        scenario: ScenarioSource = "static",
+        overrides: Mapping[str, Any] | None = None,
+        observation: ObservationForm = "dict",
+        action: ActionForm = "continuous",
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        threads: int = 1,
+    ) -> None:
+        require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
+        settings = with_most_steps(load(scenario, overrides), max_episode_steps)
+        self.simulation = Simulation(settings, num_envs, threads=threads)
+        require_one_robot(self.simulation)
+        self.spaces = RobotSpaces(self.simulation, observation, action)
+        self.num_envs = num_envs
+        self.single_observation_space = self.spaces.observation
+        self.single_action_space = self.spaces.action
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.render_mode = render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {
+            **self.metadata,
+            "render_fps": 1.0 / settings.time.step,
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self._ended = np.zeros(num_envs, dtype=bool)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observation, Infos]:
+        """Start an episode in each row, or in those of `options["reset_mask"]` only.
+
+        Args:
+            seed: row k gets seed + k, or the k-th of a sequence; where there is none, the row's next episode begins.
+            options: `reset_mask` (n,) bool, and `shortest_path` as NavigationEnv takes it; others are ignored.
+
+        Raises:
+            ValueError: a mask or a sequence of seeds of another length than n.
+        """
+        if isinstance(seed, (int, np.integer)):
+            super().reset(seed=int(seed))
+            seed = [int(seed) + k for k in range(self.num_envs)]
+        elif seed is not None and len(seed) != self.num_envs:
+            raise ValueError(f"got {len(seed)} seeds for {self.num_envs} rows")
+        options = options or {}
+        mask = self._everywhere() if options.get("reset_mask") is None else self._checked(options["reset_mask"])
+        rows = np.flatnonzero(mask)
+        self.simulation.reset(rows, None if seed is None else [seed[row] for row in rows])
+        self._ended[rows] = False
+        infos = self._infos(mask)
+        if options.get("shortest_path"):
+            lengths = np.array([self.simulation.shortest_path(row).length for row in rows])
+            infos |= with_masks({"shortest_path_length": lengths}, mask)
+        return self.spaces.present_batch(self.simulation.observations()[:, 0]), infos
+
+    def _everywhere(self) -> Bools:
+        return np.ones(self.num_envs, dtype=bool)
+
+    def _checked(self, mask: object) -> Bools:
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            raise ValueError(f"reset_mask is an array of {self.num_envs} bools, got {mask!r}")
+        if not mask.any():
+            raise ValueError("reset_mask names no row, expected at least one")
+        return mask
+
+    def step(self, actions: Any) -> tuple[Observation, NDArray[np.float64], Bools, Bools, Infos]:
+        """Drive for one step in each row; with NEXT_STEP, start anew instead in rows that ended in the last one."""
+        velocities = self.spaces.velocities(actions, (self.num_envs,))[:, None]
+        simulation, ended = self.simulation, np.flatnonzero(self._ended)
+        if len(ended) == 0:
+            simulation.advance(velocities)
+        elif self.autoreset_mode == AutoresetMode.NEXT_STEP:
+            going = np.flatnonzero(~self._ended)
+            simulation.advance(velocities[going], going)
+            simulation.reset(ended)
+        else:
+            raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")
+        flat, reward, terminated, truncated = (values[:, 0] for values in simulation.transition(simulation.all_rows))
+        self._ended = terminated | truncated
+        infos: Infos = {}
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
+            infos, ended = self._final_infos(flat), np.flatnonzero(self._ended)
+            flat[ended] = simulation.reset(ended)[:, 0]
+            self._ended[:] = False
+        return self.spaces.present_batch(flat), reward, terminated, truncated, infos | self._infos(self._everywhere())
+
+    def _infos(self, mask: Bools) -> Infos:
+        """The contract's info of the rows in the mask, as arrays with masks."""
+        rows = self.simulation.all_rows if mask.all() else np.flatnonzero(mask)
+        infos: Infos = {name: values[:, 0] for name, values in self.simulation.info(rows).items()}
+        infos["reward_terms"] = dict(zip(REWARD_TERMS, infos["reward_terms"].T, strict=True))
+        return with_masks(infos, mask)
+
+    def _final_infos(self, flat: NDArray[np.float32]) -> Infos:
+        """Last observations and infos of the rows that have ended, before they start anew."""
+        mask = self._ended.copy()
+        observations = np.full(self.num_envs, None, dtype=object)
+        for row in np.flatnonzero(mask):
+            observations[row] = self.spaces.present(flat[row].copy())
+        return {
+            "final_obs": observations,
+            "_final_obs": mask,
+            "final_info": self._infos(mask),
+            "_final_info": mask.copy(),
+        }
+
+    def close_extras(self) -> None:
+        """Let the threads go."""
+        self.simulation.close()
+
+
+def with_masks(infos: Infos, mask: Bools) -> Infos:
+    """Values of the rows in a mask (n,) as gymnasium's vector infos.
+
+    Each value becomes an array (n,), zero (None for objects) in the other rows, beside `_key`: the rows that have it.
+    """
+    masked: Infos = {}
+    for name, values in infos.items():
+        if isinstance(values, dict):
+            masked[name] = with_masks(values, mask)
+        elif len(values) == len(mask):
+            masked[name] = values
+        else:
+            masked[name] = np.full(len(mask), None if values.dtype == object else 0, dtype=values.dtype)
+            masked[name][mask] = values
+        masked[f"_{name}"] = mask.copy()
+    return masked

@@ -1,0 +1,545 @@
+"""The state of N worlds as arrays, row n = world n.
+
+All state lies in two flat buffers, `floats` (N, Wf) and `ints` (N, Wi): one row is contiguous for the kernels, and a copy
+of the buffers is a snapshot. The named arrays of a World are views into them. A `Layout` is one world as plain data:
+what a family of worlds makes, what pictures, shortest paths and files read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels
+from bug_gym.config import Bounce, Motion, RandomWalk, Scenario, Waypoints
+
+F64 = NDArray[np.float64]
+Rings = tuple[F64, ...]
+
+
+@dataclass(frozen=True)
+class Mover:
+    """An obstacle that moves as one body and doesn't turn."""
+
+    outline: float | F64
+    """Radius of a circle [m], or corners (k, 2) of a polygon relative to its place [m]."""
+    at: tuple[float, float]
+    """Place x, y [m]."""
+    motion: Motion
+    """How it moves."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One world at the start of an episode."""
+
+    border: F64
+    """Corners (k, 2) of the simple polygon that bounds the world [m]; always a wall."""
+    starts: F64
+    """Poses (R, 3) of the robots: x, y [m], heading [rad]."""
+    goals: F64
+    """Places (G, 2) of the goals [m]: one for all robots, or one each."""
+    circles: F64
+    """Still circles (n, 3): x, y, radius [m]."""
+    polygons: tuple[Rings, ...] = ()
+    """Still polygons, each a tuple of rings (k, 2): the shell, then its holes [m]."""
+    movers: tuple[Mover, ...] = ()
+    """Moving circles and polygons."""
+    target: Motion | None = None
+    """How the goals move; None: they stand."""
+    goal_room: float = 0.0
+    """Distance that a moving goal keeps from still obstacles [m]."""
+
+
+class Capacity(NamedTuple):
+    """How much one world may hold; worlds of a World are padded to the largest."""
+
+    discs: int = 0
+    polygons: int = 0
+    walls: int = 4
+    ways: int = 0
+
+    @classmethod
+    def of(cls, layout: Layout) -> Capacity:
+        """What this layout needs."""
+        rings = [ring for polygon in layout.polygons for ring in polygon]
+        moving = [mover.outline for mover in layout.movers if not isinstance(mover.outline, float)]
+        motions = [mover.motion for mover in layout.movers] + [layout.target] * len(layout.goals)
+        return cls(
+            discs=len(layout.circles) + len(layout.movers) - len(moving),
+            polygons=len(layout.polygons) + len(moving),
+            walls=len(layout.border) + sum(map(len, rings)) + sum(map(len, moving)),
+            ways=sum(len(motion.points) for motion in motions if isinstance(motion, Waypoints)),
+        )
+
+    def joined(self, other: Capacity) -> Capacity:
+        """The larger of the two in each respect."""
+        return Capacity(*map(max, self, other))
+
+
+class Snapshot(NamedTuple):
+    """All that a World's future depends on, but for the actions."""
+
+    capacity: Capacity
+    floats: F64
+    ints: NDArray[np.int64]
+    observation: NDArray[np.float32]
+
+
+class World:
+    """N worlds of one scenario as arrays.
+
+    Args:
+        scenario: what the worlds have in common.
+        count: how many worlds, N.
+        width: length D of a robot's flat observation.
+        weights: weight of each reward term by name.
+        clearance_scale: clearance at which the reward's clearance term begins [m].
+        span: longest distance inside the bounds [m].
+        capacity: what to leave room for; it grows by itself where a layout needs more.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        count: int,
+        *,
+        width: int,
+        weights: dict[str, float],
+        clearance_scale: float,
+        span: float,
+        capacity: Capacity | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.count = count
+        self.robots = scenario.robots.count
+        self.goals = self.robots if any(place.goal for place in scenario.robots.places) else 1
+        self.footprint = np.array(scenario.robot.footprint, dtype=np.float64)
+        self.beams = beam_table(scenario)
+        self.spec = np.zeros(1, dtype=kernels.SPEC)
+        self._set_constants(weights, clearance_scale, span, width)
+        self.observation: NDArray[np.float32] = np.zeros((count, self.robots, width), dtype=np.float32)
+        self._allocate(capacity or Capacity())
+
+    def _set_constants(self, weights: dict[str, float], clearance_scale: float, span: float, width: int) -> None:
+        robot, lidar, odometry = self.scenario.robot, self.scenario.lidar, self.scenario.odometry
+        angles = beam_angles(self.scenario)
+        constants: dict[str, Any] = {
+            "robots": self.robots,
+            "goals": self.goals,
+            "beams": lidar.beams,
+            "footprint": len(self.footprint),
+            "width": width,
+            "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
+            "limit_steps": self.scenario.time.steps,
+            "full_circle": int(is_full_circle(self.scenario)),
+            "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
+            "step": self.scenario.time.step,
+            "max_speed": robot.max_speed,
+            "max_reverse": robot.max_reverse,
+            "max_turn_rate": robot.max_turn_rate,
+            "max_acceleration": math.inf if robot.max_acceleration is None else robot.max_acceleration,
+            "body_reach": robot.reach,
+            "goal_radius": self.scenario.goal.radius,
+            "reach": lidar.range,
+            "min_range": lidar.min_range,
+            "first_angle": angles[0],
+            "angle_step": angles[1] - angles[0] if lidar.beams > 1 else 2.0 * math.pi,
+            "range_noise": lidar.noise,
+            "dropout": lidar.dropout,
+            "translation_noise": odometry.translation_noise,
+            "rotation_noise": odometry.rotation_noise,
+            "translation_bias": odometry.translation_bias,
+            "rotation_bias": odometry.rotation_bias,
+            "clearance_scale": clearance_scale,
+            "span": span,
+        }
+        constants.update({f"weight_{name}": value for name, value in weights.items()})
+        for name, value in constants.items():
+            self.spec[name] = value
+
+    def _allocate(self, capacity: Capacity) -> None:
+        """Lay out the buffers for a capacity, empty."""
+        self.capacity = capacity
+        robots, walls = self.robots, capacity.walls
+        # The other robots stand behind the world's own discs while one robot looks.
+        discs = capacity.discs + (robots - 1) * len(self.footprint)
+        bodies = discs + capacity.polygons + self.goals
+        counts = {"discs": discs, "polygons": capacity.polygons, "bodies": bodies, "walls": walls, "ways": capacity.ways}
+        for name, value in counts.items():
+            self.spec[name] = value
+        sizes = {"time": 1, "fastest": 1, "pose": 3 * robots, "next_pose": 3 * robots, "origin": 3 * robots}
+        sizes |= {"odometry": 3 * robots, "velocity": 2 * robots, "command": 2 * robots, "terms": kernels.TERMS * robots}
+        sizes |= dict.fromkeys(("goal_distance", "path_length", "clearance", "min_clearance", "reward"), robots)
+        sizes |= dict.fromkeys(("leg_min", "leg_max"), bodies)
+        sizes |= dict.fromkeys(("seed", "episode", "steps", "disc_count", "moving_disc_count"), 1)
+        sizes |= dict.fromkeys(("polygon_count", "moving_polygon_count", "wall_count", "moving_wall_count"), 1)
+        sizes |= {"outcome": robots, "goal_body": robots}
+        by_prefix = {"body": bodies, "last": bodies, "wall": walls, "local": walls}
+        way_of_body = ("way_first", "way_count", "way_next", "way_loops")
+        self._places: dict[str, tuple[int, int]] = {}
+        widths = []
+        for names in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS):
+            begin = 0
+            for name in names:
+                size = sizes.get(name)
+                if size is None:
+                    size = bodies if name in way_of_body else by_prefix.get(name.split("_")[0], capacity.ways)
+                self.spec[name] = begin
+                self._places[name] = (begin, size)
+                begin += size
+            widths.append(begin)
+        self.floats: F64 = np.zeros((self.count, widths[0]))
+        self.ints: NDArray[np.int64] = np.zeros((self.count, widths[1]), dtype=np.int64)
+        self.scratch_sizes = kernels.scratch_sizes(discs, walls, int(self.spec["beams"][0]), robots)
+
+    def make_scratch(self) -> tuple[F64, NDArray[np.int64]]:
+        """Working memory for the kernels; each thread needs its own."""
+        floats, ints = self.scratch_sizes
+        return np.zeros(floats), np.zeros(ints, dtype=np.int64)
+
+    # ------------------------------------------------------------------------------------------ named arrays
+
+    def array(self, name: str) -> NDArray[Any]:
+        """View (N, size) of a named array of the rows (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS)."""
+        begin, size = self._places[name]
+        buffer: NDArray[Any] = self.floats if name in kernels.FLOAT_ARRAYS else self.ints
+        return buffer[:, begin : begin + size]
+
+    def _pair(self, first: str) -> F64:
+        """View (N, n, 2) of two arrays that follow one another, x then y."""
+        begin, size = self._places[first]
+        return self.floats[:, begin : begin + 2 * size].reshape(self.count, 2, size).swapaxes(1, 2)
+
+    def _by_robot(self, name: str) -> F64:
+        return self.array(name).reshape(self.count, self.robots, -1)
+
+    @property
+    def time(self) -> F64:
+        """Time since the start of the episode (N,) [s]."""
+        return self.array("time")[:, 0]
+
+    @property
+    def seed(self) -> NDArray[np.int64]:
+        """Seed of each row (N,)."""
+        return self.array("seed")[:, 0]
+
+    @property
+    def episode(self) -> NDArray[np.int64]:
+        """Number of the episode since the row was seeded (N,)."""
+        return self.array("episode")[:, 0]
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """Steps since the start of the episode (N,)."""
+        return self.array("steps")[:, 0]
+
+    @property
+    def pose(self) -> F64:
+        """True poses (N, R, 3): x, y [m], heading [rad]."""
+        return self._by_robot("pose")
+
+    @property
+    def odometry(self) -> F64:
+        """The robots' own estimates of their poses in the frame of the start (N, R, 3)."""
+        return self._by_robot("odometry")
+
+    @property
+    def velocity(self) -> F64:
+        """Body velocities (N, R, 2): ahead [m/s] and turn rate [rad/s], or ahead and to the left [m/s]."""
+        return self._by_robot("velocity")
+
+    @property
+    def outcome(self) -> NDArray[np.int64]:
+        """Outcome codes (N, R), see kernels.RUNNING and its neighbours."""
+        return self.array("outcome")
+
+    @property
+    def active(self) -> NDArray[np.bool_]:
+        """Robots still in play (N, R); the others stand and are obstacles."""
+        return self.outcome == kernels.RUNNING
+
+    @property
+    def goal(self) -> F64:
+        """Places of the robots' goals (N, R, 2) [m]."""
+        index = self.array("goal_body")[:, :, None]
+        return np.take_along_axis(self._pair("body_x"), index, axis=1)
+
+    @property
+    def disc_position(self) -> F64:
+        """Centres (N, M, 2) of circular obstacles [m]; the moving ones come first, `disc_count` says how many count."""
+        return self._pair("body_x")[:, : self.capacity.discs]
+
+    @property
+    def disc_velocity(self) -> F64:
+        """Velocities (N, M, 2) of circular obstacles [m/s]."""
+        return self._pair("body_vx")[:, : self.capacity.discs]
+
+    @property
+    def disc_radius(self) -> F64:
+        """Radii (N, M) of circular obstacles [m]."""
+        return self.array("body_radius")[:, : self.capacity.discs]
+
+    @property
+    def disc_count(self) -> NDArray[np.int64]:
+        """How many circular obstacles each row has (N,)."""
+        return self.array("disc_count")[:, 0]
+
+    @property
+    def wall(self) -> F64:
+        """Wall segments (N, S, 4): x1, y1, x2, y2 [m]; `wall_count` says how many count."""
+        begin, size = self._places["wall_x1"]
+        return self.floats[:, begin : begin + 4 * size].reshape(self.count, 4, size).swapaxes(1, 2)
+
+    @property
+    def wall_count(self) -> NDArray[np.int64]:
+        """How many wall segments each row has (N,)."""
+        return self.array("wall_count")[:, 0]
+
+    @property
+    def ranges(self) -> NDArray[np.float32]:
+        """Last scans (N, R, B) [m]."""
+        return self.observation[:, :, : int(self.spec["beams"][0])]
+
+    # ------------------------------------------------------------------------------------------ growth and snapshots
+
+    def grow(self, capacity: Capacity) -> None:
+        """Make room for a capacity; the worlds stay as they are, bit for bit."""
+        wanted = self.capacity.joined(capacity)
+        if wanted == self.capacity:
+            return
+        old = {name: self.array(name).copy() for name in self._places}
+        discs, polygons = int(self.spec["discs"][0]), self.capacity.polygons
+        self._allocate(wanted)
+        # Bodies are discs, then polygons, then goals: the last two move up.
+        disc_shift = int(self.spec["discs"][0]) - discs
+        goal_shift = disc_shift + wanted.polygons - polygons
+        new_index = np.arange(discs + polygons + self.goals)
+        new_index[discs:] += disc_shift
+        new_index[discs + polygons :] += goal_shift - disc_shift
+        for name, values in old.items():
+            if name.startswith(PER_BODY):
+                self.array(name)[:, new_index] = values
+            else:
+                self.array(name)[:, : values.shape[1]] = values
+        self.array("goal_body")[:] += goal_shift
+        self.array("wall_body")[self.array("wall_body") >= 0] += disc_shift
+
+    def save(self) -> Snapshot:
+        """Copy all that the future depends on."""
+        return Snapshot(self.capacity, self.floats.copy(), self.ints.copy(), self.observation.copy())
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot of a World of the same scenario and count.
+
+        Raises:
+            ValueError: the snapshot is of another number of worlds or robots.
+        """
+        if snapshot.observation.shape != self.observation.shape:
+            came, expected = snapshot.observation.shape, self.observation.shape
+            raise ValueError(f"the snapshot's observations have shape {came}, expected {expected}")
+        if snapshot.capacity != self.capacity:
+            self._allocate(snapshot.capacity)
+        self.floats[:] = snapshot.floats
+        self.ints[:] = snapshot.ints
+        self.observation[:] = snapshot.observation
+
+    # ------------------------------------------------------------------------------------------ layouts
+
+    def load(self, row: int, layout: Layout) -> None:
+        """Put a layout into a row; `kernels.begin_rows` then starts its episode."""
+        self.grow(Capacity.of(layout))
+        seed, episode = self.seed[row], self.episode[row]
+        self.floats[row] = 0.0
+        self.ints[row] = 0
+        self.seed[row], self.episode[row] = seed, episode
+        self.pose[row] = layout.starts
+        writer = _Writer(self, row)
+        circular = [mover for mover in layout.movers if isinstance(mover.outline, float)]
+        polygonal = [mover for mover in layout.movers if not isinstance(mover.outline, float)]
+        for disc, mover in enumerate(circular):
+            writer.body(disc, mover.at, cast_radius(mover.outline), mover.motion)
+        for disc, (x, y, radius) in enumerate(layout.circles, start=len(circular)):
+            writer.body(disc, (float(x), float(y)), float(radius), None)
+        first_polygon = int(self.spec["discs"][0])
+        for number, mover in enumerate(polygonal):
+            ring = np.asarray(mover.outline, dtype=np.float64)
+            writer.body(first_polygon + number, mover.at, float(np.hypot(*ring.T).max()), mover.motion)
+            writer.ring(ring, at=mover.at, body=first_polygon + number, polygon=number)
+        moving_walls = writer.walls
+        writer.ring(layout.border, polygon=kernels.BORDER)
+        for number, rings in enumerate(layout.polygons, start=len(polygonal)):
+            for order, ring in enumerate(rings):
+                writer.ring(ring, polygon=number, order=order)
+        first_goal = first_polygon + self.capacity.polygons
+        for number, (x, y) in enumerate(layout.goals):
+            writer.body(first_goal + number, (float(x), float(y)), layout.goal_room, layout.target)
+        counts = {
+            "disc_count": len(circular) + len(layout.circles),
+            "moving_disc_count": len(circular),
+            "polygon_count": len(polygonal) + len(layout.polygons),
+            "moving_polygon_count": len(polygonal),
+            "wall_count": writer.walls,
+            "moving_wall_count": moving_walls,
+        }
+        for name, value in counts.items():
+            self.array(name)[row] = value
+        self.array("goal_body")[row] = first_goal + np.minimum(np.arange(self.robots), self.goals - 1)
+
+    def layout(self, row: int) -> Layout:
+        """The row as plain data, as it stands now: movers at their present places with their present velocities."""
+        reader = _Reader(self, row)
+        discs, moving = int(self.disc_count[row]), int(self.array("moving_disc_count")[row, 0])
+        moving_polygons = int(self.array("moving_polygon_count")[row, 0])
+        position, radius = self.disc_position[row], self.disc_radius[row]
+        first_polygon = int(self.spec["discs"][0])
+        movers = [Mover(float(radius[disc]), reader.place(disc), reader.motion(disc)) for disc in range(moving)]
+        rings = reader.rings()
+        for number in range(moving_polygons):
+            at = reader.place(first_polygon + number)
+            movers.append(Mover(rings[number][0] - np.array(at), at, reader.motion(first_polygon + number)))
+        goal = first_polygon + self.capacity.polygons
+        return Layout(
+            border=rings[kernels.BORDER][0],
+            starts=self.pose[row].copy(),
+            goals=np.array([reader.place(goal + number) for number in range(self.goals)]),
+            circles=np.column_stack([position[moving:discs], radius[moving:discs]]),
+            polygons=tuple(rings[number] for number in sorted(rings) if number >= moving_polygons),
+            movers=tuple(movers),
+            target=reader.motion(goal) if self.array("body_law")[row, goal] != kernels.STILL else None,
+            goal_room=float(self.array("body_radius")[row, goal]),
+        )
+
+
+PER_BODY = ("body_", "last_", "leg_", "way_first", "way_count", "way_next", "way_loops")
+"""Beginnings of the names of arrays with one entry a body."""
+
+
+def cast_radius(outline: float | F64) -> float:
+    """The radius of a circular mover."""
+    return float(np.asarray(outline))
+
+
+class _Writer:
+    """Writes bodies and rings into one row, in order."""
+
+    def __init__(self, world: World, row: int) -> None:
+        self.arrays = {name: world.array(name)[row] for name in (*kernels.FLOAT_ARRAYS, *kernels.INT_ARRAYS)}
+        self.walls = 0
+        self.ways = 0
+
+    def body(self, body: int, at: tuple[float, float], radius: float, motion: Motion | None) -> None:
+        """Place a body; `motion` None: it stands."""
+        a = self.arrays
+        a["body_x"][body], a["body_y"][body] = at
+        a["body_radius"][body] = radius
+        if isinstance(motion, Bounce):
+            a["body_law"][body] = kernels.BOUNCE
+            # A speed without a direction was drawn into a velocity by the family that made the layout.
+            velocity = motion.velocity or (0.0, 0.0)
+            a["body_vx"][body], a["body_vy"][body] = velocity
+            a["body_speed"][body] = math.hypot(*velocity)
+        elif isinstance(motion, RandomWalk):
+            a["body_law"][body] = kernels.RANDOM_WALK
+            a["body_speed"][body] = motion.speed
+            a["leg_min"][body], a["leg_max"][body] = motion.min_leg, motion.max_leg
+        elif isinstance(motion, Waypoints):
+            a["body_law"][body] = kernels.WAYPOINTS
+            a["body_speed"][body] = motion.speed
+            a["way_loops"][body] = int(not motion.stop)
+            self._ways(body, motion)
+
+    def _ways(self, body: int, motion: Waypoints) -> None:
+        end = self.ways + len(motion.points)
+        self.arrays["way_first"][body] = self.ways
+        self.arrays["way_count"][body] = len(motion.points)
+        self.arrays["way_x"][self.ways : end] = [x for x, _ in motion.points]
+        self.arrays["way_y"][self.ways : end] = [y for _, y in motion.points]
+        self.ways = end
+
+    def ring(
+        self, ring: F64, *, polygon: int, order: int = 0, at: tuple[float, float] = (0.0, 0.0), body: int = -1
+    ) -> None:
+        """Append a closed ring (k, 2) as wall segments; with a body, relative to its place `at`."""
+        a, first, end = self.arrays, self.walls, self.walls + len(ring)
+        after = np.roll(ring, -1, axis=0)
+        for name, values in (("x1", ring[:, 0]), ("y1", ring[:, 1]), ("x2", after[:, 0]), ("y2", after[:, 1])):
+            a[f"wall_{name}"][first:end] = values + at[0 if name.startswith("x") else 1]
+            a[f"local_{name}"][first:end] = values
+        a["wall_body"][first:end] = body
+        a["wall_polygon"][first:end] = polygon
+        a["wall_ring"][first:end] = order
+        self.walls = end
+
+
+class _Reader:
+    """Reads bodies and rings out of one row."""
+
+    def __init__(self, world: World, row: int) -> None:
+        self.arrays = {name: world.array(name)[row] for name in (*kernels.FLOAT_ARRAYS, *kernels.INT_ARRAYS)}
+
+    def place(self, body: int) -> tuple[float, float]:
+        """Place of a body [m]."""
+        return float(self.arrays["body_x"][body]), float(self.arrays["body_y"][body])
+
+    def motion(self, body: int) -> Motion:
+        """Motion of a body from now on."""
+        a = self.arrays
+        law, speed = a["body_law"][body], float(a["body_speed"][body])
+        if law == kernels.WAYPOINTS:
+            first, count, done = int(a["way_first"][body]), int(a["way_count"][body]), int(a["way_next"][body])
+            points = [(float(a["way_x"][first + i]), float(a["way_y"][first + i])) for i in range(count)]
+            loops = bool(a["way_loops"][body])
+            # The way-points still to come: all of them in turn where the body goes round.
+            points = points[done:] + points[:done] if loops else points[done:] or points[-1:]
+            return Waypoints(law="waypoints", points=tuple(points), speed=speed, stop=not loops)
+        if law == kernels.RANDOM_WALK:
+            low, high = float(a["leg_min"][body]), float(a["leg_max"][body])
+            return RandomWalk(law="random_walk", speed=speed, min_leg=low, max_leg=high)
+        return Bounce(law="bounce", velocity=(float(a["body_vx"][body]), float(a["body_vy"][body])))
+
+    def rings(self) -> dict[int, Rings]:
+        """Rings (k, 2) of each polygon by its number, the border's under kernels.BORDER."""
+        a, count = self.arrays, int(self.arrays["wall_count"][0])
+        corners = np.column_stack([a["wall_x1"][:count], a["wall_y1"][:count]])
+        polygon, ring = a["wall_polygon"][:count], a["wall_ring"][:count]
+        result: dict[int, Rings] = {}
+        for number in np.unique(polygon):
+            mine = polygon == number
+            result[int(number)] = tuple(corners[mine & (ring == order)] for order in np.unique(ring[mine]))
+        return result
+
+
+def is_full_circle(scenario: Scenario) -> bool:
+    """Whether the LIDAR looks all round."""
+    return scenario.lidar.fov >= 2.0 * math.pi - 1e-9
+
+
+def beam_angles(scenario: Scenario) -> F64:
+    """Angle of each beam (B,) from the robot's heading [rad], counter-clockwise.
+
+    All round, beam i points at 2 pi i / B; over a narrower field of view the beams spread evenly from -fov/2 to fov/2,
+    both included (a single beam looks ahead).
+    """
+    beams, fov = scenario.lidar.beams, scenario.lidar.fov
+    if is_full_circle(scenario):
+        return 2.0 * np.pi * np.arange(beams) / beams
+    return np.linspace(-0.5 * fov, 0.5 * fov, beams) if beams > 1 else np.zeros(1)
+
+
+def beam_table(scenario: Scenario) -> F64:
+    """Cosine and sine of each beam's angle (2, B)."""
+    angles = beam_angles(scenario)
+    return np.stack([np.cos(angles), np.sin(angles)])
+
+
+def side_by_side(start: Sequence[float], robots: int) -> F64:
+    """Poses (R, 3) of robots 2 m apart in a row across the heading, their middle at `start`."""
+    x, y, heading = start
+    offset = 2.0 * np.arange(robots) - (robots - 1.0)
+    return np.column_stack([x - offset * math.sin(heading), y + offset * math.cos(heading), np.full(robots, heading)])

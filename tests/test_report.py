@@ -1,0 +1,163 @@
+"""Tables and files of a summary."""
+
+import csv
+import io
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from bug_gym.intervals import Summary, summarise
+from bug_gym.metrics import EpisodeRow
+from bug_gym.report import print_table, write_summary
+
+BLANK = EpisodeRow(
+    "a", "box", 0, 0, "success", "", True, 8.0, 80, 8.0, 0.2, 8.0, 1.0, nan, 0.5, 0, 0.0, 0.004, 0.01, 0.1
+)
+ROWS = [
+    replace(BLANK, policy="bug2", seed=1, time=10.0, path_length=10.0, spl=0.8),
+    replace(BLANK, policy="bug2", seed=2, time=20.0, path_length=14.0, spl=8.0 / 14.0),
+    replace(BLANK, policy="[red]pipe|d[/red]", seed=1, outcome="collision", success=False, spl=0.0),
+    replace(BLANK, policy="[red]pipe|d[/red]", seed=2, outcome="gave_up", success=False, spl=0.0, verdict="stuck"),
+]
+FILES = {"summary.json", "summary.csv", "summary.md"}
+
+
+def printed(summaries: list[Summary], width: int = 240) -> str:
+    """What print_table prints on a screen that is so many columns wide."""
+    console = Console(file=io.StringIO(), width=width)
+    print_table(summaries, console)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def refuse_constant(text: str) -> float:
+    """Fail on what Python's JSON reads but strict JSON does not have."""
+    raise AssertionError(f"{text} is not JSON")
+
+
+def load(path: Path) -> Any:
+    """Read a strict JSON file."""
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse_constant)
+
+
+def test_a_printed_line_shows_the_numbers_of_its_policy() -> None:
+    (line,) = [line for line in printed(summarise(ROWS)).splitlines() if "bug2" in line]
+    # Two successes of two; (10 / 8 + 14 / 8) / 2 = 1.5; (10 + 20) / 2 = 15 s; 4 ms a decision.
+    for text in ("100.0 [", "1.50", "15.0", "4.000", "0.69"):
+        assert text in line
+
+
+def test_names_intervals_and_numbers_are_whole_on_a_screen_of_80_columns() -> None:
+    rows = [replace(row, policy="a_long_name_of_a_policy" if row.success else "short") for row in ROWS]
+    text = printed(summarise(rows), width=80)
+    assert "…" not in text
+    # A long name goes on in the next line; together its pieces are the name.
+    assert "a_long_name_of_a_policy" in "".join(word for line in text.splitlines() for word in line.split()[:1])
+
+
+def test_a_narrow_screen_folds_names_and_no_numbers() -> None:
+    rows = [replace(row, policy="a_long_name_of_a_policy" if row.success else "short") for row in ROWS]
+    # Wilson's lower bound at 2 of 2 is 2 / (2 + 1.96^2) = 0.342.
+    assert "100.0 [34.2, 100.0]" in printed(summarise(rows), width=66)
+
+
+def test_a_policy_named_in_brackets_is_printed_as_it_is_named() -> None:
+    assert "[red]pipe|d[/red]" in printed(summarise(ROWS))
+
+
+def test_there_is_a_table_for_each_scenario_and_one_for_all() -> None:
+    rows = [*ROWS, *(replace(row, scenario="maze") for row in ROWS)]
+    text = printed(summarise(rows))
+    assert [text.count(title) for title in ("box", "maze", "all scenarios")] == [1, 1, 1]
+
+
+def test_a_single_scenario_needs_no_table_for_all() -> None:
+    assert "all scenarios" not in printed(summarise(ROWS))
+
+
+def test_a_column_in_which_nothing_was_measured_is_left_out() -> None:
+    assert "earliest / time" not in printed(summarise(ROWS)) and "SPL" in printed(summarise(ROWS))
+    moving = summarise([replace(row, spl=nan, time_ratio=0.5) for row in ROWS])
+    assert "earliest / time" in printed(moving) and "SPL" not in printed(moving)
+
+
+def test_printing_no_summaries_is_refused() -> None:
+    with pytest.raises(ValueError, match="no summaries"):
+        printed([])
+
+
+def test_the_rows_come_back_from_the_json(tmp_path: Path) -> None:
+    rows = [replace(row, time_ratio=0.5) for row in ROWS]
+    write_summary(tmp_path, rows, summarise(rows))
+    assert [EpisodeRow.from_dict(data) for data in load(tmp_path / "summary.json")["rows"]] == rows
+
+
+def test_the_json_is_strict_and_holds_the_summaries(tmp_path: Path) -> None:
+    rows = [replace(row, spl=nan, shortest_path_length=inf) for row in ROWS]
+    summaries = summarise(rows)
+    write_summary(tmp_path, rows, summaries)
+    assert load(tmp_path / "summary.json")["summaries"] == [summary.as_dict() for summary in summaries]
+
+
+def test_the_csv_has_a_line_for_each_summary(tmp_path: Path) -> None:
+    summaries = summarise(ROWS)
+    write_summary(tmp_path, ROWS, summaries)
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "summary.csv").read_text(encoding="utf-8"))))
+    assert [(line["policy"], line["scenario"]) for line in lines] == [(one.policy, one.scenario) for one in summaries]
+    assert [float(line["success"]) for line in lines] == [one.success for one in summaries]
+    assert lines[1]["verdicts"] == "stuck:1" and lines[1]["time"] == ""
+
+
+def test_each_markdown_table_is_as_wide_as_its_header(tmp_path: Path) -> None:
+    write_summary(tmp_path, ROWS, summarise(ROWS))
+    text = (tmp_path / "summary.md").read_text(encoding="utf-8")
+    header, rule, *lines = [line.replace("\\|", "") for line in text.splitlines() if line.startswith("|")]
+    assert len(lines) == 2 and "pipe" in lines[1]
+    assert {line.count("|") for line in (header, rule, *lines)} == {header.count("|")}
+
+
+def test_a_folder_is_made_and_holds_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "deeper"
+    write_summary(folder, ROWS, summarise(ROWS))
+    assert {path.name for path in folder.iterdir()} == FILES
+
+
+def test_writing_again_replaces_the_files(tmp_path: Path) -> None:
+    write_summary(tmp_path, ROWS, summarise(ROWS))
+    write_summary(tmp_path, ROWS[:1], summarise(ROWS[:1]))
+    assert len(load(tmp_path / "summary.json")["rows"]) == 1
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+
+
+def test_a_file_is_complete_before_it_takes_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_summary(tmp_path, ROWS, summarise(ROWS))
+    before = {name: (tmp_path / name).read_bytes() for name in FILES}
+
+    def fail(source: Path, target: Path) -> None:
+        assert load(source)["rows"], "the text must be written by now"
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_summary(tmp_path, ROWS[:1], summarise(ROWS[:1]))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_writing_no_summaries_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no summaries"):
+        write_summary(tmp_path, ROWS, [])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_module_loads_without_rich_and_matplotlib() -> None:
+    code = "import sys, bug_gym.report; print([name for name in ('rich', 'matplotlib') if name in sys.modules])"
+    root = Path(__file__).resolve().parent.parent
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
