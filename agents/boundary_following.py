@@ -14,6 +14,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from bug_gym import kernels
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, Memory, Velocity
@@ -102,6 +104,8 @@ class Contour:
     """Own place at the last decision, odometry frame [m]."""
     goal: Point
     """Where the target was when the lap began, odometry frame [m]."""
+    approach: float
+    """Direction in which it came to the hit point, odometry frame [rad]."""
     before: Point = (0.0, 0.0)
     """Own place at the decision before, odometry frame [m]."""
     heading: float | None = None
@@ -230,21 +234,39 @@ class Boundary:
             return True
         return view.free_distance(bearing, self.inner) >= min(distance, self.leave_length)
 
+    def points_away(self, view: View, bearing: float, contour: Contour) -> bool:
+        """Whether a bearing [rad] points away from the wall that the hand is on.
+
+        A way that is free of the followed obstacle, if only as far as the next one: algorithms that may leave at few
+        places (on the M-line) take it, and hit the next one.
+        """
+        x, y = view.to_robot(*contour.wall)
+        return math.cos(bearing - math.atan2(y, x)) < -0.1
+
     # ------------------------------------------------------------------------------------------ boundary following
 
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
         """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
-        distance, wall_bearing = view.nearest(bearing, 0.5 * math.pi)
-        if not math.isfinite(distance):
-            distance, wall_bearing = self.clearance, bearing
-        wall = view.to_odometry(distance * math.cos(wall_bearing), distance * math.sin(wall_bearing))
-        contour = Contour(side, hit=view.position, wall=wall, position=view.position, goal=view.goal_position)
-        contour.before = view.position
+        wall = view.to_odometry(*self._blocking_point(view, bearing))
+        approach = wrap(bearing + view.heading)
+        contour = Contour(side, view.position, wall, view.position, view.goal_position, approach, view.position)
         memory.contour = contour
         memory.hits.append(view.position)
         memory.hit_sides.append(side)
         memory.hit_odometers.append(memory.odometer)
         return contour
+
+    def _blocking_point(self, view: View, bearing: float) -> Point:
+        """The scan point that a disc going along a bearing [rad] touches first, in the robot's frame [m]."""
+        x, y = view.points
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        along, lateral = x * cos + y * sin, y * cos - x * sin
+        room = self.clearance**2 - lateral**2
+        way = np.where((along > 0.0) & (room > 0.0), along - np.sqrt(np.maximum(room, 0.0)), np.inf)
+        if len(way) == 0 or not math.isfinite(way.min()):
+            return self.clearance * cos, self.clearance * sin
+        index = int(way.argmin())
+        return float(x[index]), float(y[index])
 
     def leave(self, view: View, memory: BugMemory) -> None:
         """Stop following; records the leave point."""
@@ -294,7 +316,7 @@ class Boundary:
         contour = memory.contour
         assert contour is not None
         bearing = self._wall_bearing(view, contour)
-        travel = None if contour.heading is None else contour.heading - view.heading
+        travel = (contour.approach if contour.heading is None else contour.heading) - view.heading
         heading = self._open_heading(view, bearing, contour.side, travel)
         if heading is None:
             contour.waited += self.sensors.drive.step
@@ -332,14 +354,14 @@ class Boundary:
         if square[index] <= self.clearance**2:
             contour.wall = view.to_odometry(float(x[index]), float(y[index]))
 
-    def _open_heading(self, view: View, wall_bearing: float, side: int, travel: float | None) -> float | None:
+    def _open_heading(self, view: View, wall_bearing: float, side: int, travel: float) -> float | None:
         """First heading away from the wall along which a step ends on the contour; None: boxed in.
 
         A gap narrower than twice the clearance would turn the robot back by the noise of a range; it goes on through
         the middle where the gap is wider than twice `inner`.
         """
         turned = self._turn_from(view, wall_bearing, side, self.clearance)
-        if travel is not None and (turned is None or abs(wrap(turned - travel)) > TURNED_BACK):
+        if turned is None or abs(wrap(turned - travel)) > TURNED_BACK:
             inner = self._turn_from(view, wall_bearing, side, self.inner)
             if inner is not None and abs(wrap(inner - travel)) < 0.5 * math.pi:
                 angles = [inner + side * share * OUTWARD / 8.0 for share in range(9)]

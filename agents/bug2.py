@@ -109,7 +109,9 @@ class Bug2(ScriptedPolicy):
             crossing = view.position  # it grazes the line without crossing it
         if crossing is None or math.dist(crossing, line.goal) > memory.hit_distance - ON_LINE * self.boundary.step:
             return False
-        return self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour)
+        if self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
+            return True
+        return self.boundary.leave_rule == "any" and self.boundary.points_away(view, view.goal_bearing, contour)
 
     def draw(self, memory: Bug2Memory) -> Drawing:
         """Hit and leave points and the M-line."""

@@ -1,6 +1,6 @@
 """Fast 2D navigation among unknown obstacles, and the Bug algorithms to play it.
 
-Importing it registers the environments with Gymnasium (and with PettingZoo, where that has a registry); compiled code is
+Importing it registers the environments with Gymnasium, and with PettingZoo where that has a registry; compiled code is
 loaded when the first one is made.
 """
 
@@ -20,7 +20,7 @@ __version__ = "0.1.0"
 __all__ = ["__version__", "env", "parallel_env", "register_envs"]
 
 SCENARIOS_BY_ID = {
-    "BugGym/Navigation-v0": None,  # takes `scenario=`
+    "BugGym/Navigation-v0": "static",  # unless `scenario=` says another
     "BugGym/Static-v0": "static",
     "BugGym/Dynamic-v0": "dynamic",
     "BugGym/MovingTarget-v0": "moving_target",
@@ -28,6 +28,10 @@ SCENARIOS_BY_ID = {
     "BugGym/Maze-v0": "maze",
 }
 """The scenario that each of the registered ids binds."""
+
+
+ROBOTS_ID = "BugGym/Robots-v0"
+"""The id in PettingZoo's registries."""
 
 
 def register_envs() -> None:
@@ -38,14 +42,11 @@ def register_envs() -> None:
                 name,
                 entry_point="bug_gym.navigation_env:NavigationEnv",
                 vector_entry_point="bug_gym.vector_env:NavigationVectorEnv",
-                kwargs={"scenario": scenario} if scenario else {},
+                kwargs={"scenario": scenario},
             )
     if hasattr(pettingzoo, "register") and ROBOTS_ID not in pettingzoo.parallel_registry:  # PettingZoo 1.27 and later
         pettingzoo.register("parallel", ROBOTS_ID, "bug_gym.robots_env:parallel_env")
         pettingzoo.register("aec", ROBOTS_ID, "bug_gym.robots_env:env")
-
-
-ROBOTS_ID = "BugGym/Robots-v0"
 
 
 def __getattr__(name: str) -> Any:

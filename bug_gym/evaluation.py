@@ -9,19 +9,23 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import itertools
 import json
+import logging
 import math
 import os
 import platform
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple, Self
+from types import ModuleType
+from typing import Any, NamedTuple, TypeVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
@@ -29,11 +33,17 @@ from pydantic import Field, ValidationError, model_validator
 import bug_gym
 from bug_gym import kernels, kinematics
 from bug_gym.config import AtLeastOne, Count, Part, Scenario, ScenarioError, _explain, _nearest, _read_file, dump, load
+from bug_gym.intervals import summarise
 from bug_gym.metrics import EpisodeRow, earliest_intercept, spl, turns_and_turning
-from bug_gym.observation import Sensors, as_dict
-from bug_gym.policy import Policy, ScriptedPolicy
+from bug_gym.observation import Field as ObservationField
+from bug_gym.observation import Sensors, as_dict, width
+from bug_gym.policy import Drawing, Policy, ScriptedPolicy
+from bug_gym.rendering import Canvas, Frame, load_pillow, load_pygame, replaced_when_done, save_png
+from bug_gym.report import write_summary
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
+
+logger = logging.getLogger("bug_gym")
 
 SUITE_FOLDER = Path(__file__).parent / "configs" / "suites"
 AGENTS = "bug_gym.agents"
@@ -46,7 +56,19 @@ SLOTS = 16
 CHUNK = 8
 """Seeds of a job: what a kill can cost a worker, and how finely workers share the work."""
 
+ROWS, LENGTHS = "rows.jsonl", "shortest_paths.jsonl"
+"""Files of a result folder that grow as the work goes on."""
+
+F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
+T = TypeVar("T")
+J = TypeVar("J")
+R = TypeVar("R")
+P = TypeVar("P", bound=Part)
+World = tuple[str, int]
+"""Label of a scenario and seed."""
+Lengths = dict[World, list[float]]
+"""Shortest paths [m] of the robots of each world."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -126,7 +148,7 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
     if isinstance(source, Suite):
         return source
     if isinstance(source, Mapping):
-        return _checked_suite(dict(source), "suite")
+        return _checked(Suite, dict(source), "suite")
     if isinstance(source, str) and not _is_path(source):
         if source not in suite_names():
             known = ", ".join(suite_names())
@@ -137,16 +159,17 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
     for item in data.get("scenarios") or ():
         if isinstance(item, dict) and _is_path(item.get("scenario")):
             item["scenario"] = str(path.parent / Path(item["scenario"]).expanduser())
-    return _checked_suite(data, path.name)
+    return _checked(Suite, data, path.name)
 
 
 def _is_path(source: object) -> bool:
     return isinstance(source, str) and re.search(r"[/\\]|\.ya?ml$", source) is not None
 
 
-def _checked_suite(data: dict[str, Any], label: str) -> Suite:
+def _checked(model: type[P], data: object, label: str) -> P:
+    """The data as a part; errors name what it is of."""
     try:
-        return Suite.model_validate(data)
+        return model.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(_explain(error, label)) from None
 
@@ -166,11 +189,13 @@ class PolicyEntry:
 
     @classmethod
     def of(cls, source: Any) -> PolicyEntry:
-        """An entry from a name, (label, name or object, parameters), a dict with those keys, or an object.
+        """An entry from a name, (label, name, parameters), a dict with those keys, or an object with or without label.
 
         Raises:
             ValueError: nothing of the kind.
         """
+        if isinstance(source, cls):
+            return source
         if isinstance(source, SuitePolicy):
             return cls(source.label or source.name, source.name, source.parameters)
         if isinstance(source, (str, Mapping)):
@@ -297,7 +322,9 @@ def _as_suite(source: Any) -> tuple[Suite, str]:
         suite = load_suite(source)
         return suite, f"{suite.name} v{suite.version}"
     sources = source if isinstance(source, (list, tuple)) else [source]
-    plain = [dump(item) if isinstance(item, Scenario) else str(item) if isinstance(item, Path) else item for item in sources]
+    plain = [
+        dump(item) if isinstance(item, Scenario) else str(item) if isinstance(item, Path) else item for item in sources
+    ]
     return _checked(Suite, {"scenarios": [{"scenario": item} for item in plain]}, "scenarios"), ""
 
 
@@ -362,7 +389,7 @@ class _OneByOne:
 class _AllAtOnce:
     """Asks a policy for all robots in one call, as SB3's evaluate_policy does: its state may be of any form."""
 
-    def __init__(self, policy: Policy, robots: int, fields: tuple[Field, ...]) -> None:
+    def __init__(self, policy: Policy, robots: int, fields: tuple[ObservationField, ...]) -> None:
         self._policy = policy
         self._state: tuple[Any, ...] | None = None
         self._starts = np.ones(robots, dtype=bool)
@@ -408,7 +435,7 @@ class Rollout:
         entry: the policy.
         scenario: the scenario.
         seeds: one a world.
-        lengths: shortest paths [m] of each robot by seed; none: not known.
+        lengths: shortest paths that are known.
         slots: how many worlds at a time. A policy that reads the map gets one: it has to know whose map it reads.
     """
 
@@ -418,7 +445,7 @@ class Rollout:
         scenario: ScenarioEntry,
         seeds: Sequence[int],
         *,
-        lengths: Mapping[int, Sequence[float]] | None = None,
+        lengths: Lengths | None = None,
         slots: int = SLOTS,
     ) -> None:
         self.entry, self.scenario = entry, scenario
@@ -456,9 +483,16 @@ class Rollout:
         """The policy's memory of a robot, None where its state has another form."""
         return self._driver.memory(robot)
 
-    def points(self, robot: int = 0) -> F64:
-        """Places (T, 2) of a robot so far in its episode [m]."""
-        return np.array(self._traces[robot].points)
+    def drawings(self) -> list[Drawing | None]:
+        """What the policy shows of its mind for each robot of the first row."""
+        draw = getattr(self.policy, "draw", None)
+        memories = [self.memory(robot) for robot in range(self.simulation.robots)]
+        return [None if draw is None or memory is None else draw(memory) for memory in memories]
+
+    def verdict(self) -> str:
+        """What the policy has decided in the first row, "" where nothing."""
+        verdicts = [getattr(self.memory(robot), "verdict", "") for robot in range(self.simulation.robots)]
+        return ", ".join(dict.fromkeys(filter(None, verdicts)))
 
     def worlds(self) -> Iterator[list[EpisodeRow]]:
         """Drives to the end; yields the rows of each world, one a robot, as it ends."""
@@ -531,7 +565,8 @@ class Rollout:
         trace, world = self._traces[robot], self.simulation.world
         info = {name: values[0, number] for name, values in self.simulation.info(np.array([row])).items()}
         seed, time, taken = int(world.seed[row]), float(info["time"]), float(info["path_length"])
-        shortest = self._lengths[seed][number] if seed in self._lengths else math.nan
+        lengths = self._lengths.get((self.scenario.label, seed))
+        shortest = lengths[number] if lengths else math.nan
         turns, turning = turns_and_turning(trace.points)
         success = outcome == "success"
         self._ended[row].append(
@@ -595,39 +630,341 @@ class ResultFolder:
         plan: what is evaluated.
 
     Raises:
-        ValueError: the folder is of another run, or its rows are damaged.
+        ValueError: the folder is of another run, or its files are damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
         self.path = Path(path)
-        self._rows_path, manifest_path = self.path / "rows.jsonl", self.path / "manifest.json"
-        manifest = plan.manifest()
+        manifest_path, manifest = self.path / "manifest.json", plan.manifest()
         if manifest_path.exists():
             differences = list(_differences(_read_json(manifest_path), manifest))
             if differences:
                 raise ValueError(f"{self.path} holds another run: {'; '.join(differences[:3])}")
-        elif self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
-            raise ValueError(f"{self.path} holds something else, expected a new or empty folder or that of an earlier run")
-        self.path.mkdir(parents=True, exist_ok=True)
-        if not manifest_path.exists():
-            replace_file(manifest_path, json.dumps(manifest, indent=2) + "\n")
-        self.rows = self._read_rows(plan)
+        elif self.path.exists() and not _is_empty(self.path):
+            raise ValueError(f"{self.path} holds something else, expected a new folder or that of an earlier run")
+        else:
+            self.path.mkdir(parents=True, exist_ok=True)
+            with replaced_when_done(manifest_path) as partial:
+                partial.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+        self.rows: list[EpisodeRow] = _read_lines(self.path / ROWS, EpisodeRow.from_dict)
+        """Rows of the worlds that are done."""
+        self.lengths: Lengths = dict(_read_lines(self.path / LENGTHS, _length_from_dict))
+        """Shortest paths that are known."""
+        self._drop_partial_world({scenario.label: scenario.scenario.robots.count for scenario in plan.scenarios})
 
-    def _read_rows(self, plan: Plan) -> list[EpisodeRow]:
-        """Rows of whole worlds; what a kill has torn off at the end is cut away from the file."""
-        if not self._rows_path.exists():
-            return []
-        *lines, torn = self._rows_path.read_bytes().split(b"\n")
-        rows = [_read_row(line, f"{self._rows_path}: line {number}") for number, line in enumerate(lines, start=1)]
-        robots = {entry.label: entry.scenario.robots.count for entry in plan.scenarios}
-        tail = 0
-        while tail < len(rows) and _worlds(rows)
-        return rows
+    def _drop_partial_world(self, robots: Mapping[str, int]) -> None:
+        """Rows of a world are written at once, its last robot last: a kill may have cut them short."""
+        count = len(self.rows)
+        while self.rows and self.rows[-1].robot + 1 != robots.get(self.rows[-1].scenario):
+            self.rows.pop()
+        if len(self.rows) < count:
+            with replaced_when_done(self.path / ROWS) as partial:
+                partial.write_text("".join(_line(row.as_dict()) for row in self.rows), encoding="utf-8")
 
-    def append(self, rows: Sequence[EpisodeRow]) -> None:
-        """Add the rows of one world; they are on the disk when this returns."""
-        text = "".join(json.dumps(row.as_dict(), allow_nan=False) + "\n" for row in rows)
-        with self._rows_path.open("ab") as file:
-            file.write(text.encode())
-            file.flush()
-            os.fsync(file.fileno())
+    def add_rows(self, rows: Sequence[EpisodeRow]) -> None:
+        """Keep the rows of one world; they are on the disk when this returns."""
+        _append(self.path / ROWS, "".join(_line(row.as_dict()) for row in rows))
+
+    def add_lengths(self, world: World, lengths: Sequence[float]) -> None:
+        """Keep the shortest paths of one world."""
+        # As text, because JSON has neither infinity nor NaN.
+        record = {"scenario": world[0], "seed": world[1], "lengths": [repr(length) for length in lengths]}
+        _append(self.path / LENGTHS, _line(record))
+
+
+def _length_from_dict(record: Any) -> tuple[World, list[float]]:
+    try:
+        return (record["scenario"], record["seed"]), [float(length) for length in record["lengths"]]
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"got {record!r}, expected scenario, seed and lengths") from error
+
+
+def _line(record: Mapping[str, Any]) -> str:
+    return json.dumps(record, allow_nan=False) + "\n"
+
+
+def _append(path: Path, text: str) -> None:
+    with path.open("ab") as file:
+        file.write(text.encode())
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _read_lines(path: Path, parse: Callable[[Any], T]) -> list[T]:
+    """What a file holds, one JSON value a line; a last line that a kill has cut short is taken out of the file.
+
+    Raises:
+        ValueError: another line is damaged.
+    """
+    if not path.exists():
+        return []
+    *lines, torn = path.read_bytes().split(b"\n")
+    values = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            values.append(parse(json.loads(line)))
+        except ValueError as error:
+            raise ValueError(f"{path}: line {number}: {error}") from None
+    if torn:
+        os.truncate(path, sum(len(line) + 1 for line in lines))
+    return values
+
+
+def _is_empty(folder: Path) -> bool:
+    """Whether nobody has left anything in a folder, but for the beginning of a manifest."""
+    return folder.is_dir() and all(".partial" in path.name for path in folder.iterdir())
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def _differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
+    """What differs between a manifest on disk and ours, by dotted key."""
+    if isinstance(there, dict) and isinstance(here, dict):
+        for name in dict.fromkeys([*there, *here]):
+            yield from _differences(there.get(name), here.get(name), f"{key}.{name}".lstrip("."))
+    elif there != here:
+        texts = ("missing" if value is None else json.dumps(value) for value in (there, here))
+        was, now = (text if len(text) <= 60 else f"{text[:57]}..." for text in texts)
+        yield f"{key} was {was}, is now {now}"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# evaluate
+# ---------------------------------------------------------------------------------------------------------------------
+
+Track = Callable[[Iterable[T], str, int], Iterable[T]]
+"""Lets items through and shows how many of a total have come, under a title."""
+
+
+class _Job(NamedTuple):
+    """Some worlds to drive in with one policy."""
+
+    policy: PolicyEntry
+    scenario: ScenarioEntry
+    seeds: tuple[int, ...]
+    lengths: Lengths
+
+
+def evaluate(
+    policies: Any,
+    scenario_or_suite: Any,
+    episodes: int | None = None,
+    seed: int | None = None,
+    workers: int = 1,
+    out: str | os.PathLike[str] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    progress: bool = False,
+) -> list[EpisodeRow]:
+    """Drive policies through the same worlds and measure each episode.
+
+    Args:
+        policies: a list of names, (label, name, parameters), dicts with those keys, or objects with `predict`; one
+            of them; or None for those of the suite, or all that are registered.
+        scenario_or_suite: a scenario or a list of them, each a name, path, dict or Scenario; or a suite, likewise.
+        episodes: worlds of each scenario; None: as many as the suite says, 50 without one.
+        seed: of the first world, the others count up; None: as the suite says, 0 without one.
+        workers: processes that share the work. Times of decisions are fair where each has a core of its own.
+        out: a folder for the rows as they come, the summary and pictures. A run that was cut off goes on from it.
+        overrides: values by dotted key that replace those of every scenario.
+        progress: whether to show a bar on the terminal.
+
+    Returns:
+        One row an episode and robot, by scenario, policy, seed and robot.
+
+    Raises:
+        ValueError: an unknown name, a policy that does not fit, or `out` is of another run.
+    """
+    if workers < 1:
+        raise ValueError(f"workers must be at least 1, got {workers}")
+    plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides)
+    folder = None if out is None else ResultFolder(out, plan)
+    rows = [] if folder is None else list(folder.rows)
+    with progress_bar(shown=progress) as track:
+        missing = _missing(plan, rows)
+        lengths = _shortest_lengths(missing, folder, workers, track)
+        for world in _drive_missing(missing, lengths, workers, track):
+            if folder is not None:
+                folder.add_rows(world)
+            rows.extend(world)
+        rows = _in_order(plan, rows)
+        if folder is not None:
+            write_summary(folder.path, rows, summarise(rows))
+            _draw_typical(plan, rows, folder.path / "pictures", workers, track)
+    return rows
+
+
+def _in_order(plan: Plan, rows: Sequence[EpisodeRow]) -> list[EpisodeRow]:
+    scenarios = {entry.label: number for number, entry in enumerate(plan.scenarios)}
+    policies = {entry.label: number for number, entry in enumerate(plan.policies)}
+    return sorted(rows, key=lambda row: (scenarios[row.scenario], policies[row.policy], row.seed, row.robot))
+
+
+def _missing(plan: Plan, rows: Sequence[EpisodeRow]) -> list[tuple[PolicyEntry, ScenarioEntry, list[int]]]:
+    """Seeds without rows, by scenario and policy."""
+    done = {(row.policy, row.scenario, row.seed) for row in rows}
+    return [
+        (policy, scenario, [seed for seed in scenario.seeds if (policy.label, scenario.label, seed) not in done])
+        for scenario in plan.scenarios
+        for policy in plan.policies
+    ]
+
+
+def _shortest_lengths(
+    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, list[int]]],
+    folder: ResultFolder | None,
+    workers: int,
+    track: Track[Any],
+) -> Lengths:
+    """Shortest paths of all worlds to drive in, once a world; a moving target has none."""
+    lengths = {} if folder is None else dict(folder.lengths)
+    wanted = {
+        (scenario.label, seed): scenario
+        for _, scenario, seeds in missing
+        for seed in seeds
+        if not scenario.has_moving_target and (scenario.label, seed) not in lengths
+    }
+    found = _each(_shortest_length, [(scenario, seed) for (_, seed), scenario in wanted.items()], workers)
+    for world, robots in track(found, "shortest paths", len(wanted)):
+        if folder is not None:
+            folder.add_lengths(world, robots)
+        lengths[world] = robots
+    return lengths
+
+
+def _shortest_length(job: tuple[ScenarioEntry, int]) -> tuple[World, list[float]]:
+    scenario, seed = job
+    return (scenario.label, seed), shortest_lengths(scenario, seed)
+
+
+def _drive_missing(
+    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, list[int]]], lengths: Lengths, workers: int, track: Track[Any]
+) -> Iterable[list[EpisodeRow]]:
+    """The rows of each missing world."""
+    numbered = []
+    for policy, scenario, seeds in missing:
+        chunk = CHUNK if workers > 1 else len(seeds)
+        for first in range(0, len(seeds), max(chunk, 1)):
+            some = tuple(seeds[first : first + chunk])
+            mine = {world: lengths[world] for seed in some if (world := (scenario.label, seed)) in lengths}
+            numbered.append((first, _Job(policy, scenario, some, mine)))
+    # The first seeds of all policies come first, so that what an interrupted run leaves can be compared.
+    jobs = [job for _, job in sorted(numbered, key=lambda item: item[0])]
+    worlds = itertools.chain.from_iterable(_each(_drive_lazily if workers == 1 else _drive, jobs, workers))
+    return track(worlds, "episodes", sum(len(job.seeds) for job in jobs))
+
+
+def _drive_lazily(job: _Job) -> Iterator[list[EpisodeRow]]:
+    return Rollout(job.policy, job.scenario, job.seeds, lengths=job.lengths).worlds()
+
+
+def _drive(job: _Job) -> list[list[EpisodeRow]]:
+    return list(_drive_lazily(job))
+
+
+def _each(function: Callable[[J], R], jobs: Sequence[J], workers: int) -> Iterator[R]:
+    """What a function makes of each job, in order of arrival."""
+    if workers == 1 or len(jobs) < 2:
+        yield from map(function, jobs)
+        return
+    from joblib import Parallel, delayed, parallel_config
+
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
+        yield from parallel(delayed(function)(job) for job in jobs)
+
+
+@contextmanager
+def progress_bar(*, shown: bool) -> Iterator[Track[Any]]:
+    """A way to show how far things are on the terminal, or not to."""
+    if not shown:
+        yield lambda items, title, total: items
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description:<14}"), BarColumn(), MofNCompleteColumn())
+    times = (TextColumn("elapsed"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    with Progress(*columns, *times, console=Console(stderr=True)) as bar:
+        yield lambda items, title, total: bar.track(items, total=total, description=title) if total else items
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Pictures
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class _Picture(NamedTuple):
+    """An episode to draw into a file."""
+
+    policy: PolicyEntry
+    scenario: ScenarioEntry
+    seed: int
+    path: Path
+
+
+def _draw_typical(plan: Plan, rows: Sequence[EpisodeRow], folder: Path, workers: int, track: Track[Any]) -> None:
+    """A picture of a typical episode of each policy in each scenario; those that are there already are kept."""
+    try:
+        load_pygame()
+        load_pillow()
+    except ImportError as error:
+        logger.warning("no pictures: %s", error)
+        return
+    folder.mkdir(exist_ok=True)
+    wanted = []
+    for scenario, policy in itertools.product(plan.scenarios, plan.policies):
+        mine = [row for row in rows if (row.scenario, row.policy) == (scenario.label, policy.label)]
+        path = folder / (re.sub(r"[^\w.-]+", "_", f"{scenario.label}-{policy.label}") + ".png")
+        if not path.exists():
+            wanted.append(_Picture(policy, scenario, typical(mine).seed, path))
+    for _ in track(_each(_draw, wanted, workers), "pictures", len(wanted)):
+        pass
+
+
+def typical(rows: Sequence[EpisodeRow]) -> EpisodeRow:
+    """The success with the median path, or the first row where there is no success."""
+    solved = sorted((row for row in rows if row.success), key=lambda row: row.path_length)
+    return solved[(len(solved) - 1) // 2] if solved else rows[0]
+
+
+def _draw(picture: _Picture) -> None:
+    rollout = Rollout(picture.policy, picture.scenario, [picture.seed])
+    save_png(picture.path, portrait(rollout, Canvas(rollout.simulation, title=picture.policy.label)))
+
+
+def portrait(rollout: Rollout, canvas: Canvas) -> Frame:
+    """Drive the rollout's first world to its end, and draw the whole path."""
+    canvas.record()
+    while not rollout.is_over:
+        rollout.advance()
+        canvas.record()
+    return canvas.draw(rollout.drawings(), scan=False, note=rollout.verdict())
+
+
+def film(rollout: Rollout, canvas: Canvas, *, every: int = 1) -> Iterator[Frame]:
+    """Drive the rollout's first world to its end; a frame of the start, of every so many steps, and of the end.
+
+    Raises:
+        ValueError: `every` below 1.
+    """
+    if every < 1:
+        raise ValueError(f"every must be at least 1, got {every}")
+    yield canvas.draw(rollout.drawings(), note=rollout.verdict())
+    while not rollout.is_over:
+        for _ in range(every):
+            if not rollout.is_over:
+                rollout.advance()
+                canvas.record()
+        yield canvas.draw(rollout.drawings(), note=rollout.verdict())

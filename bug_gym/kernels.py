@@ -294,12 +294,13 @@ def nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, end):
 # A body moves straight until its next event: it touches something still, reaches a way-point, or takes a new heading.
 # Event times are computed once a leg, so a step costs an addition a body however many obstacles there are.
 
-TOUCHING = 1e-9  # [m] overlap that rounding leaves at a contact
-
 
 @njit(**OPTIONS)
 def plan_reflection(f, k, s, b, now):
-    """Time and normal of body b's next contact with a still obstacle or the border, from its place at `now`."""
+    """Time and normal of body b's next contact with a still obstacle or the border, from its place at `now`.
+
+    A polygon counts as the disc about its place that holds it. What begins too near to something goes no deeper.
+    """
     x, y = f[s.body_x + b], f[s.body_y + b]
     vx, vy = f[s.body_vx + b], f[s.body_vy + b]
     radius = f[s.body_radius + b]
@@ -313,9 +314,7 @@ def plan_reflection(f, k, s, b, now):
     best = NEVER
     for m in range(k[s.moving_disc_count], k[s.disc_count]):
         dx, dy = x - f[s.body_x + m], y - f[s.body_y + m]
-        distance = radius + f[s.body_radius + m]
-        if math.hypot(dx, dy) < distance - TOUCHING:
-            continue  # began inside it: a body is reflected from outside only
+        distance = min(radius + f[s.body_radius + m], math.hypot(dx, dy))
         fraction = disc_contact(dx, dy, ex, ey, distance)
         if fraction < best:
             best = fraction
@@ -324,9 +323,8 @@ def plan_reflection(f, k, s, b, now):
     for w in range(k[s.moving_wall_count], k[s.wall_count]):
         x1, y1 = f[s.wall_x1 + w], f[s.wall_y1 + w]
         x2, y2 = f[s.wall_x2 + w], f[s.wall_y2 + w]
-        if point_wall_distance(x, y, x1, y1, x2, y2) < radius - TOUCHING:
-            continue
-        fraction = wall_contact(x, y, ex, ey, x1, y1, x2, y2, radius)
+        distance = min(radius, point_wall_distance(x, y, x1, y1, x2, y2))
+        fraction = wall_contact(x, y, ex, ey, x1, y1, x2, y2, distance)
         if fraction < best:
             best = fraction
             cx, cy = x + fraction * ex, y + fraction * ey
@@ -419,6 +417,9 @@ def handle_event(f, k, s, b, now):
     law = k[s.body_law + b]
     nx, ny = f[s.body_nx + b], f[s.body_ny + b]
     if law == WAYPOINTS:
+        w = k[s.way_first + b] + k[s.way_next + b]
+        f[s.body_x + b] = f[s.way_x + w]  # without the rounding of the way there
+        f[s.body_y + b] = f[s.way_y + w]
         k[s.way_next + b] += 1
     elif nx != 0.0 or ny != 0.0:
         inward = f[s.body_vx + b] * nx + f[s.body_vy + b] * ny
@@ -436,7 +437,7 @@ def handle_event(f, k, s, b, now):
     plan_body(f, k, s, b, now)
 
 
-MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits there until the next step
+MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits until the next step and goes on then
 
 
 @njit(**OPTIONS)
@@ -454,7 +455,7 @@ def move_body(f, k, s, b, start, end):
         f[s.body_y + b] += f[s.body_vy + b] * (event - now)
         now = event
         handle_event(f, k, s, b, now)
-    f[s.body_event + b] = end
+    f[s.body_event + b] += end - now
 
 
 @njit(**OPTIONS)
@@ -1191,13 +1192,13 @@ def place_obstacles(f, k, s, p, key, draw):
     """Place all obstacles, the still ones first; returns the next draw, or -1 - (how many found a place)."""
     placed = 0
     k[s.disc_count] = p.moving_discs
+    k[s.polygon_count] = p.moving_polygons
     for m in range(p.moving_discs, p.discs):
         draw = place_body(f, k, s, p, m, False, key, draw)
         if draw < 0:
             return -1 - placed
         k[s.disc_count] = m + 1
         placed += 1
-    k[s.polygon_count] = p.moving_polygons
     for number in range(p.moving_polygons, p.polygons):
         draw = place_body(f, k, s, p, s.discs + number, False, key, draw)
         if draw < 0:
@@ -1257,7 +1258,7 @@ def place_field(f, k, s, p):
     place_border(f, k, s, p)
     for number in range(p.moving_polygons, p.polygons):
         draw = shape_polygon(f, k, s, p, number, key, draw)
-    f[s.body_radius + goal] = p.goal_clearance
+    f[s.body_radius + goal] = max(p.goal_clearance, max(s.goal_radius, s.body_reach))
     k[s.body_law + goal] = p.target_law
     k[s.body_leg + goal] = 0
     f[s.body_speed + goal] = p.target_speed

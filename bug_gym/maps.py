@@ -47,13 +47,18 @@ def load_barn(path: str) -> dict[int, BarnMap]:
 
 
 def _load_lines(source: Path) -> dict[int, BarnMap]:
-    worlds = {}
-    for number, line in enumerate(source.read_text(encoding="utf-8").splitlines(), start=1):
+    worlds: dict[int, BarnMap] = {}
+    for number, line in enumerate(source.read_bytes().split(b"\n"), start=1):
         if not line.strip():
             continue
         try:
-            data = json.loads(line)
-            worlds[int(data["world"])] = _from_json(data)
+            data = json.loads(line.decode("utf-8"))
+            world = data["world"]
+            if not isinstance(world, int) or world in worlds:
+                raise ValueError(f"got world {world!r} {'twice' if world in worlds else 'for its number'}")
+            worlds[world] = _from_json(data)
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{source}, line {number}: not UTF-8 ({error.reason})") from None
         except json.JSONDecodeError as error:
             raise ValueError(f"{source}, line {number}: not JSON ({error.msg})") from None
         except KeyError as error:
@@ -66,11 +71,15 @@ def _load_lines(source: Path) -> dict[int, BarnMap]:
 def _from_json(data: dict[str, Any]) -> BarnMap:
     x, y, heading = map(float, data["start"])
     goal_x, goal_y = map(float, data["goal"])
-    centres = np.array(data["cylinders"], dtype=np.float64).reshape(-1, 2)
-    circles = np.column_stack([centres, np.full(len(centres), float(data["cylinder_radius"]))])
-    if not np.isfinite(circles).all():
-        raise ValueError("a cylinder's place is not a finite number")
-    return BarnMap((x, y, heading), (goal_x, goal_y), circles)
+    radius = float(data["cylinder_radius"])
+    centres = np.array(data["cylinders"] or np.zeros((0, 2)), dtype=np.float64)
+    if centres.ndim != 2 or centres.shape[1] != 2:
+        raise ValueError(f"the cylinders have shape {centres.shape}, expected (n, 2)")
+    if not (np.isfinite([x, y, heading, goal_x, goal_y, radius]).all() and np.isfinite(centres).all()):
+        raise ValueError("a place or the radius is not a finite number")
+    if radius <= 0.0:
+        raise ValueError(f"got the cylinder_radius {radius:g}, expected a number above 0")
+    return BarnMap((x, y, heading), (goal_x, goal_y), np.column_stack([centres, np.full(len(centres), radius)]))
 
 
 def _load_folder(folder: Path) -> dict[int, BarnMap]:
@@ -88,7 +97,7 @@ def load_gazebo(file: Path) -> BarnMap:
     A cylinder's place is that of its model in the world's saved `state`, else the model's own `pose`.
 
     Raises:
-        ValueError: not XML, or a cylinder without a place.
+        ValueError: not XML, no cylinder in it, or a cylinder without a place or a size.
     """
     try:
         root = ElementTree.parse(file).getroot()
@@ -103,7 +112,19 @@ def load_gazebo(file: Path) -> BarnMap:
         pose = moved.get(model.get("name")) or model.findtext("pose")
         if pose is None:
             raise ValueError(f"{file}: the cylinder {model.get('name')!r} has no pose")
-        circles.append((*map(float, pose.split()[:2]), float(radius)))
+        circles.append(_cylinder(pose, radius, f"{file}: the cylinder {model.get('name')!r}"))
     if not circles:
         raise ValueError(f"{file}: no cylinder in it")
     return BarnMap(BARN_START, BARN_GOAL, np.array(circles))
+
+
+def _cylinder(pose: str, radius: str, label: str) -> tuple[float, float, float]:
+    """x, y, radius [m] of a cylinder from the texts of its pose and radius; `label` names it in errors."""
+    try:
+        x, y, *_ = map(float, pose.split())
+        size = float(radius)
+    except ValueError:
+        raise ValueError(f"{label} has pose {pose!r} and radius {radius!r}, expected numbers") from None
+    if not (math.isfinite(x) and math.isfinite(y) and 0.0 < size < math.inf):
+        raise ValueError(f"{label} has pose {pose!r} and radius {radius!r}, expected finite ones and a size above 0")
+    return x, y, size

@@ -1,10 +1,10 @@
-"""One world with one robot as a `gymnasium.Env`; also the spaces of one robot, which the other faces share."""
+"""One world with one robot as a `gymnasium.Env`; also what the other faces share: a robot's spaces, and pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import gymnasium as gym
 import numpy as np
@@ -15,10 +15,13 @@ from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import Sensors, as_dict, dict_space, flat_space
 from bug_gym.simulation import Simulation
 
+if TYPE_CHECKING:
+    from bug_gym.rendering import Canvas, Frame, Window
+
 F32 = NDArray[np.float32]
 ObservationForm = Literal["dict", "flat"]
 ActionForm = Literal["continuous", "discrete"]
-Observation = F32 | dict[str, F32]
+Observation = Any  # F32, or F32 by field, as the env was made; a union would make every caller tell them apart
 ScenarioSource = str | Path | Mapping[str, Any] | Scenario
 
 
@@ -43,7 +46,7 @@ class RobotSpaces:
         self.observation: gym.spaces.Space[Any]
         self.observation = flat_space(self.fields) if self.is_flat else dict_space(self.fields)
         self.action: gym.spaces.Space[Any] = gym.spaces.Box(-1.0, 1.0, (2,), dtype=np.float32)
-        self._table = discrete_actions(Sensors.of(simulation.scenario).drive)
+        self._table = discrete_actions(Sensors.of(simulation.scenario).drive).astype(np.float64)
         if self.is_discrete:
             self.action = gym.spaces.Discrete(len(self._table))
         self._parts = [(field.name, slice(field.begin, field.end), field.shape) for field in self.fields]
@@ -74,16 +77,63 @@ class RobotSpaces:
             raise ValueError(f"an action has shape {numbers.shape} of {numbers.dtype}, expected {batch} of integers")
         if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(self._table):
             raise ValueError(f"an action is an integer from 0 to {len(self._table) - 1}, got {actions!r}")
-        return self._table[numbers].astype(np.float64)
+        chosen: NDArray[np.float64] = self._table[numbers]
+        return chosen
+
+
+class Pictures:
+    """What a face shows of its worlds in a render mode: one canvas a world, and for "human" a window on the first.
+
+    Raises:
+        ImportError: a render mode, but pygame-ce is not installed.
+    """
+
+    def __init__(self, simulation: Simulation, render_mode: str | None) -> None:
+        self.render_mode = render_mode
+        self._fps = 1.0 / simulation.scenario.time.step
+        self._canvases: list[Canvas] = []
+        self._window: Window | None = None
+        if render_mode is not None:
+            from bug_gym.rendering import Canvas
+
+            self._canvases = [Canvas(simulation, row=row) for row in range(simulation.count)]
+
+    def record(self) -> None:
+        """Take down where the robots are now, after each step and reset; show it in the window."""
+        for canvas in self._canvases:
+            canvas.record()
+        if self.render_mode != "human":
+            return
+        if self._window is None:
+            from bug_gym.rendering import Window
+
+            self._window = Window(self._canvases[0], self._fps)
+        self._window.update()
+
+    def frames(self) -> tuple[Frame, ...]:
+        """A picture (H, W, 3) of each world, RGB uint8; none in a mode that returns none."""
+        if self.render_mode is None:
+            gym.logger.warn("render() shows nothing: make the env with render_mode='rgb_array' or 'human'")
+        return tuple(canvas.draw() for canvas in self._canvases) if self.render_mode == "rgb_array" else ()
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The window stays with the original."""
+        return {**self.__dict__, "_window": None}
 
 
 class NavigationEnv(gym.Env[Any, Any]):
     """One robot among unknown obstacles, on its way to a goal.
 
     ## Description
-    A robot drives through a bounded plane world among circles and polygons, some of which may move. It senses ranges with
-    a LIDAR and knows where its goal is; it has no map. The scan is the exact distance along each ray, and contact is
-    tested along the whole way of each step, so that nothing fast or thin is missed.
+    A robot drives through a bounded plane world among circles and polygons, some of which may move. It senses ranges
+    with a LIDAR and knows where its goal is; it has no map. The scan is the exact distance along each ray, and contact
+    is tested along the whole way of each step, so that nothing fast or thin is missed.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, cut to these bounds:
@@ -107,16 +157,16 @@ class NavigationEnv(gym.Env[Any, Any]):
     | pose | (3,) | -2 span, -pi | 2 span, pi | odometry: x, y [m], heading [rad] in the frame of the start |
     | velocity | (2,) | -max_reverse, -max_turn_rate | max_speed, max_turn_rate | body velocity [m/s, rad/s] |
 
-    B is the number of beams; span is the diagonal of the bounds. A beam without return reads `range`; over a narrower field
-    of view the beams go from -fov/2 to fov/2. The velocity of a holonomic robot is ahead and to the left [m/s], within
-    +-max_speed.
+    B is the number of beams; span is the diagonal of the bounds. A beam without return reads `range`; over a narrower
+    field of view the beams go from -fov/2 to fov/2. The velocity of a holonomic robot is ahead and to the left [m/s],
+    within +-max_speed.
 
     ## Rewards
     The sum of weighted terms: `progress` [m toward the goal], `goal` and `collision` (once), `step` (each step),
-    `clearance` (nearness to obstacles) and `smoothness` (change of the action). The weights are the scenario's `reward`.
+    `clearance` (nearness to obstacles) and `smoothness` (change of the action). The weights are the scenario's.
 
     ## Starting State
-    What the scenario says, drawn from (seed, episode): `reset(seed=s)` starts episode 0 of seed s, `reset()` the next one.
+    What the scenario says, drawn from (seed, episode): `reset(seed=s)` starts episode 0 of seed s, `reset()` the next.
 
     ## Episode End
     - Termination: the goal is reached, or the body touches something.
@@ -125,8 +175,8 @@ class NavigationEnv(gym.Env[Any, Any]):
     ## Information
     The same keys after each step and reset: `is_success`, `collision`, `outcome` ("running", "success", "collision",
     "timeout"), `path_length` [m], `time` [s], `min_clearance` [m], `goal_distance` [m], `reward_terms` (name -> value).
-    `reset(options={"shortest_path": True})` adds `shortest_path_length` [m], which takes time; it is infinite where there
-    is no way. Other options are ignored.
+    `reset(options={"shortest_path": True})` adds `shortest_path_length` [m], which takes time; it is infinite where
+    there is no way. Other options are ignored.
 
     ## Arguments
     | Argument | Default | Meaning |
@@ -167,6 +217,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         self.action_space = self.spaces.action
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": 1.0 / self.simulation.scenario.time.step}
+        self._pictures = Pictures(self.simulation, render_mode)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -177,6 +228,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         info = self.simulation.robot_step().info
         if options and options.get("shortest_path"):
             info["shortest_path_length"] = self.simulation.shortest_path().length
+        self._pictures.record()
         return self.spaces.present(flat[0, 0]), info
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -184,7 +236,17 @@ class NavigationEnv(gym.Env[Any, Any]):
         simulation = self.simulation
         simulation.advance(self.spaces.velocities(action).reshape(1, 1, 2))
         reward, terminated, truncated, info = simulation.robot_step()
+        if self.render_mode is not None:
+            self._pictures.record()
         return self.spaces.present(simulation.world.observation[0, 0].copy()), reward, terminated, truncated, info
+
+    def render(self) -> Any:
+        """The picture (H, W, 3) RGB uint8 with "rgb_array"; None with "human", whose window each step updates."""
+        return next(iter(self._pictures.frames()), None)
+
+    def close(self) -> None:
+        """Close the window."""
+        self._pictures.close()
 
 
 def require_one_of(name: str, value: object, known: tuple[object, ...]) -> None:

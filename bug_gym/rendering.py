@@ -1,7 +1,7 @@
 """Pictures of a world: a row of a Simulation as it is now. Reads only.
 
-A frame is painted at PAINT times its size on surfaces in memory and averaged down: edges come out smooth, and no display
-is needed. What does not move is painted once an episode. All lengths of the painting are pixels of the large surface.
+A frame is painted at PAINT times its size on surfaces in memory and averaged down: edges come out smooth, and no
+display is needed. What does not move is painted once an episode.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ import math
 import os
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from itertools import chain, pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -38,7 +39,7 @@ Pixel = tuple[float, float]
 PAINT = 2
 """Pixels that are painted for one of the frame, along each side."""
 
-VELOCITY_HORIZON = 1.0
+VELOCITY_HORIZON = 1.5
 """An arrow reaches from the rim of a mover as far as it comes in this time [s]."""
 
 SPARSE_BEAMS = math.radians(12.0)
@@ -167,12 +168,24 @@ class Brush:
 
     def disc(self, at: Pixel, radius: float, color: Color, rim: Color | None = None, rim_units: float = 1.0) -> None:
         """A filled circle, with a rim inside its edge."""
-        circle = self.pygame.draw.circle
-        if rim is None:
-            circle(self.surface, color, at, radius)
-            return
-        circle(self.surface, rim, at, radius)
-        circle(self.surface, color, at, max(radius - self.width(rim_units), 1.0))
+        self.discs([at], [radius], color, rim, rim_units)
+
+    def discs(
+        self,
+        centers: Sequence[Pixel],
+        radii: Sequence[float],
+        color: Color,
+        rim: Color | None = None,
+        rim_units: float = 1.0,
+    ) -> None:
+        """Filled circles, with a rim inside their edges; each is at least a dot."""
+        surface, circle, width = self.surface, self.pygame.draw.circle, self.width(rim_units)
+        for at, radius in zip(centers, radii, strict=True):
+            if rim is None:
+                circle(surface, color, at, max(radius, 1.0))
+            else:
+                circle(surface, rim, at, max(radius, 1.0))
+                circle(surface, color, at, max(radius - width, 1.0))
 
     def ring(self, at: Pixel, radius: float, color: Color, units: float) -> None:
         """A circle that is not filled."""
@@ -192,6 +205,18 @@ class Brush:
             for at in pixels:
                 self.pygame.draw.circle(self.surface, color, at, 0.5 * width)
 
+    def veil(self, pixels: Sequence[Pixel], tint: Color) -> None:
+        """A filled polygon of coloured glass: what lies beneath it is multiplied by the tint."""
+        corners = np.array(pixels)
+        low = np.maximum(np.floor(corners.min(axis=0)), 0.0).astype(int)
+        high = np.minimum(np.ceil(corners.max(axis=0)) + 1.0, self.surface.get_size()).astype(int)
+        if len(pixels) < 3 or (high <= low).any():
+            return
+        glass = self.pygame.Surface((high - low).tolist(), 0, 32)
+        glass.fill(PAGE)
+        self.pygame.draw.polygon(glass, tint, (corners - low).tolist())
+        self.surface.blit(glass, low.tolist(), special_flags=self.pygame.BLEND_RGB_MULT)
+
     def dashes(self, start: Pixel, end: Pixel, color: Color, units: float) -> None:
         """A dashed line."""
         length, dash = math.dist(start, end), 5.0 * self.unit
@@ -200,19 +225,6 @@ class Brush:
             first = min(2.0 * number * dash / max(length, 1e-9), 1.0)
             last = min((2.0 * number + 1.0) * dash / max(length, 1e-9), 1.0)
             self.line([between(start, end, first), between(start, end, last)], color, units)
-
-    def arrow(self, start: Pixel, end: Pixel, color: Color, units: float) -> None:
-        """A line with a head at its end."""
-        length = math.dist(start, end)
-        if length < self.unit:
-            return
-        ahead = ((end[0] - start[0]) / length, (end[1] - start[1]) / length)
-        head = min(5.0 * self.unit, max(0.7 * length, 3.0 * self.unit))
-        neck = (end[0] - head * ahead[0], end[1] - head * ahead[1])
-        half = (-0.5 * head * ahead[1], 0.5 * head * ahead[0])
-        self.pygame.draw.line(self.surface, color, start, neck, self.width(units))
-        corners = [end, (neck[0] + half[0], neck[1] + half[1]), (neck[0] - half[0], neck[1] - half[1])]
-        self.pygame.draw.polygon(self.surface, color, corners)
 
 
 def between(start: Pixel, end: Pixel, share: float) -> Pixel:
@@ -227,15 +239,19 @@ def paint_still(brush: Brush, world: World, row: int) -> None:
     """Page, border and still obstacles; the floor is left in KEY."""
     layout = world.layout(row)
     border = brush.view.pixels(layout.border)
-    brush.surface.fill(PAGE)
-    brush.area(border, KEY)
+    brush.surface.fill(KEY)
     # The larger first: what stands in the hole of a polygon has a smaller shell than that polygon.
     for rings in sorted(layout.polygons, key=lambda rings: -shell_extent(rings[0])):
         brush.area(brush.view.pixels(rings[0]), STILL, STILL_RIM)
         for hole in rings[1:]:
             brush.area(brush.view.pixels(hole), KEY, STILL_RIM)
-    for at, radius in zip(brush.view.pixels(layout.circles), layout.circles[:, 2].tolist(), strict=True):
-        brush.disc(at, radius * brush.view.scale, STILL, STILL_RIM)
+    radii = (brush.view.scale * layout.circles[:, 2]).tolist()
+    brush.discs(brush.view.pixels(layout.circles), radii, STILL, STILL_RIM)
+    page = brush.surface.copy()  # over what sticks out of the border
+    page.fill(PAGE)
+    brush.pygame.draw.polygon(page, KEY, border)
+    page.set_colorkey(KEY)
+    brush.surface.blit(page, (0, 0))
     brush.line([*border, border[0]], INK, 2.5)
 
 
@@ -245,57 +261,80 @@ def shell_extent(ring: NDArray[np.float64]) -> float:
     return float(width * height)
 
 
-def paint_scan(brush: Brush, world: World, row: int, robot: int, floor: Color) -> None:
-    """What the LIDAR sees: the free area (or the rays, where they are few) and a dot where a beam ended on something."""
+def scan_ends(view: Projection, world: World, row: int, robot: int) -> list[Pixel]:
+    """Where the beams of a robot's last scan end (B)."""
     x, y, heading = world.pose[row, robot].tolist()
-    ranges = world.ranges[row, robot].astype(np.float64)
     cos, sin = math.cos(heading), math.sin(heading)
-    ahead, left = world.beams * ranges
-    ends = brush.view.pixels(np.column_stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left]))
+    ahead, left = world.beams * world.ranges[row, robot].astype(np.float64)
+    return view.pixels(np.column_stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left]))
+
+
+def paint_free_area(brush: Brush, world: World, row: int, robot: int, ends: list[Pixel], floor: Color) -> None:
+    """What a robot's LIDAR sees to be free: an area, or rays where the beams are few."""
+    x, y, _ = world.pose[row, robot].tolist()
     color, at = ROBOTS[robot % len(ROBOTS)], brush.view.pixel(x, y)
     if float(world.spec["angle_step"][0]) > SPARSE_BEAMS or len(ends) < 3:
         for end in ends:
-            brush.line([at, end], mixed(color, floor, 0.35), 0.5)
+            brush.line([at, end], mixed(color, floor, 0.5), 0.5)
+        return
+    corners = ends if is_full_circle(world.scenario) else [at, *ends]
+    if robot == 0:  # only floor lies below the first, and glass is slow
+        brush.area(corners, mixed(color, floor, 0.13))
     else:
-        corners = ends if is_full_circle(world.scenario) else [at, *ends]
-        brush.area(corners, mixed(color, floor, 0.13), mixed(color, floor, 0.3), 0.5)
-    dot, dot_color = 0.9 * brush.unit, mixed(color, floor, 0.8)
-    for index in np.flatnonzero(ranges < world.scenario.lidar.range).tolist():
-        brush.disc(ends[index], dot, dot_color)
+        brush.veil(corners, mixed(color, PAGE, 0.13))
+    brush.line([*corners, corners[0]], mixed(color, floor, 0.3), 0.5)
+
+
+def paint_returns(brush: Brush, world: World, row: int, robot: int, ends: list[Pixel]) -> None:
+    """A dot where a beam ended on something."""
+    color = mixed(ROBOTS[robot % len(ROBOTS)], PAGE, 0.8)
+    seen = [ends[index] for index in np.flatnonzero(world.ranges[row, robot] < world.scenario.lidar.range)]
+    brush.discs(seen, [1.25 * brush.unit] * len(seen), color)
 
 
 def paint_movers(brush: Brush, world: World, row: int) -> None:
     """Moving circles and polygons, each with an arrow along its velocity."""
-    discs, scale = int(world.array("moving_disc_count")[row, 0]), brush.view.scale
-    at = brush.view.pixels(world.disc_position[row, :discs])
-    radii = (scale * world.disc_radius[row, :discs]).tolist()
-    for center, radius in zip(at, radii, strict=True):
-        brush.disc(center, radius, MOVING, MOVING_RIM)
-    arrows = list(zip(at, radii, world.disc_velocity[row, :discs].tolist(), strict=True))
+    discs, walls = (int(world.array(name)[row, 0]) for name in ("moving_disc_count", "moving_wall_count"))
+    polygons, firsts = np.unique(world.array("wall_body")[row, :walls], return_index=True)
+    paint_velocities(brush, world, row, np.concatenate([np.arange(discs), polygons]), MOVING_RIM)
 
-    walls = int(world.array("moving_wall_count")[row, 0])
+    centers = brush.view.pixels(world.disc_position[row, :discs])
+    radii = (brush.view.scale * world.disc_radius[row, :discs]).tolist()
+    brush.discs(centers, radii, MOVING, MOVING_RIM)
     corners = brush.view.pixels(world.wall[row, :walls, :2])
-    bodies = world.array("wall_body")[row, :walls]
-    for body in np.unique(bodies).tolist():
-        first, end = np.searchsorted(bodies, [body, body + 1]).tolist()
+    for first, end in pairwise([*firsts.tolist(), walls]):
         brush.area(corners[first:end], MOVING, MOVING_RIM)
-        x, y, vx, vy = (float(world.array(name)[row, body]) for name in ("body_x", "body_y", "body_vx", "body_vy"))
-        center = brush.view.pixel(x, y)
-        radius = sum(math.dist(center, corner) for corner in corners[first:end]) / (end - first)
-        arrows.append((center, radius, [vx, vy]))
-    for center, radius, velocity in arrows:
-        paint_velocity(brush, center, radius, velocity, MOVING_RIM)
 
 
-def paint_velocity(brush: Brush, center: Pixel, radius: float, velocity: Sequence[float], color: Color) -> None:
-    """An arrow from the rim of a round body along its velocity [m/s]."""
-    speed = math.hypot(*velocity)
-    if speed <= 0.0:
-        return
-    ahead = (velocity[0] / speed, -velocity[1] / speed)
-    reach = radius + VELOCITY_HORIZON * brush.view.scale * speed
-    start = (center[0] + radius * ahead[0], center[1] + radius * ahead[1])
-    brush.arrow(start, (center[0] + reach * ahead[0], center[1] + reach * ahead[1]), color, 1.5)
+def paint_velocities(
+    brush: Brush, world: World, row: int, bodies: NDArray[np.int64], color: Color, radius: float | None = None
+) -> None:
+    """Arrows along the velocities of bodies (k,), to be painted over by the bodies.
+
+    Each is one polygon that begins in the body's centre and reaches over its radius, or over one in pixels:
+
+    ```
+                   2
+    0--------------1 \
+    |       rim       3    corners 4 to 6 mirror 0 to 2
+    ```
+    """
+    names = ("body_x", "body_y", "body_vx", "body_vy", "body_radius")
+    x, y, vx, vy, own = (world.array(name)[row, bodies] for name in names)
+    speed = np.hypot(vx, vy)
+    moving = speed > 0.0
+    x, y, vx, vy, own, speed = (values[moving] for values in (x, y, vx, vy, own, speed))
+    scale, unit = brush.view.scale, brush.unit
+    rim = scale * own if radius is None else np.full(len(x), radius)
+    tip = rim + VELOCITY_HORIZON * scale * speed
+    center, neck, half, barb = np.zeros(len(x)), np.maximum(tip - 5.0 * unit, rim), 0.7 * unit, 2.5 * unit
+    ahead = np.stack([center, neck, neck, tip, neck, neck, center], axis=1)
+    side = np.array([half, half, barb, 0.0, -barb, -half, -half])
+    cos, sin = (vx / speed)[:, None], (vy / speed)[:, None]
+    columns = brush.view.left + scale * x[:, None] + cos * ahead - sin * side
+    rows = brush.view.top - scale * y[:, None] - sin * ahead - cos * side
+    for corner_columns, corner_rows in zip(columns.tolist(), rows.tolist(), strict=True):
+        brush.area(list(zip(corner_columns, corner_rows, strict=True)), color)
 
 
 def goal_color(world: World, robot: int) -> Color:
@@ -318,10 +357,9 @@ def paint_goals(brush: Brush, world: World, row: int) -> None:
         if world.array("body_law")[row, body] == kernels.STILL:
             paint_flag(brush, at, color)
             continue
+        paint_velocities(brush, world, row, np.array([body]), color, radius=6.5 * brush.unit)
         for units, ring_color in ((6.5, PAGE), (5.5, color), (3.5, PAGE), (1.8, color)):
             brush.disc(at, units * brush.unit, ring_color)
-        velocity = [float(world.array(name)[row, body]) for name in ("body_vx", "body_vy")]
-        paint_velocity(brush, at, 6.5 * brush.unit, velocity, color)
 
 
 def paint_flag(brush: Brush, at: Pixel, color: Color) -> None:
@@ -354,20 +392,16 @@ def paint_robot(brush: Brush, world: World, row: int, robot: int) -> None:
     elif outcome != "running":
         brush.ring(at, reach + 5.0 * unit, OUTCOME_COLORS[outcome], 2.5)
 
-    circles = [
-        (brush.view.pixel(x + cos * cx - sin * cy, y + sin * cx + cos * cy), max(radius * scale, 2.5 * unit))
-        for cx, cy, radius in world.footprint.tolist()
-    ]
-    for center, radius in circles:
-        brush.disc(center, radius + 1.5 * unit, PAGE)
-    for center, radius in circles:
-        brush.disc(center, radius, mixed(color, INK, 0.7))
-    for center, radius in circles:
-        brush.disc(center, max(radius - unit, 1.0), color)
-    # The heading sticks out of a small body, so that it can be read.
-    nose, tail = max(reach + 2.0 * unit, 7.0 * unit), 0.4 * reach
-    corners = [(nose, 0.0), (tail, 0.55 * reach), (tail, -0.55 * reach)]
-    brush.area([(at[0] + cos * a + sin * b, at[1] - sin * a + cos * b) for a, b in corners], PAGE, color)
+    body = world.footprint
+    places = np.column_stack([x + cos * body[:, 0] - sin * body[:, 1], y + sin * body[:, 0] + cos * body[:, 1]])
+    centers, radii = brush.view.pixels(places), np.maximum(scale * body[:, 2], 3.0 * unit).tolist()
+    rim = mixed(color, INK, 0.6)
+    nose = [(reach + 5.0 * unit, 0.0), (0.3 * reach, 0.75 * reach), (0.3 * reach, -0.75 * reach)]
+    corners = [(at[0] + cos * ahead + sin * side, at[1] - sin * ahead + cos * side) for ahead, side in nose]
+    brush.discs(centers, [radius + 1.5 * unit for radius in radii], PAGE)
+    brush.area(corners, rim, PAGE, 1.25)
+    brush.discs(centers, radii, rim)
+    brush.discs(centers, [radius - unit for radius in radii], color)
 
 
 def star(at: Pixel, radius: float) -> list[Pixel]:
@@ -396,27 +430,23 @@ def from_odometry(places: ArrayLike, origin: NDArray[np.float64]) -> NDArray[np.
 
 
 def paint_areas(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
-    """The areas of a drawing, translucent."""
-    pygame = brush.pygame
+    """The areas of a drawing; what lies beneath them shows through."""
     for ring, label in drawing.areas:
-        pixels = np.array(brush.view.pixels(from_odometry(ring, origin)))
-        low = np.maximum(np.floor(pixels.min(axis=0)), 0.0).astype(int)
-        high = np.minimum(np.ceil(pixels.max(axis=0)) + 1.0, brush.surface.get_size()).astype(int)
-        if len(pixels) < 3 or (high <= low).any():
-            continue
-        veil = pygame.Surface((high - low).tolist(), pygame.SRCALPHA, 32)
-        pygame.draw.polygon(veil, (*label_color(label), 70), (pixels - low).tolist())
-        brush.surface.blit(veil, low.tolist())
+        brush.veil(brush.view.pixels(from_odometry(ring, origin)), mixed(label_color(label), PAGE, 0.3))
 
 
-def paint_drawing(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
-    """The segments and points of a drawing."""
+def paint_segments(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
+    """The segments of a drawing."""
     for x1, y1, x2, y2, label in drawing.segments:
         start, end = brush.view.pixels(from_odometry([(x1, y1), (x2, y2)], origin))
         if label in DASHED:
             brush.dashes(start, end, label_color(label), 1.25)
         else:
             brush.line([start, end], label_color(label), 1.5)
+
+
+def paint_points(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
+    """The points of a drawing."""
     for x, y, label in drawing.points:
         (at,) = brush.view.pixels(from_odometry([(x, y)], origin))
         brush.disc(at, 4.5 * brush.unit, PAGE)
@@ -425,8 +455,8 @@ def paint_drawing(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -
 
 def labels_of(drawings: Iterable[Drawing]) -> list[str]:
     """The labels that occur, each once, in order."""
-    found = [item[-1] for drawing in drawings for part in (drawing.areas, drawing.segments, drawing.points) for item in part]
-    return [str(label) for label in dict.fromkeys(found)]
+    parts = [part for drawing in drawings for part in (drawing.areas, drawing.segments, drawing.points)]
+    return list(dict.fromkeys(str(item[-1]) for part in parts for item in part))
 
 
 # ---------------------------------------------------------------------------------------------- canvas
@@ -460,7 +490,7 @@ class Canvas:
         self.title = title
         self.unit = size / 600.0
         xmin, ymin, xmax, ymax = simulation.scenario.world.bounds
-        margin = 24.0 * max(self.unit, 0.6)
+        margin = 24.0 * max(self.unit, 0.8)
         scale = (size - 2.0 * margin) / max(xmax - xmin, ymax - ymin)
         # Even sides, because video codecs want them; wide enough for the caption.
         self.width = max(even(scale * (xmax - xmin) + 2.0 * margin), even(0.4 * size))
@@ -472,9 +502,6 @@ class Canvas:
         self._trails: list[list[Pixel]] = [[] for _ in range(simulation.robots)]
         self._goal_trails: list[list[Pixel]] = [[] for _ in range(simulation.world.goals)]
         self._recorded = (-1, -1, -1)
-        self._forget_surfaces()
-
-    def _forget_surfaces(self) -> None:
         self._still: pygame.Surface | None = None
         self._still_of: tuple[int, ...] = ()
         self._large: pygame.Surface | None = None
@@ -554,19 +581,23 @@ class Canvas:
         self.record()
         floor = self._floor()
         brush = self._brush(floor)
-        if scan:
-            for robot in range(world.robots):
-                paint_scan(brush, world, row, robot, floor)
+        scans = {robot: scan_ends(brush.view, world, row, robot) for robot in range(world.robots) if scan}
+        for robot, ends in scans.items():
+            paint_free_area(brush, world, row, robot, ends, floor)
         origins = world.array("origin")[row].reshape(world.robots, 3)
         for robot, item in drawings.items():
             paint_areas(brush, item, origins[robot])
         paint_goal_areas(brush, world, row, floor)
         brush.surface.blit(self._still_surface(), (0, 0))
         paint_movers(brush, world, row)
+        for robot, ends in scans.items():
+            paint_returns(brush, world, row, robot, ends)
+        for robot, item in drawings.items():
+            paint_segments(brush, item, origins[robot])
         if trail:
             self._paint_trails(brush)
         for robot, item in drawings.items():
-            paint_drawing(brush, item, origins[robot])
+            paint_points(brush, item, origins[robot])
         paint_goals(brush, world, row)
         for robot in range(world.robots):
             paint_robot(brush, world, row, robot)
@@ -761,15 +792,16 @@ class Window:
 
 def open_screen(size: tuple[int, int]) -> pygame.Surface:
     """A window of this size, on SDL's dummy driver where there is no screen."""
-    pygame = load_pygame()
+    module = load_pygame()
     try:
-        pygame.display.init()
-    except pygame.error as error:
+        module.display.init()
+    except module.error as error:
         logger.warning("no screen to draw on (%s): the window stays invisible", error)
         os.environ["SDL_VIDEODRIVER"] = "dummy"
-        pygame.display.init()
-    pygame.display.set_caption("bug_gym")
-    return pygame.display.set_mode(size)
+        module.display.init()
+    module.display.set_caption("bug_gym")
+    screen: pygame.Surface = module.display.set_mode(size)
+    return screen
 
 
 # ---------------------------------------------------------------------------------------------- files
@@ -796,20 +828,41 @@ def save_png(path: str | Path, frame: Frame) -> None:
 
 
 def save_gif(path: str | Path, frames: Iterable[Frame], fps: float) -> None:
-    """Write frames as an endless GIF, in the 256 colours that suit its first, middle and last frame.
+    """Write frames as an endless GIF, in the 256 most frequent colours of its first, middle and last frame.
 
     Raises:
         ValueError: no frame, frames of different sizes, or fps that is not positive.
     """
     pillow = load_pillow()
     clip = list(same_size(frames, fps))
-    sample = pillow.fromarray(np.concatenate([clip[0], clip[len(clip) // 2], clip[-1]]))
-    palette = sample.quantize(256)
-    images = [pillow.fromarray(frame).quantize(palette=palette, dither=pillow.Dither.NONE) for frame in clip]
+    colors, counts = np.unique(packed(np.stack([clip[0], clip[len(clip) // 2], clip[-1]])), return_counts=True)
+    palette = unpacked(colors[np.argsort(-counts, kind="stable")[:256]])
+    images = [pillow.fromarray(in_palette(frame, palette)) for frame in clip]
+    for image in images:
+        image.putpalette(palette.astype(np.uint8).tobytes())
     with replaced_when_done(path) as partial:
-        images[0].save(
-            partial, format="GIF", save_all=True, append_images=images[1:], duration=1000.0 / fps, loop=0, disposal=1
-        )
+        images[0].save(partial, format="GIF", save_all=True, append_images=images[1:], duration=1000.0 / fps, loop=0)
+
+
+def packed(frames: Frame) -> NDArray[np.int64]:
+    """Colours (..., 3) as one number each."""
+    return np.asarray(frames.astype(np.int64) @ np.array([65536, 256, 1]))
+
+
+def unpacked(colors: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers (k,) as colours (k, 3)."""
+    return np.stack([colors >> 16, colors >> 8 & 255, colors & 255], axis=1)
+
+
+def in_palette(frame: Frame, palette: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Number (H, W) of the colour of a palette (k, 3) that comes nearest to each pixel.
+
+    Pillow's own search puts neighbouring colours together: page and floor would become one.
+    """
+    colors, where = np.unique(packed(frame), return_inverse=True)
+    gaps = np.square(unpacked(colors)[:, None] - palette[None]).sum(axis=2)
+    nearest: NDArray[np.uint8] = gaps.argmin(axis=1).astype(np.uint8)
+    return nearest[where].reshape(frame.shape[:2])
 
 
 def save_mp4(path: str | Path, frames: Iterable[Frame], fps: float) -> None:
@@ -822,18 +875,22 @@ def save_mp4(path: str | Path, frames: Iterable[Frame], fps: float) -> None:
         import imageio_ffmpeg  # type: ignore[import-untyped]  # comes with moviepy, publishes no types
     except ImportError as error:
         raise ImportError("writing MP4 needs moviepy: pip install 'bug-gym[render]'") from error
+    checked = same_size(frames, fps)
+    first = even_sided(next(checked))
     with replaced_when_done(path) as partial:
-        writer = None
-        for frame in same_size(frames, fps):
-            height, width, _ = frame.shape
-            whole = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-            if writer is None:
-                size = (whole.shape[1], whole.shape[0])
-                writer = imageio_ffmpeg.write_frames(str(partial), size, fps=fps, quality=8, macro_block_size=2)
-                writer.send(None)
-            writer.send(np.ascontiguousarray(whole))
-        if writer is not None:
-            writer.close()
+        writer = imageio_ffmpeg.write_frames(
+            str(partial), (first.shape[1], first.shape[0]), fps=fps, quality=8, macro_block_size=2
+        )
+        with closing(writer):  # which lets ffmpeg end before the file gets its name, or goes
+            writer.send(None)
+            for frame in chain([first], map(even_sided, checked)):
+                writer.send(frame)
+
+
+def even_sided(frame: Frame) -> Frame:
+    """The frame, its last line and column doubled where their number is odd: video codecs take nothing else."""
+    height, width, _ = frame.shape
+    return np.ascontiguousarray(np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge"))
 
 
 def same_size(frames: Iterable[Frame], fps: float) -> Iterator[Frame]:

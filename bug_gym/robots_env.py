@@ -16,6 +16,7 @@ from bug_gym.navigation_env import (
     ActionForm,
     Observation,
     ObservationForm,
+    Pictures,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
@@ -29,15 +30,15 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
     """Robots "robot_0", "robot_1" ... in one world, each on its way to its goal. `parallel_env` makes one.
 
     ## Description
-    See NavigationEnv for what a robot senses, does and gets. The robots see and touch one another: a collision of two ends
-    the episode of both. A robot whose episode has ended stands where it is, an obstacle to the others.
+    See NavigationEnv for what a robot senses, does and gets. The robots see and touch one another: a collision of two
+    ends the episode of both. A robot whose episode has ended stands where it is, an obstacle to the others.
 
     ## Action Space
     As NavigationEnv's, for each robot that is still in play.
 
     ## Observation Space
-    As NavigationEnv's, and with several robots the field `peers` (R - 1, 4): position [m] and velocity [m/s] of each other
-    robot in this one's frame. `state()` is what all of them observe, in one vector.
+    As NavigationEnv's, and with several robots the field `peers` (R - 1, 4): position [m] and velocity [m/s] of each
+    other robot in this one's frame. `state()` is what all of them observe, in one vector.
 
     ## Episode End
     Each robot ends by itself, as in NavigationEnv, and then leaves `agents`.
@@ -66,6 +67,7 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         self.state_space = gym.spaces.Box(np.tile(flat.low, robots), np.tile(flat.high, robots), dtype=np.float32)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": 1.0 / scenario.time.step}
+        self._pictures = Pictures(self.simulation, render_mode)
 
     def observation_space(self, agent: str) -> gym.spaces.Space[Any]:
         """What the robot may observe; the same object at each call."""
@@ -85,6 +87,7 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         if options and options.get("shortest_path"):
             for robot, info in enumerate(infos.values()):
                 info["shortest_path_length"] = self.simulation.shortest_path(robot=robot).length
+        self._pictures.record()
         return self._observe(self.agents), infos
 
     def step(
@@ -107,6 +110,7 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         moved = self.agents
         steps = {agent: self.simulation.robot_step(robot=self.possible_agents.index(agent)) for agent in moved}
         self.agents = [agent for agent, step in steps.items() if not (step.terminated or step.truncated)]
+        self._pictures.record()
         return (
             self._observe(moved),
             {agent: step.reward for agent, step in steps.items()},
@@ -124,8 +128,13 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         by_agent = dict(zip(self.possible_agents, flat, strict=True))
         return {agent: self.spaces[agent].present(by_agent[agent].copy()) for agent in agents}
 
+    def render(self) -> Any:
+        """The picture (H, W, 3) RGB uint8 with "rgb_array"; None with "human", whose window each step updates."""
+        return next(iter(self._pictures.frames()), None)
+
     def close(self) -> None:
-        """Close the window, where there is one."""
+        """Close the window."""
+        self._pictures.close()
 
 
 def parallel_env(

@@ -96,13 +96,28 @@ def draw_point(region: Sequence[float], rng: Rng, free: Free, what: str) -> tupl
 
 
 def draw_start(scenario: Scenario, start: object, rng: Rng, free: Free) -> tuple[float, float, float]:
-    """A start pose: fixed, drawn from a region, or from the whole of the bounds."""
+    """A start pose: fixed, drawn from a region, or from the whole of the bounds.
+
+    Raises:
+        ValueError: no place was found where all robots are free.
+    """
     if isinstance(start, tuple):
         return start
     region = start.region if isinstance(start, Region) else scenario.world.bounds
-    x, y = draw_point(region, rng, free, "start")
     heading = start.heading if isinstance(start, StartRegion) else None
-    return x, y, float(rng.uniform(-math.pi, math.pi)) if heading is None else heading
+    for _ in range(TRIES):
+        x, y = draw_point(region, rng, free, "start")
+        pose = x, y, float(rng.uniform(-math.pi, math.pi)) if heading is None else heading
+        if has_room_for_all(scenario, pose, free):
+            return pose
+    raise ValueError(f"no free place for all {scenario.robots.count} robots in {list(region)} after {TRIES} tries")
+
+
+def has_room_for_all(scenario: Scenario, pose: Sequence[float], free: Free) -> bool:
+    """Whether robots side by side about a free pose are all free; those with places of their own are elsewhere."""
+    if scenario.robots.count == 1 or scenario.robots.places:
+        return True
+    return all(free(x, y) for x, y, _ in side_by_side(pose, scenario.robots.count))
 
 
 def draw_goal(scenario: Scenario, goal: object, rng: Rng, free: Free) -> tuple[float, float]:
@@ -147,11 +162,16 @@ def finish(
     movers: tuple[Mover, ...] = (),
     target: Motion | None = None,
 ) -> Layout:
-    """The layout of a world, its robots placed as the scenario says: by their own places, or side by side."""
+    """The layout of a world, its robots placed as the scenario says: by their own places, or side by side.
+
+    Raises:
+        ValueError: a robot or a goal would be in an obstacle or outside.
+    """
+    check_spacing(scenario)
     robots, places = scenario.robots.count, scenario.robots.places
     starts = np.array([place.start for place in places[:robots]]) if places else side_by_side(start, robots)
     goals = [place.goal or goal for place in places[:robots]] if any(place.goal for place in places) else [goal]
-    return Layout(
+    layout = Layout(
         border=rectangle(*scenario.world.bounds),
         starts=starts.astype(np.float64),
         goals=np.array(goals, dtype=np.float64),
@@ -159,8 +179,44 @@ def finish(
         polygons=polygons,
         movers=movers,
         target=target,
-        goal_room=max(scenario.goal.radius, scenario.robot.reach),
+        goal_room=goal_room(scenario),
     )
+    check_places(scenario, layout)
+    return layout
+
+
+def goal_room(scenario: Scenario) -> float:
+    """Distance that a moving goal keeps from still obstacles [m]: the robot can always reach it."""
+    return max(scenario.goal.radius, scenario.robot.reach)
+
+
+def check_spacing(scenario: Scenario) -> None:
+    """Raises where robots that start side by side would overlap."""
+    reach = scenario.robot.reach
+    if scenario.robots.count > 1 and not scenario.robots.places and reach > 1.0:
+        raise ValueError(f"robots that reach {reach:g} m overlap where they start 2 m apart: give each a place of its own")
+
+
+def check_places(scenario: Scenario, layout: Layout) -> None:
+    """Raises where a robot starts, or a goal lies, in an obstacle or outside."""
+    circles, polygons = obstacles_of(layout.circles, layout.polygons, layout.movers)
+    for number, pose in enumerate(layout.starts.tolist()):
+        for x, y, radius in scenario.robot.body(tuple(pose)):
+            # 1e-9: what touches when it starts is free, whatever the rounding
+            if not is_clear(circles, polygons, layout.border, radius - 1e-9)(x, y):
+                raise ValueError(f"robot {number} cannot start at {pose}: an obstacle or the border is in its way")
+    for x, y in layout.goals.tolist():
+        if not is_clear(circles, polygons, layout.border, 0.0)(x, y):
+            raise ValueError(f"the goal {[x, y]} lies in an obstacle or outside")
+
+
+def obstacles_of(
+    circles: F64, polygons: tuple[Rings, ...], movers: Sequence[Mover]
+) -> tuple[F64, tuple[Rings, ...]]:
+    """Still obstacles and movers, where they begin, as circles (n, 3) and polygons."""
+    round_ones = [(*mover.at, float(mover.outline)) for mover in movers if mover.is_circle]
+    others = [(np.asarray(mover.outline) + mover.at,) for mover in movers if not mover.is_circle]
+    return np.vstack([circles, np.array(round_ones).reshape(-1, 3)]), (*polygons, *others)
 
 
 # ---------------------------------------------------------------------------------------------- the families
@@ -168,9 +224,11 @@ def finish(
 
 def empty(scenario: Scenario, world: EmptyWorld, rng: Rng) -> Layout:
     """Nothing but the border."""
-    free = is_clear(np.zeros((0, 3)), (), rectangle(*world.bounds), scenario.robot.reach)
+    border = rectangle(*world.bounds)
+    start_free = is_clear(np.zeros((0, 3)), (), border, scenario.robot.reach)
+    goal_free = is_clear(np.zeros((0, 3)), (), border, drawn_goal_room(scenario, world))
     goal = target_place(world)
-    start, place = draw_both(scenario, world.start, goal, rng, free, free, world.separation)
+    start, place = draw_both(scenario, world.start, goal, rng, start_free, goal_free, world.separation)
     return finish(scenario, start, place, target=target_motion(world, rng))
 
 
@@ -179,6 +237,11 @@ def target_place(world: EmptyWorld | ExplicitWorld) -> object:
     if world.target is None:
         return world.goal
     return world.target.at if world.target.at is not None else Region(region=world.target.region or world.bounds)
+
+
+def drawn_goal_room(scenario: Scenario, world: EmptyWorld | ExplicitWorld) -> float:
+    """Clearance of a goal that is drawn [m]; one that moves begins with the room that it keeps."""
+    return scenario.robot.reach if world.target is None else goal_room(scenario)
 
 
 def target_motion(world: EmptyWorld | ExplicitWorld, rng: Rng) -> Motion | None:
@@ -200,8 +263,9 @@ def explicit(scenario: Scenario, world: ExplicitWorld, rng: Rng) -> Layout:
         assert outline is not None
         movers.append(Mover(outline, mover.at, motion))
     border = rectangle(*world.bounds)
-    start_free = is_clear(circles, polygons, border, scenario.robot.reach)
-    goal_free = is_clear(circles, polygons, border, scenario.robot.reach)
+    in_the_way = obstacles_of(circles, polygons, movers)
+    start_free = is_clear(*in_the_way, border, scenario.robot.reach)
+    goal_free = is_clear(*in_the_way, border, drawn_goal_room(scenario, world))
     start, goal = draw_both(scenario, world.start, target_place(world), rng, start_free, goal_free, 0.0)
     return finish(
         scenario,
@@ -254,13 +318,16 @@ def maze(scenario: Scenario, world: MazeWorld, rng: Rng) -> Layout:
     open_right, open_up = carve(columns, rows, world.loops, rng)
     polygons = maze_walls(world, open_right, open_up)
     places = [(column, row) for column in range(columns) for row in range(rows)]
+    free = is_clear(np.zeros((0, 3)), polygons, rectangle(*world.bounds), scenario.robot.reach)
     for _ in range(TRIES):
         first, last = (places[int(i)] for i in rng.integers(0, len(places), 2))
         start, goal = cell_centre(world, *first), cell_centre(world, *last)
-        if math.dist(start, goal) >= world.separation:
-            pose = (*start, float(rng.uniform(-math.pi, math.pi)))
+        if math.dist(start, goal) < world.separation:
+            continue
+        pose = (*start, float(rng.uniform(-math.pi, math.pi)))
+        if has_room_for_all(scenario, pose, free):
             return finish(scenario, pose, goal, polygons=polygons)
-    raise ValueError(f"no two cells of the maze lie {world.separation} m apart")
+    raise ValueError(f"found no two cells of the maze {world.separation} m apart, the first with room for all robots")
 
 
 def carve(columns: int, rows: int, loops: float, rng: Rng) -> tuple[np.ndarray, np.ndarray]:
@@ -375,6 +442,7 @@ def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
     Raises:
         ValueError: a parameter that the family cannot have.
     """
+    check_spacing(scenario)
     if scenario.robots.places:
         raise ValueError("a field draws the starts of its robots: give robots.count instead of a list of places")
     if isinstance(world.target_motion, Waypoints):

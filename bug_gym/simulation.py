@@ -1,7 +1,8 @@
 """THE core: N worlds that reset and step by rows. Faces, evaluation and training all stand on this class.
 
-It composes the world (arrays), the families (layouts), the kernels (motion, contact, scan, reward) and the field table of
-observations, and decides nothing about episodes following one another: who resets what and when is a face's business.
+It composes the world (arrays), the families (layouts), the kernels (motion, contact, scan, reward) and the field table
+of observations, and decides nothing about episodes following one another: who resets what and when is the business of
+a face.
 """
 
 from __future__ import annotations
@@ -43,6 +44,11 @@ class Transition(NamedTuple):
     """Goal reached or something touched (n, R)."""
     truncated: NDArray[np.bool_]
     """Out of time (n, R)."""
+
+    def of_robot(self, robot: int) -> Transition:
+        """The same of one robot, views (n, ...)."""
+        observation, reward, terminated, truncated = self
+        return Transition(observation[:, robot], reward[:, robot], terminated[:, robot], truncated[:, robot])
 
 
 class RobotStep(NamedTuple):
@@ -170,14 +176,13 @@ class Simulation:
             raise ValueError(f"{where}: no start and goal with their clearance and separation fit into the bounds")
         share = scenarios.covered_share(world, row)
         raise ValueError(
-            f"{where}: only {count} of {wanted} obstacles found a free place in {kernels.ATTEMPTS} attempts; they cover "
-            f"{100.0 * share:.0f} % of the world"
+            f"{where}: only {count} of {wanted} obstacles found a free place in {kernels.ATTEMPTS} attempts; "
+            f"they cover {100.0 * share:.0f} % of the world"
         )
 
     def _place_layouts(self, rows: Rows) -> None:
-        layouts = [
-            scenarios.draw_layout(self.scenario, int(self.world.seed[row]), int(self.world.episode[row])) for row in rows
-        ]
+        seeds, episodes = self.world.seed[rows].tolist(), self.world.episode[rows].tolist()
+        layouts = [scenarios.draw_layout(self.scenario, *key) for key in zip(seeds, episodes, strict=True)]
         for row, layout in zip(rows, layouts, strict=True):
             self.world.load(int(row), layout)
 
@@ -259,7 +264,7 @@ class Simulation:
         return Transition(self.observations(rows), self._read("reward", rows), terminated, outcome == kernels.TIMEOUT)
 
     def info(self, rows: Rows | None = None) -> dict[str, NDArray[Any]]:
-        """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms) in task.REWARD_TERMS' order."""
+        """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms), as task.REWARD_TERMS."""
         rows = self.all_rows if rows is None else rows
         outcome = self._read("outcome", rows)
         return {

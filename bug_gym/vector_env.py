@@ -17,6 +17,7 @@ from bug_gym.navigation_env import (
     ActionForm,
     Observation,
     ObservationForm,
+    Pictures,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
@@ -89,6 +90,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             "render_fps": 1.0 / settings.time.step,
             "autoreset_mode": self.autoreset_mode,
         }
+        self._pictures = Pictures(self.simulation, render_mode)
         self._ended = np.zeros(num_envs, dtype=bool)
 
     def reset(
@@ -114,12 +116,13 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         options = options or {}
         mask = self._everywhere() if options.get("reset_mask") is None else self._checked(options["reset_mask"])
         rows = np.flatnonzero(mask)
-        self.simulation.reset(rows, None if seed is None else [seed[row] for row in rows])
+        self.simulation.reset(rows, None if seed is None else [seed[row] for row in rows.tolist()])
         self._ended[rows] = False
         infos = self._infos(mask)
         if options.get("shortest_path"):
-            lengths = np.array([self.simulation.shortest_path(row).length for row in rows])
+            lengths = np.array([self.simulation.shortest_path(row).length for row in rows.tolist()])
             infos |= with_masks({"shortest_path_length": lengths}, mask)
+        self._pictures.record()
         return self.spaces.present_batch(self.simulation.observations()[:, 0]), infos
 
     def _everywhere(self) -> Bools:
@@ -144,14 +147,19 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             simulation.reset(ended)
         else:
             raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")
-        flat, reward, terminated, truncated = (values[:, 0] for values in simulation.transition(simulation.all_rows))
+        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows).of_robot(0)
         self._ended = terminated | truncated
         infos: Infos = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             infos, ended = self._final_infos(flat), np.flatnonzero(self._ended)
             flat[ended] = simulation.reset(ended)[:, 0]
             self._ended[:] = False
+        self._pictures.record()
         return self.spaces.present_batch(flat), reward, terminated, truncated, infos | self._infos(self._everywhere())
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture (H, W, 3) of each row, RGB uint8; None without a render mode."""
+        return self._pictures.frames() or None
 
     def _infos(self, mask: Bools) -> Infos:
         """The contract's info of the rows in the mask, as arrays with masks."""
@@ -174,8 +182,9 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         }
 
     def close_extras(self) -> None:
-        """Let the threads go."""
+        """Let the threads and the pictures go."""
         self.simulation.close()
+        self._pictures.close()
 
 
 def with_masks(infos: Infos, mask: Bools) -> Infos:

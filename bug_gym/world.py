@@ -33,6 +33,11 @@ class Mover:
     motion: Motion
     """How it moves."""
 
+    @property
+    def is_circle(self) -> bool:
+        """Whether the outline is a radius."""
+        return np.ndim(self.outline) == 0
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -68,7 +73,7 @@ class Capacity(NamedTuple):
     def of(cls, layout: Layout) -> Capacity:
         """What this layout needs."""
         rings = [ring for polygon in layout.polygons for ring in polygon]
-        moving = [mover.outline for mover in layout.movers if not isinstance(mover.outline, float)]
+        moving = [np.asarray(mover.outline) for mover in layout.movers if not mover.is_circle]
         motions = [mover.motion for mover in layout.movers] + [layout.target] * len(layout.goals)
         return cls(
             discs=len(layout.circles) + len(layout.movers) - len(moving),
@@ -360,10 +365,10 @@ class World:
         self.seed[row], self.episode[row] = seed, episode
         self.pose[row] = layout.starts
         writer = _Writer(self, row)
-        circular = [mover for mover in layout.movers if isinstance(mover.outline, float)]
-        polygonal = [mover for mover in layout.movers if not isinstance(mover.outline, float)]
+        circular = [mover for mover in layout.movers if mover.is_circle]
+        polygonal = [mover for mover in layout.movers if not mover.is_circle]
         for disc, mover in enumerate(circular):
-            writer.body(disc, mover.at, cast_radius(mover.outline), mover.motion)
+            writer.body(disc, mover.at, float(mover.outline), mover.motion)
         for disc, (x, y, radius) in enumerate(layout.circles, start=len(circular)):
             writer.body(disc, (float(x), float(y)), float(radius), None)
         first_polygon = int(self.spec["discs"][0])
@@ -418,11 +423,6 @@ class World:
 
 PER_BODY = ("body_", "last_", "leg_", "way_first", "way_count", "way_next", "way_loops")
 """Beginnings of the names of arrays with one entry a body."""
-
-
-def cast_radius(outline: float | F64) -> float:
-    """The radius of a circular mover."""
-    return float(np.asarray(outline))
 
 
 class _Writer:

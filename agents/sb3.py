@@ -1,0 +1,185 @@
+"""N worlds with one robot each as a `VecEnv` of stable-baselines3 (Raffin et al. 2021), which has to be installed.
+
+SB3 restarts an episode in the step that ends it, and reads infos only there: so they are made only there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.navigation_env import (
+    ActionForm,
+    Observation,
+    ObservationForm,
+    Pictures,
+    RobotSpaces,
+    ScenarioSource,
+    require_one_of,
+    require_one_robot,
+)
+from bug_gym.simulation import Simulation
+
+try:
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+except ModuleNotFoundError as error:
+    raise ImportError(
+        "bug_gym.agents.sb3 needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'"
+    ) from error
+
+
+def make_vec_env(
+    source: ScenarioSource,
+    n_envs: int = 1,
+    *,
+    seed: int | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    observation: ObservationForm = "dict",
+    action: ActionForm = "continuous",
+    render_mode: str | None = None,
+    threads: int = 1,
+) -> NavigationVecEnv:
+    """Make a `VecEnv` of stable-baselines3.
+
+    Args:
+        source: a registered id such as "BugGym/Dynamic-v0", or a scenario: a name, the path of a YAML file, a dict.
+        n_envs: how many worlds, n.
+        seed: row k gets seed + k; None: from entropy.
+        overrides: values by dotted key that replace the scenario's.
+        observation: "dict" or "flat".
+        action: "continuous" or "discrete".
+        render_mode: None or "rgb_array", which SB3's VecVideoRecorder needs.
+        threads: how many threads share the worlds; more pay from some two thousand worlds on.
+
+    Raises:
+        ValueError: an id that is not registered, or a scenario that can't be or has several robots.
+    """
+    if isinstance(source, str) and source.startswith("BugGym/"):
+        source = bound_scenario(source)
+    simulation = Simulation(source, n_envs, overrides=overrides, threads=threads)
+    made = NavigationVecEnv(simulation, observation=observation, action=action, render_mode=render_mode)
+    if seed is not None:
+        made.seed(seed)
+    return made
+
+
+def bound_scenario(name: str) -> str:
+    """The scenario that a registered id binds."""
+    try:
+        scenario: str = gym.spec(name).kwargs["scenario"]
+    except gym.error.UnregisteredEnv as error:
+        raise ValueError(str(error)) from None
+    return scenario
+
+
+class NavigationVecEnv(VecEnv):
+    """`num_envs` worlds of NavigationEnv, see there for what a robot sees, does and gets; `make_vec_env` makes one.
+
+    Infos are `{}` except where an episode ends; there they hold NavigationEnv's keys of the last step and
+    `terminal_observation`, `TimeLimit.truncated` and `episode` {r: return, l: steps, t: seconds since the env was made}
+    as SB3's Monitor would give them.
+    """
+
+    def __init__(
+        self, simulation: Simulation, *, observation: ObservationForm, action: ActionForm, render_mode: str | None
+    ) -> None:
+        require_one_robot(simulation)
+        require_one_of("render_mode", render_mode, (None, "rgb_array"))
+        self.simulation = simulation
+        self.spaces = RobotSpaces(simulation, observation, action)
+        self.render_mode = render_mode
+        super().__init__(simulation.count, self.spaces.observation, self.spaces.action)
+        self.metadata: dict[str, Any] = {**self.metadata, "render_fps": 1.0 / simulation.scenario.time.step}
+        self._pictures = Pictures(simulation, render_mode)
+        self._velocities = np.zeros((simulation.count, 1, 2))
+        self._returns = np.zeros(simulation.count)
+        self._made_at = time.time()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """At the next reset, row k starts episode 0 of seed + k; None: each row goes on with its own seed."""
+        self._seeds = [None if seed is None else seed + row for row in range(self.num_envs)]
+        return self._seeds
+
+    def reset(self) -> Observation:
+        """Start an episode in each row."""
+        flat = self.simulation.reset(seeds=None if self._seeds[0] is None else self._seeds)
+        self._returns[:] = 0.0
+        self.reset_infos = [self.simulation.robot_step(row).info for row in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        self._pictures.record()
+        return self.spaces.present_batch(flat[:, 0])
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the actions of the next `step_wait`."""
+        self._velocities = self.spaces.velocities(actions, (self.num_envs,))[:, None]
+
+    def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Drive for one step in each row, and start anew in those whose episode ends."""
+        simulation = self.simulation
+        simulation.advance(self._velocities)
+        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows).of_robot(0)
+        self._returns += reward
+        done = terminated | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        ended = np.flatnonzero(done)
+        for row in ended.tolist():
+            infos[row] = self._final_info(row, flat[row].copy())
+        if len(ended):
+            flat[ended] = simulation.reset(ended)[:, 0]
+            self._returns[ended] = 0.0
+            for row in ended.tolist():
+                self.reset_infos[row] = simulation.robot_step(row).info
+        self._pictures.record()
+        return self.spaces.present_batch(flat), reward.astype(np.float32), done, infos
+
+    def _final_info(self, row: int, flat: NDArray[np.float32]) -> dict[str, Any]:
+        last = self.simulation.robot_step(row)
+        steps = int(self.simulation.world.steps[row])
+        seconds = round(time.time() - self._made_at, 6)
+        return last.info | {
+            "terminal_observation": self.spaces.present(flat),
+            "TimeLimit.truncated": last.truncated,
+            "episode": {"r": float(self._returns[row]), "l": steps, "t": seconds},
+        }
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """A picture (H, W, 3) of each row, RGB uint8."""
+        return self._pictures.frames() or [None] * self.num_envs
+
+    def close(self) -> None:
+        """Let the threads and the pictures go."""
+        self.simulation.close()
+        self._pictures.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of this env, once for each row: the rows share them all."""
+        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of this env.
+
+        Raises:
+            ValueError: some rows only are meant, but they share their attributes.
+        """
+        if len(set(self._get_indices(indices))) != self.num_envs:
+            raise ValueError(f"the rows share {attr_name!r}: set it for all of them, not for {indices}")
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Always an AttributeError: the rows are rows of arrays, with no methods of their own."""
+        raise AttributeError(f"a row of {type(self).__name__} has no method {method_name!r}")
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
+        """True for Monitor, because infos hold what it would add; False for any other."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]

@@ -1,0 +1,281 @@
+"""How fast it is on this machine: environments, new worlds, imports and the decisions of policies.
+
+Worlds of 20 m x 20 m in which everything moves, a LIDAR of 5 m, random actions, one thread. Each speed is measured
+several times over: the median counts, the least and the greatest say how quiet the machine was.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils.performance import benchmark_step
+
+import bug_gym
+from bug_gym.evaluation import AGENTS, agents, evaluate, progress_bar
+from bug_gym.rendering import replaced_when_done
+from bug_gym.simulation import Simulation
+
+WORLDS = 1024
+CASES = ((20, 64), (100, 180), (500, 180))
+"""Obstacles and beams."""
+BATCHES = 16
+"""Batches of random actions, drawn beforehand and taken in turn."""
+
+IMPORT = "from time import perf_counter as now; begin = now(); import bug_gym; print(now() - begin)"
+MAKE = (
+    "import gymnasium as gym, bug_gym; from time import perf_counter as now; begin = now(); "
+    "gym.make('BugGym/Dynamic-v0').reset(seed=0); print(now() - begin)"
+)
+"""What a fresh interpreter is asked to time, and prints [s]."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One line of the table."""
+
+    name: str
+    unit: str
+    median: float
+    least: float
+    greatest: float
+
+
+Task = tuple[str, str, Callable[[], float]]
+"""Name, unit, and what measures it once."""
+
+
+def run_benchmark(
+    *, repeats: int = 5, seconds: float = 0.5, worlds: int = WORLDS, out: Path | None = None
+) -> list[Measurement]:
+    """Measure everything and print a table.
+
+    Args:
+        repeats: how many times each.
+        seconds: how long each time [s].
+        worlds: how many worlds side by side.
+        out: JSON to write.
+
+    Raises:
+        ValueError: repeats or worlds below 1, or seconds that are not positive.
+    """
+    if repeats < 1 or worlds < 1 or not seconds > 0.0:
+        raise ValueError(f"expected repeats, worlds >= 1 and seconds > 0, got {repeats}, {worlds} and {seconds}")
+    tasks = [*speed_tasks(worlds, seconds), *part_tasks(worlds, seconds), *start_tasks(), *decision_tasks()]
+    with progress_bar(shown=True) as track:
+        measurements = [measure(task, repeats) for task in track(tasks, "measurements", len(tasks))]
+    settings = {**machine(), "worlds": worlds, "repeats": repeats, "seconds": seconds}
+    print_measurements(settings, measurements)
+    if out is not None:
+        data = {"settings": settings, "measurements": [asdict(measurement) for measurement in measurements]}
+        with replaced_when_done(out) as partial_file:
+            partial_file.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    return measurements
+
+
+def measure(task: Task, repeats: int) -> Measurement:
+    """Measure one thing several times, after once that doesn't count: it compiles and warms up."""
+    name, unit, once = task
+    once()
+    samples = [once() for _ in range(repeats)]
+    return Measurement(name, unit, statistics.median(samples), min(samples), max(samples))
+
+
+def machine() -> dict[str, Any]:
+    """What the numbers were measured on."""
+    versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
+    versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba")}
+    return {"cpu": cpu_model(), "cores": os.cpu_count(), **versions}
+
+
+def cpu_model() -> str:
+    """Name of the processor, as well as the system tells it."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def print_measurements(settings: dict[str, Any], measurements: Sequence[Measurement]) -> None:
+    """Print the machine and how it was measured, and the table."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, padding=0, pad_edge=False)
+    table.add_column("")
+    for title in ("median", "least", "greatest"):
+        table.add_column(title, justify="right")
+    table.add_column("")
+    for line in measurements:
+        values = (line.median, line.least, line.greatest)
+        numbers = (f"{value:,.0f}" if value >= 1000.0 else f"{value:.3g}" for value in values)
+        table.add_row(line.name, *numbers, line.unit)
+    console = Console()
+    console.print(", ".join(f"{name} {value}" for name, value in settings.items()), highlight=False)
+    console.print(table, highlight=False)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Environments
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def busy_world(shapes: str, obstacles: int, beams: int) -> dict[str, Any]:
+    """The scenario that is measured."""
+    world = {"family": "field", "obstacles": obstacles, "shapes": shapes, "moving": 1.0, "laws": ["bounce"]}
+    lidar = {"beams": beams, "range": 5.0}
+    return {"robot": {"kinematics": "differential"}, "lidar": lidar, "time": {"limit": 60.0}, "world": world}
+
+
+def speed_tasks(worlds: int, seconds: float) -> Iterator[Task]:
+    """Steps a second of each face."""
+    unit = "thousand steps/s"
+    for shapes in ("circles", "squares"):
+        for obstacles, beams in CASES:
+            once = partial(vector_speed, busy_world(shapes, obstacles, beams), worlds, seconds)
+            yield f"VectorEnv: {obstacles} {shapes}, {beams} beams", unit, once
+    if find_spec("stable_baselines3"):
+        yield "SB3 VecEnv: 20 circles, 64 beams", unit, partial(sb3_speed, worlds, seconds)
+    for obstacles in (20, 100):
+        scenario = busy_world("circles", obstacles, 180)
+        yield f"gym.make: {obstacles} circles, 180 beams", unit, partial(single_speed, scenario, seconds)
+
+
+def random_actions(worlds: int) -> np.ndarray:
+    """Batches of actions (BATCHES, n, 2)."""
+    return np.random.default_rng(0).uniform(-1.0, 1.0, (BATCHES, worlds, 2)).astype(np.float32)
+
+
+def vector_speed(scenario: dict[str, Any], worlds: int, seconds: float) -> float:
+    """Thousand steps a second of the vector env; a step that only starts a new world is none."""
+    env = gym.make_vec("BugGym/Navigation-v0", num_envs=worlds, scenario=scenario, observation="flat")
+    env.reset(seed=0)
+    actions, steps, number, ended = random_actions(worlds), 0, 0, 0
+    begin = perf_counter()
+    while (elapsed := perf_counter() - begin) < seconds:
+        _, _, terminated, truncated, _ = env.step(actions[number % BATCHES])
+        steps += worlds - ended
+        ended = int(np.count_nonzero(terminated | truncated))
+        number += 1
+    env.close()
+    return steps / elapsed / 1000.0
+
+
+def sb3_speed(worlds: int, seconds: float) -> float:
+    """Thousand steps a second of SB3's VecEnv."""
+    make_vec_env = importlib.import_module(f"{AGENTS}.sb3").make_vec_env
+    env = make_vec_env(busy_world("circles", 20, 64), worlds, seed=0, observation="flat")
+    env.reset()
+    actions, number = random_actions(worlds), 0
+    begin = perf_counter()
+    while (elapsed := perf_counter() - begin) < seconds:
+        env.step(actions[number % BATCHES])
+        number += 1
+    env.close()
+    return number * worlds / elapsed / 1000.0
+
+
+def single_speed(scenario: dict[str, Any], seconds: float) -> float:
+    """Thousand steps a second of one env with its default wrappers, by Gymnasium's own benchmark."""
+    env = gym.make("BugGym/Navigation-v0", scenario=scenario)
+    return benchmark_step(env, seconds, seed=0) / 1000.0  # type: ignore[arg-type]  # part of a second will do
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Where a step's time goes
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def part_tasks(worlds: int, seconds: float) -> Iterator[Task]:
+    """Microseconds of each part of a step of one world among many, and of a new world."""
+    scenario, blind = busy_world("circles", 100, 180), busy_world("circles", 100, 1)
+    title = "step (100 circles, 180 beams)"
+    yield f"{title}: core", "us", partial(part_time, "core", scenario, worlds, seconds)
+    yield f"{title}: core with 1 beam", "us", partial(part_time, "core", blind, worlds, seconds)
+    yield f"{title}: results, infos", "us", partial(part_time, "reading", scenario, worlds, seconds)
+    yield f"{title}: new worlds", "us", partial(part_time, "new worlds", scenario, worlds, seconds)
+    for obstacles, beams in CASES:
+        scenario = busy_world("circles", obstacles, beams)
+        yield f"new world: {obstacles} circles, {beams} beams", "us", partial(new_world_time, scenario, worlds, seconds)
+
+
+def part_time(part: str, scenario: dict[str, Any], worlds: int, seconds: float) -> float:
+    """Time of one part of a step [us], of one world among many."""
+    simulation = Simulation(scenario, worlds)
+    simulation.reset(seeds=range(worlds))
+    actions = random_actions(worlds).astype(np.float64)[:, :, None]
+    spent = dict.fromkeys(("core", "reading", "new worlds"), 0.0)
+    number = 0
+    while sum(spent.values()) < seconds:
+        times = [perf_counter()]
+        simulation.advance(actions[number % BATCHES])
+        times.append(perf_counter())
+        _, _, terminated, truncated = simulation.transition(simulation.all_rows)
+        simulation.info()
+        times.append(perf_counter())
+        ended = np.flatnonzero(terminated | truncated)
+        if len(ended):
+            simulation.reset(ended)
+        times.append(perf_counter())
+        for name, duration in zip(spent, np.diff(times).tolist(), strict=True):
+            spent[name] += duration
+        number += 1
+    return 1e6 * spent[part] / (number * worlds)
+
+
+def new_world_time(scenario: dict[str, Any], worlds: int, seconds: float) -> float:
+    """Time of a new world with its first observation [us]."""
+    simulation = Simulation(scenario, worlds)
+    number = 0
+    begin = perf_counter()
+    while (elapsed := perf_counter() - begin) < seconds:
+        simulation.reset()
+        number += 1
+    return 1e6 * elapsed / (number * worlds)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Starting, deciding
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def start_tasks() -> Iterator[Task]:
+    """Seconds until a fresh interpreter is ready."""
+    yield "import bug_gym", "s", partial(fresh_time, IMPORT)
+    yield "gym.make and reset, compiled before", "s", partial(fresh_time, MAKE)
+
+
+def fresh_time(code: str) -> float:
+    """What a fresh interpreter prints [s]."""
+    checkout = Path(bug_gym.__file__).parents[1]  # so that it is found there where it is not installed
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=checkout)
+    return float(run.stdout)
+
+
+def decision_tasks() -> Iterator[Task]:
+    """Microseconds of a decision of each policy."""
+    for name in agents().policy_names():
+        yield f"decision: {name}", "us", partial(decision_time, name)
+
+
+def decision_time(policy: str) -> float:
+    """Mean time of a decision [us] over two episodes."""
+    rows = evaluate([policy], "dynamic", episodes=2)
+    decisions = sum(row.decision_time_total / row.decision_time_mean for row in rows)
+    return 1e6 * sum(row.decision_time_total for row in rows) / decisions

@@ -1,0 +1,283 @@
+"""The command line, `bug-gym`: list, show, evaluate, render, benchmark.
+
+Exit codes: 0 done, 2 bad input (one line on stderr says what), 130 interrupted. What a command needs is imported when
+it runs, so that `--help` is quick.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    from bug_gym.evaluation import PolicyEntry
+
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong and leave with exit code 2."""
+        self.exit(BAD_INPUT, f"bug-gym: error: {message} (see {self.prog} --help)\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns its exit code."""
+    options = make_parser().parse_args(arguments)
+    command: Callable[[argparse.Namespace], None] = options.command
+    try:
+        command(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has seen enough, as `head` has
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (ValueError, OSError, ImportError) as error:
+        return _complain(BAD_INPUT, f"error: {error}")
+    except KeyboardInterrupt:
+        out = getattr(options, "out", None)
+        hint = f"; {out} keeps what is done, the same command goes on" if out and command is evaluate else ""
+        return _complain(INTERRUPTED, f"interrupted{hint}")
+    return DONE
+
+
+def _complain(code: int, message: str) -> int:
+    print("bug-gym:", "; ".join(message.splitlines()), file=sys.stderr)
+    return code
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Arguments
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def make_parser() -> Parser:
+    """The parser of all commands."""
+    parser = Parser(prog="bug-gym", description="2D navigation among unknown obstacles: worlds, policies, evaluations.")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", parser_class=Parser)
+
+    def add(command: Callable[[argparse.Namespace], None], example: str) -> argparse.ArgumentParser:
+        summary = str(command.__doc__).splitlines()[0]
+        form = argparse.RawDescriptionHelpFormatter
+        name = command.__name__.removesuffix("_")
+        added = commands.add_parser(
+            name, help=summary, description=summary, epilog=f"example:\n  {example}", formatter_class=form
+        )
+        added.set_defaults(command=command)
+        return added
+
+    listing = add(list_, "bug-gym list policies")
+    listing.add_argument("what", nargs="?", choices=[*LISTS], help="which names (default: all)")
+
+    showing = add(show, "bug-gym show static --seed 3 --set lidar.beams=180 --out world.png")
+    _add_scenario(showing)
+    showing.add_argument("--out", type=Path, help="PNG to write (default: SCENARIO-SEED.png)")
+
+    evaluating = add(evaluate, "bug-gym evaluate --suite quick --policies bug0,bug2:turn=right --out results/a")
+    task = evaluating.add_mutually_exclusive_group(required=True)
+    task.add_argument("--suite", help="name or path of a suite")
+    task.add_argument("--scenario", action="append", help="name or path of a scenario; may come several times")
+    evaluating.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: the suite's, or all)")
+    evaluating.add_argument("--episodes", type=int, help="worlds of each scenario (default: the suite's, or 50)")
+    evaluating.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
+    evaluating.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
+    evaluating.add_argument(
+        "--out", type=Path, help="folder for rows, summary and pictures; goes on with a run cut off"
+    )
+    _add_overrides(evaluating)
+
+    rendering = add(render, "bug-gym render bug2 dynamic --seed 3 --out bug2.gif")
+    rendering.add_argument("policy", metavar="POLICY", help="NAME[:PARAMETER=VALUE...]")
+    _add_scenario(rendering)
+    rendering.add_argument("--out", type=Path, required=True, help="a .gif, a .mp4, or a .png of the whole path")
+    rendering.add_argument(
+        "--every", type=at_least_one, default=1, help="steps from one frame to the next (default: 1)"
+    )
+
+    measuring = add(benchmark, "bug-gym benchmark --out benchmark.json")
+    measuring.add_argument("--repeats", type=int, default=5, help="times that each speed is measured (default: 5)")
+    measuring.add_argument("--seconds", type=float, default=0.5, help="how long each time (default: 0.5)")
+    measuring.add_argument("--worlds", type=int, default=1024, help="worlds side by side (default: 1024)")
+    measuring.add_argument("--out", type=Path, help="JSON to write")
+    return parser
+
+
+def at_least_one(text: str) -> int:
+    """A whole number from 1 on."""
+    number = int(text)
+    if number < 1:
+        raise ValueError(text)
+    return number
+
+
+def _add_scenario(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scenario", metavar="SCENARIO", help="name or path of a scenario")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
+    parser.add_argument("--size", type=int, default=600, help="longer side of the picture in pixels (default: 600)")
+    _add_overrides(parser)
+
+
+def _add_overrides(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="replace a value of the scenario, such as lidar.beams=180; may come several times",
+    )
+
+
+def _assignments(pairs: Sequence[str]) -> dict[str, Any]:
+    """Values by key from KEY=VALUE, the values read as YAML.
+
+    Raises:
+        ValueError: no `=`, or a value that is no YAML.
+    """
+    import yaml
+
+    from bug_gym.config import _Loader
+
+    found = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not key or not equals:
+            raise ValueError(f"got {pair!r}, expected KEY=VALUE, such as lidar.beams=180")
+        try:
+            found[key] = yaml.load(value, Loader=_Loader)
+        except yaml.YAMLError:
+            raise ValueError(f"got {pair!r}, expected a value as YAML has it, such as 180, true or [0, 1]") from None
+    return found
+
+
+def _policy(text: str) -> PolicyEntry:
+    """A policy from NAME[:PARAMETER=VALUE...], which is also what tables call it."""
+    from bug_gym.evaluation import PolicyEntry
+
+    name, *pairs = re.split(r":(?=\w+=)", text)
+    return PolicyEntry(text, name, _assignments(pairs))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Commands
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def list_(options: argparse.Namespace) -> None:
+    """Names of scenarios, policies and suites, each with what it is."""
+    for number, what in enumerate([options.what] if options.what else LISTS):
+        lines = LISTS[what]()
+        width = max(len(name) for name, _ in lines)
+        print("\n" * (number > 0) + what)
+        for name, summary in lines:
+            print(f"  {name:<{width}}  {summary}")
+
+
+def _scenarios() -> list[tuple[str, str]]:
+    from bug_gym.config import SCENARIO_FOLDER, scenario_names
+
+    return [(name, _first_comment(SCENARIO_FOLDER / f"{name}.yaml")) for name in scenario_names()]
+
+
+def _policies() -> list[tuple[str, str]]:
+    from bug_gym.agents import AGENTS
+
+    marks = {name: " (privileged: reads the map)" if agent.privileged else "" for name, agent in AGENTS.items()}
+    return [(name, f"{agent.family}; {agent.reference}{marks[name]}") for name, agent in AGENTS.items()]
+
+
+def _suites() -> list[tuple[str, str]]:
+    from bug_gym.evaluation import SUITE_FOLDER, suite_names
+
+    return [(name, _first_comment(SUITE_FOLDER / f"{name}.yaml")) for name in suite_names()]
+
+
+LISTS = {"scenarios": _scenarios, "policies": _policies, "suites": _suites}
+
+
+def _first_comment(path: Path) -> str:
+    """What a YAML file says about itself in its first line."""
+    return path.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")
+
+
+def show(options: argparse.Namespace) -> None:
+    """Draw the world of a scenario and a seed."""
+    from bug_gym.rendering import Canvas, save_png
+    from bug_gym.simulation import Simulation
+
+    simulation = Simulation(options.scenario, overrides=_assignments(options.overrides))
+    simulation.reset(seeds=[options.seed])
+    name = simulation.scenario.name
+    out = _writable(options.out or Path(f"{name}-{options.seed}.png"))
+    save_png(out, Canvas(simulation, size=options.size).draw(scan=False))
+    length = simulation.shortest_path().length
+    print(f"{out}: {name}, seed {options.seed}, shortest path {length:.2f} m")
+
+
+def evaluate(options: argparse.Namespace) -> None:
+    """Drive policies through the same worlds; a table, and with --out a folder of rows, summary and pictures."""
+    from rich.console import Console
+
+    from bug_gym.evaluation import evaluate, load_suite
+    from bug_gym.intervals import summarise
+    from bug_gym.report import print_table
+
+    rows = evaluate(
+        [_policy(text) for text in options.policies.split(",")] if options.policies else None,
+        load_suite(options.suite) if options.suite else options.scenario,
+        episodes=options.episodes,
+        seed=options.seed,
+        workers=options.workers,
+        out=options.out,
+        overrides=_assignments(options.overrides),
+        progress=True,
+    )
+    print_table(summarise(rows), Console())
+    if options.out:
+        print(f"rows, summary and pictures: {options.out}")
+
+
+def render(options: argparse.Namespace) -> None:
+    """Draw an episode of a policy: a film, or one picture of its whole path."""
+    from bug_gym.config import load
+    from bug_gym.evaluation import Rollout, ScenarioEntry, film, portrait, progress_bar
+    from bug_gym.rendering import Canvas, save_gif, save_mp4, save_png
+
+    out = _writable(options.out)
+    save = {".gif": save_gif, ".mp4": save_mp4}.get(out.suffix)
+    if save is None and out.suffix != ".png":
+        raise ValueError(f"got {out} to write to, expected a name that ends in .gif, .mp4 or .png")
+    scenario, entry = load(options.scenario, _assignments(options.overrides)), _policy(options.policy)
+    seeds = range(options.seed, options.seed + 1)
+    rollout = Rollout(entry, ScenarioEntry(scenario.name, scenario, seeds), seeds)
+    canvas = Canvas(rollout.simulation, size=options.size, title=entry.label)
+    if save is None:
+        save_png(out, portrait(rollout, canvas))
+    else:
+        frames = film(rollout, canvas, every=options.every)
+        with progress_bar(shown=True) as track:
+            most = scenario.time.steps // options.every + 1
+            save(out, track(frames, "frames, at most", most), 1.0 / (scenario.time.step * options.every))
+    info = rollout.simulation.info()
+    outcome = rollout.verdict() or info["outcome"][0, 0]
+    print(f"{out}: {outcome} after {info['time'][0, 0]:.1f} s and {info['path_length'][0, 0]:.2f} m")
+
+
+def _writable(path: Path) -> Path:
+    """The path of a file to write; a missing folder is found out before the work, not after it."""
+    if not path.parent.is_dir():
+        raise ValueError(f"no folder {path.parent} to write {path.name} into")
+    return path
+
+
+def benchmark(options: argparse.Namespace) -> None:
+    """Measure speeds on this machine: environments, new worlds, imports, decisions of policies."""
+    from bug_gym.benchmark import run_benchmark
+
+    out = options.out and _writable(options.out)
+    run_benchmark(repeats=options.repeats, seconds=options.seconds, worlds=options.worlds, out=out)

@@ -1,0 +1,263 @@
+"""N worlds behind stable-baselines3's `VecEnv`."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+
+import bug_gym
+from bug_gym.navigation_env import NavigationEnv
+
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
+
+from bug_gym.agents.sb3 import NavigationVecEnv, make_vec_env
+
+ROOT = Path(__file__).resolve().parents[1]
+IDS = list(bug_gym.SCENARIOS_BY_ID)
+# Episodes of at most 2.5 s, so that a few hundred steps hold many ends of both kinds.
+SHORT = {"time.limit": 2.5, "lidar.dropout": 0.05, "odometry.rotation_noise": 0.05}
+
+
+def make(count: int, **settings: Any) -> NavigationVecEnv:
+    return make_vec_env("rush", count, overrides=SHORT, **settings)
+
+
+def random_actions(steps: int, count: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+    # Full speed ahead more often than not: some episodes end in a collision before they are cut off.
+    return np.random.default_rng(1).uniform([-0.5, -1.0], 1.5, (steps, count, 2)).clip(-1.0, 1.0).astype(np.float32)
+
+
+def without_clock(infos: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Infos without the time that has passed."""
+    return [
+        info | {"episode": {name: info["episode"][name] for name in ("r", "l")}} if "episode" in info else info
+        for info in infos
+    ]
+
+
+def plain(observation: Any) -> Any:
+    """SB3's ordered dict as a dict."""
+    return dict(observation) if isinstance(observation, dict) else observation
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_stable_baselines3_finds_nothing_to_say_about_the_single_env(name: str) -> None:
+    for observation in ("dict", "flat"):
+        for action in ("continuous", "discrete"):
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                check_env(gym.make(name, observation=observation, action=action), skip_render_check=True)
+
+
+@pytest.mark.parametrize("action", ["continuous", "discrete"])
+@pytest.mark.parametrize("observation", ["dict", "flat"])
+def test_all_but_the_infos_underway_is_what_dummy_vec_env_gives(observation: Any, action: Any) -> None:
+    settings = {"observation": observation, "action": action}
+    ours = make(4, seed=20, **settings)
+    dummy = DummyVecEnv([lambda: Monitor(NavigationEnv("rush", SHORT, **settings))] * 4)
+    dummy.seed(20)
+    assert (ours.observation_space, ours.action_space) == (dummy.observation_space, dummy.action_space)
+    assert data_equivalence(ours.reset(), plain(dummy.reset()), exact=True)
+    assert ours.reset_infos == dummy.reset_infos
+    ours.action_space.seed(0)
+    ends = 0
+    for _ in range(150):
+        actions = np.array([ours.action_space.sample() for _ in range(4)])
+        came, reward, done, infos = ours.step(actions)
+        expected, expected_reward, expected_done, expected_infos = dummy.step(actions)
+        assert data_equivalence(came, plain(expected), exact=True)
+        np.testing.assert_array_equal(reward, expected_reward)
+        np.testing.assert_array_equal(done, expected_done)
+        assert ours.reset_infos == dummy.reset_infos
+        for row in range(4):
+            if not done[row]:
+                assert infos[row] == {}
+                continue
+            ends += 1
+            mine, theirs = infos[row], expected_infos[row]
+            assert mine.keys() == theirs.keys()
+            assert mine["episode"]["r"] == pytest.approx(theirs["episode"]["r"], abs=1e-6)
+            assert mine["episode"]["l"] == theirs["episode"]["l"]
+            same = mine.keys() - {"episode"}
+            assert data_equivalence({k: mine[k] for k in same}, {k: theirs[k] for k in same}, exact=True)
+    assert ends > 10
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_change_nothing(threads: int) -> None:
+    first, second = make(9, seed=0), make(9, seed=0, threads=threads)
+    assert data_equivalence(first.reset(), second.reset(), exact=True)
+    for actions in random_actions(60, 9):
+        *came, infos = first.step(actions)
+        *expected, expected_infos = second.step(actions)
+        assert data_equivalence(tuple(came), tuple(expected), exact=True)
+        assert data_equivalence(tuple(without_clock(infos)), tuple(without_clock(expected_infos)), exact=True)
+    second.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_same_seed_gives_the_same_run(name: str) -> None:
+    runs = []
+    for _ in range(2):
+        made = make_vec_env(name, 3, seed=1, overrides=SHORT)
+        run: list[Any] = [made.reset()]
+        for actions in random_actions(300, 3):
+            *values, infos = made.step(actions)
+            run += [*values, tuple(without_clock(infos))]
+        runs.append(tuple(run))
+    assert data_equivalence(runs[0], runs[1], exact=True)
+
+
+def test_a_reset_without_a_seed_goes_on_with_the_next_episodes() -> None:
+    made, single = make(2, seed=5, observation="flat"), NavigationEnv("rush", SHORT, observation="flat")
+    first, second = made.reset(), made.reset()
+    np.testing.assert_array_equal(first[1], single.reset(seed=6)[0])
+    np.testing.assert_array_equal(second[1], single.reset()[0])
+
+
+def test_a_saved_state_restored_mid_episode_goes_on_bit_for_bit() -> None:
+    made = make(3, seed=0)
+    made.reset()
+    saved = made.simulation.save()
+    first, second = [], []
+    for actions in random_actions(30, 3):
+        first.append(made.step(actions)[:3])
+    made.simulation.restore(saved)
+    for actions in random_actions(30, 3):
+        second.append(made.step(actions)[:3])
+    assert data_equivalence(tuple(first), tuple(second), exact=True)
+
+
+def test_what_was_returned_stays_as_it_is() -> None:
+    made = make(3, seed=0)
+    kept: list[Any] = [made.reset(), *[made.step(actions)[:3] for actions in random_actions(40, 3)]]
+    copies = copy.deepcopy(kept)
+    for actions in random_actions(40, 3):
+        made.step(actions)
+    assert data_equivalence(tuple(kept), tuple(copies), exact=True)
+
+
+def test_a_truncated_episode_is_told_from_a_finished_one() -> None:
+    made = make_vec_env("empty", overrides={"time.limit": 0.2}, seed=0)
+    made.reset()
+    assert made.step(np.zeros((1, 2)))[3] == [{}]
+    info = made.step(np.zeros((1, 2)))[3][0]
+    assert (info["TimeLimit.truncated"], info["outcome"]) == (True, "timeout")
+    made = make_vec_env("empty", seed=0, overrides={"world.goal": [0.35, 0]})
+    made.reset()
+    info = made.step(np.array([[1.0, 0.0]]))[3][0]
+    assert (info["TimeLimit.truncated"], info["outcome"], info["episode"]["l"]) == (False, "success", 1)
+
+
+class GoStraight:
+    """A policy that drives ahead and counts what it is told of starts."""
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[np.ndarray[Any, Any], Any]:
+        return np.tile(np.array([1.0, 0.0], dtype=np.float32), (len(episode_start), 1)), state
+
+
+def test_evaluate_policy_runs_any_policy_and_takes_our_returns_for_a_monitors() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = make_vec_env("empty", 3, seed=0)
+        rewards, lengths = evaluate_policy(GoStraight(), env, n_eval_episodes=5, return_episode_rewards=True)
+    assert isinstance(lengths, list)
+    assert set(lengths) <= {77, 78}  # 7.7 m at 1 m/s
+    np.testing.assert_allclose(rewards, 7.7 + 10.0 - 0.01 * np.array(lengths), atol=1e-6)
+
+
+def test_ppo_learns_on_it_and_logs_successes() -> None:
+    model = PPO("MultiInputPolicy", make(4, seed=0), n_steps=32, batch_size=64, n_epochs=1, device="cpu", seed=0)
+    model.learn(256)
+    assert len(model.ep_info_buffer or ()) > 0
+    assert len(model.ep_success_buffer or ()) > 0
+
+
+@pytest.mark.parametrize("wrapper", [VecMonitor, VecNormalize, lambda env: VecFrameStack(env, 2)])
+def test_wrappers_of_stable_baselines3_run_on_it(wrapper: Any) -> None:
+    made = wrapper(make(3, seed=0, observation="flat"))
+    made.reset()
+    ends = sum(int(made.step(actions)[2].sum()) for actions in random_actions(40, 3))
+    assert ends > 0
+    assert made.unwrapped.simulation.count == 3
+
+
+def test_rows_answer_for_the_env_that_holds_them() -> None:
+    made = make(3)
+    assert made.get_attr("render_mode") == [None] * 3
+    assert made.get_attr("simulation", indices=[1]) == [made.simulation]
+    made.set_attr("note", 4)
+    assert made.get_attr("note") == [4] * 3
+    assert not made.has_attr("no_such_thing")
+    assert made.env_is_wrapped(Monitor) == [True] * 3
+    assert made.env_is_wrapped(gym.wrappers.TimeLimit, indices=0) == [False]
+    with pytest.raises(ValueError, match="share"):
+        made.set_attr("note", 5, indices=[0])
+    with pytest.raises(AttributeError, match="compute_reward"):
+        made.env_method("compute_reward")
+
+
+def test_a_picture_holds_all_rows() -> None:
+    pytest.importorskip("pygame", reason="pygame-ce comes with the extra `render`")
+    made = make(2, seed=0, render_mode="rgb_array")
+    made.reset()
+    frame, (first, second) = made.render(), made.get_images()
+    assert frame is not None and first is not None and second is not None
+    assert frame.shape == (2 * first.shape[0], first.shape[1], 3)  # SB3 tiles two as one above the other
+    np.testing.assert_array_equal(frame, np.concatenate([first, second]))
+
+
+def test_a_pickled_env_goes_on_like_the_original() -> None:
+    made = make(2, seed=0)
+    made.reset()
+    twin = pickle.loads(pickle.dumps(made))
+    actions = np.ones((2, 2))
+    assert data_equivalence(made.step(actions)[:3], twin.step(actions)[:3], exact=True)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"source": "BugGym/Statik-v0"}, "Statik"),
+        ({"source": "statik"}, "static"),
+        ({"source": "crossing_robots"}, "parallel_env"),
+        ({"source": "static", "n_envs": 0}, "at least 1"),
+        ({"source": "static", "observation": "image"}, "'dict', 'flat'.*'image'"),
+    ],
+)
+def test_an_argument_that_is_not_known_is_refused(settings: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        make_vec_env(**settings)
+
+
+@pytest.mark.parametrize("actions", [np.zeros((3, 2)), np.full((2, 2), np.nan)])
+def test_actions_that_are_none_are_refused(actions: Any) -> None:
+    made = make(2, seed=0)
+    made.reset()
+    with pytest.raises(ValueError, match="action"):
+        made.step(actions)
+
+
+def test_without_stable_baselines3_the_error_names_the_extra() -> None:
+    script = "import sys; sys.modules['stable_baselines3'] = None; import bug_gym.agents.sb3"
+    run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert "bug-gym[train]" in run.stderr.splitlines()[-1]

@@ -1,0 +1,362 @@
+"""N worlds behind `gym.vector.VectorEnv`: a row is the single env, and all of it is what SyncVectorEnv would give."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+from gymnasium.wrappers import vector as wrappers
+
+import bug_gym
+from bug_gym.navigation_env import NavigationEnv
+from bug_gym.vector_env import NavigationVectorEnv
+
+IDS = list(bug_gym.SCENARIOS_BY_ID)
+MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
+# Episodes of at most 2.5 s, so that a few hundred steps hold many ends of both kinds.
+SHORT = {"time.limit": 2.5, "lidar.dropout": 0.05, "odometry.rotation_noise": 0.05, "reward.smoothness": -0.1}
+
+
+def make(count: int, **settings: Any) -> NavigationVectorEnv:
+    return NavigationVectorEnv(count, scenario="rush", overrides=SHORT, **settings)
+
+
+def make_sync(count: int, mode: AutoresetMode, **settings: Any) -> SyncVectorEnv[Any, Any]:
+    one = lambda: NavigationEnv("rush", SHORT, **settings)  # noqa: E731
+    return SyncVectorEnv([one] * count, autoreset_mode=mode)
+
+
+def random_actions(steps: int, count: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+    # Full speed ahead more often than not: some episodes end in a collision before they are cut off.
+    return np.random.default_rng(1).uniform([-0.5, -1.0], 1.5, (steps, count, 2)).clip(-1.0, 1.0).astype(np.float32)
+
+
+def in_row(values: Any, row: int) -> Any:
+    """One row of observations or infos, as the single env gives it; infos that the row does not have are left out."""
+    if not isinstance(values, dict):
+        return values[row].item() if isinstance(values[row], np.generic) else values[row]
+    has = {name: values[f"_{name}"][row] if f"_{name}" in values else True for name in values if name[0] != "_"}
+    return {name: in_row(values[name], row) for name in has if has[name]}
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("count", [1, 2, 7])
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_row_is_the_single_env_bit_for_bit(mode: AutoresetMode, count: int, threads: int) -> None:
+    vector = make(count, autoreset_mode=mode, threads=threads)
+    singles = [NavigationEnv("rush", SHORT) for _ in range(count)]
+    observation, infos = vector.reset(seed=30)
+    for row, single in enumerate(singles):
+        assert data_equivalence((in_row(observation, row), in_row(infos, row)), single.reset(seed=30 + row), exact=True)
+    ended = [False] * count
+    for actions in random_actions(120, count):
+        observation, reward, terminated, truncated, infos = vector.step(actions)
+        for row, single in enumerate(singles):
+            came = tuple(in_row(values, row) for values in (observation, reward, terminated, truncated, infos))
+            if mode == AutoresetMode.NEXT_STEP and ended[row]:
+                first, info = single.reset()
+                expected: Any = (first, 0.0, False, False, info)
+            else:
+                expected = single.step(actions[row])
+            ended[row] = bool(expected[2] or expected[3])
+            if mode == AutoresetMode.SAME_STEP and ended[row]:
+                last, *flags, last_info = expected
+                first, info = single.reset()
+                expected = (first, *flags, info | {"final_obs": last, "final_info": last_info})
+            assert data_equivalence(came, expected, exact=True)
+        if mode == AutoresetMode.DISABLED and any(ended):
+            mask = np.array(ended)
+            observation, infos = vector.reset(options={"reset_mask": mask})
+            for row in np.flatnonzero(mask).tolist():
+                expected = singles[row].reset()
+                assert data_equivalence((in_row(observation, row), in_row(infos, row)), expected, exact=True)
+    vector.close()
+
+
+@pytest.mark.parametrize("action", ["continuous", "discrete"])
+@pytest.mark.parametrize("observation", ["dict", "flat"])
+@pytest.mark.parametrize("mode", MODES)
+def test_all_that_comes_back_is_what_sync_vector_env_gives(mode: AutoresetMode, observation: Any, action: Any) -> None:
+    ours = make(5, autoreset_mode=mode, observation=observation, action=action)
+    sync = make_sync(5, mode, observation=observation, action=action)
+    assert data_equivalence(ours.reset(seed=9), sync.reset(seed=9), exact=True)
+    ours.action_space.seed(2)
+    ends = 0
+    for _ in range(150):
+        actions = ours.action_space.sample()
+        came, expected = ours.step(actions), sync.step(actions)
+        assert data_equivalence(came, expected, exact=True)
+        ends += int((came[2] | came[3]).sum())
+    assert ends > 20
+    assert data_equivalence(ours.reset(), sync.reset(), exact=True)
+
+
+def test_a_masked_reset_is_what_sync_vector_env_gives() -> None:
+    ours, sync = make(4, autoreset_mode=AutoresetMode.DISABLED), make_sync(4, AutoresetMode.DISABLED)
+    assert data_equivalence(ours.reset(seed=3), sync.reset(seed=3), exact=True)
+    resets = 0
+    for actions in random_actions(100, 4):
+        came, expected = ours.step(actions), sync.step(actions)
+        assert data_equivalence(came, expected, exact=True)
+        mask = came[2] | came[3]
+        if mask.any():
+            resets += 1
+            seeds = [None, 50 + resets, None, 60 + resets]
+            options = {"reset_mask": mask}
+            expected_reset = sync.reset(seed=seeds, options=dict(options))
+            assert data_equivalence(ours.reset(seed=seeds, options=options), expected_reset, exact=True)
+            assert "reset_mask" in options
+    assert resets > 5
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_every_id_makes_rows_that_equal_its_single_env(name: str) -> None:
+    vector, sync = gym.make_vec(name, num_envs=3), gym.make_vec(name, num_envs=3, vectorization_mode="sync")
+    assert isinstance(vector, NavigationVectorEnv)
+    assert isinstance(sync, SyncVectorEnv)
+    for space in ("observation_space", "action_space", "single_observation_space", "single_action_space"):
+        assert getattr(vector, space) == getattr(sync, space)
+    assert vector.metadata == sync.metadata | {"render_modes": ["rgb_array"]}
+    assert data_equivalence(vector.reset(seed=4), sync.reset(seed=4), exact=True)
+    for actions in random_actions(30, 3):
+        assert data_equivalence(vector.step(actions), sync.step(actions), exact=True)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_same_seed_gives_the_same_run(name: str) -> None:
+    noises = {"lidar.noise": 0.05, "lidar.dropout": 0.1, "odometry.translation_noise": 0.1, "goal.sensing": "odometry"}
+    runs = []
+    for _ in range(2):
+        vector = gym.make_vec(name, num_envs=3, overrides=SHORT | noises, autoreset_mode="SameStep")
+        runs.append((vector.reset(seed=1), *[vector.step(actions) for actions in random_actions(300, 3)]))
+    assert data_equivalence(runs[0], runs[1], exact=True)
+
+
+def test_a_saved_state_restored_mid_episode_goes_on_bit_for_bit() -> None:
+    vector = make(3, autoreset_mode=AutoresetMode.SAME_STEP)
+    vector.reset(seed=0)
+    actions = random_actions(60, 3)
+    for one in actions[:10]:
+        vector.step(one)
+    saved = vector.simulation.save()
+    first = tuple(vector.step(one) for one in actions[10:])
+    vector.simulation.restore(saved)
+    assert data_equivalence(first, tuple(vector.step(one) for one in actions[10:]), exact=True)
+
+
+def test_a_pickled_env_goes_on_like_the_original_between_the_end_and_the_reset_of_a_row() -> None:
+    vector = make(4, threads=2)
+    vector.reset(seed=0)
+    for actions in random_actions(60, 4):
+        _, _, terminated, truncated, _ = vector.step(actions)
+        if terminated.any() and not truncated.all():
+            break
+    twin = pickle.loads(pickle.dumps(vector))
+    for actions in random_actions(30, 4):
+        assert data_equivalence(vector.step(actions), twin.step(actions), exact=True)
+
+
+def test_final_observations_stand_only_in_rows_that_ended() -> None:
+    vector = make(6, autoreset_mode="SameStep", observation="flat")
+    vector.reset(seed=0)
+    seen = 0
+    for actions in random_actions(60, 6):
+        _, _, terminated, truncated, infos = vector.step(actions)
+        ended = terminated | truncated
+        assert ("final_obs" in infos) == ("final_info" in infos) == ended.any()
+        if ended.any():
+            seen += 1
+            assert infos["final_obs"].dtype == object
+            assert [one is not None for one in infos["final_obs"]] == ended.tolist()
+            np.testing.assert_array_equal(infos["_final_obs"], ended)
+            np.testing.assert_array_equal(infos["final_info"]["_time"], ended)
+            assert (infos["final_info"]["time"][ended] > 0.0).all()
+            assert (infos["time"][ended] == 0.0).all()
+    assert seen > 5
+
+
+def test_what_was_returned_stays_as_it_is() -> None:
+    for mode in MODES:
+        vector = make(3, autoreset_mode=mode)
+        kept = [vector.reset(seed=0), *[vector.step(actions) for actions in random_actions(40, 3)]]
+        copies = copy.deepcopy(kept)
+        for actions in random_actions(40, 3):
+            vector.step(actions)
+        vector.reset()
+        assert data_equivalence(tuple(kept), tuple(copies), exact=True)
+
+
+def test_the_shortest_paths_come_as_an_array() -> None:
+    infos = make(2).reset(seed=8, options={"shortest_path": True})[1]
+    singles = [NavigationEnv("rush", SHORT).reset(seed=8 + row, options={"shortest_path": True})[1] for row in range(2)]
+    assert infos["shortest_path_length"].tolist() == [info["shortest_path_length"] for info in singles]
+    assert infos["_shortest_path_length"].tolist() == [True, True]
+
+
+# ---------------------------------------------------------------------------------------------- Gymnasium's wrappers
+
+WRAPPERS: dict[str, Callable[[VectorEnv[Any, Any, Any]], VectorEnv[Any, Any, Any]]] = {
+    "statistics": wrappers.RecordEpisodeStatistics,
+    "reward": wrappers.NormalizeReward,
+    "action": lambda env: wrappers.RescaleAction(env, -2.0, 2.0),
+}
+OBSERVATION_WRAPPERS: dict[str, Callable[[VectorEnv[Any, Any, Any]], VectorEnv[Any, Any, Any]]] = {
+    "normalize": wrappers.NormalizeObservation,
+    "rescale": lambda env: wrappers.RescaleObservation(env, 0.0, 1.0),
+    "dtype": lambda env: wrappers.DtypeObservation(env, np.float64),
+}
+
+
+def without_clock(step: tuple[Any, ...]) -> tuple[Any, ...]:
+    """A step without the duration of the episode, which is measured by the clock."""
+    *values, infos = step
+    if "episode" in infos:
+        infos = infos | {"episode": {name: infos["episode"][name] for name in infos["episode"].keys() - {"t", "_t"}}}
+    return (*values, infos)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_wrappers_see_no_difference_to_sync_vector_env(name: str, mode: AutoresetMode) -> None:
+    wrap = WRAPPERS[name]
+    ours, sync = wrap(make(4, autoreset_mode=mode)), wrap(make_sync(4, mode))
+    assert data_equivalence(ours.reset(seed=1), sync.reset(seed=1), exact=True)
+    for actions in random_actions(100, 4):
+        assert data_equivalence(without_clock(ours.step(actions)), without_clock(sync.step(actions)), exact=True)
+
+
+@pytest.mark.parametrize("name", OBSERVATION_WRAPPERS)
+def test_observation_wrappers_see_no_difference_to_sync_vector_env(name: str) -> None:
+    wrap, mode = OBSERVATION_WRAPPERS[name], AutoresetMode.NEXT_STEP
+    ours, sync = wrap(make(4, observation="flat")), wrap(make_sync(4, mode, observation="flat"))
+    assert data_equivalence(ours.reset(seed=1), sync.reset(seed=1), exact=True)
+    for actions in random_actions(60, 4):
+        assert data_equivalence(ours.step(actions), sync.step(actions), exact=True)
+
+
+def test_dict_observations_pass_through_the_flattening_wrapper() -> None:
+    ours, sync = make(3), make_sync(3, AutoresetMode.NEXT_STEP)
+    wrapped, expected = wrappers.FlattenObservation(ours), wrappers.FlattenObservation(sync)
+    np.testing.assert_array_equal(wrapped.reset(seed=1)[0], expected.reset(seed=1)[0])
+
+
+# ---------------------------------------------------------------------------------------------- making one
+
+
+def test_make_vec_raises_no_warning_and_names_the_mode() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        default = gym.make_vec("BugGym/Static-v0", num_envs=2)
+        disabled = gym.make_vec("BugGym/Static-v0", num_envs=2, autoreset_mode="Disabled")
+    assert default.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert disabled.metadata["autoreset_mode"] is AutoresetMode.DISABLED
+    assert NavigationVectorEnv.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+
+
+def test_most_steps_of_an_episode_cut_it_off_as_the_time_limit_wrapper_does() -> None:
+    settings: dict[str, Any] = {"num_envs": 2, "max_episode_steps": 7}
+    ours = gym.make_vec("BugGym/Static-v0", **settings)
+    sync = gym.make_vec("BugGym/Static-v0", vectorization_mode="sync", **settings)
+    ours.reset(seed=0), sync.reset(seed=0)
+    for actions in np.zeros((20, 2, 2), dtype=np.float32):
+        came, expected = ours.step(actions), sync.step(actions)
+        assert data_equivalence(came[1:4], expected[1:4], exact=True)
+
+
+def test_most_steps_never_prolong_an_episode() -> None:
+    assert NavigationVectorEnv(scenario="empty", max_episode_steps=10**9).simulation.scenario.time.limit == 120.0
+
+
+def test_a_row_without_a_seed_goes_on_with_its_next_episode() -> None:
+    first, second = make(3, observation="flat"), make(3, observation="flat")
+    first.reset(seed=5), second.reset(seed=5)
+    worlds, mixed = first.reset()[0], second.reset(seed=[None, 6, 90])[0]
+    np.testing.assert_array_equal(worlds[0], mixed[0])
+    assert (worlds[1] != mixed[1]).any()
+    np.testing.assert_array_equal(mixed[1], NavigationEnv("rush", SHORT, observation="flat").reset(seed=6)[0])
+
+
+def test_rows_without_seeds_differ() -> None:
+    worlds = make(4, observation="flat").reset()[0]
+    assert len(np.unique(worlds, axis=0)) == 4
+
+
+def test_each_row_has_its_picture() -> None:
+    pytest.importorskip("pygame", reason="pygame-ce comes with the extra `render`")
+    vector = make(2, render_mode="rgb_array")
+    vector.reset(seed=3)
+    single = NavigationEnv("rush", SHORT, render_mode="rgb_array")
+    for row, frame in enumerate(vector.render() or ()):
+        single.reset(seed=3 + row)
+        np.testing.assert_array_equal(frame, single.render())
+    assert len(vector.render() or ()) == 2
+
+
+# ---------------------------------------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize("mask", [[True, False], np.array([1, 0]), np.array([True]), np.array([False, False])])
+def test_a_mask_that_is_none_is_refused(mask: Any) -> None:
+    vector = make(2)
+    vector.reset(seed=0)
+    with pytest.raises(ValueError, match="reset_mask"):
+        vector.reset(options={"reset_mask": mask})
+
+
+def test_as_many_seeds_as_rows_are_asked_for() -> None:
+    with pytest.raises(ValueError, match="2 seeds for 3 rows"):
+        make(3).reset(seed=[1, 2])
+
+
+def test_a_row_that_ended_is_not_stepped_where_the_caller_resets() -> None:
+    vector = NavigationVectorEnv(2, scenario="empty", overrides={"time.limit": 0.1}, autoreset_mode="Disabled")
+    vector.reset(seed=0)
+    assert vector.step(np.zeros((2, 2)))[3].all()
+    vector.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(ResetNeeded, match="row 1"):
+        vector.step(np.zeros((2, 2)))
+
+
+def test_a_step_before_the_first_reset_is_refused() -> None:
+    with pytest.raises(ResetNeeded):
+        make(2).step(np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("actions", [np.zeros((3, 2)), np.zeros(2), np.full((2, 2), np.nan)])
+def test_actions_that_are_none_are_refused(actions: Any) -> None:
+    vector = make(2)
+    vector.reset(seed=0)
+    with pytest.raises(ValueError, match="action"):
+        vector.step(actions)
+
+
+@pytest.mark.parametrize("actions", [np.array([0, 128]), np.array([-1, 0]), np.array([0.0, 1.0]), np.array([0])])
+def test_discrete_actions_that_are_none_are_refused(actions: Any) -> None:
+    vector = make(2, action="discrete")
+    vector.reset(seed=0)
+    with pytest.raises(ValueError, match="action"):
+        vector.step(actions)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"num_envs": 0}, "at least 1"),
+        ({"threads": 0}, "at least 1"),
+        ({"autoreset_mode": "Tomorrow"}, "Tomorrow"),
+        ({"render_mode": "human"}, "'rgb_array'.*'human'"),
+        ({"scenario": "crossing_robots"}, "parallel_env"),
+    ],
+)
+def test_an_argument_that_is_not_known_is_refused(settings: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        NavigationVectorEnv(**settings)
