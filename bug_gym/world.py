@@ -125,7 +125,9 @@ class World:
         self.robots = scenario.robots.count
         self.goals = self.robots if any(place.goal for place in scenario.robots.places) else 1
         self.footprint = np.array(scenario.robot.footprint, dtype=np.float64)
-        self.beams = beam_table(scenario)
+        angles = beam_angles(scenario)
+        step = angles[1] - angles[0] if len(angles) > 1 else 2.0 * math.pi
+        self.beams = np.stack(kernels.beam_table(len(angles), float(angles[0]), float(step)))
         self.spec = np.zeros(1, dtype=kernels.SPEC)
         self._set_constants(weights, clearance_scale, span, width)
         self.observation: NDArray[np.float32] = np.zeros((count, self.robots, width), dtype=np.float32)
@@ -142,7 +144,6 @@ class World:
             "width": width,
             "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
             "limit_steps": self.scenario.time.steps,
-            "full_circle": int(is_full_circle(self.scenario)),
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
             "step": self.scenario.time.step,
             "max_speed": robot.max_speed,
@@ -201,7 +202,8 @@ class World:
             widths.append(begin)
         self.floats: F64 = np.zeros((self.count, widths[0]))
         self.ints: NDArray[np.int64] = np.zeros((self.count, widths[1]), dtype=np.int64)
-        self.scratch_sizes = kernels.scratch_sizes(discs, walls, int(self.spec["beams"][0]), robots)
+        beams = int(self.spec["beams"][0])
+        self.scratch_sizes = (kernels.scratch_floats(beams) + robots, kernels.scratch_integers(max(discs, walls)) + robots)
 
     def make_scratch(self) -> tuple[F64, NDArray[np.int64]]:
         """Working memory for the kernels; each thread needs its own."""
@@ -530,12 +532,6 @@ def beam_angles(scenario: Scenario) -> F64:
     if is_full_circle(scenario):
         return 2.0 * np.pi * np.arange(beams) / beams
     return np.linspace(-0.5 * fov, 0.5 * fov, beams) if beams > 1 else np.zeros(1)
-
-
-def beam_table(scenario: Scenario) -> F64:
-    """Cosine and sine of each beam's angle (2, B)."""
-    angles = beam_angles(scenario)
-    return np.stack([np.cos(angles), np.sin(angles)])
 
 
 def side_by_side(start: Sequence[float], robots: int) -> F64:

@@ -438,6 +438,16 @@ def test_a_step_before_the_first_reset_is_refused() -> None:
         NavigationEnv("static").step(AHEAD)
 
 
+def test_a_state_saved_before_the_first_reset_needs_it_again() -> None:
+    env = NavigationEnv("static")
+    saved = env.simulation.save()
+    env.reset(seed=0)
+    env.step(AHEAD)
+    env.simulation.restore(saved)
+    with pytest.raises(ResetNeeded):
+        env.step(AHEAD)
+
+
 def test_several_robots_are_sent_to_the_parallel_env() -> None:
     with pytest.raises(ValueError, match="parallel_env"):
         NavigationEnv("crossing_robots")
