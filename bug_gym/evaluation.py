@@ -156,9 +156,14 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
         source = SUITE_FOLDER / f"{source}.yaml"
     path = Path(source).expanduser()
     data = _read_file(path)
-    for item in data.get("scenarios") or ():
-        if isinstance(item, dict) and _is_path(item.get("scenario")):
-            item["scenario"] = str(path.parent / Path(item["scenario"]).expanduser())
+    if isinstance(data.get("scenarios"), list):
+        items = [item if isinstance(item, dict) else {"scenario": item} for item in data["scenarios"]]
+        data["scenarios"] = [
+            {**item, "scenario": str(path.parent / Path(item["scenario"]).expanduser())}
+            if _is_path(item.get("scenario"))
+            else item
+            for item in items
+        ]
     return _checked(Suite, data, path.name)
 
 
@@ -514,7 +519,7 @@ class Rollout:
         self._step()
         robots = self.simulation.robots
         over = [row for row, ended in self._ended.items() if len(ended) == robots]
-        worlds = [self._ended.pop(row) for row in over]
+        worlds = [sorted(self._ended.pop(row), key=lambda ended: ended.robot) for row in over]
         for row in over:
             self._begin(row)
         return worlds

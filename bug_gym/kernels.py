@@ -91,15 +91,7 @@ FLOAT_ARRAYS = (
     "leg_max",
     "way_x",
     "way_y",
-    "wall_x1",
-    "wall_y1",
-    "wall_x2",
-    "wall_y2",
-    "wall_half",
-    "local_x1",
-    "local_y1",
-    "local_x2",
-    "local_y2",
+    "wall",
 )
 INT_ARRAYS = (
     "seed",
@@ -119,7 +111,10 @@ INT_ARRAYS = (
     "way_count",
     "way_next",
     "way_loops",
-    "wall_body",
+    "polygon_first",
+    "polygon_walls",
+    "border_first",
+    "border_walls",
     "wall_polygon",
     "wall_ring",
 )
@@ -353,8 +348,8 @@ def plan_reflection(f, k, s, b, now):
             f[s.body_nx + b] = (dx + fraction * ex) / distance
             f[s.body_ny + b] = (dy + fraction * ey) / distance
     for w in range(k[s.moving_wall_count], k[s.wall_count]):
-        x1, y1 = f[s.wall_x1 + w], f[s.wall_y1 + w]
-        x2, y2 = f[s.wall_x2 + w], f[s.wall_y2 + w]
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
         distance = min(radius, point_wall_distance(x, y, x1, y1, x2, y2))
         fraction = wall_contact(x, y, ex, ey, x1, y1, x2, y2, distance)
         if fraction < best:
@@ -491,45 +486,40 @@ def move_body(f, k, s, b, start, end):
 
 
 @kernel
-def move_bodies(f, k, s, start, end):
-    """Advance discs, polygons and goals from `start` to `end` [s]; their last places stay in last_x, last_y."""
-    # Bodies that can move: the first discs, then the polygons, then the goals. Still discs never change place.
-    moving = k[s.moving_disc_count]
-    x, y = f[s.body_x : s.body_x + moving], f[s.body_y : s.body_y + moving]
-    last_x, last_y = f[s.last_x : s.last_x + moving], f[s.last_y : s.last_y + moving]
-    vx, vy = f[s.body_vx : s.body_vx + moving], f[s.body_vy : s.body_vy + moving]
-    events = f[s.body_event : s.body_event + moving]
+def move_range(f, k, s, first, count, start, end):
+    """Advance the bodies `first` ... `first + count - 1`; their last places stay in last_x, last_y."""
+    x, y = f[s.body_x + first : s.body_x + first + count], f[s.body_y + first : s.body_y + first + count]
+    last_x, last_y = f[s.last_x + first : s.last_x + first + count], f[s.last_y + first : s.last_y + first + count]
+    vx, vy = f[s.body_vx + first : s.body_vx + first + count], f[s.body_vy + first : s.body_vy + first + count]
+    events = f[s.body_event + first : s.body_event + first + count]
     step = end - start
-    first = math.inf
-    for b in range(moving):
+    soonest = math.inf
+    for b in range(count):
         last_x[b] = x[b]
         last_y[b] = y[b]
-        first = events[b] if events[b] < first else first
-    if first > end:
-        for b in range(moving):
+        soonest = events[b] if events[b] < soonest else soonest
+    if soonest > end:
+        for b in range(count):
             x[b] += vx[b] * step
             y[b] += vy[b] * step
-    else:
-        for b in range(moving):
-            if events[b] > end:
-                x[b] += vx[b] * step
-                y[b] += vy[b] * step
-            else:
-                move_body(f, k, s, b, start, end)
-    for b in range(s.discs, s.discs + k[s.moving_polygon_count]):
-        f[s.last_x + b] = f[s.body_x + b]
-        f[s.last_y + b] = f[s.body_y + b]
-        move_body(f, k, s, b, start, end)
-    for b in range(s.discs + s.polygons, s.bodies):
-        f[s.last_x + b] = f[s.body_x + b]
-        f[s.last_y + b] = f[s.body_y + b]
-        move_body(f, k, s, b, start, end)
-    for w in range(k[s.moving_wall_count]):
-        b = k[s.wall_body + w]
-        f[s.wall_x1 + w] = f[s.body_x + b] + f[s.local_x1 + w]
-        f[s.wall_y1 + w] = f[s.body_y + b] + f[s.local_y1 + w]
-        f[s.wall_x2 + w] = f[s.body_x + b] + f[s.local_x2 + w]
-        f[s.wall_y2 + w] = f[s.body_y + b] + f[s.local_y2 + w]
+        return
+    for b in range(count):
+        if events[b] > end:
+            x[b] += vx[b] * step
+            y[b] += vy[b] * step
+        else:
+            move_body(f, k, s, first + b, start, end)
+
+
+@kernel
+def move_bodies(f, k, s, start, end):
+    """Advance discs, polygons and goals from `start` to `end` [s]. Still discs and polygons never change place.
+
+    The walls of a moving polygon are kept relative to its place, so they need no work.
+    """
+    move_range(f, k, s, 0, k[s.moving_disc_count], start, end)
+    move_range(f, k, s, s.discs, k[s.moving_polygon_count], start, end)
+    move_range(f, k, s, s.discs + s.polygons, s.goals, start, end)
 
 
 # ---------------------------------------------------------------------------------------------- robots
@@ -595,27 +585,20 @@ def goal_contact(f, k, s, r):
 
 
 @kernel
-def obstacle_contact(f, k, s, footprint, r, end):
-    """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
-
-    Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below both the episode's smallest
-    so far and the reward's scale, else a lower bound of neither (the caller takes minima only).
-    """
-    fx, fy = f[s.next_pose + 3 * r] - f[s.pose + 3 * r], f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1]
-    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
-    slack = math.hypot(fx, fy) + turn * s.body_reach + f[s.fastest] * s.step
-    need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
+def disc_contacts(f, k, s, footprint, r, need, end, scratch):
+    """First contact of robot r with discs on its chord up to `end`, and the smallest clearance to them."""
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
-    first = NEVER
-    clearance = math.inf
-    moving = k[s.moving_disc_count]
-    count = k[s.disc_count]
+    moving, count = k[s.moving_disc_count], k[s.disc_count]
     disc_x, disc_y = f[s.body_x : s.body_x + count], f[s.body_y : s.body_y + count]
     disc_radius = f[s.body_radius : s.body_radius + count]
-    for m in range(count):
+    excess = scratch[:count]
+    for m in range(count):  # apart from the rest, so that it is vectorised
         dx, dy = nx - disc_x[m], ny - disc_y[m]
         limit = need + disc_radius[m]
-        if dx * dx + dy * dy >= limit * limit:
+        excess[m] = dx * dx + dy * dy - limit * limit
+    first, clearance = NEVER, math.inf
+    for m in range(count):
+        if excess[m] >= 0.0:
             continue
         mx, my = 0.0, 0.0
         if m < moving:
@@ -630,31 +613,76 @@ def obstacle_contact(f, k, s, footprint, r, end):
             if fraction <= end:
                 first = min(first, fraction)
             clearance = min(clearance, nearest_on_chord(px, py, ex, ey, end) - reach)
-    walls = k[s.wall_count]
-    wall_x1, wall_y1 = f[s.wall_x1 : s.wall_x1 + walls], f[s.wall_y1 : s.wall_y1 + walls]
-    wall_x2, wall_y2 = f[s.wall_x2 : s.wall_x2 + walls], f[s.wall_y2 : s.wall_y2 + walls]
-    wall_half = f[s.wall_half : s.wall_half + walls]
-    moving = k[s.moving_wall_count]
-    for w in range(walls):
-        dx, dy = nx - 0.5 * (wall_x1[w] + wall_x2[w]), ny - 0.5 * (wall_y1[w] + wall_y2[w])
-        limit = need + wall_half[w]
-        if dx * dx + dy * dy >= limit * limit:
+    return first, clearance
+
+
+@kernel
+def wall_contacts(f, s, footprint, r, begin, count, bx, by, mx, my, need, end):
+    """First contact of robot r with a range of walls that stand at (bx, by) and came from (bx - mx, by - my).
+
+    Returns (fraction or NEVER, clearance [m]) as `obstacle_contact` does.
+    """
+    nx, ny = f[s.next_pose + 3 * r] - bx, f[s.next_pose + 3 * r + 1] - by
+    first, clearance = NEVER, math.inf
+    for w in range(begin, begin + count):
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        gap_x = max(max(min(x1, x2) - nx, nx - max(x1, x2)), 0.0)
+        gap_y = max(max(min(y1, y2) - ny, ny - max(y1, y2)), 0.0)
+        if gap_x * gap_x + gap_y * gap_y >= need * need:
             continue
-        mx, my = 0.0, 0.0
-        if w < moving:
-            b = k[s.wall_body + w]
-            mx, my = f[s.body_x + b] - f[s.last_x + b], f[s.body_y + b] - f[s.last_y + b]
         for c in range(s.footprint):
-            x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
-            x1, y1 = body_circle(f, s, footprint, s.next_pose, r, c)
-            px, py = x0 + mx, y0 + my
-            ex, ey = x1 - x0 - mx, y1 - y0 - my
+            cx0, cy0 = body_circle(f, s, footprint, s.pose, r, c)
+            cx1, cy1 = body_circle(f, s, footprint, s.next_pose, r, c)
+            px, py = cx0 - bx + mx, cy0 - by + my
+            ex, ey = cx1 - cx0 - mx, cy1 - cy0 - my
             radius = footprint[c, 2]
-            fraction = wall_contact(px, py, ex, ey, wall_x1[w], wall_y1[w], wall_x2[w], wall_y2[w], radius)
+            fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius)
             if fraction <= end:
                 first = min(first, fraction)
-            near = nearest_to_wall(px, py, ex, ey, wall_x1[w], wall_y1[w], wall_x2[w], wall_y2[w], end)
-            clearance = min(clearance, near - radius)
+            clearance = min(clearance, nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, end) - radius)
+    return first, clearance
+
+
+@kernel
+def obstacle_contact(f, k, s, footprint, r, end, scratch):
+    """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
+
+    Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below both the episode's smallest
+    so far and the reward's scale, else no smaller than those (the caller takes minima only).
+    """
+    fx, fy = f[s.next_pose + 3 * r] - f[s.pose + 3 * r], f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1]
+    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+    slack = math.hypot(fx, fy) + turn * s.body_reach + f[s.fastest] * s.step
+    need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
+    nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+    first, clearance = disc_contacts(f, k, s, footprint, r, need, end, scratch)
+    contact, gap = wall_contacts(
+        f, s, footprint, r, k[s.border_first], k[s.border_walls], 0.0, 0.0, 0.0, 0.0, need, end
+    )
+    first, clearance = min(first, contact), min(clearance, gap)
+    moving, polygons = k[s.moving_polygon_count], k[s.polygon_count]
+    centre_x, centre_y = f[s.body_x + s.discs : s.body_x + s.discs + polygons], f[s.body_y + s.discs : s.body_y + s.discs + polygons]
+    radius = f[s.body_radius + s.discs : s.body_radius + s.discs + polygons]
+    excess = scratch[:polygons]
+    for number in range(polygons):
+        limit = need + radius[number]
+        dx, dy = nx - centre_x[number], ny - centre_y[number]
+        excess[number] = dx * dx + dy * dy - limit * limit
+    for number in range(polygons):
+        if excess[number] >= 0.0:
+            continue
+        b = s.discs + number
+        x, y = f[s.body_x + b], f[s.body_y + b]
+        mx, my = 0.0, 0.0
+        if number < moving:
+            mx, my = x - f[s.last_x + b], y - f[s.last_y + b]
+        else:
+            x, y = 0.0, 0.0  # the walls of a still polygon are kept where they stand
+        contact, gap = wall_contacts(
+            f, s, footprint, r, k[s.polygon_first + number], k[s.polygon_walls + number], x, y, mx, my, need, end
+        )
+        first, clearance = min(first, contact), min(clearance, gap)
     return first, clearance
 
 
@@ -698,7 +726,7 @@ SAME_TIME = 1e-12  # as a fraction of the step
 
 
 @kernel
-def settle_robots(f, k, s, footprint, stops, verdicts):
+def settle_robots(f, k, s, footprint, stops, verdicts, scratch):
     """Find where each active robot's step ends and why; `stops` and `verdicts` (R,) are filled.
 
     Contacts with the world come first; then, among robots, the earliest event stops its robot and the others are
@@ -712,7 +740,7 @@ def settle_robots(f, k, s, footprint, stops, verdicts):
             continue
         goal = goal_contact(f, k, s, r)
         end = min(goal, 1.0)
-        contact, clearance = obstacle_contact(f, k, s, footprint, r, end)
+        contact, clearance = obstacle_contact(f, k, s, footprint, r, end, scratch)
         stops[r] = end
         verdicts[r] = SUCCESS if goal <= 1.0 else RUNNING
         if contact <= end:
@@ -837,7 +865,7 @@ def step_row(f, k, observation, s, beams, footprint, scratch, scratch_int, actio
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
     stops, verdicts = scratch[:robots], scratch_int[:robots]
-    settle_robots(f, k, s, footprint, stops, verdicts)
+    settle_robots(f, k, s, footprint, stops, verdicts, scratch[robots:])
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
             apply_motion(f, k, s, r, stops[r])
@@ -1484,6 +1512,43 @@ def add_noise(
 
 
 @kernel
+def gather_walls(f, k, s, x, y, scratch):
+    """Walls of the border and of the polygons that reach into the scan's circle round (x, y), where they stand.
+
+    They are written to the end of `scratch`. Returns x1, y1, x2, y2 (S,) and how many of them count.
+    """
+    room = s.walls
+    begin = scratch.size - 4 * room
+    x1, y1 = scratch[begin : begin + room], scratch[begin + room : begin + 2 * room]
+    x2, y2 = scratch[begin + 2 * room : begin + 3 * room], scratch[begin + 3 * room : begin + 4 * room]
+    polygons = k[s.polygon_count]
+    centre_x, centre_y = f[s.body_x + s.discs : s.body_x + s.discs + polygons], f[s.body_y + s.discs : s.body_y + s.discs + polygons]
+    radius = f[s.body_radius + s.discs : s.body_radius + s.discs + polygons]
+    excess = scratch[begin - polygons : begin]
+    for number in range(polygons):  # apart from the rest, so that it is vectorised
+        limit = s.reach + radius[number]
+        dx, dy = x - centre_x[number], y - centre_y[number]
+        excess[number] = dx * dx + dy * dy - limit * limit
+    count = 0
+    moving = k[s.moving_polygon_count]
+    for number in range(-1, polygons):
+        first, walls, bx, by = k[s.border_first], k[s.border_walls], 0.0, 0.0
+        if number >= 0:
+            if excess[number] >= 0.0:
+                continue
+            first, walls = k[s.polygon_first + number], k[s.polygon_walls + number]
+            if number < moving:
+                bx, by = centre_x[number], centre_y[number]
+        for w in range(first, first + walls):
+            x1[count] = f[s.wall + 4 * w] + bx
+            y1[count] = f[s.wall + 4 * w + 1] + by
+            x2[count] = f[s.wall + 4 * w + 2] + bx
+            y2[count] = f[s.wall + 4 * w + 3] + by
+            count += 1
+    return x1, y1, x2, y2, count
+
+
+@kernel
 def observe(f, k, observation, s, beams, footprint, scratch, scratch_int, r):
     """Fill robot r's observation (D,): ranges, goal, pose, velocity, peers, in the order of observation.FIELDS."""
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
@@ -1497,17 +1562,17 @@ def observe(f, k, observation, s, beams, footprint, scratch, scratch_int, r):
                 f[s.body_y + discs] = cy
                 f[s.body_radius + discs] = footprint[c, 2]
                 discs += 1
-    walls = k[s.wall_count]
+    near_x1, near_y1, near_x2, near_y2, walls = gather_walls(f, k, s, x, y, scratch)
     ranges = observation[: s.beams]
     cast_rays(
         f[s.body_x : s.body_x + discs],
         f[s.body_y : s.body_y + discs],
         f[s.body_radius : s.body_radius + discs],
         discs,
-        f[s.wall_x1 : s.wall_x1 + walls],
-        f[s.wall_y1 : s.wall_y1 + walls],
-        f[s.wall_x2 : s.wall_x2 + walls],
-        f[s.wall_y2 : s.wall_y2 + walls],
+        near_x1,
+        near_y1,
+        near_x2,
+        near_y2,
         walls,
         x,
         y,
@@ -1569,8 +1634,12 @@ def clearance_at(f, k, s, footprint, r):
             gap = math.hypot(x - f[s.body_x + m], y - f[s.body_y + m]) - f[s.body_radius + m]
             nearest = min(nearest, gap - radius)
         for w in range(k[s.wall_count]):
+            bx, by = 0.0, 0.0
+            if w < k[s.moving_wall_count]:
+                b = s.discs + k[s.wall_polygon + w]
+                bx, by = f[s.body_x + b], f[s.body_y + b]
             gap = point_wall_distance(
-                x, y, f[s.wall_x1 + w], f[s.wall_y1 + w], f[s.wall_x2 + w], f[s.wall_y2 + w]
+                x - bx, y - by, f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
             )
             nearest = min(nearest, gap - radius)
         for other in range(s.robots):
@@ -1587,9 +1656,6 @@ def begin_row(f, k, observation, s, beams, footprint, scratch, scratch_int):
     f[s.time] = 0.0
     k[s.steps] = 0
     fastest = 0.0
-    for w in range(k[s.wall_count]):
-        dx, dy = f[s.wall_x2 + w] - f[s.wall_x1 + w], f[s.wall_y2 + w] - f[s.wall_y1 + w]
-        f[s.wall_half + w] = 0.5 * math.hypot(dx, dy)
     for b in range(s.bodies):
         f[s.last_x + b] = f[s.body_x + b]
         f[s.last_y + b] = f[s.body_y + b]
@@ -1735,13 +1801,12 @@ def set_motion(f, k, s, p, b, number, key, draw):
 
 
 @kernel
-def add_wall(f, k, s, w, x1, y1, x2, y2, body, polygon, ring):
+def add_wall(f, k, s, w, x1, y1, x2, y2, polygon, ring):
     """Write wall segment w."""
-    f[s.wall_x1 + w] = x1
-    f[s.wall_y1 + w] = y1
-    f[s.wall_x2 + w] = x2
-    f[s.wall_y2 + w] = y2
-    k[s.wall_body + w] = body
+    f[s.wall + 4 * w] = x1
+    f[s.wall + 4 * w + 1] = y1
+    f[s.wall + 4 * w + 2] = x2
+    f[s.wall + 4 * w + 3] = y2
     k[s.wall_polygon + w] = polygon
     k[s.wall_ring + w] = ring
 
@@ -1759,6 +1824,10 @@ def shape_polygon(f, k, s, p, number, key, draw):
     turn = between(key, draw + 1, -math.pi, math.pi)
     draw += 2
     first = k[s.wall_count]
+    if number >= p.moving_polygons:
+        x0, y0 = x, y
+    else:
+        x0, y0 = 0.0, 0.0  # the walls of a moving polygon are kept relative to its place
     for i in range(corners):
         angle, reach = 2.0 * math.pi * i / corners, radius
         if not p.squares:
@@ -1766,15 +1835,16 @@ def shape_polygon(f, k, s, p, number, key, draw):
             if i > 0:
                 reach = radius * between(key, draw + 1, 0.6, 1.0)
         draw += 2
-        f[s.local_x1 + first + i] = reach * math.cos(turn + angle)
-        f[s.local_y1 + first + i] = reach * math.sin(turn + angle)
+        cx, cy = x0 + reach * math.cos(turn + angle), y0 + reach * math.sin(turn + angle)
+        f[s.wall + 4 * (first + i)] = cx
+        f[s.wall + 4 * (first + i) + 1] = cy
     for i in range(corners):
         w = first + i
         after = first + (i + 1) % corners
-        lx, ly = f[s.local_x1 + after], f[s.local_y1 + after]
-        f[s.local_x2 + w] = lx
-        f[s.local_y2 + w] = ly
-        add_wall(f, k, s, w, x + f[s.local_x1 + w], y + f[s.local_y1 + w], x + lx, y + ly, b, number, 0)
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        add_wall(f, k, s, w, x1, y1, f[s.wall + 4 * after], f[s.wall + 4 * after + 1], number, 0)
+    k[s.polygon_first + number] = first
+    k[s.polygon_walls + number] = corners
     k[s.wall_count] = first + corners
     return draw
 
@@ -1783,10 +1853,12 @@ def shape_polygon(f, k, s, p, number, key, draw):
 def place_border(f, k, s, p):
     """Append the four walls of the bounds."""
     w = k[s.wall_count]
-    add_wall(f, k, s, w, p.xmin, p.ymin, p.xmax, p.ymin, BORDER, BORDER, 0)
-    add_wall(f, k, s, w + 1, p.xmax, p.ymin, p.xmax, p.ymax, BORDER, BORDER, 0)
-    add_wall(f, k, s, w + 2, p.xmax, p.ymax, p.xmin, p.ymax, BORDER, BORDER, 0)
-    add_wall(f, k, s, w + 3, p.xmin, p.ymax, p.xmin, p.ymin, BORDER, BORDER, 0)
+    add_wall(f, k, s, w, p.xmin, p.ymin, p.xmax, p.ymin, BORDER, 0)
+    add_wall(f, k, s, w + 1, p.xmax, p.ymin, p.xmax, p.ymax, BORDER, 0)
+    add_wall(f, k, s, w + 2, p.xmax, p.ymax, p.xmin, p.ymax, BORDER, 0)
+    add_wall(f, k, s, w + 3, p.xmin, p.ymax, p.xmin, p.ymin, BORDER, 0)
+    k[s.border_first] = w
+    k[s.border_walls] = 4
     k[s.wall_count] = w + 4
 
 

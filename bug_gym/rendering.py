@@ -295,8 +295,8 @@ def paint_returns(brush: Brush, world: World, row: int, robot: int, ends: list[P
 def paint_movers(brush: Brush, world: World, row: int) -> None:
     """Moving circles and polygons, each with an arrow along its velocity."""
     discs, walls = (int(world.array(name)[row, 0]) for name in ("moving_disc_count", "moving_wall_count"))
-    polygons, firsts = np.unique(world.array("wall_body")[row, :walls], return_index=True)
-    paint_velocities(brush, world, row, np.concatenate([np.arange(discs), polygons]), MOVING_RIM)
+    polygons, firsts = np.unique(world.array("wall_polygon")[row, :walls], return_index=True)
+    paint_velocities(brush, world, row, np.concatenate([np.arange(discs), int(world.spec["discs"][0]) + polygons]), MOVING_RIM)
 
     centers = brush.view.pixels(world.disc_position[row, :discs])
     radii = (brush.view.scale * world.disc_radius[row, :discs]).tolist()

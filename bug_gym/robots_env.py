@@ -168,9 +168,7 @@ def parallel_env(
     return RobotsEnv(settings, observation=observation, action=action, render_mode=render_mode)
 
 
-def env(
-    scenario: ScenarioSource = "crossing_robots", **settings: Any
-) -> AECEnv[str, Any, Any]:
+def env(scenario: ScenarioSource = "crossing_robots", **settings: Any) -> AECEnv[str, Any, Any]:
     """Make the same as a PettingZoo `AECEnv`; the arguments are those of `parallel_env`, which checks them."""
     made: AECEnv[str, Any, Any] = parallel_to_aec(parallel_env(scenario, **settings))
     return made

@@ -30,7 +30,7 @@ from bug_gym.config import (
     UTrapWorld,
     Waypoints,
 )
-from bug_gym.world import F64, Layout, Mover, Rings, World, side_by_side
+from bug_gym.world import F64, SAME_POINT, Layout, Mover, Rings, World, side_by_side
 
 Rng = np.random.Generator
 TRIES = 1000
@@ -194,7 +194,7 @@ def check_spacing(scenario: Scenario) -> None:
     """Raises where robots that start side by side would overlap."""
     reach = scenario.robot.reach
     if scenario.robots.count > 1 and not scenario.robots.places and reach > 1.0:
-        raise ValueError(f"robots that reach {reach:g} m overlap where they start 2 m apart: give each a place of its own")
+        raise ValueError(f"robots that reach {reach:g} m overlap where they start 2 m apart: give each its own place")
 
 
 def check_places(scenario: Scenario, layout: Layout) -> None:
@@ -253,7 +253,8 @@ def explicit(scenario: Scenario, world: ExplicitWorld, rng: Rng) -> Layout:
     """Every obstacle written down; start and goal may be drawn from regions."""
     circles = np.array(world.circles, dtype=np.float64).reshape(-1, 3)
     polygons = tuple(
-        tuple(np.array(ring, dtype=np.float64) for ring in (polygon.shell, *polygon.holes)) for polygon in world.polygons
+        tuple(np.array(ring, dtype=np.float64) for ring in (polygon.shell, *polygon.holes))
+        for polygon in world.polygons
     )
     movers = []
     for mover in world.movers:
@@ -282,7 +283,8 @@ def u_trap(scenario: Scenario, world: UTrapWorld, rng: Rng) -> Layout:
     """A U that opens toward -x, turned about its middle."""
     x0, x1, x2 = world.mouth_x, world.mouth_x + world.depth, world.mouth_x + world.depth + world.wall
     inner, outer = world.half_width, world.half_width + world.wall
-    ring = np.array([(x0, -outer), (x2, -outer), (x2, outer), (x0, outer), (x0, inner), (x1, inner), (x1, -inner), (x0, -inner)])
+    outside = [(x0, -outer), (x2, -outer), (x2, outer), (x0, outer)]
+    ring = np.array([*outside, (x0, inner), (x1, inner), (x1, -inner), (x0, -inner)])
     angle = float(rng.uniform(-math.pi, math.pi)) if world.rotation == "random" else float(world.rotation)
     if angle != 0.0:
         cos, sin = math.cos(angle), math.sin(angle)
@@ -386,7 +388,7 @@ def rings_of(polygon: object) -> Rings:
     """Shell and holes of a shapely polygon as open rings (k, 2), without points on straight lines."""
     import shapely
 
-    simple = shapely.simplify(polygon, 0.0)
+    simple = shapely.simplify(polygon, SAME_POINT)
     rings = [simple.exterior, *simple.interiors]
     return tuple(np.asarray(shapely.get_coordinates(ring)[:-1], dtype=np.float64) for ring in rings)
 
@@ -455,12 +457,11 @@ def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
     start_box = start.region if isinstance(start, StartRegion) else (start[0], start[1], start[0], start[1])
     heading = start.heading if isinstance(start, StartRegion) else start[2]
     goal_box = goal.region if isinstance(goal, Region) else (*goal, *goal)
-    laws = (kernels.BOUNCE_BIT if "bounce" in world.laws else 0) | (kernels.WALK_BIT if "random_walk" in world.laws else 0)
+    bits = {"bounce": kernels.BOUNCE_BIT, "random_walk": kernels.WALK_BIT}
+    laws = sum(bits[law] for law in set(world.laws))
     target = world.target_motion
-    speed = 0.0 if target is None else getattr(target, "speed", None)
-    velocity = getattr(target, "velocity", None)
-    if speed is None:
-        speed = math.hypot(*velocity)
+    velocity = target.velocity if isinstance(target, Bounce) else None
+    speed = math.hypot(*velocity) if velocity else getattr(target, "speed", 0.0)
     record = np.zeros(1, dtype=kernels.FIELD)
     values = {
         "discs": circles,

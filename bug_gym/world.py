@@ -185,8 +185,10 @@ class World:
         sizes |= dict.fromkeys(("leg_min", "leg_max"), bodies)
         sizes |= dict.fromkeys(("seed", "episode", "steps", "disc_count", "moving_disc_count"), 1)
         sizes |= dict.fromkeys(("polygon_count", "moving_polygon_count", "wall_count", "moving_wall_count"), 1)
-        sizes |= {"outcome": robots, "goal_body": robots}
-        by_prefix = {"body": bodies, "last": bodies, "wall": walls, "local": walls}
+        sizes |= dict.fromkeys(("border_first", "border_walls"), 1)
+        sizes |= dict.fromkeys(("polygon_first", "polygon_walls"), capacity.polygons)
+        sizes |= {"outcome": robots, "goal_body": robots, "wall": 4 * walls}
+        by_prefix = {"body": bodies, "last": bodies, "wall": walls}
         way_of_body = ("way_first", "way_count", "way_next", "way_loops")
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
@@ -203,7 +205,7 @@ class World:
         self.floats: F64 = np.zeros((self.count, widths[0]))
         self.ints: NDArray[np.int64] = np.zeros((self.count, widths[1]), dtype=np.int64)
         beams = int(self.spec["beams"][0])
-        self.scratch_sizes = (kernels.scratch_floats(beams) + robots, kernels.scratch_integers(max(discs, walls)) + robots)
+        self.scratch_sizes = (kernels.scratch_floats(beams) + robots + discs + capacity.polygons + 4 * walls, kernels.scratch_integers(max(discs, walls)) + robots)
 
     def make_scratch(self) -> tuple[F64, NDArray[np.int64]]:
         """Working memory for the kernels; each thread needs its own."""
@@ -299,9 +301,15 @@ class World:
 
     @property
     def wall(self) -> F64:
-        """Wall segments (N, S, 4): x1, y1, x2, y2 [m]; `wall_count` says how many count."""
-        begin, size = self._places["wall_x1"]
-        return self.floats[:, begin : begin + 4 * size].reshape(self.count, 4, size).swapaxes(1, 2)
+        """Wall segments (N, S, 4) where they stand: x1, y1, x2, y2 [m], a copy; `wall_count` says how many count."""
+        size = self.capacity.walls
+        walls = self.array("wall").reshape(self.count, size, 4).copy()
+        # The walls of a moving polygon are kept relative to its place.
+        moving = np.arange(size) < self.array("moving_wall_count")
+        rows, numbers = np.nonzero(moving)
+        bodies = int(self.spec["discs"][0]) + self.array("wall_polygon")[rows, numbers]
+        walls[rows, numbers] += np.tile(self._pair("body_x")[rows, bodies], 2)
+        return walls
 
     @property
     def wall_count(self) -> NDArray[np.int64]:
@@ -335,7 +343,6 @@ class World:
             else:
                 self.array(name)[:, : values.shape[1]] = values
         self.array("goal_body")[:] += goal_shift
-        self.array("wall_body")[self.array("wall_body") >= 0] += disc_shift
 
     def save(self) -> Snapshot:
         """Copy all that the future depends on."""
@@ -377,12 +384,15 @@ class World:
         for number, mover in enumerate(polygonal):
             ring = np.asarray(mover.outline, dtype=np.float64)
             writer.body(first_polygon + number, mover.at, float(np.hypot(*ring.T).max()), mover.motion)
-            writer.ring(ring, at=mover.at, body=first_polygon + number, polygon=number)
+            writer.polygon(number, (ring,))
         moving_walls = writer.walls
-        writer.ring(layout.border, polygon=kernels.BORDER)
+        writer.border(layout.border)
         for number, rings in enumerate(layout.polygons, start=len(polygonal)):
-            for order, ring in enumerate(rings):
-                writer.ring(ring, polygon=number, order=order)
+            low, high = rings[0].min(axis=0), rings[0].max(axis=0)
+            centre = 0.5 * (low + high)
+            # A still polygon is a body too, so that whole polygons can be passed over where they are far.
+            writer.body(first_polygon + number, tuple(centre), float(np.hypot(*(rings[0] - centre).T).max()), None)
+            writer.polygon(number, rings)
         first_goal = first_polygon + self.capacity.polygons
         for number, (x, y) in enumerate(layout.goals):
             writer.body(first_goal + number, (float(x), float(y)), layout.goal_room, layout.target)
@@ -409,7 +419,7 @@ class World:
         rings = reader.rings()
         for number in range(moving_polygons):
             at = reader.place(first_polygon + number)
-            movers.append(Mover(rings[number][0] - np.array(at), at, reader.motion(first_polygon + number)))
+            movers.append(Mover(rings[number][0], at, reader.motion(first_polygon + number)))
         goal = first_polygon + self.capacity.polygons
         return Layout(
             border=rings[kernels.BORDER][0],
@@ -422,6 +432,9 @@ class World:
             goal_room=float(self.array("body_radius")[row, goal]),
         )
 
+
+SAME_POINT = 1e-9
+"""Corners nearer to one another than this are one [m]: every wall has a direction."""
 
 PER_BODY = ("body_", "last_", "leg_", "way_first", "way_count", "way_next", "way_loops")
 """Beginnings of the names of arrays with one entry a body."""
@@ -464,16 +477,24 @@ class _Writer:
         self.arrays["way_y"][self.ways : end] = [y for _, y in motion.points]
         self.ways = end
 
-    def ring(
-        self, ring: F64, *, polygon: int, order: int = 0, at: tuple[float, float] = (0.0, 0.0), body: int = -1
-    ) -> None:
-        """Append a closed ring (k, 2) as wall segments; with a body, relative to its place `at`."""
+    def border(self, ring: F64) -> None:
+        """Append the border (k, 2)."""
+        self.arrays["border_first"][0] = self.walls
+        self._ring(ring, kernels.BORDER, 0)
+        self.arrays["border_walls"][0] = self.walls - self.arrays["border_first"][0]
+
+    def polygon(self, number: int, rings: Rings) -> None:
+        """Append the rings (k, 2) of a polygon: where they stand, or relative to its place where it moves."""
+        self.arrays["polygon_first"][number] = self.walls
+        for order, ring in enumerate(rings):
+            self._ring(ring, number, order)
+        self.arrays["polygon_walls"][number] = self.walls - self.arrays["polygon_first"][number]
+
+    def _ring(self, ring: F64, polygon: int, order: int) -> None:
+        ring = ring[np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) > SAME_POINT]
         a, first, end = self.arrays, self.walls, self.walls + len(ring)
         after = np.roll(ring, -1, axis=0)
-        for name, values in (("x1", ring[:, 0]), ("y1", ring[:, 1]), ("x2", after[:, 0]), ("y2", after[:, 1])):
-            a[f"wall_{name}"][first:end] = values + at[0 if name.startswith("x") else 1]
-            a[f"local_{name}"][first:end] = values
-        a["wall_body"][first:end] = body
+        a["wall"][4 * first : 4 * end] = np.column_stack([ring, after]).ravel()
         a["wall_polygon"][first:end] = polygon
         a["wall_ring"][first:end] = order
         self.walls = end
@@ -506,9 +527,9 @@ class _Reader:
         return Bounce(law="bounce", velocity=(float(a["body_vx"][body]), float(a["body_vy"][body])))
 
     def rings(self) -> dict[int, Rings]:
-        """Rings (k, 2) of each polygon by its number, the border's under kernels.BORDER."""
+        """Rings (k, 2) of each polygon by its number, the border's under kernels.BORDER; a mover's about its place."""
         a, count = self.arrays, int(self.arrays["wall_count"][0])
-        corners = np.column_stack([a["wall_x1"][:count], a["wall_y1"][:count]])
+        corners = a["wall"].reshape(-1, 4)[:count, :2]
         polygon, ring = a["wall_polygon"][:count], a["wall_ring"][:count]
         result: dict[int, Rings] = {}
         for number in np.unique(polygon):

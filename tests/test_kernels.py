@@ -17,6 +17,7 @@ from bug_gym.simulation import Simulation
 from bug_gym.world import Layout
 
 F64 = NDArray[np.float64]
+CONTACTS: Any = kernels
 
 RADIUS = 0.2  # of the robots here [m]
 FAST = {"kinematics": "holonomic", "radius": RADIUS, "max_speed": 20.0}  # 2 m in a step of 0.1 s
@@ -40,7 +41,13 @@ def random_chords(count: int) -> Iterator[tuple[F64, F64, F64, F64, float]]:
     """Chord's start and motion, both ends of a wall, and a distance of contact."""
     rng = np.random.default_rng(1)
     for _ in range(count):
-        yield rng.uniform(-2, 2, 2), rng.uniform(-3, 3, 2), rng.uniform(-2, 2, 2), rng.uniform(-2, 2, 2), rng.uniform(0, 1)
+        yield (
+            rng.uniform(-2, 2, 2),
+            rng.uniform(-3, 3, 2),
+            rng.uniform(-2, 2, 2),
+            rng.uniform(-2, 2, 2),
+            rng.uniform(0, 1),
+        )
 
 
 def test_a_chord_touches_a_wall_exactly_when_shapely_finds_it_within_the_distance() -> None:
@@ -49,7 +56,7 @@ def test_a_chord_touches_a_wall_exactly_when_shapely_finds_it_within_the_distanc
         wall = shapely.LineString([first, second])
         if wall.distance(shapely.Point(start)) <= distance:
             continue
-        fraction = kernels.wall_contact(*start, *motion, *first, *second, distance)
+        fraction = CONTACTS.wall_contact(*start, *motion, *first, *second, distance)
         gap = shapely.LineString([start, start + motion]).distance(wall) - distance
         assert (fraction <= 1.0) == (gap < 0.0), (start, motion, first, second, distance)
         seen[gap < 0.0] += 1
@@ -65,7 +72,7 @@ def test_a_chord_touches_a_disc_exactly_when_its_nearest_point_is_within_the_dis
     for start, motion, _first, _second, distance in random_chords(3000):
         if math.hypot(*start) <= distance:
             continue
-        fraction = kernels.disc_contact(*start, *motion, distance)
+        fraction = CONTACTS.disc_contact(*start, *motion, distance)
         chord = shapely.LineString([start, start + motion])
         touches = chord.distance(shapely.Point(0, 0)) < distance
         assert (fraction <= 1.0) == touches
@@ -81,23 +88,23 @@ def test_the_nearest_point_of_a_chord_to_a_disc_and_to_a_wall_is_shapelys() -> N
     for start, motion, first, second, end in random_chords(2000):
         chord = shapely.LineString([start, start + end * motion])
         wall = shapely.LineString([first, second])
-        nearest = kernels.nearest_on_chord(*(start - first), *motion, end)
+        nearest = CONTACTS.nearest_on_chord(*(start - first), *motion, end)
         assert nearest == pytest.approx(chord.distance(shapely.Point(first)), abs=1e-12)
         if not chord.intersects(wall):
-            nearest = kernels.nearest_to_wall(*start, *motion, *first, *second, end)
+            nearest = CONTACTS.nearest_to_wall(*start, *motion, *first, *second, end)
             assert nearest == pytest.approx(chord.distance(wall), abs=1e-12)
 
 
 def test_a_body_that_touches_and_leaves_or_slides_along_has_no_contact() -> None:
-    assert kernels.disc_contact(1.0, 0.0, 0.5, 0.0, 1.0) == kernels.NEVER
-    assert kernels.disc_contact(1.0, 0.0, 0.0, 5.0, 1.0) == kernels.NEVER
-    assert kernels.wall_contact(0.0, 0.5, 0.0, 1.0, -9.0, 0.0, 9.0, 0.0, 0.5) == kernels.NEVER
-    assert kernels.wall_contact(0.0, 0.5, 3.0, 0.0, -9.0, 0.0, 9.0, 0.0, 0.5) == kernels.NEVER
+    assert CONTACTS.disc_contact(1.0, 0.0, 0.5, 0.0, 1.0) == CONTACTS.NEVER
+    assert CONTACTS.disc_contact(1.0, 0.0, 0.0, 5.0, 1.0) == CONTACTS.NEVER
+    assert CONTACTS.wall_contact(0.0, 0.5, 0.0, 1.0, -9.0, 0.0, 9.0, 0.0, 0.5) == CONTACTS.NEVER
+    assert CONTACTS.wall_contact(0.0, 0.5, 3.0, 0.0, -9.0, 0.0, 9.0, 0.0, 0.5) == CONTACTS.NEVER
 
 
 def test_a_body_that_touches_and_approaches_has_contact_at_once() -> None:
-    assert kernels.disc_contact(1.0, 0.0, -0.5, 0.1, 1.0) == 0.0
-    assert kernels.wall_contact(0.0, 0.5, 1.0, -1e-9, -9.0, 0.0, 9.0, 0.0, 0.5) == 0.0
+    assert CONTACTS.disc_contact(1.0, 0.0, -0.5, 0.1, 1.0) == 0.0
+    assert CONTACTS.wall_contact(0.0, 0.5, 1.0, -1e-9, -9.0, 0.0, 9.0, 0.0, 0.5) == 0.0
 
 
 # ------------------------------------------------------------------------------------------------ nothing tunnels
@@ -250,7 +257,11 @@ CLEARANCE_WORLDS: dict[str, dict[str, Any]] = {
         "circles": [[2.0, 1.0, 0.5]],
         "polygons": [{"shell": [[3, -1], [6, -1], [6, -4], [3, -4]], "holes": [[[4, -2], [5, -2], [5, -3]]]}],
         "movers": [
-            {"shape": {"polygon": [[-1, 0], [1, 0], [0, 1]]}, "at": [-2, 2], "motion": {"law": "bounce", "velocity": [1.5, -1]}},
+            {
+                "shape": {"polygon": [[-1, 0], [1, 0], [0, 1]]},
+                "at": [-2, 2],
+                "motion": {"law": "bounce", "velocity": [1.5, -1]},
+            },
             {"shape": {"circle": 0.3}, "at": [0, -3], "motion": {"law": "random_walk", "speed": 2.0}},
             {
                 "shape": {"circle": 0.2},
@@ -350,13 +361,16 @@ def test_a_robot_at_its_goal_stands_and_is_an_obstacle_to_the_others() -> None:
     assert outcome(simulation, 1) == "collision"
     assert simulation.world.pose[0, 1, 0] == pytest.approx(0.7 - math.sqrt(0.4**2 - 0.1**2), abs=1e-9)
     assert result.reward[0, 0] == 0.0
-    assert simulation.world.ranges[0, 1, 0] == pytest.approx(math.sqrt(0.4**2 - 0.1**2) - math.sqrt(0.2**2 - 0.1**2), abs=1e-6)
+    assert simulation.world.ranges[0, 1, 0] == pytest.approx(
+        math.sqrt(0.4**2 - 0.1**2) - math.sqrt(0.2**2 - 0.1**2), abs=1e-6
+    )
 
 
 def gaps_between(places: F64) -> F64:
     """Distances (N, R, R) between the robots' centres, infinite to themselves [m]."""
-    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
-    return apart + np.where(np.eye(places.shape[1], dtype=bool), np.inf, 0.0)
+    apart: F64 = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
+    apart[:, np.eye(places.shape[1], dtype=bool)] = np.inf
+    return apart
 
 
 def settle_slowly(starts: F64, motions: F64, samples: int) -> tuple[F64, NDArray[np.bool_]]:
@@ -409,7 +423,9 @@ def slow_scan(layout: Layout, peers: F64, pose: F64, angles: F64, reach: float) 
     x, y, heading = pose
     directions = np.stack([np.cos(heading + angles), np.sin(heading + angles)], axis=1)
     lines = shapely.multilinestrings([shapely.linestrings(np.vstack([ring, ring[:1]])) for ring, _ in rings_of(layout)])
-    rays = shapely.linestrings(np.stack([np.broadcast_to([x, y], directions.shape), [x, y] + reach * directions], axis=1))
+    rays = shapely.linestrings(
+        np.stack([np.broadcast_to([x, y], directions.shape), [x, y] + reach * directions], axis=1)
+    )
     found = shapely.distance(shapely.Point(x, y), shapely.intersection(rays, lines))
     ranges = np.where(np.isnan(found), reach, found)
     moving = [(*mover.at, mover.outline) for mover in layout.movers if isinstance(mover.outline, float)]
@@ -497,6 +513,20 @@ def test_beams_along_walls_and_into_corners_are_exact(heading: float) -> None:
     angles = heading + 2.0 * np.pi * np.arange(720) / 720
     expected = 5.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
     assert np.abs(simulation.world.ranges[0, 0] - expected).max() < 1e-5
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-300, 1e-16, 1e-12, 1e-9, 1e-6])
+@pytest.mark.parametrize("corner", [[3.0, 1.0], [0.5, 0.0], [3.0, 0.0], [-2.0, -2.0]])
+def test_a_corner_that_is_given_twice_does_not_disturb_the_scan(corner: list[float], apart: float) -> None:
+    x, y = corner
+    square = [[x, y], [x + apart, y], [x + 1, y], [x + 1, y + 1], [x, y + 1]]
+    plain, doubled = (explicit({}, {"beams": 37}, polygons=[ring]) for ring in ([square[0], *square[2:]], square))
+    for simulation in (plain, doubled):
+        simulation.reset(seeds=[0])
+    assert np.abs(plain.world.ranges - doubled.world.ranges).max() < 1e-5
+    assert plain.world.ranges.min() > 0.0
+    clearances = [simulation.info()["min_clearance"][0, 0] for simulation in (plain, doubled)]
+    assert clearances[0] == pytest.approx(clearances[1], abs=1e-8)
 
 
 def test_robots_see_the_bodies_of_one_another() -> None:

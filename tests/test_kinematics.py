@@ -91,7 +91,12 @@ def test_a_differential_robot_under_changing_commands_solves_the_unicycles_equat
 
 
 def test_the_ends_of_the_action_are_the_limits_of_a_differential_robot() -> None:
-    for action, expected in (([1, 0], [1.0, 0.0]), ([-1, 0], [-0.3, 0.0]), ([1, 1], [1.0, 1.5]), ([-1, -1], [-0.3, -1.5])):
+    for action, expected in (
+        ([1, 0], [1.0, 0.0]),
+        ([-1, 0], [-0.3, 0.0]),
+        ([1, 1], [1.0, 1.5]),
+        ([-1, -1], [-0.3, -1.5]),
+    ):
         _, velocities = driven(DIFFERENTIAL, [action])
         assert velocities[1] == pytest.approx(expected, abs=1e-12)
 
@@ -179,7 +184,9 @@ def test_steering_cuts_a_velocity_above_the_top_speed_and_keeps_its_direction() 
 @pytest.mark.parametrize("heading", np.linspace(-math.pi, math.pi, 13))
 @pytest.mark.parametrize("speed", [0.2, 0.9, 50.0])
 @pytest.mark.parametrize("rate", [0.5, 1.5, 60.0])
-def test_a_differential_robot_that_is_steered_comes_to_the_desired_velocity(heading: float, speed: float, rate: float) -> None:
+def test_a_differential_robot_that_is_steered_comes_to_the_desired_velocity(
+    heading: float, speed: float, rate: float
+) -> None:
     robot = {**DIFFERENTIAL, "max_turn_rate": rate}
     drive = drive_of(robot)
     desired = speed * np.array([math.cos(heading), math.sin(heading)])
@@ -211,7 +218,12 @@ def test_steering_to_a_standstill_stands() -> None:
 
 def test_the_action_of_a_speed_and_a_turn_rate_gives_them_cut_to_the_limits() -> None:
     drive = drive_of(DIFFERENTIAL)
-    for wanted, expected in (((0.4, -0.7), (0.4, -0.7)), ((-0.2, 0.1), (-0.2, 0.1)), ((9.0, 9.0), (1.0, 1.5)), ((-9.0, -9.0), (-0.3, -1.5))):
+    for wanted, expected in (
+        ((0.4, -0.7), (0.4, -0.7)),
+        ((-0.2, 0.1), (-0.2, 0.1)),
+        ((9.0, 9.0), (1.0, 1.5)),
+        ((-9.0, -9.0), (-0.3, -1.5)),
+    ):
         _, velocities = driven(DIFFERENTIAL, [differential_action(drive, *wanted)])
         assert velocities[1] == pytest.approx(expected, abs=1e-6)
 
@@ -241,7 +253,9 @@ def test_discrete_actions_go_through_steering(robot: dict[str, Any]) -> None:
     assert actions.shape == (128, 2) and actions.dtype == np.float32 and np.abs(actions).max() <= 1.0
     for i in (0, 3, 17, 64, 100, 127):
         angle, speed = 2.0 * math.pi * (i // 4) / 32, robot["max_speed"] * (i % 4 + 1) / 4
-        assert actions[i] == pytest.approx(steering(drive, (speed * math.cos(angle), speed * math.sin(angle))), abs=1e-6)
+        assert actions[i] == pytest.approx(
+            steering(drive, (speed * math.cos(angle), speed * math.sin(angle))), abs=1e-6
+        )
 
 
 def test_discrete_actions_move_a_holonomic_robot_where_they_say() -> None:

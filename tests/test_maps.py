@@ -19,7 +19,13 @@ START, GOAL = [-2.0, 3.0, 1.5707963], [-2.0, 13.0]
 
 def line(world: Any = 0, **changes: Any) -> str:
     """One world as a line of a .jsonl; a change to ... leaves the key out."""
-    data: dict[str, Any] = {"world": world, "start": START, "goal": GOAL, "cylinder_radius": 0.075, "cylinders": CYLINDERS}
+    data: dict[str, Any] = {
+        "world": world,
+        "start": START,
+        "goal": GOAL,
+        "cylinder_radius": 0.075,
+        "cylinders": CYLINDERS,
+    }
     return json.dumps({key: value for key, value in (data | changes).items() if value is not ...})
 
 
@@ -39,7 +45,8 @@ def cylinder_model(name: str, radius: float | str, pose: str | None) -> str:
 
 def gazebo(folder: Path, number: int, models: str, state: str = "") -> Path:
     """A `world_N.world` file with a ground plane and these models."""
-    plane = "<model name='ground_plane'><link name='l'><collision name='c'><geometry><plane/></geometry></collision></link></model>"
+    collision = "<collision name='c'><geometry><plane/></geometry></collision>"
+    plane = f"<model name='ground_plane'><link name='l'>{collision}</link></model>"
     path = folder / f"world_{number}.world"
     path.write_text(f"<sdf version='1.6'><world name='default'>{plane}{models}<state>{state}</state></world></sdf>")
     return path
@@ -66,7 +73,12 @@ def test_a_world_without_cylinders_is_a_world(tmp_path: Path) -> None:
 def test_a_folder_of_gazebo_worlds_gives_the_cylinders_where_their_saved_state_has_them(tmp_path: Path) -> None:
     models = cylinder_model("a", 0.075, "9 9 0 0 0 0") + cylinder_model("b", 0.1, "-3.5 7.25 0.5 0 0 0")
     gazebo(tmp_path, 4, models, "<model name='a'><pose>-0.5 5.0 0.5 0 0 0</pose></model>")
-    gazebo(tmp_path, 12, cylinder_model("unit_cylinder", 0.075, None), "<model name='unit_cylinder'><pose>1 2 0 0 0 0</pose></model>")
+    gazebo(
+        tmp_path,
+        12,
+        cylinder_model("unit_cylinder", 0.075, None),
+        "<model name='unit_cylinder'><pose>1 2 0 0 0 0</pose></model>",
+    )
     (tmp_path / "world_x.world").write_text("not one of them")
     (tmp_path / "readme.txt").write_text("nor this")
     worlds = load_barn(str(tmp_path))
@@ -78,7 +90,11 @@ def test_a_folder_of_gazebo_worlds_gives_the_cylinders_where_their_saved_state_h
 
 def barn_scenario(path: str, world: int | None = None) -> dict[str, Any]:
     """A scenario in a world of a file."""
-    return {"robot": {"radius": 0.2}, "goal": {"radius": 1.0}, "world": {"family": "barn", "path": path, "world": world}}
+    return {
+        "robot": {"radius": 0.2},
+        "goal": {"radius": 1.0},
+        "world": {"family": "barn", "path": path, "world": world},
+    }
 
 
 def test_a_scenario_takes_the_world_of_its_number(tmp_path: Path) -> None:

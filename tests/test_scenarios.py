@@ -57,7 +57,8 @@ def gaps(some: list[tuple[Any, float]], others: list[tuple[Any, float]]) -> F64:
     """Distances (n, m) between bodies; what overlaps has none or a negative one."""
     (one, one_radius), (two, two_radius) = (zip(*bodies, strict=True) for bodies in (some, others))
     apart: F64 = shapely.distance(np.array(one)[:, None], np.array(two)[None])
-    return apart - np.array(one_radius)[:, None] - np.array(two_radius)[None]
+    between: F64 = apart - np.array(one_radius)[:, None] - np.array(two_radius)[None]
+    return between
 
 
 # ------------------------------------------------------------------------------------------------ field
@@ -132,10 +133,11 @@ def test_a_field_keeps_its_promises_on_200_seeds(name: str) -> None:
 
 def test_the_movers_of_a_field_have_the_stated_speeds_and_laws_in_equal_parts() -> None:
     _, layouts = field(100, moving=0.5, speeds=[0.2, 0.9])
-    speeds, laws = [], Counter[str]()
+    speeds: list[float] = []
+    laws = Counter[str]()
     for layout in layouts:
         for mover in layout.movers:
-            motion = mover.motion
+            motion: Any = mover.motion
             laws[motion.law] += 1
             speeds.append(math.hypot(*motion.velocity) if motion.law == "bounce" else motion.speed)
         assert laws["bounce"] == laws["random_walk"]
@@ -176,7 +178,9 @@ def test_a_field_that_is_too_full_says_how_full_it_is(gap: float | None) -> None
     crowd: dict[str, Any] = {"obstacles": 400, "sizes": [0.9, 1.0], "solvable": gap}
     if gap is None:  # still obstacles may overlap, but a mover starts in none
         crowd |= {"moving": 0.1}
-    with pytest.raises(ValueError, match=r"only \d+ of 400 obstacles found a free place .* cover \d+ % of the world") as error:
+    with pytest.raises(
+        ValueError, match=r"only \d+ of 400 obstacles found a free place .* cover \d+ % of the world"
+    ) as error:
         field(2, **crowd)
     words = str(error.value).split()
     placed = int(words[words.index("only") + 1])
@@ -237,7 +241,9 @@ def test_the_same_seed_and_episode_give_the_same_field_and_others_do_not() -> No
     assert simulation.world.layout(1).circles.tolist() != one.circles.tolist()
 
 
-@pytest.mark.parametrize("overrides", [{"obstacles": 0}, {"obstacles": 1, "moving": 1.0}, {"obstacles": 3, "shapes": "squares"}])
+@pytest.mark.parametrize(
+    "overrides", [{"obstacles": 0}, {"obstacles": 1, "moving": 1.0}, {"obstacles": 3, "shapes": "squares"}]
+)
 def test_a_field_of_few_obstacles_is_a_world_too(overrides: dict[str, Any]) -> None:
     simulation, layouts = field(3, **overrides)
     simulation.step(np.zeros((3, 1, 2)))
@@ -286,7 +292,10 @@ def test_an_explicit_world_is_what_is_written() -> None:
     }
     [layout] = layouts_of({"world": world})
     assert layout.circles.tolist() == [[1, 2, 0.5]]
-    assert [ring.tolist() for ring in layout.polygons[0]] == [[[3, 3], [6, 3], [6, 6], [3, 6]], [[4, 4], [5, 4], [5, 5]]]
+    assert [ring.tolist() for ring in layout.polygons[0]] == [
+        [[3, 3], [6, 3], [6, 6], [3, 6]],
+        [[4, 4], [5, 4], [5, 5]],
+    ]
     assert layout.movers[0].at == (0, 3) and layout.movers[0].outline == 0.3
     assert layout.starts.tolist() == [[0, 0, 1.0]] and layout.goals.tolist() == [[8, 0]]
     assert layout.border.tolist() == [[-10, -10], [10, -10], [10, 10], [-10, 10]]
@@ -296,7 +305,11 @@ def test_regions_of_an_explicit_world_draw_free_places_only() -> None:
     """Most of the region is covered: by a circle, a polygon, a mover of each shape."""
     movers = [
         {"shape": {"circle": 0.9}, "at": [-1, 1], "motion": {"law": "bounce", "velocity": [0.5, 0]}},
-        {"shape": {"polygon": [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]]}, "at": [1, 1], "motion": {"law": "bounce", "velocity": [0.5, 0]}},
+        {
+            "shape": {"polygon": [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]]},
+            "at": [1, 1],
+            "motion": {"law": "bounce", "velocity": [0.5, 0]},
+        },
     ]
     world = {
         "family": "explicit",
@@ -476,7 +489,7 @@ def test_the_passages_of_a_maze_are_as_wide_as_promised(name: str) -> None:
     world = scenario.world
     assert isinstance(world, MazeWorld)
     columns, rows = world.cells
-    (width, height), (xmin, ymin, xmax, ymax) = world.passages, world.bounds
+    (width, height), (xmin, ymin, xmax, _) = world.passages, world.bounds
     assert min(width, height) >= world.passage - 1e-9
     assert columns * width + (columns - 1) * world.wall == pytest.approx(xmax - xmin)
     assert (columns + 1) * (world.passage + world.wall) - world.wall > xmax - xmin, "another cell would fit"
@@ -500,7 +513,9 @@ def test_a_maze_without_loops_is_perfect_there_is_one_way_between_any_two_cells(
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (7, 1), (6, 5), (14, 14)])
-def test_the_open_sides_of_cells_form_a_tree_and_loops_open_the_stated_share_of_the_rest(shape: tuple[int, int]) -> None:
+def test_the_open_sides_of_cells_form_a_tree_and_loops_open_the_stated_share_of_the_rest(
+    shape: tuple[int, int],
+) -> None:
     columns, rows = shape
     walls = (columns - 1) * rows + columns * (rows - 1)
     left = walls - (columns * rows - 1)
@@ -544,7 +559,9 @@ def test_start_and_goal_of_a_maze_are_middles_of_cells_and_apart() -> None:
 
 FAMILY_SCENARIOS: dict[str, Any] = {
     "empty": {"world": {"family": "empty"}},
-    "explicit": {"world": {"family": "explicit", "start": {"region": [-9, -9, 9, 9]}, "goal": {"region": [-9, -9, 9, 9]}}},
+    "explicit": {
+        "world": {"family": "explicit", "start": {"region": [-9, -9, 9, 9]}, "goal": {"region": [-9, -9, 9, 9]}}
+    },
     "field": "dynamic",
     "u_trap": {"world": {"family": "u_trap", "rotation": "random"}},
     "ring": {"world": {"family": "ring"}},

@@ -1,4 +1,4 @@
-"""The composed core: goals, rewards, odometry, the clock, and that a row depends on nothing but its seed and actions."""
+"""The composed core: goals, rewards, odometry, the clock; a row depends on nothing but its seed and actions."""
 
 import math
 import pickle
@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bug_gym import observation, task
+from bug_gym.kinematics import Drive, steering
 from bug_gym.simulation import Simulation
 
 F64 = NDArray[np.float64]
@@ -69,7 +70,12 @@ def test_a_goal_that_is_passed_at_its_radius_is_reached_only_from_inside(offset:
 
 
 def test_a_goal_behind_a_wall_is_not_reached_through_it() -> None:
-    world = {"family": "explicit", "polygons": [[[2, -3], [2.001, -3], [2.001, 3], [2, 3]]], "start": [0, 0, 0], "goal": [2.6, 0]}
+    world = {
+        "family": "explicit",
+        "polygons": [[[2, -3], [2.001, -3], [2.001, 3], [2, 3]]],
+        "start": [0, 0, 0],
+        "goal": [2.6, 0],
+    }
     simulation = make(robot={"max_speed": 20.0}, world=world)
     simulation.reset(seeds=[0])
     simulation.step([[[1.0, 0.0]]])
@@ -154,15 +160,24 @@ WEIGHTS = {"progress": 1.3, "goal": 7.0, "collision": -4.0, "step": -0.02, "clea
 
 @pytest.mark.parametrize("kinematics", ROBOTS)
 def test_the_reward_is_the_sum_of_its_terms_and_each_term_is_what_it_says(kinematics: str) -> None:
-    world = {"family": "field", "moving": 0.5, "speeds": [0.3, 1.0], "separation": 3.0, "target_motion": {"law": "random_walk", "speed": 0.5}}
+    world = {
+        "family": "field",
+        "moving": 0.5,
+        "speeds": [0.3, 1.0],
+        "separation": 3.0,
+        "target_motion": {"law": "random_walk", "speed": 0.5},
+    }
     rng = np.random.default_rng(0)
     seen = dict.fromkeys(task.REWARD_TERMS, 0)
+    drive = Drive(kinematics, max_speed=1.0, max_reverse=0.3, max_turn_rate=1.5, step=STEP)
     for seed in range(60):
         simulation = make(robot=ROBOTS[kinematics], world=world, reward=WEIGHTS)
         simulation.reset(seeds=[seed])
         before, last = info(simulation, "goal_distance"), np.zeros(2)
         drift = rng.uniform(-1, 1, 2)
         for _ in range(60):
+            if seed % 2:
+                drift = steering(drive, part(simulation, "goal")).astype(np.float64)
             action = np.clip(drift + rng.uniform(-0.5, 0.5, 2), -1.0, 1.0)
             result = simulation.step(action[None, None])
             terms = dict(zip(task.REWARD_TERMS, info(simulation, "reward_terms"), strict=True))
@@ -197,7 +212,12 @@ def test_the_clearance_term_falls_off_linearly_from_contact_to_its_scale() -> No
 
 def test_the_clearance_term_is_of_the_step_and_not_of_the_episode() -> None:
     """Away from a wall: the smallest clearance of the episode stays, the term of the step goes."""
-    world = {"family": "explicit", "polygons": [[[-9, 0.3], [9, 0.3], [9, 5], [-9, 5]]], "start": [0, 0, 0], "goal": [8, -8]}
+    world = {
+        "family": "explicit",
+        "polygons": [[[-9, 0.3], [9, 0.3], [9, 5], [-9, 5]]],
+        "start": [0, 0, 0],
+        "goal": [8, -8],
+    }
     simulation = make(world=world, reward=WEIGHTS)
     simulation.reset(seeds=[0])
     for step in range(1, 8):
@@ -209,7 +229,9 @@ def test_the_clearance_term_is_of_the_step_and_not_of_the_episode() -> None:
 
 
 def test_progress_telescopes_to_the_change_of_distance() -> None:
-    simulation = make(count=20, robot=ROBOTS["differential"], world={"family": "field", "moving": 0.5}, reward={"progress": 1.0})
+    simulation = make(
+        count=20, robot=ROBOTS["differential"], world={"family": "field", "moving": 0.5}, reward={"progress": 1.0}
+    )
     simulation.reset(seeds=list(range(20)))
     first = simulation.info()["goal_distance"][:, 0].copy()
     total = np.zeros(20)
@@ -382,7 +404,10 @@ def test_a_goal_sensed_by_odometry_stands_still_in_the_robots_own_frame(sensing:
             goal = in_the_frame_of_the_start(np.array([[2.0, 1.0, 0.7], [12.0, -7.0, 0.0]]))[1, :2]
         expected = in_the_frame_of_the_start(np.array([pose, [*goal, 0.0]]))[1, :2]
         assert part(simulation, "goal") == pytest.approx(expected, abs=1e-5)
-    drift = simulation.world.odometry[0, 0, :2] - in_the_frame_of_the_start(np.array([[2.0, 1.0, 0.7], simulation.world.pose[0, 0]]))[1, :2]
+    drift = (
+        simulation.world.odometry[0, 0, :2]
+        - in_the_frame_of_the_start(np.array([[2.0, 1.0, 0.7], simulation.world.pose[0, 0]]))[1, :2]
+    )
     assert np.hypot(*drift) > 0.05, "odometry and truth are apart here"
 
 
@@ -393,7 +418,9 @@ ALL_FACES = ["static", "dynamic", "moving_target", "rush", "maze", "crossing_rob
 
 @pytest.mark.parametrize("name", ALL_FACES)
 def test_observations_lie_in_their_space_and_are_finite(name: str) -> None:
-    simulation = Simulation(name, count=8, overrides={f"odometry.{key}": value for key, value in NOISY["odometry"].items()})
+    simulation = Simulation(
+        name, count=8, overrides={f"odometry.{key}": value for key, value in NOISY["odometry"].items()}
+    )
     space = observation.flat_space(simulation.fields)
     rng = np.random.default_rng(0)
     seen = simulation.reset(seeds=list(range(8)))
@@ -493,7 +520,9 @@ def numbers_of(simulation: Simulation, row: int) -> list[Any]:
     return shown + [values[name][row].tolist() for name in sorted(values)]
 
 
-def play(simulation: Simulation, seeds: list[int], actions: dict[int, F64], order: list[int] | None = None) -> dict[int, list[Any]]:
+def play(
+    simulation: Simulation, seeds: list[int], actions: dict[int, F64], order: list[int] | None = None
+) -> dict[int, list[Any]]:
     """Two episodes of each seed in rows of their own, 150 steps, reset when done.
 
     Args:
@@ -519,7 +548,14 @@ def play(simulation: Simulation, seeds: list[int], actions: dict[int, F64], orde
 
 
 DETERMINISM: dict[str, Any] = {
-    "field": {"world": {"family": "field", "moving": 0.5, "speeds": [0.2, 1.0], "target_motion": {"law": "random_walk", "speed": 0.5}}},
+    "field": {
+        "world": {
+            "family": "field",
+            "moving": 0.5,
+            "speeds": [0.2, 1.0],
+            "target_motion": {"law": "random_walk", "speed": 0.5},
+        }
+    },
     "maze": {"world": {"family": "maze"}},
     "robots": {"world": {"family": "field", "obstacles": 8, "moving": 0.5}, "robots": {"count": 3}},
 }
@@ -590,12 +626,18 @@ def turned(points: Any, angle: float, shift: tuple[float, float]) -> list[list[f
 
 def course(angle: float, shift: tuple[float, float], goal: list[float], robot: str) -> dict[str, Any]:
     """An explicit world far from its border, turned and shifted as a whole."""
-    [[gx, gy], [cx, cy], at, way, other, start] = turned([goal, [3.0, 0.3], [2.0, -3.0], [2.0, 5.0], [6.0, 2.5], [0, 0]], angle, shift)
+    [[gx, gy], [cx, cy], at, way, other, start] = turned(
+        [goal, [3.0, 0.3], [1.2, -3.0], [1.2, 5.0], [6.0, 2.5], [0, 0]], angle, shift
+    )
     [velocity] = turned([[-0.1, -0.6]], angle, (0.0, 0.0))
     triangle = [[-0.3, -0.3], [0.4, -0.2], [0.0, 0.5]]
     movers = [
         {"shape": {"circle": 0.3}, "at": at, "motion": {"law": "waypoints", "points": [way, at], "speed": 0.5}},
-        {"shape": {"polygon": turned(triangle, angle, (0.0, 0.0))}, "at": other, "motion": {"law": "bounce", "velocity": velocity}},
+        {
+            "shape": {"polygon": turned(triangle, angle, (0.0, 0.0))},
+            "at": other,
+            "motion": {"law": "bounce", "velocity": velocity},
+        },
     ]
     return {
         "robot": {**ROBOTS[robot], "max_acceleration": 4.0, "circles": [[0.0, 0.0, 0.2], [0.1, 0.05, 0.15]]},
@@ -614,7 +656,9 @@ def course(angle: float, shift: tuple[float, float], goal: list[float], robot: s
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("angle, shift", [(0.0, (31.0, -17.0)), (1.0, (0.0, 0.0)), (-2.5, (40.0, 12.0)), (math.pi, (-5.0, 3.0))])
+@pytest.mark.parametrize(
+    "angle, shift", [(0.0, (31.0, -17.0)), (1.0, (0.0, 0.0)), (-2.5, (40.0, 12.0)), (math.pi, (-5.0, 3.0))]
+)
 def test_a_turned_and_shifted_world_gives_the_same_run(robot: str, angle: float, shift: tuple[float, float]) -> None:
     outcomes = set()
     for seed in range(30):

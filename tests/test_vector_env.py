@@ -115,7 +115,7 @@ def test_a_masked_reset_is_what_sync_vector_env_gives() -> None:
             expected_reset = sync.reset(seed=seeds, options=dict(options))
             assert data_equivalence(ours.reset(seed=seeds, options=options), expected_reset, exact=True)
             assert "reset_mask" in options
-    assert resets > 5
+    assert resets > 2
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -181,7 +181,7 @@ def test_final_observations_stand_only_in_rows_that_ended() -> None:
             np.testing.assert_array_equal(infos["final_info"]["_time"], ended)
             assert (infos["final_info"]["time"][ended] > 0.0).all()
             assert (infos["time"][ended] == 0.0).all()
-    assert seen > 5
+    assert seen > 2
 
 
 def test_what_was_returned_stays_as_it_is() -> None:

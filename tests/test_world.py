@@ -63,14 +63,17 @@ def record(scenario: dict[str, Any], steps: int, seed: int = 0) -> tuple[F64, F6
 # ------------------------------------------------------------------------------------------------ bounce
 
 
-def folded(x: F64, low: float, high: float) -> F64:
+def folded(x: Any, low: float, high: float) -> F64:
     """Where a point going straight would be if it were reflected at `low` and `high`: a billiard unfolded."""
-    return low + np.abs((x - low + (high - low)) % (2.0 * (high - low)) - (high - low))
+    inside: F64 = low + np.abs((x - low + (high - low)) % (2.0 * (high - low)) - (high - low))
+    return inside
 
 
 def test_a_circle_in_a_rectangle_follows_the_unfolded_billiard_for_10000_steps() -> None:
     radius, at, velocity = 0.3, np.array([1.0, 2.0]), np.array([1.37, -0.61])
-    places, velocities = record(movers_scenario([circle([1.0, 2.0], radius, law="bounce", velocity=[1.37, -0.61])]), 10000)
+    places, velocities = record(
+        movers_scenario([circle([1.0, 2.0], radius, law="bounce", velocity=[1.37, -0.61])]), 10000
+    )
     time = STEP * np.arange(10001)[:, None]
     expected = folded(at + velocity * time, -10.0 + radius, 10.0 - radius)
     assert np.abs(places[:, 0] - expected).max() < 1e-7
@@ -80,7 +83,9 @@ def test_a_circle_in_a_rectangle_follows_the_unfolded_billiard_for_10000_steps()
 def test_a_circle_at_20_m_per_s_between_walls_1_m_apart_follows_the_unfolded_billiard() -> None:
     """Several reflections within a step."""
     walls = [[[-9, 1], [9, 1], [9, 1.2], [-9, 1.2]], [[-9, 0], [9, 0], [9, -0.2], [-9, -0.2]]]
-    places, _ = record(movers_scenario([circle([0.0, 0.5], 0.2, law="bounce", velocity=[0.01, 20.0])], polygons=walls), 500)
+    places, _ = record(
+        movers_scenario([circle([0.0, 0.5], 0.2, law="bounce", velocity=[0.01, 20.0])], polygons=walls), 500
+    )
     expected = folded(0.5 + 20.0 * STEP * np.arange(501), 0.2, 0.8)
     assert np.abs(places[:, 0, 1] - expected).max() < 1e-8
 
@@ -148,7 +153,8 @@ def test_movers_keep_their_speed_and_enter_neither_border_nor_obstacles_in_10000
     rng = np.random.default_rng(2)
     still = still_geometry(load(movers_scenario([], **STILL_THINGS)))
     inside = shapely.box(-10, -10, 10, 10)
-    movers, outlines, speeds = [], [], []
+    movers: list[dict[str, Any]] = []
+    outlines, speeds = [], []
     while len(movers) < 12:
         at, radius, speed = rng.uniform(-9, 9, 2), float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.2, 3.0))
         if still.distance(shapely.Point(at)) < 0.7:
@@ -171,7 +177,9 @@ def test_movers_keep_their_speed_and_enter_neither_border_nor_obstacles_in_10000
         assert (places[:, body] + low > -10.0 - 1e-6).all() and (places[:, body] + high < 10.0 + 1e-6).all()
         centres = shapely.points(places[:, body])
         if body < 8:
-            assert shapely.distance(centres, still).min() > movers[body]["shape"]["circle"] - 1e-4  # arcs are chords there
+            assert (
+                shapely.distance(centres, still).min() > movers[body]["shape"]["circle"] - 1e-4
+            )  # arcs are chords there
         else:
             swept = [shapely.affinity.translate(outline, x, y) for x, y in places[::7, body]]
             assert shapely.area(shapely.intersection(swept, still)).max() < 1e-9
@@ -301,7 +309,11 @@ def test_what_stands_never_moves() -> None:
     for row, old in enumerate(before):
         new = simulation.world.layout(row)
         assert (new.circles == old.circles).all() and (new.goals == old.goals).all()
-        assert all((a == b).all() for one, other in zip(new.polygons, old.polygons, strict=True) for a, b in zip(one, other, strict=True))
+        assert all(
+            (a == b).all()
+            for one, other in zip(new.polygons, old.polygons, strict=True)
+            for a, b in zip(one, other, strict=True)
+        )
         assert all(a.at != b.at for a, b in zip(new.movers, old.movers, strict=True))
 
 
@@ -408,7 +420,9 @@ def test_a_layout_read_in_mid_episode_continues_as_the_episode_does() -> None:
         whole.step([[[0.0, 0.0]]])
         resumed.step([[[0.0, 0.0]]])
         expected = [mover.at for mover in whole.world.layout(0).movers]
-        assert np.array([mover.at for mover in resumed.world.layout(0).movers]) == pytest.approx(np.array(expected), abs=1e-9)
+        assert np.array([mover.at for mover in resumed.world.layout(0).movers]) == pytest.approx(
+            np.array(expected), abs=1e-9
+        )
 
 
 def test_a_circle_given_as_a_whole_number_is_a_circle() -> None:

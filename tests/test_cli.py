@@ -1,0 +1,233 @@
+"""The command line: what each command leaves and prints, bad input, and how little `--help` loads."""
+
+import argparse
+import json
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bug_gym import benchmark, cli, evaluation
+from bug_gym.agents import policy_names
+from bug_gym.cli import main, make_parser
+from bug_gym.config import scenario_names
+from bug_gym.evaluation import suite_names
+
+OPEN = ["--set", "world.goal=[2, 0]", "--set", "lidar.beams=8"]
+"""Makes `empty` a matter of some twenty steps."""
+
+
+def commands() -> dict[str, argparse.ArgumentParser]:
+    """The parser of each command."""
+    (table,) = (action for action in make_parser()._actions if isinstance(action, argparse._SubParsersAction))
+    return dict(table.choices)
+
+
+@pytest.fixture
+def image() -> Callable[[Path], np.ndarray]:
+    """Reads a picture as pixels (H, W, 3)."""
+    pillow = pytest.importorskip("PIL.Image")
+
+    def read(path: Path) -> np.ndarray:
+        return np.asarray(pillow.open(path).convert("RGB"))
+
+    return read
+
+
+# ---------------------------------------------------------------------------------------------- help
+
+
+@pytest.mark.parametrize("name", commands())
+def test_the_example_of_each_command_can_be_run(name: str) -> None:
+    title, example = str(commands()[name].epilog).split("\n")
+    program, *arguments = shlex.split(example)
+    assert (title, program, arguments[0]) == ("example:", "bug-gym", name)
+    make_parser().parse_args(arguments)
+
+
+@pytest.mark.parametrize("arguments", [[], *([name] for name in commands())])
+def test_help_is_done_with_exit_code_0(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main([*arguments, "--help"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out.startswith("usage: bug-gym")
+
+
+def test_help_loads_no_compiler_and_no_agent() -> None:
+    code = "import sys, bug_gym.cli as cli; cli.make_parser().format_help(); print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], capture_output=True, check=True)
+    loaded = set(run.stdout.decode().split())
+    assert not {"numba", "pydantic", "rich", "bug_gym.agents", "bug_gym.evaluation"} & loaded
+
+
+# ---------------------------------------------------------------------------------------------- commands
+
+
+def test_list_names_all_scenarios_policies_and_suites(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    words = capsys.readouterr().out.split()
+    assert {*scenario_names(), *policy_names(), *suite_names()} <= set(words)
+
+
+def test_list_of_one_kind_names_no_other(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "suites"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["suites", *suite_names()]
+
+
+def test_show_draws_the_world_of_a_seed(tmp_path: Path, image: Callable[[Path], np.ndarray]) -> None:
+    for seed in (3, 4):
+        assert main(["show", "static", "--seed", str(seed), "--size", "200", "--out", f"{tmp_path}/{seed}.png"]) == 0
+    first, second = (image(tmp_path / f"{seed}.png") for seed in (3, 4))
+    assert max(first.shape) == 200
+    assert (first != second).any()
+
+
+def test_evaluate_prints_a_table_and_fills_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    policies = "go_to_goal,bug0:turn=right:clearance=0.4"
+    arguments = ["--scenario", "empty", *OPEN, "--policies", policies, "--episodes", "2", "--out", str(out)]
+    assert main(["evaluate", *arguments]) == 0
+    printed = capsys.readouterr().out
+    assert "go_to_goal" in printed and "100.0" in printed
+    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
+    assert {(row["policy"], row["seed"]) for row in rows} == {
+        (policy, seed) for policy in policies.split(",") for seed in (0, 1)
+    }
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["policies"]["bug0:turn=right:clearance=0.4"]["parameters"] == {"turn": "right", "clearance": 0.4}
+
+
+def test_the_smoke_suite_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["evaluate", "--suite", "smoke"]) == 0
+    assert "all scenarios" in capsys.readouterr().out
+
+
+def test_render_films_an_episode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pillow = pytest.importorskip("PIL.Image")
+    out = tmp_path / "film.gif"
+    assert main(["render", "go_to_goal", "empty", *OPEN, "--every", "5", "--size", "150", "--out", str(out)]) == 0
+    # 1.7 m at 0.1 m a step are 17 steps: a frame of the start, after 5, 10, 15 steps, and of the end.
+    assert pillow.open(out).n_frames == 5
+    assert "success after 1.7 s and 1.70 m" in capsys.readouterr().out
+
+
+def test_render_draws_the_whole_path(tmp_path: Path, image: Callable[[Path], np.ndarray]) -> None:
+    for policy in ("bug0", "bug0:turn=right"):
+        assert main(["render", policy, "disc", "--out", f"{tmp_path}/{policy[-5:]}.png"]) == 0
+    left, right = image(tmp_path / "/bug0.png".strip("/")), image(tmp_path / "right.png")
+    assert left.shape == right.shape and (left != right).any()
+
+
+def test_render_writes_mp4(tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    out = tmp_path / "film.mp4"
+    assert main(["render", "go_to_goal", "empty", *OPEN, "--every", "5", "--size", "150", "--out", str(out)]) == 0
+    assert out.read_bytes()[4:8] == b"ftyp"
+
+
+def test_benchmark_measures_something_everywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(benchmark, "CASES", ((5, 8),))
+    out = tmp_path / "benchmark.json"
+    assert main(["benchmark", "--repeats", "1", "--seconds", "0.01", "--worlds", "4", "--out", str(out)]) == 0
+    data = json.loads(out.read_text())
+    assert data["settings"]["worlds"] == 4
+    assert all(0.0 < line["least"] <= line["median"] <= line["greatest"] for line in data["measurements"])
+    names = " ".join(line["name"] for line in data["measurements"])
+    for part in ("VectorEnv", "gym.make", "new world", "import bug_gym", *policy_names()):
+        assert part in names
+    assert "VectorEnv: 5 circles, 8 beams" in capsys.readouterr().out
+
+
+# ---------------------------------------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("evaluate --scenario statik", "did you mean 'static'"),
+        ("evaluate --suite smok", "did you mean 'smoke'"),
+        ("evaluate --scenario static --policies bug_2", "'bug2'"),
+        ("evaluate --scenario static --policies bug2:trun=left", "did you mean 'turn'"),
+        ("evaluate --scenario static --policies bug2:turn=up", "'up'"),
+        ("evaluate --scenario static --set lidar.beams=0", "expected at least 1"),
+        ("evaluate --scenario static --set lidar.beems=9", "did you mean 'beams'"),
+        ("evaluate --scenario static --set lidar.beams", "expected KEY=VALUE"),
+        ("evaluate --scenario static --set lidar.beams=[", "expected a value as YAML has it"),
+        ("evaluate --scenario static --episodes many", "invalid int value"),
+        ("evaluate --scenario static --workers 0", "workers must be at least 1"),
+        ("evaluate --scenario missing.yaml", "missing.yaml: No such file"),
+        ("evaluate --scenario static --out notes.txt", "holds something else"),
+        ("evaluate", "--suite --scenario is required"),
+        ("evaluate --suite smoke --scenario static", "not allowed with"),
+        ("show static --seed -1", "a seed is an integer from 0"),
+        ("show static --size 5", "at least 100 pixels"),
+        ("show static --out nowhere/world.png", "no folder nowhere"),
+        ("render bug2 static --out film.avi", "ends in .gif, .mp4 or .png"),
+        ("render bug2 static --out nowhere/film.gif", "no folder nowhere"),
+        ("render bug2 static --every 0 --out film.gif", "invalid at_least_one value: '0'"),
+        ("render bug3 static --out film.gif", "'bug2'"),
+        ("benchmark --repeats 0", "repeats"),
+        ("lst", "invalid choice"),
+        ("", "required"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_file(
+    arguments: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    try:
+        code: Any = main(arguments.split())
+    except SystemExit as left:
+        code = left.code
+    said = capsys.readouterr()
+    assert code == 2 and said.out == ""
+    assert said.err.startswith("bug-gym: error: ") and said.err.count("\n") == 1
+    assert message in said.err
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_several_faults_are_told_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "static", "--set", "lidar.beams=0", "--set", "robot.radius=-1"]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1 and "beams" in line and "radius" in line
+
+
+def test_an_interrupted_evaluation_says_that_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(rollout: evaluation.Rollout) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation.Rollout, "worlds", interrupted)
+    out = tmp_path / "out"
+    assert main(["evaluate", "--scenario", "empty", "--policies", "bug0", "--episodes", "2", "--out", str(out)]) == 130
+    assert f"{out} keeps what is done, the same command goes on" in capsys.readouterr().err
+
+
+def test_an_error_of_our_own_is_not_taken_for_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(options: argparse.Namespace) -> None:
+        raise RuntimeError("ours")
+
+    monkeypatch.setattr(cli, "show", broken)
+    with pytest.raises(RuntimeError, match="ours"):
+        main(["show", "static"])
+
+
+def test_a_reader_that_has_seen_enough_ends_the_command_quietly() -> None:
+    command = f"{shlex.quote(sys.executable)} -m bug_gym list | head -n 1"
+    root = Path(__file__).parents[1]
+    run = subprocess.run(command, shell=True, cwd=root, capture_output=True, text=True, check=True)
+    assert (run.stdout, run.stderr) == ("scenarios\n", "")

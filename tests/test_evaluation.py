@@ -1,0 +1,462 @@
+"""Evaluation: rows against plain loops and closed forms, suites, result folders that go on after a kill."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from math import inf, isnan
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from bug_gym import evaluation
+from bug_gym.agents import make_policy, policy_names
+from bug_gym.config import load, scenario_names
+from bug_gym.evaluation import (
+    PolicyEntry,
+    Rollout,
+    ScenarioEntry,
+    evaluate,
+    load_suite,
+    make_plan,
+    suite_names,
+    typical,
+)
+from bug_gym.metrics import EpisodeRow
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+
+OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
+"""Nothing but a straight line of 8 m, at 1 m/s."""
+NOISE = {"lidar.noise": 0.05, "odometry.rotation_noise": 0.05}
+"""Noise that makes the same world another run for another seed."""
+
+
+def without_times(rows: list[EpisodeRow]) -> list[dict[str, Any]]:
+    """The rows as dicts without what a clock has measured."""
+    kept = [{name: value for name, value in asdict(row).items() if "decision" not in name} for row in rows]
+    return [{name: "nan" if value != value else value for name, value in row.items()} for row in kept]
+
+
+def lines_of(folder: Path) -> list[bytes]:
+    return (folder / "rows.jsonl").read_bytes().splitlines(keepends=True)
+
+
+@dataclass
+class Count(Memory):
+    """How many decisions there were."""
+
+    decisions: int = 0
+
+
+class GivesUp(ScriptedPolicy):
+    """Goes ahead, and gives up at its fourth decision where the goal is nearer than `within` [m]."""
+
+    within = inf
+
+    def start(self) -> Count:
+        return Count()
+
+    def act(self, view: View, memory: Count) -> Velocity:
+        memory.decisions += 1
+        memory.verdict = "stuck" if memory.decisions == 4 and view.goal_distance < self.within else ""
+        return 1.0, 0.0
+
+
+class Recurrent:
+    """Stands for three steps, then goes ahead; its state is arrays for all robots, as SB3's recurrent policies have it.
+
+    It keeps how many robots were in each call.
+    """
+
+    def __init__(self) -> None:
+        self.sizes: list[int] = []
+
+    def predict(
+        self,
+        observation: Any,
+        state: tuple[Any, ...] | None = None,
+        episode_start: Any = None,
+        deterministic: bool = False,
+    ) -> tuple[Any, tuple[Any, ...]]:
+        rows = len(observation)
+        self.sizes.append(rows)
+        since = np.zeros((1, rows)) if state is None else state[0]
+        since = np.where(episode_start, 0, since)
+        actions = np.column_stack([np.where(since[0] < 3, 0.0, 1.0), np.zeros(rows)])
+        return actions.astype(np.float32), (since + 1, since)
+
+
+# ---------------------------------------------------------------------------------------------- rows
+
+
+@pytest.mark.parametrize("scenario", ["dynamic", "maze", "u_trap"])
+def test_a_row_is_what_a_plain_loop_over_the_env_measures(scenario: str) -> None:
+    env = gym.make("BugGym/Navigation-v0", scenario=scenario)
+    policy = make_policy("bug2", env)
+    (row,) = evaluate("bug2", scenario, episodes=1, seed=3)
+    observation, info = env.reset(seed=3, options={"shortest_path": True})
+    assert row.shortest_path_length == info["shortest_path_length"]
+    state, steps, over = None, 0, False
+    while not over:
+        action, state = policy.predict(observation, state, deterministic=True)
+        assert state is not None
+        if state[0].verdict:
+            break
+        observation, _, terminated, truncated, info = env.step(action)
+        steps += 1
+        over = terminated or truncated
+    outcome = "gave_up" if state is not None and state[0].verdict else info["outcome"]
+    assert (row.outcome, row.steps, row.time) == (outcome, steps, info["time"])
+    assert (row.path_length, row.goal_distance) == (info["path_length"], info["goal_distance"])
+    assert row.min_clearance == info["min_clearance"]
+
+
+def test_a_straight_run_has_the_numbers_of_a_straight_line() -> None:
+    (row,) = evaluate("go_to_goal", OPEN, episodes=1)
+    assert row.success
+    assert row.shortest_path_length == pytest.approx(8.0)
+    assert row.path_length + row.goal_distance == pytest.approx(8.0, abs=1e-6)
+    assert (row.spl, row.turns) == (1.0, 0)
+    assert row.time == pytest.approx(row.steps * 0.1)
+    assert isnan(row.time_ratio)
+
+
+def test_the_earliest_time_of_meeting_a_target_that_waits_is_the_way_over_the_speed() -> None:
+    target = {"at": [8, 0], "motion": {"law": "bounce", "velocity": [0, 0]}}
+    waiting = {**OPEN, "world": {"family": "empty", "start": [0, 0, 0], "target": target}}
+    (row,) = evaluate("go_to_goal", waiting, episodes=1)
+    assert row.time_ratio == pytest.approx((8.0 - 0.3) / row.time)
+    assert isnan(row.spl) and isnan(row.shortest_path_length)
+
+
+def test_a_policy_meets_a_moving_target_no_earlier_than_a_straight_run_could() -> None:
+    rows = evaluate("bug0", "moving_target", episodes=6)
+    assert {row.success for row in rows} == {True}
+    assert all(0.0 < row.time_ratio <= 1.0 for row in rows)
+
+
+def test_every_policy_drives_in_the_same_worlds() -> None:
+    rows = evaluate(["go_to_goal", "bug0"], ["static", "maze"], episodes=3, seed=5)
+    worlds = [(row.scenario, row.seed, row.shortest_path_length) for row in rows]
+    for policy in ("go_to_goal", "bug0"):
+        mine = [world for world, row in zip(worlds, rows, strict=True) if row.policy == policy]
+        assert [seed for _, seed, _ in mine] == [5, 6, 7] * 2
+        assert mine == sorted(set(worlds), key=worlds.index)
+
+
+def test_a_row_depends_on_its_seed_and_not_on_the_others() -> None:
+    together = evaluate("bug2", "rush", episodes=20, overrides=NOISE)
+    alone = [row for seed in range(20) for row in evaluate("bug2", "rush", episodes=1, seed=seed, overrides=NOISE)]
+    assert without_times(together) == without_times(alone)
+    assert len({row.path_length for row in together}) == 20
+
+
+def test_two_workers_make_the_rows_of_one() -> None:
+    arguments: dict[str, Any] = {"episodes": 10, "overrides": NOISE}
+    one = evaluate(["bug0", "go_to_goal"], ["static", "rush"], **arguments)
+    two = evaluate(["bug0", "go_to_goal"], ["static", "rush"], workers=2, **arguments)
+    assert without_times(one) == without_times(two)
+
+
+def test_a_verdict_ends_the_episode_before_the_robot_moves_again() -> None:
+    policy = GivesUp(Sensors.of(load(OPEN)))
+    (row,) = evaluate(policy, OPEN, episodes=1)
+    assert (row.outcome, row.verdict, row.steps) == ("gave_up", "stuck", 3)
+    assert row.path_length == pytest.approx(0.3, abs=1e-6)
+    assert not row.success and row.spl == 0.0
+
+
+def test_a_robot_that_gave_up_stands_while_the_other_goes_on() -> None:
+    places = [{"start": [-5, 0, 0], "goal": [5, 0]}, {"start": [-5, 3, 0], "goal": [-3, 3]}]
+    scenario = load({**OPEN, "world": {"family": "empty"}, "robots": places})
+    policy = GivesUp(Sensors.of(scenario))
+    policy.within = 3.0
+    rollout = Rollout(PolicyEntry("a", "a", policy=policy), ScenarioEntry("s", scenario, range(1)), [0])
+    ((first, second),) = rollout.worlds()
+    assert (first.robot, first.outcome, second.robot, second.outcome) == (0, "success", 1, "gave_up")
+    assert (second.steps, first.steps > 90) == (3, True)
+    assert second.path_length == pytest.approx(0.3, abs=1e-6)
+    assert rollout.simulation.world.pose[0, 1, 0] == pytest.approx(-4.7, abs=1e-6)
+
+
+def test_each_robot_of_a_world_has_a_row() -> None:
+    rows = evaluate("go_to_goal", "crossing_robots", episodes=2)
+    assert [(row.seed, row.robot) for row in rows] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert [row.shortest_path_length for row in rows] == pytest.approx([10.0] * 4)
+
+
+def test_each_decision_of_a_scripted_policy_is_timed_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = iter(range(1_000_000))
+    monkeypatch.setattr(evaluation, "perf_counter", lambda: float(next(ticks)))
+    for row in evaluate("bug0", "static", episodes=3):
+        assert (row.decision_time_mean, row.decision_time_p99) == (1.0, 1.0)
+        assert row.decision_time_total == row.steps
+
+
+def test_robots_share_the_time_of_a_call_for_all_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = iter(range(1_000_000))
+    monkeypatch.setattr(evaluation, "perf_counter", lambda: float(next(ticks)))
+    for row in evaluate(Recurrent(), OPEN, episodes=4):
+        assert row.decision_time_mean == 0.25
+
+
+# ---------------------------------------------------------------------------------------------- policies of other kinds
+
+
+def test_a_recurrent_policy_starts_anew_with_each_episode() -> None:
+    policy = Recurrent()
+    scenario = ScenarioEntry("open", load(OPEN), range(5))
+    rollout = Rollout(PolicyEntry("recurrent", "Recurrent", policy=policy), scenario, range(5), slots=2)
+    rows = [row for world in rollout.worlds() for row in world]
+    (straight,) = evaluate("go_to_goal", OPEN, episodes=1)
+    assert sorted(row.seed for row in rows) == [0, 1, 2, 3, 4]
+    assert {row.steps for row in rows} == {3 + straight.steps}
+    assert set(policy.sizes) == {2}
+
+
+def test_numbers_of_discrete_actions_are_driven_as_velocities() -> None:
+    class Ahead:
+        observation_space = gym.spaces.Dict()
+
+        def predict(self, observation: Any, *_: Any, deterministic: bool) -> tuple[Any, None]:
+            assert isinstance(observation, Mapping) and observation["ranges"].shape == (1, 8)
+            return np.array([3]), None  # heading 0 at full speed
+
+    (row,) = evaluate(Ahead(), OPEN, episodes=1)
+    assert row.success
+    assert row.policy == "Ahead"
+
+
+def test_a_policy_that_reads_the_map_says_so_in_its_rows_and_has_one_world_at_a_time() -> None:
+    policy = Recurrent()
+    policy.privileged = True  # type: ignore[attr-defined]
+    rows = evaluate([("planner", policy)], OPEN, episodes=3)
+    assert {row.policy for row in rows} == {"planner (privileged)"}
+    assert set(policy.sizes) == {1}
+
+
+def test_parameters_reach_the_policy_under_a_label_of_its_own() -> None:
+    left, right = {"name": "bug0", "label": "left"}, ("right", "bug0", {"turn": "right"})
+    rows = evaluate([left, right], "slab", episodes=1)
+    assert [row.policy for row in rows] == ["left", "right"]
+    # The slab reaches 5 m to the left of the straight line and 3 m to the right.
+    assert rows[0].path_length > rows[1].path_length + 1.0
+
+
+@pytest.mark.parametrize(
+    ("policies", "message"),
+    [
+        (["bug0", "bug0"], "two policies are called 'bug0'"),
+        ("bug_0", "did you mean 'bug0'"),
+        ([{"name": "bug0", "labell": "a"}], "did you mean 'label'"),
+        ([("a", "bug0", {"turm": "left"})], "did you mean 'turn'"),
+        ([3], "expected a name"),
+        ([], "no policies"),
+        ([GivesUp(Sensors.of(load("disc")))], "made for 360 beams"),
+    ],
+)
+def test_bad_policies_are_told_before_anything_is_written(policies: Any, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=message):
+        evaluate(policies, "static", episodes=1, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"episodes": 0}, "at least one episode"),
+        ({"seed": -1}, "a seed from 0 on"),
+        ({"workers": 0}, "workers"),
+        ({"overrides": {"lidar.beems": 3}}, "did you mean 'beams'"),
+    ],
+)
+def test_bad_arguments_are_told(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        evaluate("bug0", "static", **arguments)
+
+
+# ---------------------------------------------------------------------------------------------- suites
+
+
+@pytest.mark.parametrize("name", suite_names())
+def test_every_suite_names_scenarios_and_policies_that_are_there(name: str) -> None:
+    plan = make_plan(None, name)
+    assert plan.suite.startswith(f"{name} v")
+    assert {entry.name for entry in plan.policies} <= set(policy_names())
+
+
+def test_no_suite_has_the_name_of_a_scenario() -> None:
+    assert not set(suite_names()) & set(scenario_names())
+
+
+def test_the_quick_suite_is_driven_by_every_policy() -> None:
+    assert [entry.name for entry in make_plan(None, "quick").policies] == policy_names()
+
+
+def test_a_suite_says_scenarios_overrides_labels_seeds_and_policies(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("world: {family: empty, start: [0, 0, 0], goal: [4, 0]}\n")
+    path = tmp_path / "suite.yaml"
+    path.write_text(
+        "version: 3\nseeds: {first: 7, count: 2}\npolicies: [go_to_goal]\nscenarios:\n"
+        "  - ./mine.yaml\n"
+        "  - {scenario: mine.yaml, label: far, overrides: {world.goal: [6, 0]}, seeds: {count: 1}}\n"
+    )
+    rows = evaluate(None, path)
+    assert [(row.scenario, row.seed) for row in rows] == [("mine", 7), ("mine", 8), ("far", 0)]
+    assert [row.shortest_path_length for row in rows] == pytest.approx([4.0, 4.0, 6.0])
+    assert make_plan(None, path).suite == "suite v3"
+
+
+def test_seeds_of_the_caller_replace_those_of_a_suite() -> None:
+    plan = make_plan("bug0", "smoke", episodes=2, seed=11)
+    assert {entry.seeds for entry in plan.scenarios} == {range(11, 13)}
+
+
+@pytest.mark.parametrize(
+    ("suite", "message"),
+    [
+        ("smok", "did you mean 'smoke'"),
+        ({"scenarios": []}, "scenarios: got .*at least 1"),
+        ({"scenarios": ["static"], "seed": 3}, "did you mean 'seeds'"),
+        ({"scenarios": ["static"], "seeds": {"count": 0}}, "seeds.count: got 0, expected at least 1"),
+    ],
+)
+def test_a_suite_that_cannot_be_is_told(suite: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        load_suite(suite)
+
+
+def test_a_scenario_twice_without_labels_is_told() -> None:
+    with pytest.raises(ValueError, match="two scenarios are called 'static'"):
+        make_plan("bug0", ["static", "static"])
+
+
+# ---------------------------------------------------------------------------------------------- result folders
+
+
+def test_a_folder_holds_rows_summary_and_a_picture_of_each_policy_and_scenario(tmp_path: Path) -> None:
+    rows = evaluate(["bug0", "go_to_goal"], ["static", OPEN], episodes=2, out=tmp_path)
+    read = [EpisodeRow.from_dict(json.loads(line)) for line in lines_of(tmp_path)]
+    assert sorted(map(str, read)) == sorted(map(str, rows))
+    assert json.loads((tmp_path / "summary.json").read_text())["summaries"]
+    pictures = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert pictures == {f"{scenario}-{name}.png" for scenario in ("static", "open") for name in ("bug0", "go_to_goal")}
+
+
+def test_a_run_that_was_cut_off_goes_on_and_repeats_nothing(tmp_path: Path) -> None:
+    whole = evaluate(["bug0", "bug2"], "static", episodes=4, out=tmp_path)
+    lines = lines_of(tmp_path)
+    (tmp_path / "rows.jsonl").write_bytes(b"".join(lines[:3]) + lines[3][:50])
+    again = evaluate(["bug0", "bug2"], "static", episodes=4, out=tmp_path)
+    assert without_times(again) == without_times(whole)
+    assert lines_of(tmp_path)[:3] == lines[:3]
+    assert len(lines_of(tmp_path)) == 8
+
+
+def test_a_finished_run_is_only_read(tmp_path: Path) -> None:
+    rows = evaluate("bug0", "static", episodes=2, out=tmp_path)
+    before = (tmp_path / "rows.jsonl").read_bytes()
+    again = evaluate("bug0", "static", episodes=2, out=tmp_path)
+    assert list(map(str, again)) == list(map(str, rows))  # as text, because NaN is not equal to itself
+    assert (tmp_path / "rows.jsonl").read_bytes() == before
+
+
+def test_a_world_of_which_a_robot_is_missing_is_driven_again(tmp_path: Path) -> None:
+    evaluate("go_to_goal", "crossing_robots", episodes=2, out=tmp_path)
+    lines = lines_of(tmp_path)
+    (tmp_path / "rows.jsonl").write_bytes(b"".join(lines[:3]))
+    evaluate("go_to_goal", "crossing_robots", episodes=2, out=tmp_path)
+    assert lines_of(tmp_path)[:2] == lines[:2]
+    assert [(row["seed"], row["robot"]) for row in map(json.loads, lines_of(tmp_path))] == [
+        (0, 0),
+        (0, 1),
+        (1, 0),
+        (1, 1),
+    ]
+
+
+def test_known_shortest_paths_are_not_searched_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluate("bug0", "static", episodes=2, out=tmp_path)
+    (tmp_path / "rows.jsonl").unlink()
+    monkeypatch.setattr(evaluation, "shortest_lengths", None)
+    assert len(evaluate("bug0", "static", episodes=2, out=tmp_path)) == 2
+
+
+def test_an_infinite_shortest_path_survives_the_folder(tmp_path: Path) -> None:
+    evaluate("go_to_goal", "ring", episodes=1, out=tmp_path, overrides={"time.limit": 1.0})
+    (tmp_path / "rows.jsonl").unlink()
+    (row,) = evaluate("go_to_goal", "ring", episodes=1, out=tmp_path, overrides={"time.limit": 1.0})
+    assert row.shortest_path_length == inf
+
+
+def test_a_killed_run_loses_no_finished_row(tmp_path: Path) -> None:
+    arguments = ["--scenario", "static", "--policies", "bug0,bug2", "--episodes", "60", "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "bug_gym", "evaluate", *arguments]
+    rows = tmp_path / "out" / "rows.jsonl"
+    with subprocess.Popen(command, cwd=Path(__file__).parents[1], stderr=subprocess.DEVNULL) as run:
+        while run.poll() is None and (not rows.exists() or rows.read_bytes().count(b"\n") < 5):
+            time.sleep(0.005)
+        run.kill()
+    assert run.returncode < 0, "it was over before it was killed"
+    kept = [line for line in lines_of(tmp_path / "out") if line.endswith(b"\n")]
+    finished = evaluate(["bug0", "bug2"], "static", episodes=60, out=tmp_path / "out")
+    assert lines_of(tmp_path / "out")[: len(kept)] == kept
+    assert len(finished) == len(lines_of(tmp_path / "out")) == 120
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"episodes": 3}, "scenarios.static.seeds.count was 2, is now 3"),
+        ({"overrides": {"lidar.beams": 90}}, "scenarios.static.scenario.lidar.beams was 64, is now 90"),
+        ({"policies": [("bug0", "bug0", {"turn": "right"})]}, "policies.bug0.parameters.turn was missing"),
+        ({"policies": ["bug0", "bug2"]}, "policies.bug2 was missing"),
+    ],
+)
+def test_a_folder_of_another_run_is_refused_by_what_differs(
+    change: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    arguments: dict[str, Any] = {"policies": ["bug0"], "episodes": 2, "out": tmp_path}
+    evaluate(scenario_or_suite="static", **arguments)
+    before = sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file())
+    with pytest.raises(ValueError, match=message):
+        evaluate(scenario_or_suite="static", **{**arguments, **change})
+    assert sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file()) == before
+
+
+def test_a_folder_with_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ValueError, match="holds something else"):
+        evaluate("bug0", "static", episodes=1, out=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_a_damaged_row_is_told_with_its_line(tmp_path: Path) -> None:
+    evaluate("bug0", "static", episodes=3, out=tmp_path)
+    lines = lines_of(tmp_path)
+    (tmp_path / "rows.jsonl").write_bytes(lines[0] + b"{]\n" + lines[2])
+    with pytest.raises(ValueError, match=r"rows\.jsonl: line 2"):
+        evaluate("bug0", "static", episodes=3, out=tmp_path)
+
+
+# ---------------------------------------------------------------------------------------------- pictures
+
+
+ROW = EpisodeRow("a", "s", 0, 0, "success", "", True, 1.0, 10, 1.0, 0.1, 1.0, 1.0, 0.5, 0.5, 0, 0.0, 0.1, 0.1, 1.0)
+
+
+def test_the_typical_episode_is_the_success_with_the_median_path() -> None:
+    rows = [replace(ROW, seed=seed, path_length=length) for seed, length in enumerate([9.0, 1.0, 5.0])]
+    failed = replace(ROW, seed=7, outcome="timeout", success=False, path_length=4.0)
+    assert typical([failed, *rows]).seed == 2
+
+
+def test_where_nothing_succeeded_the_first_episode_is_typical() -> None:
+    failed = [replace(ROW, seed=seed, outcome="timeout", success=False, path_length=9.0 - seed) for seed in (3, 4)]
+    assert typical(failed).seed == 3
