@@ -33,7 +33,11 @@ AGENTS: dict[str, Agent] = {
     "go_to_goal": Agent("go_to_goal:GoToGoal", "floor", "-"),
     "bug0": Agent("bug0:Bug0", "bug", "Lumelsky and Stepanov 1986"),
     "com": Agent("bug0:Bug0", "bug", "Lumelsky and Stepanov 1986; Sankaranarayanan and Vidyasagar 1990"),
+    "bug0_plus": Agent("bug0_plus:Bug0Plus", "bug", "Oni and Wang"),
+    "bug1": Agent("bug1:Bug1", "bug", "Lumelsky and Stepanov 1987"),
     "bug2": Agent("bug2:Bug2", "bug", "Lumelsky and Stepanov 1987"),
+    "com1": Agent("com1:Com1", "bug", "Sankaranarayanan and Vidyasagar 1990"),
+    "class1": Agent("class1:Class1", "bug", "Noborio 1992"),
 }
 
 

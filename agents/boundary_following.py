@@ -90,6 +90,16 @@ class Gate:
         return abs(lateral) <= half_width and along1 - along0 > 0.5 * math.dist(before, after)
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A hit or leave point remembered with its wall: it is known again whichever way the boundary is walked."""
+
+    place: Point
+    """Odometry frame [m]."""
+    wall: Point
+    """The point of the wall that the hand was on, odometry frame [m]; across a corridor is another wall."""
+
+
 @dataclass
 class Contour:
     """What a bug keeps while it follows one boundary."""
@@ -142,6 +152,22 @@ class BugMemory(Memory):
     """Length of the way so far by odometry [m]."""
     position: Point | None = None
     """Own place at the last decision, odometry frame [m]."""
+
+
+@dataclass
+class TurningMemory(BugMemory):
+    """Memory of a bug that turns round, once on each boundary, where it meets an earlier hit or leave point."""
+
+    marks: list[Mark] = field(default_factory=list)
+    """Earlier hit and leave points; the present hit point is not among them."""
+    trace: list[Point] = field(default_factory=list)
+    """Way along the present boundary, from its hit point, odometry frame [m]."""
+    start: Mark | None = None
+    """The present hit point."""
+    is_turning: bool = False
+    """Whether it is on its way back to the hit point."""
+    has_turned: bool = False
+    """Whether it has turned round on this boundary."""
 
 
 class Boundary:
@@ -390,6 +416,84 @@ class Boundary:
             matches += is_same and odometer - other_odometer > self.arming_length
         return matches >= 2
 
+    def is_at(self, mark: Mark, place: Point, wall: Point) -> bool:
+        """Whether a place on a boundary, with the wall's point beside it, is a remembered one."""
+        return math.dist(mark.place, place) <= self.gate_half_width and math.dist(mark.wall, wall) <= 1.5 * self.clearance
+
+    def passes(self, contour: Contour, mark: Mark) -> bool:
+        """Whether the last step passed a remembered place, in either direction: it was near and goes away again."""
+        if contour.odometer <= 2.0 * self.gate_half_width or contour.before == contour.position:
+            return False
+        is_near = self.is_at(mark, contour.before, contour.wall)
+        return is_near and math.dist(mark.place, contour.position) > math.dist(mark.place, contour.before)
+
+    # ------------------------------------------------------------------------------------------ turning round once
+
+    def hit_and_trace(self, view: View, memory: TurningMemory, side: int, bearing: float) -> None:
+        """`hit`, and begin a trace; the hit point before becomes an earlier one."""
+        if memory.start is not None:
+            memory.marks.append(memory.start)
+        contour = self.hit(view, memory, side, bearing)
+        memory.start = Mark(contour.hit, contour.wall)
+        memory.trace = [view.position]
+        memory.is_turning = memory.has_turned = False
+
+    def leave_and_mark(self, view: View, memory: TurningMemory) -> None:
+        """`leave`, and remember the leave point."""
+        assert memory.contour is not None
+        memory.marks.append(Mark(view.position, memory.contour.wall))
+        self.leave(view, memory)
+
+    def forget_marks(self, memory: TurningMemory) -> None:
+        """Nothing met before means anything any more, because the target has moved."""
+        memory.marks.clear()
+        memory.is_turning = memory.has_turned = False
+
+    def trace_contour(self, view: View, memory: TurningMemory) -> None:
+        """Add the present place to the trace; turn round where the robot passes an earlier hit or leave point."""
+        contour = memory.contour
+        assert contour is not None
+        memory.trace.append(view.position)
+        if not memory.has_turned and any(self.passes(contour, mark) for mark in memory.marks):
+            memory.is_turning = memory.has_turned = True
+
+    def walk_back(self, view: View, memory: TurningMemory) -> Velocity | None:
+        """Velocity back along the trace; None at its beginning, where the other hand takes the wall.
+
+        Where something has moved into the way the other hand takes over at once: it leads to the same hit point.
+        """
+        trace = memory.trace
+        while len(trace) > 1 and math.dist(trace[-2], view.position) <= self.step:
+            trace.pop()
+        if len(trace) == 1 and math.dist(trace[0], view.position) <= 0.5 * self.step:
+            trace.clear()
+        velocity = self._go_to(view, trace[-1]) if trace else None
+        if velocity is None:
+            self._change_hands(view, memory)
+        return velocity
+
+    def _go_to(self, view: View, place: Point) -> Velocity | None:
+        """Velocity straight to a place at most a few steps away; None where the way is blocked."""
+        x, y = view.to_robot(*place)
+        ahead, bearing = min(self.step, math.hypot(x, y)), math.atan2(y, x)
+        if view.free_distance(bearing, self.safe_radius) < ahead:
+            return None
+        speed = ahead / self.sensors.drive.step
+        return speed * math.cos(bearing), speed * math.sin(bearing)
+
+    def _change_hands(self, view: View, memory: TurningMemory) -> None:
+        """Go on along the present boundary the other way, on a lap of its own."""
+        last = memory.contour
+        assert last is not None and memory.start is not None
+        wall, travel = memory.start.wall, last.approach
+        if memory.trace:
+            distance, bearing = view.nearest()
+            wall = view.to_odometry(distance * math.cos(bearing), distance * math.sin(bearing))
+            travel = travel if last.heading is None else last.heading
+        memory.trace = []
+        memory.is_turning = False
+        memory.contour = Contour(-last.side, last.hit, wall, view.position, view.goal_position, travel, view.position)
+
     def draw(self, memory: BugMemory) -> Drawing:
         """Hit and leave points, and the wall that the hand is on."""
         points = [(*place, "hit") for place in memory.hits] + [(*place, "leave") for place in memory.leaves]
@@ -442,6 +546,11 @@ class MLine:
         ux, uy = (gx - sx) / whole, (gy - sy) / whole
         along = min((place[0] - sx) * ux + (place[1] - sy) * uy + length, whole)
         return sx + along * ux, sy + along * uy
+
+
+def alternating_side(memory: BugMemory, first: int) -> int:
+    """Side for the next hit point of a bug that changes sides at each: the first one's, the other, and so on."""
+    return first if len(memory.hits) % 2 == 0 else -first
 
 
 def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:

@@ -61,24 +61,25 @@ def make_parser() -> Parser:
     parser = Parser(prog="bug-gym", description="2D navigation among unknown obstacles: worlds, policies, evaluations.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", parser_class=Parser)
 
-    def add(command: Callable[[argparse.Namespace], None], example: str) -> argparse.ArgumentParser:
+    def add(name: str, command: Callable[[argparse.Namespace], None], example: str) -> argparse.ArgumentParser:
         summary = str(command.__doc__).splitlines()[0]
         form = argparse.RawDescriptionHelpFormatter
-        name = command.__name__.removesuffix("_")
         added = commands.add_parser(
             name, help=summary, description=summary, epilog=f"example:\n  {example}", formatter_class=form
         )
         added.set_defaults(command=command)
         return added
 
-    listing = add(list_, "bug-gym list policies")
+    listing = add("list", list_, "bug-gym list policies")
     listing.add_argument("what", nargs="?", choices=[*LISTS], help="which names (default: all)")
 
-    showing = add(show, "bug-gym show static --seed 3 --set lidar.beams=180 --out world.png")
+    showing = add("show", show, "bug-gym show static --seed 3 --set lidar.beams=180 --out world.png")
     _add_scenario(showing)
     showing.add_argument("--out", type=Path, help="PNG to write (default: SCENARIO-SEED.png)")
 
-    evaluating = add(evaluate, "bug-gym evaluate --suite quick --policies bug0,bug2:turn=right --out results/a")
+    evaluating = add(
+        "evaluate", evaluate, "bug-gym evaluate --suite quick --policies bug0,bug2:turn=right --out results"
+    )
     task = evaluating.add_mutually_exclusive_group(required=True)
     task.add_argument("--suite", help="name or path of a suite")
     task.add_argument("--scenario", action="append", help="name or path of a scenario; may come several times")
@@ -91,7 +92,7 @@ def make_parser() -> Parser:
     )
     _add_overrides(evaluating)
 
-    rendering = add(render, "bug-gym render bug2 dynamic --seed 3 --out bug2.gif")
+    rendering = add("render", render, "bug-gym render bug2 dynamic --seed 3 --out bug2.gif")
     rendering.add_argument("policy", metavar="POLICY", help="NAME[:PARAMETER=VALUE...]")
     _add_scenario(rendering)
     rendering.add_argument("--out", type=Path, required=True, help="a .gif, a .mp4, or a .png of the whole path")
@@ -99,7 +100,7 @@ def make_parser() -> Parser:
         "--every", type=at_least_one, default=1, help="steps from one frame to the next (default: 1)"
     )
 
-    measuring = add(benchmark, "bug-gym benchmark --out benchmark.json")
+    measuring = add("benchmark", benchmark, "bug-gym benchmark --out benchmark.json")
     measuring.add_argument("--repeats", type=int, default=5, help="times that each speed is measured (default: 5)")
     measuring.add_argument("--seconds", type=float, default=0.5, help="how long each time (default: 0.5)")
     measuring.add_argument("--worlds", type=int, default=1024, help="worlds side by side (default: 1024)")

@@ -254,9 +254,9 @@ class Plan:
         """
         scenarios = {
             entry.label: {
-                "digest": _digest(entry.scenario),
-                "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
                 "scenario": dump(entry.scenario),
+                "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
+                "digest": _digest(entry.scenario),
             }
             for entry in self.scenarios
         }
@@ -319,11 +319,7 @@ def _as_suite(source: Any) -> tuple[Suite, str]:
     """A suite and its name for the manifest; one without a name for bare scenarios."""
     if isinstance(source, Path):
         source = str(source)
-    if isinstance(source, str) and _is_path(source):
-        is_suite = "scenarios" in _read_file(Path(source).expanduser())
-    else:
-        is_suite = source in suite_names() if isinstance(source, str) else isinstance(source, (Suite, Mapping))
-    if is_suite and (not isinstance(source, Mapping) or "scenarios" in source):
+    if _is_suite(source):
         suite = load_suite(source)
         return suite, f"{suite.name} v{suite.version}"
     sources = source if isinstance(source, (list, tuple)) else [source]
@@ -331,6 +327,12 @@ def _as_suite(source: Any) -> tuple[Suite, str]:
         dump(item) if isinstance(item, Scenario) else str(item) if isinstance(item, Path) else item for item in sources
     ]
     return _checked(Suite, {"scenarios": [{"scenario": item} for item in plain]}, "scenarios"), ""
+
+
+def _is_suite(source: Any) -> bool:
+    if isinstance(source, str):
+        return "scenarios" in _read_file(Path(source).expanduser()) if _is_path(source) else source in suite_names()
+    return isinstance(source, Suite) or (isinstance(source, Mapping) and "scenarios" in source)
 
 
 def _require_distinct(what: str, labels: Sequence[str]) -> None:
@@ -631,7 +633,7 @@ class ResultFolder:
     """Where the rows of one plan are kept as they come.
 
     Args:
-        path: a folder that is missing or empty, or that of an earlier run of the same plan.
+        path: a folder that is missing or empty, or that of an earlier run of the same plan with policies by name.
         plan: what is evaluated.
 
     Raises:
@@ -645,6 +647,11 @@ class ResultFolder:
             differences = list(_differences(_read_json(manifest_path), manifest))
             if differences:
                 raise ValueError(f"{self.path} holds another run: {'; '.join(differences[:3])}")
+            objects = [policy.label for policy in plan.policies if policy.policy is not None]
+            if objects:
+                raise ValueError(
+                    f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object"
+                )
         elif self.path.exists() and not _is_empty(self.path):
             raise ValueError(f"{self.path} holds something else, expected a new folder or that of an earlier run")
         else:

@@ -265,7 +265,7 @@ def scan_ends(view: Projection, world: World, row: int, robot: int) -> list[Pixe
     """Where the beams of a robot's last scan end (B)."""
     x, y, heading = world.pose[row, robot].tolist()
     cos, sin = math.cos(heading), math.sin(heading)
-    ahead, left = world.beams * world.ranges[row, robot].astype(np.float64)
+    ahead, left = world.beams[:, : world.ranges.shape[2]] * world.ranges[row, robot].astype(np.float64)
     return view.pixels(np.column_stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left]))
 
 

@@ -430,6 +430,12 @@ def test_a_folder_of_another_run_is_refused_by_what_differs(
     assert sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file()) == before
 
 
+def test_a_policy_object_does_not_go_on_with_the_rows_of_another(tmp_path: Path) -> None:
+    evaluate(Recurrent(), OPEN, episodes=1, out=tmp_path)
+    with pytest.raises(ValueError, match="a run of Recurrent"):
+        evaluate(Recurrent(), OPEN, episodes=1, out=tmp_path)
+
+
 def test_a_folder_with_something_else_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(ValueError, match="holds something else"):

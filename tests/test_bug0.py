@@ -1,0 +1,111 @@
+"""Bug0 and Bug2 against closed forms, the ring and the map of Oni and Wang."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from episodes import CLOSED_FORM_SENSORS, Disc, Slab, UTrap, run_episode, tolerance
+
+SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
+POLYGONS: dict[str, list[list[float]]] = {
+    "slab": [[8, -3], [12, -3], [12, 5], [8, 5]],
+    "u_trap": [[5, -4], [12, -4], [12, 4], [5, 4], [5, 3], [11, 3], [11, -3], [5, -3]],
+}
+OTHER = {"left": "right", "right": "left"}
+
+CASES = [
+    ("bug0", "slab", SLAB.until_free),
+    ("bug2", "slab", SLAB.until_line),
+    ("bug0", "disc", lambda turn: DISC.until_free()),
+    ("bug2", "disc", lambda turn: DISC.until_line()),
+    ("bug0", "u_trap", lambda turn: TRAP.until_free()),
+    ("bug2", "u_trap", lambda turn: TRAP.until_line()),
+]
+
+
+def canonical_world(world: str, *, angle: float = 0.0, mirrored: bool = False) -> dict[str, Any]:
+    """A canonical world, mirrored about the line from start to goal, then turned about the start."""
+    mirror = np.array([1.0, -1.0 if mirrored else 1.0])
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, sin], [-sin, cos]])
+
+    def place(points: Any) -> Any:
+        return ((np.asarray(points, dtype=float) * mirror) @ turn).tolist()
+
+    shapes: dict[str, Any] = {"circles": [[*place([10.0, 0.0]), 3.0]]} if world == "disc" else {}
+    if world in POLYGONS:
+        shapes = {"polygons": [place(POLYGONS[world])]}
+    bounds = [-35, -35, 35, 35]
+    explicit = {"family": "explicit", "bounds": bounds, "start": [0, 0, angle], "goal": place([20, 0]), **shapes}
+    return {"lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 600.0}, "world": explicit}
+
+
+@pytest.mark.parametrize("turn", ["left", "right"])
+@pytest.mark.parametrize("angle", [0.0, 0.83])
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(("policy", "world", "length"), CASES, ids=lambda case: case if isinstance(case, str) else "")
+def test_the_way_has_the_length_of_its_closed_form(
+    policy: str, world: str, length: Any, turn: str, angle: float, mirrored: bool
+) -> None:
+    scenario = canonical_world(world, angle=angle, mirrored=mirrored)
+    episode = run_episode(policy, scenario, turn=turn, clearance=0.5)
+    expected = length(OTHER[turn] if mirrored else turn)
+    assert episode.outcome == "success"
+    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize("turn", ["left", "right"])
+def test_bug0_that_leaves_in_any_direction_stays_in_the_trap(turn: str) -> None:
+    episode = run_episode("bug0", canonical_world("u_trap"), turn=turn, clearance=0.5, leave_rule="any")
+    assert episode.verdict == "looping"
+
+
+@pytest.mark.parametrize("policy", ["bug0", "bug2"])
+def test_a_goal_shut_in_is_unreachable_after_one_lap(policy: str) -> None:
+    episode = run_episode(policy, "ring", CLOSED_FORM_SENSORS, clearance=0.5)
+    # Start to contour, then the rounded square of side 8 at the clearance; Pythagoras for the goal 0.2 m aside.
+    first = 5.5 * math.hypot(10.3, 0.2) / 10.3
+    lap = 4.0 * 8.0 + 2.0 * math.pi * 0.5
+    assert episode.verdict == "unreachable"
+    assert first + lap - 0.3 <= episode.length <= 1.03 * (first + lap)
+
+
+@pytest.mark.parametrize("turn", ["left", "right"])
+def test_bug2_shut_in_itself_says_so_after_one_lap(turn: str) -> None:
+    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+    world |= {"start": [10, 0, 0], "goal": [0, 0]}
+    episode = run_episode("bug2", "ring", {**CLOSED_FORM_SENSORS, "world": world}, clearance=0.5, turn=turn)
+    expected = 3.0 + 24.0
+    assert episode.verdict == "unreachable"
+    assert expected - 0.3 <= episode.length <= 1.03 * expected
+
+
+# Ideal lengths on the map of Oni and Wang at a clearance of 1 m, turning left, rounded contour (None: cycles for ever).
+BUG0_ROUTES = {"AB": 17.10, "AC": None, "AD": 42.82, "BA": None, "BC": None, "BD": 31.68}
+BUG0_ROUTES |= {"CA": None, "CB": 10.90, "CD": None, "DA": 44.90, "DB": 57.24, "DC": None}
+BUG2_ROUTES = {"AB": 19.14, "AC": 137.57, "AD": 53.29, "BA": 133.42, "BC": 118.42, "BD": 34.14}
+BUG2_ROUTES |= {"CA": 145.57, "CB": 12.14, "CD": 62.28, "DA": 48.14, "DB": 59.28, "DC": 90.28}
+
+
+@pytest.mark.parametrize("route", BUG0_ROUTES)
+@pytest.mark.parametrize(("policy", "routes"), [("bug0", BUG0_ROUTES), ("bug2", BUG2_ROUTES)], ids=["bug0", "bug2"])
+def test_the_routes_of_oni_and_wang(policy: str, routes: dict[str, float | None], route: str) -> None:
+    places = {"world.start": route[0], "world.goal": route[1]}
+    episode = run_episode(policy, "oni_wang", {**CLOSED_FORM_SENSORS, **places}, clearance=1.0)
+    expected = routes[route]
+    if expected is None:
+        assert episode.verdict == "looping"
+        return
+    assert episode.outcome == "success"
+    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize(("policy", "world", "length"), CASES, ids=lambda case: case if isinstance(case, str) else "")
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_the_ranges_changes_no_outcome(policy: str, world: str, length: Any, seed: int) -> None:
+    scenario = canonical_world(world)
+    scenario["lidar"] |= {"noise": 0.02, "dropout": 0.01}
+    assert run_episode(policy, scenario, seed=seed, clearance=0.5).outcome == "success"

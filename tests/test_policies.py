@@ -1,0 +1,246 @@
+"""What holds for every policy of the table: a new one is tested by being listed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from episodes import run_episode
+
+import bug_gym
+from bug_gym import observation
+from bug_gym.agents import AGENTS, make_policy, policy_names
+from bug_gym.policy import Drawing, ScriptedPolicy
+from bug_gym.simulation import Simulation
+
+SCRIPTED = [name for name, agent in AGENTS.items() if agent.family != "learned"]
+CAREFUL = [name for name in SCRIPTED if name != "random"]
+
+
+def first_observations(scenario: str = "static", count: int = 3, **overrides: Any) -> tuple[Simulation, Any]:
+    """A Simulation of several rows and its first flat observations (n, D)."""
+    simulation = Simulation(scenario, count, overrides=overrides)
+    return simulation, simulation.reset(seeds=range(count))[:, 0]
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_actions_lie_in_the_action_space(name: str, kinematics: str) -> None:
+    simulation, flat = first_observations(**{"robot.kinematics": kinematics})
+    policy = make_policy(name, simulation)
+    state = None
+    for _ in range(50):
+        actions, state = policy.predict(flat, state)
+        assert actions.shape == (3, 2) and actions.dtype == np.float32
+        assert np.abs(actions).max() <= 1.0
+        flat = simulation.step(actions[:, None]).observation[:, 0]
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+def test_a_batch_is_its_rows_one_by_one_in_either_form(name: str) -> None:
+    simulation, flat = first_observations()
+    policy = make_policy(name, simulation)
+    batch = single = as_dict = None
+    for _ in range(40):
+        actions, batch = policy.predict(flat, batch)
+        named, as_dict = policy.predict(observation.as_dict(flat, simulation.fields), as_dict)
+        one, single = policy.predict(flat[1], single)
+        np.testing.assert_array_equal(actions, named)
+        np.testing.assert_array_equal(actions[1], one)
+        flat = simulation.step(actions[:, None]).observation[:, 0]
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+def test_episode_start_gives_a_row_a_new_memory(name: str) -> None:
+    simulation, flat = first_observations(count=2)
+    policy = make_policy(name, simulation)
+    _, state = policy.predict(flat)
+    for _ in range(5):
+        _, state = policy.predict(flat, state)
+    assert state is not None
+    fresh, after = policy.predict(flat, state, np.array([True, False]))
+    assert after is not None and after[0] is not state[0] and after[1] is state[1]
+    expected, _ = policy.predict(flat[0])
+    np.testing.assert_array_equal(fresh[0], expected)
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+def test_discrete_actions_are_numbers_of_the_table(name: str) -> None:
+    env = gym.make("BugGym/Static-v0", action="discrete")
+    policy = make_policy(name, env)
+    values, _ = env.reset(seed=5)
+    state = None
+    for _ in range(30):
+        action, state = policy.predict(values, state)
+        assert env.action_space.contains(action.item() if action.ndim == 0 else action)
+        values, *_ = env.step(action)
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+def test_another_beam_count_is_refused(name: str) -> None:
+    policy = make_policy(name, Simulation("static"))
+    _, flat = first_observations(**{"lidar.beams": 32})
+    with pytest.raises(ValueError, match="64 beams"):
+        policy.predict(flat)
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+def test_a_number_that_is_not_finite_is_refused(name: str) -> None:
+    simulation, flat = first_observations()
+    flat[0, 3] = np.nan
+    with pytest.raises(ValueError, match="finite"):
+        make_policy(name, simulation).predict(flat)
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("scan", ["nothing", "contact"])
+def test_a_scan_of_nothing_or_of_contact_all_round_is_no_error(name: str, scan: str) -> None:
+    simulation, flat = first_observations(count=1)
+    flat[:, :64] = simulation.scenario.lidar.range if scan == "nothing" else 0.0
+    policy = make_policy(name, simulation)
+    state = None
+    for _ in range(20):
+        actions, state = policy.predict(flat, state)
+        assert np.isfinite(actions).all()
+
+
+@pytest.mark.parametrize("name", CAREFUL)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_collision_among_still_obstacles(name: str, kinematics: str, seed: int) -> None:
+    episode = run_episode(name, "static", {"robot.kinematics": kinematics, "lidar.beams": 128}, seed=seed)
+    assert episode.outcome != "collision"
+
+
+@pytest.mark.parametrize("name", CAREFUL)
+def test_the_open_way_to_the_goal_is_taken_straight(name: str) -> None:
+    world = {"family": "empty", "start": [0, 0, 0], "goal": [8, 3]}
+    episode = run_episode(name, {"world": world})
+    assert episode.outcome == "success"
+    straight = math.hypot(8.0, 3.0) - 0.3
+    assert straight - 1e-6 <= episode.length <= 1.005 * straight
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+def test_what_is_drawn_is_a_drawing(name: str) -> None:
+    episode = run_episode(name, "u_trap", max_steps=150)
+    policy = make_policy(name, episode.simulation)
+    assert isinstance(policy, ScriptedPolicy)
+    drawing = policy.draw(episode.memory)
+    assert isinstance(drawing, Drawing)
+    for *numbers, label in [*drawing.points, *drawing.segments]:
+        assert np.isfinite(numbers).all() and isinstance(label, str)
+
+
+ANGLE, SHIFT = 0.7, np.array([1.3, -2.1])
+
+
+def moved(points: Any) -> Any:
+    """Points (..., 2) turned by ANGLE and shifted by SHIFT, as lists."""
+    cos, sin = math.cos(ANGLE), math.sin(ANGLE)
+    return (np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]]) + SHIFT).tolist()
+
+
+def two_worlds() -> tuple[dict[str, Any], dict[str, Any]]:
+    """A world with still obstacles and two movers beside the way, and the same one turned and shifted."""
+    polygons = [[[3, -1.5], [4, -1.5], [4, 2.5], [3, 2.5]], [[7, -4], [8, -4], [7.5, 0.8]]]
+    circles = [[10.0, 1.0, 0.8]]
+    velocity, at, ways = [0.0, 0.2], [5.5, 5.0], [[13.0, 5.0], [13.0, 7.0]]
+    plain = {
+        "family": "explicit",
+        "bounds": [-40, -40, 40, 40],
+        "polygons": polygons,
+        "circles": circles,
+        "movers": [
+            {"shape": {"circle": 0.4}, "at": at, "motion": {"law": "bounce", "velocity": velocity}},
+            {"shape": {"circle": 0.3}, "at": ways[0], "motion": {"law": "waypoints", "points": ways, "speed": 0.3}},
+        ],
+        "start": [0.0, 0.0, 0.0],
+        "goal": [13.0, 0.0],
+    }
+    turn = np.array([[math.cos(ANGLE), math.sin(ANGLE)], [-math.sin(ANGLE), math.cos(ANGLE)]])
+    turned = {
+        **plain,
+        "polygons": [moved(ring) for ring in polygons],
+        "circles": [[*moved(circle[:2]), circle[2]] for circle in circles],
+        "movers": [
+            {
+                "shape": {"circle": 0.4},
+                "at": moved(at),
+                "motion": {"law": "bounce", "velocity": (np.array(velocity) @ turn).tolist()},
+            },
+            {
+                "shape": {"circle": 0.3},
+                "at": moved(ways[0]),
+                "motion": {"law": "waypoints", "points": moved(ways), "speed": 0.3},
+            },
+        ],
+        "start": [*moved([0.0, 0.0]), ANGLE],
+        "goal": moved([13.0, 0.0]),
+    }
+    return plain, turned
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_a_turned_and_shifted_world_gives_the_same_outcome_and_length(name: str, kinematics: str) -> None:
+    plain, turned = two_worlds()
+    settings = {"robot": {"kinematics": kinematics}, "lidar": {"beams": 360, "range": 6.0}, "time": {"limit": 90.0}}
+    first, second = (run_episode(name, {**settings, "world": world}) for world in (plain, turned))
+    assert (first.outcome, first.verdict) == (second.outcome, second.verdict)
+    assert second.length == pytest.approx(first.length, rel=0.01)
+
+
+def test_an_unknown_policy_is_refused_with_the_nearest_names() -> None:
+    with pytest.raises(ValueError, match="did you mean 'bug2'"):
+        make_policy("bug_2", Simulation("static"))
+
+
+@pytest.mark.parametrize("name", SCRIPTED)
+def test_an_unknown_parameter_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="has no parameter 'colour'"):
+        make_policy(name, Simulation("static"), colour="red")
+
+
+BUGS = [name for name, agent in AGENTS.items() if agent.family == "bug"]
+
+
+@pytest.mark.parametrize("name", BUGS)
+@pytest.mark.parametrize(
+    "parameters", [{"clearance": -0.5}, {"clearance": 0.2}, {"clearance": math.nan}, {"turn": "up"}, {"leave_rule": "now"}]
+)
+def test_bad_parameters_of_bugs_are_refused(name: str, parameters: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(parameters))):
+        make_policy(name, Simulation("static"), **parameters)
+
+
+@pytest.mark.parametrize("source", ["scenario", "env", "vector", "parallel", "aec"])
+def test_a_policy_is_made_from_any_face(source: str) -> None:
+    made: Any = {
+        "scenario": lambda: "static",
+        "env": lambda: gym.make("BugGym/Static-v0"),
+        "vector": lambda: gym.make_vec("BugGym/Static-v0", num_envs=2),
+        "parallel": lambda: bug_gym.parallel_env("static", robots=2),
+        "aec": lambda: bug_gym.env("static", robots=2),
+    }[source]()
+    policy = make_policy("bug2", made)
+    assert isinstance(policy, ScriptedPolicy) and len(policy.sensors.angles) == 64
+
+
+def test_sb3s_evaluate_policy_runs_a_scripted_policy_as_it_stands() -> None:
+    evaluation = pytest.importorskip("stable_baselines3.common.evaluation")
+    from bug_gym.agents.sb3 import make_vec_env
+
+    env = make_vec_env("static", 4, seed=0)
+    rewards, lengths = evaluation.evaluate_policy(
+        make_policy("bug2", env), env, n_eval_episodes=8, return_episode_rewards=True
+    )
+    # Every world is solvable: the goal's 10 outweighs the 0.01 of each step.
+    assert min(rewards) > 10.0 and max(lengths) < 600
+
+
+def test_the_table_lists_each_policy_once() -> None:
+    assert policy_names() == list(AGENTS) and len(set(policy_names())) == len(AGENTS)
