@@ -38,6 +38,11 @@ AGENTS: dict[str, Agent] = {
     "bug2": Agent("bug2:Bug2", "bug", "Lumelsky and Stepanov 1987"),
     "com1": Agent("com1:Com1", "bug", "Sankaranarayanan and Vidyasagar 1990"),
     "class1": Agent("class1:Class1", "bug", "Noborio 1992"),
+    "alg1": Agent("alg1:Alg1", "bug", "Sankaranarayanan and Vidyasagar 1990"),
+    "alg2": Agent("alg2:Alg2", "bug", "Sankaranarayanan and Vidyasagar 1990"),
+    "rev1": Agent("rev1:Rev1", "bug", "Horiuchi and Noborio 2001"),
+    "rev2": Agent("rev2:Rev2", "bug", "McGuire et al. 2019; Horiuchi and Noborio 2001"),
+    "rev3": Agent("rev3:Rev3", "bug", "Oni and Wang"),
 }
 
 

@@ -418,7 +418,8 @@ class Boundary:
 
     def is_at(self, mark: Mark, place: Point, wall: Point) -> bool:
         """Whether a place on a boundary, with the wall's point beside it, is a remembered one."""
-        return math.dist(mark.place, place) <= self.gate_half_width and math.dist(mark.wall, wall) <= 1.5 * self.clearance
+        is_near = math.dist(mark.place, place) <= self.gate_half_width
+        return is_near and math.dist(mark.wall, wall) <= 1.5 * self.clearance
 
     def passes(self, contour: Contour, mark: Mark) -> bool:
         """Whether the last step passed a remembered place, in either direction: it was near and goes away again."""
@@ -463,10 +464,10 @@ class Boundary:
         Where something has moved into the way the other hand takes over at once: it leads to the same hit point.
         """
         trace = memory.trace
-        while len(trace) > 1 and math.dist(trace[-2], view.position) <= self.step:
+        while len(trace) > 1 and math.dist(trace[-2], view.position) <= 1.01 * self.step:
+            trace.pop()  # the furthest place that one step reaches
+        if trace and math.dist(trace[-1], view.position) <= 0.5 * self.step:
             trace.pop()
-        if len(trace) == 1 and math.dist(trace[0], view.position) <= 0.5 * self.step:
-            trace.clear()
         velocity = self._go_to(view, trace[-1]) if trace else None
         if velocity is None:
             self._change_hands(view, memory)

@@ -826,7 +826,7 @@ def judge(f, k, s, r, verdict, first, second):
     if verdict == RUNNING and k[s.steps] >= s.limit_steps:
         verdict = TIMEOUT
     k[s.outcome + r] = verdict
-    if verdict != RUNNING:
+    if verdict == SUCCESS or verdict == COLLISION:  # out of time it would go on, and what learns from it needs that
         f[s.velocity + 2 * r] = 0.0
         f[s.velocity + 2 * r + 1] = 0.0
     t = s.terms + TERMS * r
@@ -1868,6 +1868,8 @@ def place_obstacles(f, k, s, p, key, draw):
     placed = 0
     k[s.disc_count] = p.moving_discs
     k[s.polygon_count] = p.moving_polygons
+    for b in range(s.discs + p.polygons):
+        f[s.body_radius + b] = 0.0  # what finds no place covers nothing
     for m in range(p.moving_discs, p.discs):
         draw = place_body(f, k, s, p, m, False, key, draw)
         if draw < 0:
@@ -1987,6 +1989,115 @@ def free_distances(px, py, angles, radius, reach, result):
     """`free_distance` for each of `angles` (m,), into `result` (m,)."""
     for j in range(angles.size):
         result[j] = free_distance(px, py, angles[j], radius, reach)
+
+
+@kernel
+def first_contact(px, py, angle, radius, reach):
+    """`free_distance` along `angle`, and the number of the scan point that the disc touches there, -1 for none."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    square = radius * radius
+    free, contact = reach, -1
+    for i in range(px.size):
+        along = px[i] * cos + py[i] * sin
+        if along <= 0.0:
+            continue
+        lateral = py[i] * cos - px[i] * sin
+        room = square - lateral * lateral
+        if room > 0.0:
+            way = max(along - math.sqrt(room), 0.0)
+            if way < free:
+                free, contact = way, i
+    return free, contact
+
+
+@kernel
+def is_joined(px, py, first, second, first_free, second_free, gap, growth):
+    """Whether two neighbouring headings end at one obstacle: their contacts and their free ways lie close together.
+
+    Args:
+        px: points' x (k,) in the robot's frame [m].
+        py: points' y (k,) [m].
+        first: number of one heading's contact, -1 for none.
+        second: number of the other's.
+        first_free: free way of the one heading [m].
+        second_free: free way of the other [m].
+        gap: a distance that no disc passes [m].
+        growth: how the distance allowed grows with the free way, for beams that meet a wall at a small angle.
+    """
+    if first < 0 or second < 0:
+        return False
+    allowed = max(gap, growth * max(first_free, second_free))
+    if abs(first_free - second_free) > allowed:
+        return False
+    return math.hypot(px[first] - px[second], py[first] - py[second]) <= allowed
+
+
+@kernel
+def find_runs(px, py, angles, radius, reach, gap, growth, free, contact, run):
+    """The profile of free ways over a full circle of headings, cut into runs: neighbours that end at one obstacle.
+
+    Args:
+        px: points' x (k,) in the robot's frame [m].
+        py: points' y (k,) [m].
+        angles: headings (m,), rising around the full circle [rad].
+        radius: of the disc [m].
+        reach: free way that means "nothing" [m].
+        gap: see `is_joined` [m].
+        growth: see `is_joined`.
+        free: result (m,), free way along each heading [m].
+        contact: result (m,), number of the point touched there, -1 for none.
+        run: result (m,), number of the run that each heading belongs to, -1 for none.
+
+    Returns:
+        How many runs there are.
+    """
+    count = 0
+    last = angles.size - 1
+    for j in range(angles.size):
+        free[j], contact[j] = first_contact(px, py, angles[j], radius, reach)
+        if contact[j] < 0:
+            run[j] = -1
+        elif j > 0 and is_joined(px, py, contact[j - 1], contact[j], free[j - 1], free[j], gap, growth):
+            run[j] = run[j - 1]
+        else:
+            run[j] = count
+            count += 1
+    if run[last] > run[0] >= 0 and is_joined(px, py, contact[last], contact[0], free[last], free[0], gap, growth):
+        count -= 1
+        for j in range(last, -1, -1):
+            if run[j] != count:
+                break
+            run[j] = run[0]
+    return count
+
+
+@kernel
+def run_border(px, py, inside, outside, radius, reach, gap, growth):
+    """Where a run ends between a heading of it and the next one: contacts and free ways on both sides, by bisection.
+
+    Args:
+        px: points' x (k,) in the robot's frame [m].
+        py: points' y (k,) [m].
+        inside: the run's last heading [rad].
+        outside: the first one past it [rad].
+        radius: of the disc [m].
+        reach: free way that means "nothing" [m].
+        gap: see `is_joined` [m].
+        growth: see `is_joined`.
+
+    Returns:
+        Contact and free way of the run's last heading, then those of the first heading past it.
+    """
+    free, contact = first_contact(px, py, inside, radius, reach)
+    next_free, next_contact = first_contact(px, py, outside, radius, reach)
+    for _ in range(10):
+        middle = 0.5 * (inside + outside)
+        way, point = first_contact(px, py, middle, radius, reach)
+        if is_joined(px, py, contact, point, free, way, gap, growth):
+            inside, free, contact = middle, way, point
+        else:
+            outside, next_free, next_contact = middle, way, point
+    return contact, free, next_contact, next_free
 
 
 @kernel

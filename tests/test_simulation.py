@@ -274,6 +274,19 @@ def test_the_time_limit_truncates_after_limit_over_step_rounded(step: float, lim
     assert info(simulation, "outcome") == "timeout"
 
 
+def test_a_robot_out_of_time_is_observed_as_it_goes_and_one_that_touched_as_it_stands() -> None:
+    """Learning goes on from the last observation of an episode that was cut off, so it must be one like any other."""
+    for name, expected in (("timeout", [0.6, 0.8]), ("collision", [0.0, 0.0])):
+        circles = [[0.6, 0.8, 0.5]] if name == "collision" else []
+        world = {"family": "explicit", "circles": circles, "start": [0, 0, 0], "goal": [8, 0]}
+        simulation = make(time={"step": 0.1, "limit": 1.0}, world=world)
+        simulation.reset(seeds=[0])
+        for _ in range(10):
+            simulation.step([[[0.6, 0.8]]])
+        assert info(simulation, "outcome") == name
+        assert part(simulation, "velocity") == pytest.approx(expected)
+
+
 def test_a_goal_reached_in_the_last_step_is_a_success_and_no_timeout() -> None:
     simulation = make(time={"step": 0.1, "limit": 1.0}, world={**WIDE, "goal": [1.25, 0.0]})
     simulation.reset(seeds=[0])
