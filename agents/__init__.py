@@ -43,6 +43,9 @@ AGENTS: dict[str, Agent] = {
     "rev1": Agent("rev1:Rev1", "bug", "Horiuchi and Noborio 2001"),
     "rev2": Agent("rev2:Rev2", "bug", "McGuire et al. 2019; Horiuchi and Noborio 2001"),
     "rev3": Agent("rev3:Rev3", "bug", "Oni and Wang"),
+    "vis_bug_21": Agent("vis_bug_21:VisBug21", "bug", "Lumelsky and Skewis 1990"),
+    "vis_bug_22": Agent("vis_bug_22:VisBug22", "bug", "Lumelsky and Skewis 1990"),
+    "tangent_bug": Agent("tangent_bug:TangentBug", "bug", "Kamon, Rimon and Rivlin 1998"),
 }
 
 

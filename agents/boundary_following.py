@@ -273,14 +273,18 @@ class Boundary:
 
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
         """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
-        wall = view.to_odometry(*self._blocking_point(view, bearing))
-        approach = wrap(bearing + view.heading)
-        contour = Contour(side, view.position, wall, view.position, view.goal_position, approach, view.position)
+        contour = self.lay_hand(view, side, bearing)
         memory.contour = contour
         memory.hits.append(view.position)
         memory.hit_sides.append(side)
         memory.hit_odometers.append(memory.odometer)
         return contour
+
+    def lay_hand(self, view: View, side: int, bearing: float) -> Contour:
+        """A contour along the boundary that blocks a bearing [rad], which begins here."""
+        wall = view.to_odometry(*self._blocking_point(view, bearing))
+        approach = wrap(bearing + view.heading)
+        return Contour(side, view.position, wall, view.position, view.goal_position, approach, view.position)
 
     def _blocking_point(self, view: View, bearing: float) -> Point:
         """The scan point that a disc going along a bearing [rad] touches first, in the robot's frame [m]."""

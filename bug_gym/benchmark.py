@@ -207,9 +207,9 @@ def part_tasks(worlds: int, seconds: float) -> Iterator[Task]:
     scenario, blind = busy_world("circles", 100, 180), busy_world("circles", 100, 1)
     title = "step (100 circles, 180 beams)"
     yield f"{title}: core", "us", partial(part_time, "core", scenario, worlds, seconds)
-    yield f"{title}: core with 1 beam", "us", partial(part_time, "core", blind, worlds, seconds)
-    yield f"{title}: results, infos", "us", partial(part_time, "reading", scenario, worlds, seconds)
-    yield f"{title}: new worlds", "us", partial(part_time, "new worlds", scenario, worlds, seconds)
+    yield "step (100 circles, 1 beam): core", "us", partial(part_time, "core", blind, worlds, seconds)
+    yield f"{title}: infos", "us", partial(part_time, "reading", scenario, worlds, seconds)
+    yield f"{title}: resets", "us", partial(part_time, "new worlds", scenario, worlds, seconds)
     for obstacles, beams in CASES:
         scenario = busy_world("circles", obstacles, beams)
         yield f"new world: {obstacles} circles, {beams} beams", "us", partial(new_world_time, scenario, worlds, seconds)

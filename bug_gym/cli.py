@@ -100,6 +100,14 @@ def make_parser() -> Parser:
         "--every", type=at_least_one, default=1, help="steps from one frame to the next (default: 1)"
     )
 
+    reproducing = add("reproduce", reproduce, "bug-gym reproduce oni-wang-table-1 --workers 2")
+    reproducing.add_argument("name", metavar="NAME", help="what to run again (bug-gym list reproductions)")
+    reproducing.add_argument("--seeds", type=at_least_one, help="seeds of each claim (default: all of them)")
+    reproducing.add_argument("--policies", help="NAME,... where a reproduction leaves the choice")
+    reproducing.add_argument("--data", type=Path, help="somebody else's data that a reproduction needs")
+    reproducing.add_argument("--workers", type=at_least_one, default=1, help="processes (default: 1)")
+    reproducing.add_argument("--out", type=Path, help="JSON to write, with the commit that made it")
+
     measuring = add("benchmark", benchmark, "bug-gym benchmark --out benchmark.json")
     measuring.add_argument("--repeats", type=int, default=5, help="times that each speed is measured (default: 5)")
     measuring.add_argument("--seconds", type=float, default=0.5, help="how long each time (default: 0.5)")
@@ -198,7 +206,16 @@ def _suites() -> list[tuple[str, str]]:
     return [(name, _first_comment(SUITE_FOLDER / f"{name}.yaml")) for name in suite_names()]
 
 
-LISTS = {"scenarios": _scenarios, "policies": _policies, "suites": _suites}
+def _reproductions() -> list[tuple[str, str]]:
+    from importlib import import_module
+
+    from bug_gym.reproductions import REPRODUCTIONS
+
+    modules = {name: import_module(f"bug_gym.reproductions.{module}") for name, module in REPRODUCTIONS.items()}
+    return [(name, str(module.__doc__).partition("\n")[0]) for name, module in modules.items()]
+
+
+LISTS = {"scenarios": _scenarios, "policies": _policies, "suites": _suites, "reproductions": _reproductions}
 
 
 def _first_comment(path: Path) -> str:
@@ -267,6 +284,37 @@ def render(options: argparse.Namespace) -> None:
     info = rollout.simulation.info()
     outcome = rollout.verdict() or info["outcome"][0, 0]
     print(f"{out}: {outcome} after {info['time'][0, 0]:.1f} s and {info['path_length'][0, 0]:.2f} m")
+
+
+def reproduce(options: argparse.Namespace) -> None:
+    """Run again what a paper reports, and print both side by side."""
+    import subprocess
+
+    from rich.console import Console
+
+    from bug_gym.rendering import replaced_when_done
+    from bug_gym.report import print_text_table
+    from bug_gym.reproductions import reproduction
+    from bug_gym.reproductions.result import Settings
+
+    out = options.out and _writable(options.out)
+    run = reproduction(options.name)
+    policies = tuple(options.policies.split(",")) if options.policies else ()
+    result = run(Settings(options.seeds, options.workers, options.data, progress=True, policies=policies))
+    console = Console()
+    for table in result.tables:
+        print_text_table(table.title, table.header, table.rows, console)
+    for note in result.notes:
+        console.print(note, highlight=False)
+    console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
+    if out:
+        told = subprocess.run(
+            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        )
+        commit = told.stdout.strip() if told.returncode == 0 else "unknown"
+        with replaced_when_done(out) as partial:
+            Path(partial).write_text(result.as_json(commit), encoding="utf-8")
+        print(f"numbers: {out}")
 
 
 def _writable(path: Path) -> Path:

@@ -2149,3 +2149,234 @@ def first_open_heading(px, py, wall_angle, side, step, clearance, radius, increm
             return turned
         last = turned
     return -1.0
+
+
+@kernel
+def join_scan(ranges, cos, sin, reach, is_round, gap, spacing, px, py):
+    """Scan points, and between neighbours at most `gap` apart points of the straight line that joins them.
+
+    Args:
+        ranges: ranges (b,) of the beams in their order [m].
+        cos: of the beams' angles (b,).
+        sin: of the beams' angles (b,).
+        reach: range that means "nothing" [m].
+        is_round: whether the last beam is the first one's neighbour.
+        gap: what is nearer together is one wall [m].
+        spacing: largest distance between points of one wall [m].
+        px: result, points' x in the robot's frame [m]; room for b (1 + gap / spacing).
+        py: result, points' y [m].
+
+    Returns:
+        How many points there are.
+    """
+    count = 0
+    for i in range(ranges.size):
+        if ranges[i] >= reach:
+            continue
+        x, y = ranges[i] * cos[i], ranges[i] * sin[i]
+        px[count], py[count] = x, y
+        count += 1
+        j = i + 1
+        if j == ranges.size:
+            if not is_round:
+                continue
+            j = 0
+        if ranges[j] >= reach:
+            continue
+        dx, dy = ranges[j] * cos[j] - x, ranges[j] * sin[j] - y
+        length = math.hypot(dx, dy)
+        if length > gap:
+            continue
+        pieces = int(length / spacing) + 1
+        for k in range(1, pieces):
+            px[count], py[count] = x + k * dx / pieces, y + k * dy / pieces
+            count += 1
+    return count
+
+
+@kernel
+def is_seen_free(x, y, ranges, first_angle, angle_step, is_round, px, py, radius):
+    """Whether a disc of `radius` can go straight to a place (robot's frame) through space that the scan has seen.
+
+    `px`, `py` are the points in its way. Both beams beside the place must reach as far as it: a disc may fit between
+    two points of a wall seen at a low angle.
+    """
+    distance = math.hypot(x, y)
+    angle = math.atan2(y, x)
+    beam = ((angle - first_angle) % (2.0 * math.pi)) / angle_step
+    i = int(beam)
+    j = i + 1
+    if is_round:
+        i, j = i % ranges.size, j % ranges.size
+    elif j >= ranges.size:
+        return False
+    if min(ranges[i], ranges[j]) < distance:
+        return False
+    return free_distance(px, py, angle, radius, distance) >= distance
+
+
+@kernel
+def first_seen_free(x, y, dx, dy, count, reach, ranges, first_angle, angle_step, is_round, px, py, radius):
+    """Number of the first of `count` places (x, y) + k (dx, dy) within `reach` that `is_seen_free`, or -1."""
+    for k in range(count):
+        ex, ey = x + k * dx, y + k * dy
+        if math.hypot(ex, ey) <= reach and is_seen_free(
+            ex, ey, ranges, first_angle, angle_step, is_round, px, py, radius
+        ):
+            return k
+    return -1
+
+
+@kernel
+def foretold_range(px, py, ranges, first, second, beam):
+    """Range of `beam` [m] if it met the straight line through the points of two other beams."""
+    tx, ty = px[second] - px[first], py[second] - py[first]
+    across = (px[beam] * ty - py[beam] * tx) / ranges[beam]
+    return (px[second] * ty - py[second] * tx) / across
+
+
+@kernel
+def goes_on_straight(px, py, ranges, reach, jump, i, way):
+    """Whether the wall seen by beam i and those before it, counted in the direction `way`, foretells the next range."""
+    n = ranges.size
+    ahead, before, earlier = (i + way) % n, (i - way) % n, (i - 2 * way) % n
+    if ranges[before] >= reach:
+        return False
+    if abs(ranges[i] - ranges[before]) > jump:
+        if ranges[earlier] >= reach:
+            return False
+        if not abs(foretold_range(px, py, ranges, earlier, before, i) - ranges[i]) <= 0.2 * jump:
+            return False
+    return abs(foretold_range(px, py, ranges, before, i, ahead) - ranges[ahead]) <= 0.2 * jump
+
+
+@kernel
+def link_beams(px, py, ranges, reach, jump, gap, wraps, link):
+    """Which beams see one surface together with their next neighbour, into `link` (B,).
+
+    They do when their ranges differ by at most `jump`, when nothing passes between their points, or when the wall
+    beside them goes on straight: at a small angle to it the ranges of neighbours differ by any amount.
+
+    Args:
+        px: points' x (B,) in the robot's frame [m], one for each beam.
+        py: points' y (B,) [m].
+        ranges: (B,) [m].
+        reach: range that means "nothing seen" [m].
+        jump: change of range that is one [m].
+        gap: a distance that no disc passes [m].
+        wraps: whether the last beam is the first one's neighbour.
+        link: result (B,), whether beam i and beam i + 1 see one surface.
+    """
+    n = ranges.size
+    for i in range(n):
+        j = (i + 1) % n
+        link[i] = False
+        if ranges[i] >= reach or ranges[j] >= reach or (j == 0 and not wraps):
+            continue
+        if abs(ranges[i] - ranges[j]) <= jump or math.hypot(px[i] - px[j], py[i] - py[j]) <= gap:
+            link[i] = True
+        else:
+            link[i] = goes_on_straight(px, py, ranges, reach, jump, i, 1) or goes_on_straight(
+                px, py, ranges, reach, jump, j, -1
+            )
+
+
+@kernel
+def touch_headings(x, y, owner, radius, first, cos, sin, free, beam, touched_x, touched_y):
+    """Shorten the free ways of the headings along which a disc touches the point x, y."""
+    away = math.hypot(x, y)
+    half = math.asin(radius / away) if away > radius else 0.5 * math.pi
+    middle = math.atan2(y, x) - first
+    increment = 2.0 * math.pi / free.size
+    for heading in range(math.ceil((middle - half) / increment), math.floor((middle + half) / increment) + 1):
+        k = heading % free.size
+        along = x * cos[k] + y * sin[k]
+        room = radius * radius - (away * away - along * along)
+        if along > 0.0 and room > 0.0:
+            way = max(along - math.sqrt(room), 0.0)
+            if way < free[k]:
+                free[k] = way
+                beam[k] = owner
+                touched_x[k] = x
+                touched_y[k] = y
+
+
+@kernel
+def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam, touched_x, touched_y):
+    """The scan in configuration space: how far a disc gets along each of the headings of a full circle.
+
+    Surfaces are filled in between linked beams, so that no disc slips through a wall where the beams are sparse.
+
+    Args:
+        px: points' x (B,) in the robot's frame [m], one for each beam.
+        py: points' y (B,) [m].
+        ranges: (B,) [m].
+        reach: range that means "nothing seen" [m].
+        link: (B,) from `link_beams`.
+        radius: of the disc [m].
+        first: heading 0, the others follow counter-clockwise [rad].
+        cos: of each heading (m,).
+        sin: of each heading (m,).
+        free: result (m,), free way along each heading [m]; infinite where the disc touches nothing.
+        beam: result (m,), the beam that saw what is touched, -1 for none.
+        touched_x: result (m,), x of the point touched [m].
+        touched_y: result (m,), y of the point touched [m].
+    """
+    n = ranges.size
+    free[:] = math.inf
+    beam[:] = -1
+    for i in range(n):
+        if ranges[i] >= reach:
+            continue
+        touch_headings(px[i], py[i], i, radius, first, cos, sin, free, beam, touched_x, touched_y)
+        if not link[i]:
+            continue
+        j = (i + 1) % n
+        dx, dy = px[j] - px[i], py[j] - py[i]
+        pieces = int(math.hypot(dx, dy) / (0.5 * radius)) + 1
+        for piece in range(1, pieces):
+            share = piece / pieces
+            owner = i if share < 0.5 else j
+            x, y = px[i] + share * dx, py[i] + share * dy
+            touch_headings(x, y, owner, radius, first, cos, sin, free, beam, touched_x, touched_y)
+
+
+@kernel
+def is_one_surface(link, i, j):
+    """Whether beams i and j see one surface: all neighbours between them, the shorter way round, are linked."""
+    n = link.size
+    if i < 0 or j < 0:
+        return False
+    ahead = (j - i) % n
+    begin, count = (i, ahead) if 2 * ahead <= n else (j, n - ahead)
+    for step in range(count):
+        if not link[(begin + step) % n]:
+            return False
+    return True
+
+
+@kernel
+def find_open_points(free, beam, link, jump, near, side):
+    """Where the free way of a disc jumps between neighbouring headings, from one surface to another or to none.
+
+    Args:
+        free: free way along each heading (m,) [m], from `sweep_disc`.
+        beam: the beam that saw what ends it (m,), from `sweep_disc`.
+        link: (B,) from `link_beams`.
+        jump: change of the free way that is one [m].
+        near: result (m,), the heading on the nearer side of each jump.
+        side: result (m,), +1 where the nearer surface ends counter-clockwise, -1 where it ends clockwise.
+
+    Returns:
+        How many there are, in the order of the headings.
+    """
+    count = 0
+    for k in range(free.size):
+        after = (k + 1) % free.size
+        change = free[after] - free[k]
+        if not abs(change) > jump or is_one_surface(link, beam[k], beam[after]):
+            continue
+        near[count] = k if change > 0.0 else after
+        side[count] = 1 if change > 0.0 else -1
+        count += 1
+    return count

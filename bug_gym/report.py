@@ -82,6 +82,22 @@ def print_table(summaries: Sequence[Summary], console: "Console") -> None:
         console.print(table)
 
 
+def print_text_table(
+    title: str, header: Sequence[str], lines: Sequence[Sequence[str]], console: "Console"
+) -> None:
+    """Print a table of text as wide as it needs to be: a number is never folded."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title), box=SIMPLE_HEAD, padding=0, pad_edge=False)
+    for number, name in enumerate(header):
+        table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
+    for line in lines:
+        table.add_row(*(Text(cell) for cell in line))
+    console.print(table, width=max(console.width, console.measure(table).maximum))
+
+
 def write_summary(folder: str | os.PathLike[str], rows: Sequence[EpisodeRow], summaries: Sequence[Summary]) -> None:
     """Write summary.json (summaries and the rows behind them), summary.csv and summary.md into a folder.
 

@@ -20,6 +20,7 @@ LAYERS = (
     ("simulation", "policy", "shortest_path"),
     ("navigation_env", "vector_env", "robots_env", "rendering", "metrics", "intervals"),
     ("__init__", "agents", "evaluation", "report", "benchmark"),
+    ("reproductions",),
     ("cli", "__main__"),
 )
 LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
@@ -47,7 +48,7 @@ class Import(NamedTuple):
 
 def source_files() -> dict[str, Path]:
     """Module name below bug_gym (`world`, `agents`, `agents.bug0`) -> its file."""
-    paths = [*PACKAGE.glob("*.py"), *(PACKAGE / "agents").glob("*.py")]
+    paths = [path for folder in (".", "agents", "reproductions") for path in (PACKAGE / folder).glob("*.py")]
     names = (".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__") for path in paths)
     return dict(zip(names, paths, strict=True))
 

@@ -240,6 +240,13 @@ def test_a_mover_that_loops_through_one_point_stands_there() -> None:
     assert (velocities[20:] == 0.0).all()
 
 
+def test_more_way_points_in_a_step_than_the_core_handles_delay_a_mover_but_let_it_leap_nowhere() -> None:
+    points = [[0.001, 0.0], [0.0, 0.0]] * 16 + [[5.0, 0.0]]
+    places, _ = record(movers_scenario([circle([0, 0], 0.1, law="waypoints", points=points, speed=20.0, stop=True)]), 6)
+    assert np.abs(np.diff(places[:, 0, 0])).max() <= 20.0 * STEP + 1e-9
+    assert places[-1, 0] == pytest.approx([5.0, 0.0])
+
+
 def test_way_points_lead_through_obstacles_and_other_movers() -> None:
     movers = [
         circle([-4, 0], 0.5, law="waypoints", points=[[4, 0]], speed=1.0, stop=True),

@@ -1,0 +1,308 @@
+"""TangentBug: go round what blocks the goal by the shorter tangent; follow a wall only out of a local minimum.
+
+Source: Kamon, Rimon and Rivlin (1998); side commitment and the registers' exact meaning for a disc are ours.
+Sensing assumed: ranges up to r_max all round, goal, own position. Memory kept: the side committed to, the distance from
+the goal to the wall followed (d_followed), a gate on it. States: motion_to_goal, boundary_following, leaving. Guarantee:
+reaches the goal or declares it unreachable. Length: at most D + sum(p_i) + sum(p_i m_i) over the obstacles nearer to the
+goal than the start, m_i the number of local minima of the distance to the goal on obstacle i.
+
+While it goes to the goal its distance falls in every step, for it heads only for places nearer to the goal. It leaves a
+wall only for a place nearer to the goal than all it has seen of that wall. d_followed is measured on the wall itself and
+d_reach where the robot's centre can be: what the robot can only touch is at least a clearance farther than the wall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+
+from .boundary_following import TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Turn, side_of, wrap
+from .tangent_graph import Node, TangentGraph
+
+COMMITMENT = 0.2
+"""How much shorter the way round the other side must look to change sides, as a share."""
+
+CLOSER = 0.1
+"""How much nearer to the goal is nearer while the robot goes to it, in steps."""
+
+
+@dataclass
+class TangentBugMemory(BugMemory):
+    """Memory of TangentBug."""
+
+    side: int = 0
+    """The side committed to; 0: none."""
+    target: Point | None = None
+    """Where the target was when the distances below were measured, odometry frame [m]."""
+    hit_distance: float = math.inf
+    """Distance to the goal where the last following began [m]."""
+    followed: float = math.inf
+    """d_followed: distance from the goal to the nearest point seen of the wall followed [m]."""
+    approach: Point | None = None
+    """Where it goes to touch the wall, before it has; odometry frame [m]."""
+    anchor: Point | None = None
+    """The point of the wall that it will touch, odometry frame [m]."""
+    reach: Point | None = None
+    """Where it leaves to, odometry frame [m]."""
+    trust: float = math.inf
+    """How far the scan is believed [m]."""
+    closest: float = math.inf
+    """Distance to the goal at the nearest point of this lap [m]."""
+    is_open: bool = False
+    """Whether the way from that point to the goal leads away from the wall."""
+    is_second_lap: bool = False
+    """Whether a lap found no other way to leave than from the nearest point."""
+
+
+class TangentBug(ScriptedPolicy):
+    """TangentBug.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: centre to wall while following [m]; None: body radius and one step.
+        turn: which way to turn at a wall that has no end in sight, or equally near ones.
+        leave_rule: "any": leave for a place in any direction (the algorithm as published); "front": only within 90
+            degrees of the direction of travel.
+        r_max: how far to look [m]; None: as far as the LIDAR sees.
+        discrete: whether actions are numbers of the discrete table.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, an r_max not above the clearance.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "any",
+        r_max: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, discrete=discrete)
+        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
+        self.side = side_of(turn)
+        if r_max is not None and not r_max > self.boundary.clearance:
+            raise ValueError(f"r_max must be above the clearance of {self.boundary.clearance:g} m, got {r_max!r}")
+        self.r_max = sensors.range if r_max is None else min(r_max, sensors.range)
+
+    def start(self) -> TangentBugMemory:
+        """Memory of a new episode."""
+        return TangentBugMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: TangentBugMemory) -> Velocity:
+        """One decision."""
+        self.boundary.advance(view, memory)
+        self._watch_target(view, memory)
+        graph = TangentGraph(view, self.boundary.inner, reach=self.r_max)
+        if memory.mode == "boundary_following":
+            self._look_for_leave(view, memory, graph)
+        velocity = None
+        if memory.mode == "leaving":
+            velocity = self._leave(view, memory)
+        if memory.mode == "motion_to_goal":
+            velocity = self._go(view, memory, graph)
+        if velocity is not None:
+            return velocity
+        return self._follow(view, memory)
+
+    def _watch_target(self, view: View, memory: TangentBugMemory) -> None:
+        """Forget distances to a place that the target has left."""
+        if memory.target is not None and math.dist(memory.target, view.goal_position) <= TARGET_MOVED:
+            return
+        memory.target = view.goal_position
+        memory.followed = memory.closest = math.inf
+        memory.hit_distance = math.inf
+        memory.is_second_lap = False
+        if memory.mode == "leaving":
+            memory.mode = "motion_to_goal"
+
+    # -------------------------------------------------------------------------------------------- motion to goal
+
+    def _go(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
+        """Velocity to the goal or to a node nearer to it; None at a local minimum, where following has begun."""
+        boundary = self.boundary
+        bearing, distance = view.goal_bearing, view.goal_distance
+        run = graph.blocking_run
+        nodes: list[Node] = []
+        if run < 0 or self._sees_goal(view, graph):
+            memory.side = 0
+        else:
+            nodes = [node for side in (self.side, -self.side) if (node := graph.end(run, side)) is not None]
+            node = self._choose(memory, graph, nodes)
+            if node is None:
+                self._begin_following(view, memory, graph, nodes)
+                return None
+            memory.side = node.side
+            bearing, distance = node.bearing, node.distance
+        velocity = boundary.go(view, bearing, distance)
+        if velocity is None:
+            self._begin_following(view, memory, graph, [])
+            self._touch(view, memory, bearing)
+        return velocity
+
+    def _sees_goal(self, view: View, graph: TangentGraph) -> bool:
+        """Whether the way to the goal is free; a goal nearer to a wall than the clearance is reached along it."""
+        boundary, distance = self.boundary, view.goal_distance
+        free = float(graph.free[0])
+        if free >= distance:
+            return True
+        if distance >= self.r_max or free < distance - 2.0 * boundary.clearance:
+            return False
+        return view.free_distance(view.goal_bearing, boundary.safe_radius) >= distance - self.sensors.goal_radius
+
+    def _choose(self, memory: TangentBugMemory, graph: TangentGraph, nodes: list[Node]) -> Node | None:
+        """The node nearer to the goal that makes the shortest way, with the side committed to preferred; or None."""
+        limit = graph.goal_distance - CLOSER * self.boundary.step
+        nearer = [node for node in nodes if math.dist(node.place, graph.goal) < limit]
+        return self._cheapest(memory, graph, nearer)
+
+    def _cheapest(self, memory: TangentBugMemory, graph: TangentGraph, nodes: list[Node]) -> Node | None:
+        """The node of the shortest way to the goal, the other side's counted COMMITMENT longer."""
+
+        def cost(node: Node) -> float:
+            way = node.distance + math.dist(node.place, graph.goal)
+            return way / (1.0 - COMMITMENT) if node.side == -memory.side else way
+
+        return min(nodes, key=cost, default=None)
+
+    # ---------------------------------------------------------------------------------------- boundary following
+
+    def _begin_following(
+        self, view: View, memory: TangentBugMemory, graph: TangentGraph, nodes: list[Node]
+    ) -> None:
+        """At a local minimum: choose a side, and where to touch the wall."""
+        node = next((node for node in nodes if node.side == memory.side), None) or self._cheapest(memory, graph, nodes)
+        memory.side = memory.side or (node.side if node is not None else self.side)
+        memory.mode = "boundary_following"
+        memory.hits.append(view.position)
+        memory.hit_sides.append(memory.side)
+        memory.hit_odometers.append(memory.odometer)
+        memory.hit_distance = view.goal_distance
+        memory.followed = graph.goal_distance_of(graph.blocking_run)
+        self._begin_lap(memory)
+        if node is not None:
+            memory.approach = view.to_odometry(*node.place)
+            memory.anchor = view.to_odometry(*node.contact)
+            return
+        contact = int(graph.contacts[0])
+        if contact >= 0:
+            memory.anchor = view.to_odometry(float(graph.x[contact]), float(graph.y[contact]))
+            way, bearing = float(graph.free[0]), view.goal_bearing
+            memory.approach = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))
+
+    def _begin_lap(self, memory: TangentBugMemory) -> None:
+        """Nothing is known of this lap yet."""
+        memory.closest = math.inf
+        memory.is_open = memory.is_second_lap = False
+
+    def _touch(self, view: View, memory: TangentBugMemory, bearing: float) -> None:
+        """Lay the hand on the wall that blocks a bearing [rad]."""
+        memory.contour = self.boundary.lay_hand(view, memory.side, bearing)
+        memory.approach = memory.anchor = None
+
+    def _follow(self, view: View, memory: TangentBugMemory) -> Velocity:
+        """Velocity to the place where it will touch the wall, or along the wall."""
+        if memory.contour is None:
+            velocity = self._approach(view, memory)
+            if velocity is not None:
+                return velocity
+        return self.boundary.follow(view, memory)
+
+    def _approach(self, view: View, memory: TangentBugMemory) -> Velocity | None:
+        """Velocity to the wall; None where it has been touched."""
+        assert memory.approach is not None and memory.anchor is not None
+        x, y = view.to_robot(*memory.approach)
+        bearing, distance = math.atan2(y, x), math.hypot(x, y)
+        if distance > 0.5 * self.boundary.step:
+            velocity = self.boundary.go(view, bearing, distance)
+            if velocity is not None:
+                return velocity
+            self._touch(view, memory, bearing)
+            return None
+        x, y = view.to_robot(*memory.anchor)
+        self._touch(view, memory, math.atan2(y, x))
+        return None
+
+    # ---------------------------------------------------------------------------------------------------- leaving
+
+    def _look_for_leave(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> None:
+        """Bring d_followed and d_reach up to date; leave, or give up after a lap."""
+        contour = memory.contour
+        hand = contour.wall if contour is not None else memory.anchor
+        run = graph.run_at(view.to_robot(*hand)) if hand is not None else -1
+        memory.followed = min(memory.followed, graph.goal_distance_of(run))
+        place = self._reach(view, memory, graph, run)
+        if place is not None:
+            memory.reach = view.to_odometry(*place)
+            memory.contour = memory.approach = memory.anchor = None
+            memory.mode = "leaving"
+        elif contour is not None:
+            self._survey(view, memory, contour)
+
+    def _reach(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> Point | None:
+        """A place to leave for, nearer to the goal than the wall followed; robot's frame [m]."""
+        if view.goal_distance <= memory.trust and self._sees_goal(view, graph):
+            place = view.goal
+        else:
+            distance, place = graph.nearest_to_goal(without=run, limit=memory.trust)
+            if distance >= memory.followed - self.boundary.progress:
+                return None
+        contour = memory.contour
+        if self.boundary.leave_rule == "front" and contour is not None and contour.heading is not None:
+            bearing = math.atan2(place[1], place[0]) + view.heading
+            if abs(wrap(bearing - contour.heading)) > 0.5 * math.pi:
+                return None
+        return place
+
+    def _survey(self, view: View, memory: TangentBugMemory, contour: Contour) -> None:
+        """Watch for the nearest point of the lap; when the lap is closed, leave from there or give up.
+
+        A lap around an obstacle without a place to leave for means that there is no way. But a scan may have taken
+        two obstacles for one, and d_followed from the wrong one: the nearest point of the lap tells for sure, as in Bug1.
+        """
+        distance, step = view.goal_distance, self.boundary.step
+        if memory.is_second_lap and distance <= memory.closest + 0.5 * step:
+            if self.boundary.go(view, view.goal_bearing, distance) is not None:
+                self.boundary.leave(view, memory)
+                memory.mode = "motion_to_goal"
+                return
+        if contour.is_lap_closed:
+            if memory.is_second_lap or not memory.is_open or memory.closest > memory.hit_distance - CLOSER * step:
+                memory.verdict = "unreachable"
+            memory.is_second_lap = True
+        elif distance < memory.closest and contour.gate is not None and not memory.is_second_lap:
+            memory.closest = distance
+            memory.is_open = self.boundary.go(view, view.goal_bearing, distance) is not None
+
+    def _leave(self, view: View, memory: TangentBugMemory) -> Velocity | None:
+        """Velocity to the place left for; None where it is near enough to the goal, or the way is blocked after all."""
+        assert memory.reach is not None
+        if view.goal_distance < memory.followed:
+            memory.leaves.append(view.position)
+            memory.trust = math.inf
+            memory.mode = "motion_to_goal"
+            return None
+        x, y = view.to_robot(*memory.reach)
+        bearing, distance = math.atan2(y, x), math.hypot(x, y)
+        velocity = self.boundary.go(view, bearing, distance) if distance > 0.0 else None
+        if velocity is None:
+            # The scan promised more than there was: believe it half as far until a wall has been left.
+            memory.trust = 0.5 * min(memory.trust, self.r_max)
+            memory.hit_distance = max(memory.hit_distance, view.goal_distance)
+            memory.mode = "boundary_following"
+            self._begin_lap(memory)
+            self._touch(view, memory, bearing)
+        return velocity
+
+    def draw(self, memory: TangentBugMemory) -> Drawing:
+        """Hit and leave points, and where it goes to touch or leave the wall."""
+        drawing = self.boundary.draw(memory)
+        goals = [memory.approach] if memory.mode == "boundary_following" else [memory.reach]
+        if memory.mode == "motion_to_goal":
+            goals = []
+        return Drawing(points=[*drawing.points, *((*place, "candidate") for place in goals if place is not None)])

@@ -1,0 +1,166 @@
+"""The local tangent graph: what a range scan tells of the obstacles in sight and of the ways round them.
+
+From the free ways of a disc over the full circle of headings. Neighbouring headings that end at one obstacle make a
+*run*; where a run ends, the line along which the disc just passes leads to an *end node*, the point beside the wall's last
+point in sight. The goal is a node too where nothing stands before it.
+
+    end node  o - - - - - - - - o   far obstacle or nothing
+               `.           .'
+      contacts   `x x x x x'    end node
+                       R
+
+Source: Kamon, Rimon and Rivlin (1998), for a point; here for a disc, so every node is a place where the robot can be.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels
+from bug_gym.observation import View
+
+Point = tuple[float, float]
+
+LEAST_HEADINGS, MOST_HEADINGS = 180, 360
+"""Headings of the full circle that are looked along: as many as beams, within these limits."""
+
+LEAST_ANGLE = math.radians(8.0)
+"""A wall that beams meet at a smaller angle than this falls into points that do not hang together [rad]."""
+
+
+class Node(NamedTuple):
+    """Where a run ends: how the disc gets past it."""
+
+    bearing: float
+    """Along which the disc just passes [rad]."""
+    distance: float
+    """To the place beside the contact [m]."""
+    contact: Point
+    """The scan point that it passes, robot's frame [m]."""
+    side: int
+    """+1: the run's left end, seen from the robot, which keeps the wall on its right there; -1: the right end."""
+
+    @property
+    def place(self) -> Point:
+        """Where the disc touches the contact in passing, robot's frame [m]."""
+        return self.distance * math.cos(self.bearing), self.distance * math.sin(self.bearing)
+
+
+class TangentGraph:
+    """The local tangent graph of one scan.
+
+    Headings are counted from the goal's bearing, counter-clockwise: heading 0 points at the goal.
+
+    Args:
+        view: the observation.
+        radius: of the disc that is to pass [m].
+        reach: how far to look [m]; None: as far as the LIDAR sees.
+    """
+
+    def __init__(self, view: View, radius: float, *, reach: float | None = None) -> None:
+        self.radius = radius
+        self.reach = view.sensors.range if reach is None else min(reach, view.sensors.range)
+        self.goal = view.goal
+        self.goal_distance = view.goal_distance
+        x, y = view.points
+        if self.reach < view.sensors.range:
+            seen = x * x + y * y < self.reach * self.reach
+            x, y = x[seen], y[seen]
+        self.x, self.y = x, y
+        turn = 2.0 * math.pi
+        angles = view.sensors.angles
+        spacing = float(angles[1] - angles[0]) if len(angles) > 1 else turn
+        headings = min(max(round(turn / spacing), LEAST_HEADINGS), MOST_HEADINGS)
+        self.bearings = view.goal_bearing + np.arange(headings) * (turn / headings)
+        self.free = np.empty(headings)
+        """Free way of the disc along each heading (m,) [m]."""
+        self.contacts = np.empty(headings, dtype=np.int64)
+        """Number of the scan point touched there (m,), -1 for none."""
+        self.run_of = np.empty(headings, dtype=np.int64)
+        """Number of the run that each heading belongs to (m,), -1 for none."""
+        self._gap = 2.0 * radius
+        self._growth = max(spacing, turn / headings) / math.sin(LEAST_ANGLE)
+        self.runs = int(
+            kernels.find_runs(
+                x, y, self.bearings, radius, self.reach, self._gap, self._growth, self.free, self.contacts, self.run_of
+            )
+        )
+        """How many runs there are."""
+
+    @property
+    def blocking_run(self) -> int:
+        """The run that the goal's bearing ends at, -1 where nothing is in sight there."""
+        return int(self.run_of[0])
+
+    def points(self, run: int) -> NDArray[np.float64]:
+        """Contacts (k, 2) of a run in the robot's frame [m]."""
+        index = self.contacts[self.run_of == run]
+        return np.column_stack([self.x[index], self.y[index]])
+
+    def run_at(self, point: Point) -> int:
+        """The run with the contact nearest to a point of the robot's frame [m], -1 where nothing is in sight."""
+        blocked = np.flatnonzero(self.contacts >= 0)
+        if len(blocked) == 0:
+            return -1
+        index = self.contacts[blocked]
+        square = (self.x[index] - point[0]) ** 2 + (self.y[index] - point[1]) ** 2
+        return int(self.run_of[blocked[square.argmin()]])
+
+    def end(self, run: int, side: int) -> Node | None:
+        """The left (+1) or right (-1) end of a run; None where it goes all round.
+
+        Where something nearer hides how the run goes on, the node is the way past that.
+        """
+        inside = self.run_of == run
+        borders = np.flatnonzero(inside & ~np.roll(inside, -side))
+        if len(borders) == 0:
+            return None
+        heading = self.bearings[borders[0]]
+        step = side * 2.0 * math.pi / len(self.bearings)
+        contact, free, next_contact, next_free = kernels.run_border(
+            self.x, self.y, heading, heading + step, self.radius, self.reach, self._gap, self._growth
+        )
+        if next_contact >= 0 and next_free < free:
+            return self._passing(next_contact, -side, side)
+        return self._passing(contact, side, side)
+
+    def _passing(self, contact: int, turn: int, side: int) -> Node:
+        """The way past a contact on its left (turn +1) or right (-1)."""
+        x, y = float(self.x[contact]), float(self.y[contact])
+        away = math.hypot(x, y)
+        bearing = math.atan2(y, x) + turn * math.asin(min(self.radius / max(away, 1e-9), 1.0))
+        distance = math.sqrt(max(away * away - self.radius * self.radius, 0.0))
+        return Node(bearing, distance, (x, y), side)
+
+    def goal_distance_of(self, run: int) -> float:
+        """Distance from the goal to the nearest contact of a run [m], infinite without one."""
+        index = self.contacts[self.run_of == run]
+        if run < 0 or len(index) == 0:
+            return math.inf
+        square = (self.x[index] - self.goal[0]) ** 2 + (self.y[index] - self.goal[1]) ** 2
+        return math.sqrt(square.min())
+
+    def nearest_to_goal(self, *, without: int, limit: float) -> tuple[float, Point]:
+        """The place nearest to the goal that the robot can go to straight, headings of one run left out.
+
+        Args:
+            without: the run left out.
+            limit: how far to go at most [m].
+
+        Returns:
+            Its distance to the goal [m], and the place in the robot's frame [m]; the robot's own where none is nearer.
+        """
+        used = np.flatnonzero((self.run_of != without) | (self.run_of < 0))
+        if len(used) == 0:
+            return self.goal_distance, (0.0, 0.0)
+        bearings = self.bearings[used]
+        cos = np.cos(bearings - self.bearings[0])
+        way = np.clip(self.goal_distance * cos, 0.0, np.minimum(self.free[used], limit))
+        square = self.goal_distance**2 - 2.0 * self.goal_distance * way * cos + way * way
+        best = int(square.argmin())
+        place = float(way[best] * math.cos(bearings[best])), float(way[best] * math.sin(bearings[best]))
+        return math.sqrt(max(square[best], 0.0)), place

@@ -1,0 +1,421 @@
+"""What VisBug-21 and VisBug-22 share: Bug2 walks ahead in the robot's mind, as far as the robot sees.
+
+Source: Lumelsky and Skewis (1990), the procedure "compute T_i". The *scout* stands at the intermediate target T_i and
+holds the registers of Bug2 there. It walks Bug2's path, M-line and contour, step by step over the present scan, and
+stops where the robot can no longer see it; the robot goes straight toward it. So the path that counts is Bug2's,
+whichever short cuts the robot takes, and with a vision range no wider than the clearance the robot is Bug2.
+
+A place is visible where the robot sees the whole disc of the clearance round it, and a disc can go straight to it.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, Velocity
+
+from .boundary_following import STANDING, TARGET_MOVED, Boundary, BugMemory, Contour, MLine, Point, go_along, side_of
+
+ON_LINE = 0.1
+"""How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
+
+NEAR = 2.5
+"""Up to where T_i is right before the robot, in steps: the contour between them is not straight, but free."""
+
+MOST_STEPS = 200
+"""Steps that the scout takes in one decision at most; it goes on in the next one."""
+
+
+class Elsewhere(View):
+    """The present scan as a robot at another place would know it.
+
+    Args:
+        view: what the robot observes.
+        place: where it is not, odometry frame [m].
+        x: points' x (k,) in the robot's frame [m].
+        y: points' y (k,) [m].
+    """
+
+    __slots__ = ()
+
+    def __init__(self, view: View, place: Point, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+        dx, dy = view.to_robot(*place)
+        self.sensors = view.sensors
+        self.ranges = view.ranges
+        self.goal = (view.goal[0] - dx, view.goal[1] - dy)
+        self.pose = (place[0], place[1], view.heading)
+        self.velocity = view.velocity
+        self._flat = view._flat
+        self._trig = view._trig
+        self._points = (x - dx, y - dy)
+
+
+@dataclass
+class Scout(BugMemory):
+    """Bug2 at the intermediate target T_i. One is never changed: a step makes a new one."""
+
+    line: MLine | None = None
+    """The M-line."""
+    hit_distance: float = math.inf
+    """Distance from the last hit point H to the goal [m]."""
+    crossing_distance: float = math.inf
+    """Distance from X, the last crossing of M-line and boundary, to the goal [m]."""
+
+    def copy(self) -> Scout:
+        """One that can be changed."""
+        lists = self.hits[:], self.leaves[:], self.hit_sides[:], self.hit_odometers[:]
+        other = copy.copy(self)
+        other.hits, other.leaves, other.hit_sides, other.hit_odometers = lists
+        other.contour = copy.copy(self.contour)
+        return other
+
+    @property
+    def place(self) -> Point:
+        """T_i, odometry frame [m]."""
+        assert self.position is not None
+        return self.position
+
+    @property
+    def m_line(self) -> MLine:
+        """The M-line."""
+        assert self.line is not None
+        return self.line
+
+
+@dataclass
+class VisionMemory(BugMemory):
+    """Memory of a bug that looks ahead. Hit and leave points are the scout's."""
+
+    trail: list[Scout] = field(default_factory=list)
+    """The scout and where it came from, step by step, since the robot last stood at it."""
+    way: list[Point] = field(default_factory=list)
+    """The robot's own places since then, odometry frame [m]."""
+    is_goal_seen: bool = False
+    """Whether T_i is the goal itself."""
+    blind_until: float = 0.0
+    """The scout's odometer up to which it walks right before the robot, since it was lost from sight there [m]."""
+    restart_distance: float = math.inf
+    """Distance to the goal where the M-line was last drawn anew [m]."""
+
+    @property
+    def scout(self) -> Scout:
+        """The scout at T_i."""
+        return self.trail[-1]
+
+
+class Scan:
+    """What the robot sees now: walls as lines of points, and the free space between it and them.
+
+    Args:
+        view: the observation.
+        boundary: the robot's settings at walls.
+    """
+
+    def __init__(self, view: View, boundary: Boundary) -> None:
+        sensors = view.sensors
+        beams = len(sensors.angles)
+        self.view = view
+        # Noise must not close the view along a wall at the clearance.
+        self.radius = max(boundary.safe_radius, boundary.inner - 2.0 * sensors.range_noise)
+        self.first_angle = float(sensors.angles[0])
+        self.angle_step = float(sensors.angles[1] - sensors.angles[0]) if beams > 1 else 2.0 * math.pi
+        self.is_round = beams * self.angle_step > 2.0 * math.pi - 1e-6
+        gap, spacing = 2.0 * boundary.inner, 0.5 * boundary.inner
+        points = np.empty((2, 5 * beams))
+        cos, sin = sensors.beam_directions
+        count = kernels.join_scan(
+            view.ranges, cos, sin, sensors.range, self.is_round, gap, spacing, points[0], points[1]
+        )
+        self.x, self.y = points[0, :count], points[1, :count]
+
+    def seen_from(self, place: Point) -> Elsewhere:
+        """The scan from a place of the odometry frame [m]."""
+        return Elsewhere(self.view, place, self.x, self.y)
+
+    def sees(self, place: Point, reach: float) -> bool:
+        """Whether a place of the odometry frame [m] is visible, at most `reach` [m] away."""
+        return self._first_seen(place, (0.0, 0.0), 1, reach) == 0
+
+    def first_visible(self, line: MLine, stride: float, count: int, reach: float) -> Point | None:
+        """Of the `count` places on the M-line nearest to its goal, each `stride` [m] from the last, the first visible."""
+        whole = math.dist(line.start, line.goal)
+        count = min(count, int(whole / stride))
+        if count <= 0:
+            return None
+        dx = (line.start[0] - line.goal[0]) * stride / whole
+        dy = (line.start[1] - line.goal[1]) * stride / whole
+        k = self._first_seen((line.goal[0] + dx, line.goal[1] + dy), (dx, dy), count, reach) + 1
+        return None if k == 0 else (line.goal[0] + k * dx, line.goal[1] + k * dy)
+
+    def _first_seen(self, place: Point, stride: Point, count: int, reach: float) -> int:
+        """Number of the first visible one of `count` places, or -1."""
+        x, y = self.view.to_robot(*place)
+        ex, ey = self.view.to_robot(place[0] + stride[0], place[1] + stride[1])
+        beams = self.first_angle, self.angle_step, self.is_round
+        return int(
+            kernels.first_seen_free(
+                x, y, ex - x, ey - y, count, reach, self.view.ranges, *beams, self.x, self.y, self.radius
+            )
+        )
+
+
+class Vision:
+    """The scout and the robot that goes after it.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: centre to wall while following [m]; None: body radius and one step.
+        turn: which way to turn at a wall.
+        leave_rule: "front" or "any", see Boundary.
+        vision_range: how far the robot looks, at most the LIDAR's range [m]; None: that.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
+    """
+
+    def __init__(
+        self, sensors: Sensors, *, clearance: float | None, turn: str, leave_rule: str, vision_range: float | None
+    ) -> None:
+        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
+        self.side = side_of(turn)
+        reach = sensors.range if vision_range is None else vision_range
+        if not reach >= self.boundary.clearance:
+            raise ValueError(
+                f"vision_range must be at least the clearance of {self.boundary.clearance} m, got {vision_range!r}"
+            )
+        self.reach = min(reach, sensors.range)
+        self.on_line = ON_LINE * self.boundary.step
+
+    # ------------------------------------------------------------------------------------------ what is seen now
+
+    def look(self, view: View, memory: VisionMemory) -> Scan:
+        """The present scan, with the memory brought up to it. Call once a decision, first."""
+        boundary = self.boundary
+        boundary.advance(view, memory)
+        if not memory.trail:
+            self._begin(view, memory)
+        self._follow_target(view, memory)
+        if math.dist(view.position, memory.scout.place) <= boundary.step:
+            memory.trail = [memory.scout]
+            memory.way = []
+        elif not (memory.is_goal_seen or self._is_open(view, memory.scout.place)):
+            self._drop_hidden(view, memory)
+        return Scan(view, boundary)
+
+    def _begin(self, view: View, memory: VisionMemory) -> None:
+        """Draw the M-line from here; the scout stands where the robot is."""
+        before = memory.scout if memory.trail else Scout()
+        scout = Scout(
+            hits=before.hits,
+            leaves=before.leaves,
+            hit_sides=before.hit_sides,
+            hit_odometers=before.hit_odometers,
+            odometer=before.odometer,
+            position=view.position,
+            line=MLine(view.position, view.goal_position),
+        )
+        memory.trail = [scout]
+        memory.way = []
+        memory.blind_until = 0.0
+        memory.restart_distance = view.goal_distance
+
+    def _follow_target(self, view: View, memory: VisionMemory) -> None:
+        """Draw the M-line anew where the target has moved away from its end."""
+        scout, goal = memory.scout, view.goal_position
+        is_at_end = math.dist(scout.place, scout.m_line.goal) <= 0.5 * self.boundary.step
+        moved = math.dist(scout.m_line.goal, goal)
+        if moved <= TARGET_MOVED and not (is_at_end and moved > self.boundary.step):
+            return
+        if scout.contour is None:
+            self._begin(view, memory)
+            return
+        distance = math.dist(scout.place, goal)
+        scout = copy.copy(scout)
+        scout.line, scout.hit_distance, scout.crossing_distance = MLine(scout.place, goal), distance, distance
+        memory.trail[-1] = scout
+        memory.restart_distance = math.inf
+
+    def _is_open(self, view: View, place: Point) -> bool:
+        """Whether nothing seen now is in the way to a place that was visible."""
+        x, y = view.to_robot(*place)
+        bearing, distance = math.atan2(y, x), math.hypot(x, y)
+        boundary = self.boundary
+        if distance <= NEAR * boundary.step:
+            return view.free_distance(bearing, boundary.safe_radius) >= min(distance, boundary.step)
+        radius = max(boundary.safe_radius, boundary.hit_radius - 2.0 * view.sensors.range_noise)
+        return view.free_distance(bearing, radius) >= min(distance, view.sensors.range)
+
+    def _drop_hidden(self, view: View, memory: VisionMemory) -> None:
+        """Take the scout back to where it is in sight; from there it walks right before the robot for a while."""
+        lost = memory.scout.odometer
+        while len(memory.trail) > 1 and not self._is_open(view, memory.scout.place):
+            memory.trail.pop()
+        memory.blind_until = max(memory.blind_until, lost)
+        if not self._is_open(view, memory.scout.place):
+            self._begin_nearer(view, memory)
+
+    def _begin_nearer(self, view: View, memory: VisionMemory) -> bool:
+        """Begin anew from here, if this is nearer to the goal than where that happened last."""
+        if view.goal_distance >= memory.restart_distance - self.boundary.progress:
+            return False
+        self._begin(view, memory)
+        return True
+
+    # ------------------------------------------------------------------------------------------ compute T_i
+
+    def sees_goal(self, scan: Scan, memory: VisionMemory) -> bool:
+        """Step 1: whether the goal itself is T_i."""
+        view = scan.view
+        can_reach = self.boundary.can_reach_goal(view, view.goal_bearing, view.goal_distance)
+        if memory.is_goal_seen:
+            memory.is_goal_seen = can_reach or self._is_open(view, view.goal_position)
+            if not memory.is_goal_seen:
+                self._lose_goal(view, memory)
+        elif not self._is_blind(memory):
+            memory.is_goal_seen = can_reach or scan.sees(view.goal_position, self.reach)
+        return memory.is_goal_seen
+
+    def _lose_goal(self, view: View, memory: VisionMemory) -> None:
+        """The goal went out of sight on the way to it: begin anew from here, or go back to the scout."""
+        if not self._begin_nearer(view, memory):
+            memory.blind_until = memory.scout.odometer + self.boundary.leave_length
+
+    def _is_blind(self, memory: VisionMemory) -> bool:
+        """Whether the scout must not go further than one step before the robot."""
+        return memory.scout.odometer < memory.blind_until
+
+    def walk_ahead(self, scan: Scan, memory: VisionMemory) -> None:
+        """Steps 2 and 3: the scout walks Bug2's path to the end of what is visible of it."""
+        view, step = scan.view, self.boundary.step
+        for _ in range(MOST_STEPS):
+            scout = memory.scout
+            ahead = self._step(scan, scout)
+            memory.verdict = ahead.verdict
+            gap = math.dist(view.position, scout.place)
+            if ahead.verdict or math.dist(ahead.place, scout.place) < 1e-3 * step:
+                if gap <= step:
+                    memory.trail[-1] = ahead  # boxed in, and it counts how long
+                return
+            if gap > step:
+                if self._is_blind(memory) or not scan.sees(ahead.place, self.reach - self.boundary.clearance):
+                    return
+            elif gap > self.on_line and not self._is_open(view, ahead.place):
+                return
+            memory.trail.append(ahead)
+
+    def _step(self, scan: Scan, scout: Scout) -> Scout:
+        """The scout one step further on Bug2's path."""
+        boundary = self.boundary
+        view, ahead = scan.seen_from(scout.place), scout.copy()
+        contour = ahead.contour
+        if contour is not None:
+            if self._may_leave(view, ahead, contour):
+                boundary.leave(view, ahead)
+            elif contour.is_lap_closed:
+                ahead.verdict = "unreachable"
+                return ahead
+        velocity = go_along(boundary, view, ahead.m_line) if ahead.contour is None else None
+        if velocity is None:
+            if ahead.contour is None:
+                boundary.hit(view, ahead, self.side, view.goal_bearing)
+                ahead.hit_distance = ahead.crossing_distance = view.goal_distance
+            velocity = boundary.follow(view, ahead)
+        drive = view.sensors.drive
+        boundary.advance(scan.seen_from(view.to_odometry(velocity[0] * drive.step, velocity[1] * drive.step)), ahead)
+        return ahead
+
+    def _may_leave(self, view: View, scout: Scout, contour: Contour) -> bool:
+        """Whether the last step crossed the M-line nearer to the goal than the hit point, with a free way on."""
+        line = scout.m_line
+        crossing = line.crossing(contour.before, contour.position)
+        if crossing is None and self.is_on_line(scout):
+            crossing = view.position  # it grazes the line without crossing it
+        if crossing is None or math.dist(crossing, line.goal) > scout.hit_distance - self.on_line:
+            return False
+        scout.crossing_distance = math.dist(crossing, line.goal)
+        if self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
+            return True
+        return self.boundary.leave_rule == "any" and self.boundary.points_away(view, view.goal_bearing, contour)
+
+    def is_on_line(self, scout: Scout) -> bool:
+        """Whether T_i lies on the M-line."""
+        return scout.contour is None or abs(scout.m_line.offset(scout.place)) <= self.on_line
+
+    def jump(self, scan: Scan, memory: VisionMemory, reference: float) -> bool:
+        """Step 4: T_i is the visible point of the M-line nearest to the goal, if any is nearer than `reference` [m].
+
+        Returns:
+            Whether it is.
+        """
+        if memory.verdict or self._is_blind(memory):
+            return False
+        scout, stride = memory.scout, self.boundary.step
+        place = scan.first_visible(
+            scout.m_line, stride, int(reference / stride) - 1, self.reach - self.boundary.clearance
+        )
+        if place is None:
+            return False
+        view, ahead = scan.seen_from(place), scout.copy()
+        if ahead.contour is not None:
+            self.boundary.leave(view, ahead)
+        self.boundary.advance(view, ahead)
+        memory.trail.append(ahead)
+        return True
+
+    # ------------------------------------------------------------------------------------------ motion to T_i
+
+    def move(self, scan: Scan, memory: VisionMemory) -> Velocity:
+        """Velocity straight toward T_i; back on the own way while T_i is hidden."""
+        view, scout = scan.view, memory.scout
+        memory.hits, memory.hit_sides, memory.hit_odometers = scout.hits, scout.hit_sides, scout.hit_odometers
+        memory.leaves = scout.leaves
+        gap = math.dist(view.position, scout.place)
+        memory.mode = "motion_to_goal"
+        if not memory.is_goal_seen and scout.contour is not None:
+            memory.mode = "boundary_following" if gap <= NEAR * self.boundary.step else "motion_to_sub_goal"
+        if memory.is_goal_seen:
+            target = view.goal_position
+        elif self._is_open(view, scout.place):
+            target = scout.place
+        else:
+            return self._go_back(view, memory)
+        memory.way.append(view.position)
+        return self._go_straight(view, target)
+
+    def _go_back(self, view: View, memory: VisionMemory) -> Velocity:
+        """Velocity on the own way back to where the scout was last visible; where that is blocked, begin anew."""
+        way = memory.way
+        while way and math.dist(way[-1], view.position) <= 0.5 * self.boundary.step:
+            way.pop()
+        if way and self._is_open(view, way[-1]):
+            return self._go_straight(view, way[-1])
+        self._begin(view, memory)
+        return STANDING
+
+    def _go_straight(self, view: View, place: Point) -> Velocity:
+        x, y = view.to_robot(*place)
+        distance = math.hypot(x, y)
+        if distance == 0.0:
+            return STANDING
+        share = min(distance, self.boundary.step) / (distance * view.sensors.drive.step)
+        return x * share, y * share
+
+    def draw(self, memory: VisionMemory) -> Drawing:
+        """Hit and leave points, the M-line, T_i and the way to it."""
+        drawing = self.boundary.draw(memory)
+        if not memory.trail:
+            return drawing
+        scout = memory.scout
+        start, goal = scout.m_line.start, scout.m_line.goal
+        target = goal if memory.is_goal_seen else scout.place
+        segments = [(*start, *goal, "m_line")]
+        if memory.position is not None:
+            segments.append((*memory.position, *target, "plan"))
+        return Drawing(points=[*drawing.points, (*target, "target")], segments=segments)

@@ -1,0 +1,32 @@
+"""What papers report, run again: the table of reproductions behind `bug-gym reproduce`.
+
+Each is a module with `reproduce(settings) -> Reproduction`; to add one, write the module and a line here.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Callable
+from typing import cast
+
+from bug_gym.reproductions.result import Reproduction, Settings
+
+REPRODUCTIONS: dict[str, str] = {
+    "oni-wang-table-1": "oni_wang_table_1",
+}
+"""Name on the command line -> module here."""
+
+
+def reproduction(name: str) -> Callable[[Settings], Reproduction]:
+    """The function that runs a reproduction.
+
+    Raises:
+        ValueError: no such reproduction; the message offers the nearest names.
+    """
+    if name not in REPRODUCTIONS:
+        near = difflib.get_close_matches(name, REPRODUCTIONS, n=2, cutoff=0.4)
+        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+        raise ValueError(f"unknown reproduction {name!r}{hint} (known: {', '.join(REPRODUCTIONS)})")
+    module = importlib.import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}")
+    return cast(Callable[[Settings], Reproduction], module.reproduce)

@@ -1,0 +1,63 @@
+"""What every reproduction takes and gives."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much of a reproduction to run, and with what."""
+
+    seeds: int | None = None
+    """Seeds of each claim; None: all of them."""
+    workers: int = 1
+    """Processes that share the work."""
+    data: Path | None = None
+    """File or folder of somebody else's data that some reproductions need."""
+    progress: bool = False
+    """Whether to show a progress bar."""
+    policies: tuple[str, ...] = ()
+    """Policies to run where a reproduction leaves the choice; empty: its own."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What a reproduction found."""
+
+    name: str
+    tables: Sequence[Table]
+    """What is printed."""
+    notes: Sequence[str] = ()
+    """Footnotes."""
+    data: dict[str, Any] = field(default_factory=dict)
+    """All numbers, as JSON can hold them."""
+    holds: bool = True
+    """Whether every claim that was checked holds."""
+
+    def as_json(self, commit: str) -> str:
+        """The numbers with what they were made by, as JSON text."""
+        record = {
+            "name": self.name,
+            "holds": self.holds,
+            "bug_gym": version("bug-gym"),
+            "commit": commit,
+            "python": platform.python_version(),
+            **self.data,
+        }
+        return json.dumps(record, indent=1, allow_nan=False) + "\n"
