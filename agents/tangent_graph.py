@@ -83,7 +83,7 @@ class TangentGraph:
         self.run_of = np.empty(headings, dtype=np.int64)
         """Number of the run that each heading belongs to (m,), -1 for none."""
         self._gap = 2.0 * radius
-        self._growth = max(spacing, turn / headings) / math.sin(LEAST_ANGLE)
+        self._growth = spacing / math.sin(LEAST_ANGLE)
         self.runs = int(
             kernels.find_runs(
                 x, y, self.bearings, radius, self.reach, self._gap, self._growth, self.free, self.contacts, self.run_of
@@ -121,7 +121,7 @@ class TangentGraph:
             return None
         heading = self.bearings[borders[0]]
         step = side * 2.0 * math.pi / len(self.bearings)
-        contact, free, next_contact, next_free = kernels.run_border(
+        _, contact, free, next_contact, next_free = kernels.find_border(
             self.x, self.y, heading, heading + step, self.radius, self.reach, self._gap, self._growth
         )
         if next_contact >= 0 and next_free < free:

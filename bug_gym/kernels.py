@@ -2012,7 +2012,7 @@ def first_contact(px, py, angle, radius, reach):
 
 @kernel
 def is_joined(px, py, first, second, first_free, second_free, gap, growth):
-    """Whether two neighbouring headings end at one obstacle: their contacts and their free ways lie close together.
+    """Whether two headings end at one obstacle: their contacts and their free ways lie close together.
 
     Args:
         px: points' x (k,) in the robot's frame [m].
@@ -2021,15 +2021,47 @@ def is_joined(px, py, first, second, first_free, second_free, gap, growth):
         second: number of the other's.
         first_free: free way of the one heading [m].
         second_free: free way of the other [m].
-        gap: a distance that no disc passes [m].
-        growth: how the distance allowed grows with the free way, for beams that meet a wall at a small angle.
+        gap: a distance that the disc does not pass [m].
+        growth: how the distance allowed grows with that from the robot, for beams that meet a wall at a small angle.
     """
     if first < 0 or second < 0:
         return False
-    allowed = max(gap, growth * max(first_free, second_free))
+    away = max(math.hypot(px[first], py[first]), math.hypot(px[second], py[second]))
+    allowed = max(gap, growth * away)
     if abs(first_free - second_free) > allowed:
         return False
     return math.hypot(px[first] - px[second], py[first] - py[second]) <= allowed
+
+
+@kernel
+def find_border(px, py, low, high, radius, reach, gap, growth):
+    """Where between two headings one obstacle ends, by bisection.
+
+    Args:
+        px: points' x (k,) in the robot's frame [m].
+        py: points' y (k,) [m].
+        low: the one heading, which ends at the obstacle [rad].
+        high: the other [rad].
+        radius: of the disc [m].
+        reach: free way that means "nothing" [m].
+        gap: see `is_joined` [m].
+        growth: see `is_joined`.
+
+    Returns:
+        Whether there is a border, then contact and free way on its one side and on its other.
+    """
+    low_free, low_contact = first_contact(px, py, low, radius, reach)
+    high_free, high_contact = first_contact(px, py, high, radius, reach)
+    for _ in range(10):
+        if is_joined(px, py, low_contact, high_contact, low_free, high_free, gap, growth):
+            return False, low_contact, low_free, high_contact, high_free
+        middle = 0.5 * (low + high)
+        free, contact = first_contact(px, py, middle, radius, reach)
+        if is_joined(px, py, low_contact, contact, low_free, free, gap, growth):
+            low, low_free, low_contact = middle, free, contact
+        else:
+            high, high_free, high_contact = middle, free, contact
+    return True, low_contact, low_free, high_contact, high_free
 
 
 @kernel
@@ -2039,7 +2071,7 @@ def find_runs(px, py, angles, radius, reach, gap, growth, free, contact, run):
     Args:
         px: points' x (k,) in the robot's frame [m].
         py: points' y (k,) [m].
-        angles: headings (m,), rising around the full circle [rad].
+        angles: headings (m,), rising by equal angles around the full circle [rad].
         radius: of the disc [m].
         reach: free way that means "nothing" [m].
         gap: see `is_joined` [m].
@@ -2055,49 +2087,26 @@ def find_runs(px, py, angles, radius, reach, gap, growth, free, contact, run):
     last = angles.size - 1
     for j in range(angles.size):
         free[j], contact[j] = first_contact(px, py, angles[j], radius, reach)
+    for j in range(angles.size):
+        run[j] = -1
         if contact[j] < 0:
-            run[j] = -1
-        elif j > 0 and is_joined(px, py, contact[j - 1], contact[j], free[j - 1], free[j], gap, growth):
-            run[j] = run[j - 1]
-        else:
-            run[j] = count
-            count += 1
-    if run[last] > run[0] >= 0 and is_joined(px, py, contact[last], contact[0], free[last], free[0], gap, growth):
-        count -= 1
-        for j in range(last, -1, -1):
-            if run[j] != count:
-                break
-            run[j] = run[0]
+            continue
+        if j > 0 and contact[j - 1] >= 0:
+            ends, _, _, _, _ = find_border(px, py, angles[j - 1], angles[j], radius, reach, gap, growth)
+            if not ends:
+                run[j] = run[j - 1]
+                continue
+        run[j] = count
+        count += 1
+    if run[last] > run[0] >= 0:
+        ends, _, _, _, _ = find_border(px, py, angles[last], angles[last] + angles[1] - angles[0], radius, reach, gap, growth)
+        if not ends:
+            count -= 1
+            for j in range(last, -1, -1):
+                if run[j] != count:
+                    break
+                run[j] = run[0]
     return count
-
-
-@kernel
-def run_border(px, py, inside, outside, radius, reach, gap, growth):
-    """Where a run ends between a heading of it and the next one: contacts and free ways on both sides, by bisection.
-
-    Args:
-        px: points' x (k,) in the robot's frame [m].
-        py: points' y (k,) [m].
-        inside: the run's last heading [rad].
-        outside: the first one past it [rad].
-        radius: of the disc [m].
-        reach: free way that means "nothing" [m].
-        gap: see `is_joined` [m].
-        growth: see `is_joined`.
-
-    Returns:
-        Contact and free way of the run's last heading, then those of the first heading past it.
-    """
-    free, contact = first_contact(px, py, inside, radius, reach)
-    next_free, next_contact = first_contact(px, py, outside, radius, reach)
-    for _ in range(10):
-        middle = 0.5 * (inside + outside)
-        way, point = first_contact(px, py, middle, radius, reach)
-        if is_joined(px, py, contact, point, free, way, gap, growth):
-            inside, free, contact = middle, way, point
-        else:
-            outside, next_free, next_contact = middle, way, point
-    return contact, free, next_contact, next_free
 
 
 @kernel

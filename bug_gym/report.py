@@ -87,15 +87,20 @@ def print_text_table(
 ) -> None:
     """Print a table of text as wide as it needs to be: a number is never folded."""
     from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.measure import Measurement
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=Text(title), box=SIMPLE_HEAD, padding=0, pad_edge=False)
+    table = Table(title=Text(title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for number, name in enumerate(header):
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for line in lines:
         table.add_row(*(Text(cell) for cell in line))
-    console.print(table, width=max(console.width, console.measure(table).maximum))
+    wide = console.options.update(width=None, max_width=10_000)
+    needed = Measurement.get(console, wide, table).maximum
+    # A console as wide as the table: a terminal folds the lines, but every number is there.
+    Console(file=console.file, width=max(console.width, needed)).print(table)
 
 
 def write_summary(folder: str | os.PathLike[str], rows: Sequence[EpisodeRow], summaries: Sequence[Summary]) -> None:

@@ -1,0 +1,339 @@
+"""The toolbox of bugs that go from corner to corner in sight: open points, sub-goals, and how a robot goes to them.
+
+An *open point* (a *sudden point* in PointBug) is where the reading of a turning range sensor jumps by more than a
+threshold: an end of an obstacle in sight. It is looked for in the free ways of a disc over the full circle of headings,
+so the ends of gaps that the robot cannot pass are none. The *sub-goal* lies beside it, at the clearance, square to the
+line of sight. The robot goes to it along the line that just passes the corner at the clearance, then round the corner
+as a hand on the wall would, until it looks past it: what a point robot does in no time by standing in the corner.
+
+              o  sub-goal                     side +1: the corner is the left end of what is behind it
+              |  clearance
+    S . . . . x=========  corner, obstacle
+
+Sources: Buniyamin, Ngah, Wan Ngah and Mohamad (2011) for sudden points; Das, Dutta and Debnath (2020) for sub-goals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, Velocity
+
+from .boundary_following import STANDING, TARGET_MOVED, WAIT, Boundary, BugMemory, Contour, Point, wrap
+
+HEADINGS = 360
+"""Headings of the full circle that are looked along."""
+
+JUMP = 0.5
+"""Change of the reading that makes an open point [m], where the robot is not smaller than that."""
+
+LONGEST_ROUND = 1.5 * math.pi
+"""Turning after which a corner is left whatever lies behind it: a post has no other side [rad]."""
+
+
+class OpenPoint(NamedTuple):
+    """An end of an obstacle in sight."""
+
+    corner: Point
+    """Last point in sight of what ends there, robot's frame [m]."""
+    side: int
+    """+1: its left end, which the robot passes with the wall on its right; -1: its right end."""
+    rotation: float
+    """Angle from the goal's bearing, counter-clockwise, in [0, 2 pi) [rad]."""
+    near: float
+    """Free way on the side of the obstacle [m]."""
+    far: float
+    """Free way past it [m], infinite where nothing is in sight."""
+
+    def sub_goal(self, offset: float) -> Point:
+        """The place at an offset [m] from the corner, square to the line of sight, robot's frame [m]."""
+        x, y = self.corner
+        away = max(math.hypot(x, y), 1e-9)
+        return x - self.side * offset * y / away, y + self.side * offset * x / away
+
+
+class Profile(NamedTuple):
+    """What a look around shows."""
+
+    goal_way: float
+    """Free way toward the goal [m], infinite where nothing is in sight there."""
+    blocking: Point | None
+    """The point that ends it, robot's frame [m]."""
+    open_points: list[OpenPoint]
+    """Counter-clockwise from the goal's bearing."""
+
+
+class Choice(NamedTuple):
+    """A corner that the robot set out for."""
+
+    corner: Point
+    """Odometry frame [m]."""
+    side: int
+    """See OpenPoint."""
+    odometer: float
+    """Length of the whole way then [m]."""
+
+
+@dataclass
+class SubGoalMemory(BugMemory):
+    """Memory of a bug that goes from sub-goal to sub-goal."""
+
+    corner: Point | None = None
+    """The corner that it goes to or round; None without a sub-goal. Odometry frame [m]."""
+    side: int = 1
+    """On which side it passes the corner, see OpenPoint."""
+    first_seen: Point = (0.0, 0.0)
+    """Where the corner seemed to be when it was chosen, odometry frame [m]."""
+    drift: float = 0.0
+    """How far from there it may turn out to be [m]."""
+    came_from: Point | None = None
+    """Where it set out for the present corner; None before the first. Odometry frame [m]."""
+    sub_goals: list[Point] = field(default_factory=list)
+    """All sub-goals so far, odometry frame [m]."""
+    choices: list[Choice] = field(default_factory=list)
+    """Corners it set out for."""
+    visited: list[Point] = field(default_factory=list)
+    """Corners that it has been at, odometry frame [m]."""
+    blocked: list[Point] = field(default_factory=list)
+    """Corners that turned out to be out of reach from the last sub-goal, odometry frame [m]."""
+    goal: Point | None = None
+    """Where the target was when all this was remembered, odometry frame [m]."""
+    waited: float = 0.0
+    """Time without anywhere to go [s]."""
+
+
+class SubGoals:
+    """How a robot sees open points and goes to sub-goals; the settings that these bugs share.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: see Boundary; also from a corner to its sub-goal [m].
+        leave_rule: see Boundary; here it says where a goal may lie that is open only as far as the scan reaches.
+        jump: change of the reading that makes an open point [m]; None: JUMP, or the gap the robot needs if that is less.
+
+    Raises:
+        ValueError: a clearance not above the body's radius, an unknown leave rule, a jump not above 0.
+    """
+
+    def __init__(
+        self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "any", jump: float | None = None
+    ) -> None:
+        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
+        jump = min(JUMP, 2.0 * self.boundary.inner) if jump is None else jump
+        if not jump > 0.0 or not math.isfinite(jump):
+            raise ValueError(f"jump must be above 0 m, got {jump!r}")
+        self.jump = jump
+        self.same = self.boundary.gate_half_width
+        """Distance within which two corners are one [m]."""
+        angles = sensors.angles
+        self._spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
+        self._wraps = bool(angles[-1] + 1.5 * self._spacing >= angles[0] + 2.0 * math.pi)
+        self._headings = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
+
+    # ------------------------------------------------------------------------------------------ looking around
+
+    def look(self, view: View) -> Profile:
+        """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
+        radius, reach, ranges = self.boundary.inner, view.sensors.range, view.ranges
+        x, y = view.sensors.beam_directions * ranges
+        link = np.empty(len(ranges), dtype=np.bool_)
+        kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, self._wraps, link)
+        first = view.goal_bearing
+        angles = first + self._headings
+        free, touched_x, touched_y = np.empty((3, HEADINGS))
+        beam, near, side = np.empty((3, HEADINGS), dtype=np.int64)
+        cos, sin = np.cos(angles), np.sin(angles)
+        kernels.sweep_disc(x, y, ranges, reach, link, radius, first, cos, sin, free, beam, touched_x, touched_y)
+        count = kernels.find_open_points(free, beam, link, self.jump, near, side)
+        points = []
+        for heading, hand in zip(near[:count].tolist(), side[:count].tolist(), strict=True):
+            corner = float(touched_x[heading]), float(touched_y[heading])
+            past = float(free[(heading + hand) % HEADINGS])
+            points.append(OpenPoint(corner, hand, float(self._headings[heading]), float(free[heading]), past))
+        blocking = (float(touched_x[0]), float(touched_y[0])) if beam[0] >= 0 else None
+        return Profile(float(free[0]), blocking, points)
+
+    def is_known(self, view: View, point: OpenPoint, corners: Iterable[Point]) -> bool:
+        """Whether an open point's corner is one of those remembered."""
+        place = view.to_odometry(*point.corner)
+        return any(math.dist(place, corner) <= self.same for corner in corners)
+
+    # ------------------------------------------------------------------------------------------ going there
+
+    def go_on(self, view: View, memory: SubGoalMemory, profile: Profile) -> Velocity | None:
+        """Velocity to the goal where it is in sight, else on to the present sub-goal; None where one is to be chosen."""
+        self.boundary.advance(view, memory)
+        self._follow_target(view, memory)
+        if not self._sees_goal(view, profile):
+            velocity = self._approach(view, memory, profile) if memory.corner is not None else None
+            if velocity is not None:
+                return velocity
+            if not self._is_open(view, memory, profile):
+                return None
+        velocity = self.boundary.go(view, view.goal_bearing, view.goal_distance)
+        if velocity is not None:
+            memory.contour = memory.corner = None
+            memory.waited = 0.0
+            memory.mode = "motion_to_goal"
+        return velocity
+
+    def set_out(self, view: View, memory: SubGoalMemory, profile: Profile, point: OpenPoint) -> Velocity:
+        """First velocity to the sub-goal of an open point; the verdict is "looping" at the third time for the same one."""
+        memory.corner = memory.first_seen = view.to_odometry(*point.corner)
+        memory.side = point.side
+        memory.drift = max(self.same, 1.5 * self._spacing * math.hypot(*point.corner))
+        memory.came_from = view.position
+        memory.contour = None
+        memory.waited = 0.0
+        memory.mode = "motion_to_sub_goal"
+        memory.sub_goals.append(view.to_odometry(*point.sub_goal(self.boundary.clearance)))
+        memory.choices.append(Choice(memory.corner, point.side, memory.odometer))
+        if self._is_looping(memory):
+            memory.verdict = "looping"
+            return STANDING
+        return self._approach(view, memory, profile) or STANDING
+
+    def give_up(self, memory: SubGoalMemory, verdict: str) -> Velocity:
+        """Stand, and say the verdict after WAIT seconds without anywhere to go: something may move away before."""
+        memory.waited += self.boundary.sensors.drive.step
+        if memory.waited > WAIT:
+            memory.verdict = verdict
+        return STANDING
+
+    def _sees_goal(self, view: View, profile: Profile) -> bool:
+        """Whether nothing is in the way to the goal, and the goal not beyond what the scan shows."""
+        bearing, distance = view.goal_bearing, view.goal_distance
+        if self.boundary.can_reach_goal(view, bearing, distance):
+            return True
+        return profile.goal_way >= distance and distance <= view.sensors.range
+
+    def _is_open(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
+        """Whether nothing in sight is in the way to the goal; with the rule "front" only for a goal ahead."""
+        contour = memory.contour
+        if contour is not None and contour.heading is not None and self.boundary.leave_rule == "front":
+            if abs(wrap(view.goal_bearing + view.heading - contour.heading)) > 0.5 * math.pi:
+                return False
+        return profile.goal_way >= min(view.goal_distance, view.sensors.range)
+
+    def _approach(self, view: View, memory: SubGoalMemory, profile: Profile) -> Velocity | None:
+        """Velocity to the present corner and round it; None where it is passed or out of reach."""
+        assert memory.corner is not None
+        if memory.contour is None:
+            self._sharpen(view, memory, profile)
+            x, y = view.to_robot(*memory.corner)
+            if math.hypot(x, y) > self.boundary.clearance + 0.5 * self.boundary.step:
+                velocity = self._leg(view, x, y, memory.side)
+                if velocity is None:
+                    memory.blocked.append(memory.corner)
+                    memory.corner = None
+                return velocity
+            approach = wrap(math.atan2(y, x) + memory.side * 0.5 * math.pi + view.heading)
+            place, goal = view.position, view.goal_position
+            memory.contour = Contour(memory.side, place, memory.corner, place, goal, approach, place)
+            memory.mode = "corner_rounding"
+        if self._is_round(view, memory, profile):
+            memory.visited.append(memory.corner)
+            memory.blocked.clear()
+            memory.corner = None
+            return None
+        return self.boundary.follow(view, memory)
+
+    def _sharpen(self, view: View, memory: SubGoalMemory, profile: Profile) -> None:
+        """Move the corner to where the scan shows it now: from afar its last point in sight fell between two beams."""
+        assert memory.corner is not None
+        x, y = view.to_robot(*memory.corner)
+        best = math.inf
+        for point in profile.open_points:
+            place = view.to_odometry(*point.corner)
+            distance = math.dist(point.corner, (x, y))
+            if point.side == memory.side and distance < best and math.dist(place, memory.first_seen) <= memory.drift:
+                best, memory.corner = distance, place
+
+    def _leg(self, view: View, x: float, y: float, side: int) -> Velocity | None:
+        """Velocity straight to where the robot passes a corner at x, y [m] at the clearance; None where it cannot.
+
+        Between the clearance and the narrowest gap that counts as one it takes the widest berth that is free.
+        """
+        boundary = self.boundary
+        away, bearing = math.hypot(x, y), math.atan2(y, x)
+        best = (0.0, 0.0, 0.0)
+        for share in range(5):
+            offset = min(boundary.clearance - 0.25 * share * (boundary.clearance - boundary.inner), away)
+            heading = bearing + side * math.asin(offset / away)
+            length = math.sqrt(away * away - offset * offset)
+            free = min(view.free_distance(heading, boundary.hit_radius), length)
+            if free > best[0]:
+                best = free, heading, length
+            if free >= length:
+                break
+        free, heading, length = best
+        return boundary.go(view, heading, length) if free > 0.0 else None
+
+    def _is_round(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
+        """Whether the robot looks past the corner that it goes round: no free way jumps there any more."""
+        assert memory.corner is not None and memory.contour is not None
+        if memory.contour.is_lap_closed or abs(memory.contour.turned) > LONGEST_ROUND:
+            return True
+        corners = (memory.corner,)
+        return not any(p.side == memory.side and self.is_known(view, p, corners) for p in profile.open_points)
+
+    # ------------------------------------------------------------------------------------------ what it remembers
+
+    def _follow_target(self, view: View, memory: SubGoalMemory) -> None:
+        """Forget where it has been when the target is elsewhere: all corners may be worth a visit again."""
+        if memory.goal is not None and math.dist(memory.goal, view.goal_position) <= TARGET_MOVED:
+            return
+        memory.goal = view.goal_position
+        for remembered in (memory.choices, memory.visited, memory.blocked):
+            remembered.clear()
+
+    def _is_looping(self, memory: SubGoalMemory) -> bool:
+        """Whether the robot sets out for the same corner and side the third time."""
+        *earlier, last = memory.choices
+        matches = 0
+        for choice in earlier:
+            is_same = choice.side == last.side and math.dist(choice.corner, last.corner) <= self.same
+            matches += is_same and last.odometer - choice.odometer > self.boundary.arming_length
+        return matches >= 2
+
+    def draw(self, memory: SubGoalMemory) -> Drawing:
+        """Sub-goals so far, the present corner, and the way over the sub-goals."""
+        points = [(*place, "sub_goal") for place in memory.sub_goals]
+        if memory.corner is not None:
+            points.append((*memory.corner, "corner"))
+        return Drawing(points=points)
+
+
+def cheapest(points: list[OpenPoint], cost: Callable[[OpenPoint], float], side: int, tie: float) -> OpenPoint | None:
+    """The open point of least cost; of equal ones the first met when turning from the goal to a side; None of none.
+
+    Args:
+        points: to choose from.
+        cost: of one of them [m].
+        side: +1 turns left, -1 right.
+        tie: costs nearer than this are equal [m].
+    """
+    if not points:
+        return None
+    costs = [cost(point) for point in points]
+    least = min(costs)
+    best = [point for point, value in zip(points, costs, strict=True) if value <= least + tie]
+    return min(best, key=lambda point: rotation_to(point, side))
+
+
+def rotation_to(point: OpenPoint, side: int) -> float:
+    """Angle from the goal's bearing to an open point, turning to the left (+1) or right (-1), in [0, 2 pi) [rad]."""
+    return point.rotation if side > 0 else (-point.rotation) % (2.0 * math.pi)
+
+
+def goal_distance_of(view: View, place: Point) -> float:
+    """Distance from a place in the robot's frame to the goal [m]."""
+    return math.dist(place, view.goal)

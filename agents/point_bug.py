@@ -1,0 +1,102 @@
+"""PointBug: from sudden point to sudden point, taking the first that a turning range sensor meets.
+
+Source: Buniyamin, Ngah, Wan Ngah and Mohamad (2011). Sensing assumed: a range sensor that turns with the robot, long or
+unlimited; goal. Memory kept: where it set out, the side it turns to, the least goal distance of a sudden point. States:
+motion_to_goal, motion_to_sub_goal, corner_rounding. The robot faces the goal; where something is in the way it turns
+until the reading jumps, goes there, and begins again. It turns to that side of the line to the goal on which the last
+sudden point lay, and ignores what is straight behind. A full turn without a sudden point is "unreachable" by
+definition. Guarantee: none, it can cycle (then "looping"). Length bound: none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+
+from .boundary_following import LeaveRule, Turn, side_of, wrap
+from .open_points import OpenPoint, Profile, SubGoalMemory, SubGoals, goal_distance_of, rotation_to
+
+BEHIND = math.radians(10.0)
+"""Half width of the sector behind the robot in which a sudden point is the one it comes from [rad]."""
+
+
+@dataclass
+class PointBugMemory(SubGoalMemory):
+    """Memory of PointBug."""
+
+    turning_side: int = 0
+    """Side to which the robot turns from the goal: +1 left, -1 right; 0 before the first sudden point."""
+    least_distance: float = math.inf
+    """Goal distance of the nearest sudden point so far (d_min) [m]."""
+
+
+class PointBug(ScriptedPolicy):
+    """PointBug.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
+        turn: which way the robot turns to find its first sudden point.
+        leave_rule: "any" or "front", see SubGoals.
+        jump: change of the reading that makes a sudden point [m]; None: 0.5, for small robots less.
+        discrete: whether actions are numbers of the discrete table.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "right",
+        leave_rule: LeaveRule = "any",
+        jump: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, discrete=discrete)
+        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
+        self.side = side_of(turn)
+
+    def start(self) -> PointBugMemory:
+        """Memory of a new episode."""
+        return PointBugMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: PointBugMemory) -> Velocity:
+        """One decision."""
+        profile = self.sub_goals.look(view)
+        velocity = self.sub_goals.go_on(view, memory, profile)
+        if velocity is not None:
+            return velocity
+        if not profile.open_points:
+            return self.sub_goals.give_up(memory, "unreachable")
+        point = self._first_met(view, memory, profile)
+        if point is None:
+            return self.sub_goals.give_up(memory, "stuck")
+        distance = goal_distance_of(view, point.corner)
+        memory.least_distance = min(memory.least_distance, distance)
+        memory.turning_side = 1 if point.rotation < math.pi else -1
+        return self.sub_goals.set_out(view, memory, profile, point)
+
+    def _first_met(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
+        """The first sudden point met when turning from the goal, one straight behind left out."""
+        points = [point for point in profile.open_points if not self._is_behind(view, memory, point)]
+        points = [point for point in points if not self.sub_goals.is_known(view, point, memory.blocked)]
+        side = memory.turning_side or self.side
+        return min(points, key=lambda point: rotation_to(point, side), default=None)
+
+    def _is_behind(self, view: View, memory: PointBugMemory, point: OpenPoint) -> bool:
+        """Whether a sudden point lies where the robot comes from."""
+        if memory.came_from is None:
+            return False
+        x, y = view.to_robot(*memory.came_from)
+        back = wrap(math.atan2(y, x) - view.goal_bearing)
+        return abs(wrap(point.rotation - back)) <= BEHIND
+
+    def draw(self, memory: PointBugMemory) -> Drawing:
+        """Sub-goals and the present corner."""
+        return self.sub_goals.draw(memory)
