@@ -46,6 +46,10 @@ AGENTS: dict[str, Agent] = {
     "vis_bug_21": Agent("vis_bug_21:VisBug21", "bug", "Lumelsky and Skewis 1990"),
     "vis_bug_22": Agent("vis_bug_22:VisBug22", "bug", "Lumelsky and Skewis 1990"),
     "tangent_bug": Agent("tangent_bug:TangentBug", "bug", "Kamon, Rimon and Rivlin 1998"),
+    "point_bug": Agent("point_bug:PointBug", "bug", "Buniyamin et al. 2011"),
+    "k_bug": Agent("k_bug:KBug", "bug", "Langer et al. 2007"),
+    "e_bug": Agent("e_bug:EBug", "bug", "Meddah and Dib 2015"),
+    "critical_point_bug": Agent("critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
 }
 
 

@@ -56,7 +56,8 @@ class EBug(ScriptedPolicy):
         velocity = self.sub_goals.go_on(view, memory, profile)
         if velocity is not None:
             return velocity
-        point = self.sub_goals.cheapest_new(view, memory, profile, lambda point: self._way_over(view, point), self.side)
+        points = self.sub_goals.new_points(view, memory, profile)
+        point = cheapest(points, lambda point: self._way_over(view, point), self.side)
         if point is None:
             return self.sub_goals.give_up(memory, "stuck")
         return self.sub_goals.set_out(view, memory, profile, point)

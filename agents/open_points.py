@@ -35,6 +35,9 @@ HEADINGS = 360
 JUMP = 0.5
 """Change of the reading that makes an open point [m], where the robot is not smaller than that."""
 
+TIE = 0.01
+"""Costs nearer to each other than this are equal [m]."""
+
 LONGEST_ROUND = 1.5 * math.pi
 """Turning after which a corner is left whatever lies behind it: a post has no other side [rad]."""
 
@@ -67,6 +70,10 @@ class Profile(NamedTuple):
     """Free way toward the goal [m], infinite where nothing is in sight there."""
     blocking: Point | None
     """The point that ends it, robot's frame [m]."""
+    blocking_beam: int
+    """The beam that saw it, -1 for none."""
+    link: NDArray[np.bool_]
+    """Whether each beam and the next see one surface (B,)."""
     open_points: list[OpenPoint]
     """Counter-clockwise from the goal's bearing."""
 
@@ -159,12 +166,30 @@ class SubGoals:
             past = float(free[(heading + hand) % HEADINGS])
             points.append(OpenPoint(corner, hand, float(self._headings[heading]), float(free[heading]), past))
         blocking = (float(touched_x[0]), float(touched_y[0])) if beam[0] >= 0 else None
-        return Profile(float(free[0]), blocking, points)
+        return Profile(float(free[0]), blocking, int(beam[0]), link, points)
+
+    def surface(self, view: View, profile: Profile) -> NDArray[np.float64]:
+        """Points (k, 2) of what blocks the way to the goal, as far as it hangs together in the scan, robot's frame [m]."""
+        count, first = len(profile.link), profile.blocking_beam
+        if first < 0:
+            return np.empty((0, 2))
+        last = first
+        while profile.link[last % count] and last < first + count:
+            last += 1
+        while profile.link[(first - 1) % count] and first > last - count:
+            first -= 1
+        beams = np.arange(first, last + 1) % count
+        return (view.sensors.beam_directions[:, beams] * view.ranges[beams]).T
 
     def is_known(self, view: View, point: OpenPoint, corners: Iterable[Point]) -> bool:
         """Whether an open point's corner is one of those remembered."""
         place = view.to_odometry(*point.corner)
         return any(math.dist(place, corner) <= self.same for corner in corners)
+
+    def new_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
+        """The open points in sight whose corners are neither visited nor out of reach."""
+        known = [*memory.visited, *memory.blocked]
+        return [point for point in profile.open_points if not self.is_known(view, point, known)]
 
     # ------------------------------------------------------------------------------------------ going there
 
@@ -312,21 +337,17 @@ class SubGoals:
         return Drawing(points=points)
 
 
-def cheapest(points: list[OpenPoint], cost: Callable[[OpenPoint], float], side: int, tie: float) -> OpenPoint | None:
-    """The open point of least cost; of equal ones the first met when turning from the goal to a side; None of none.
+def cheapest(points: list[OpenPoint], cost: Callable[[OpenPoint], float], side: int) -> OpenPoint | None:
+    """The open point of least cost [m]; of equal ones the first met when turning from the goal to a side; None of none.
 
     Args:
         points: to choose from.
         cost: of one of them [m].
         side: +1 turns left, -1 right.
-        tie: costs nearer than this are equal [m].
     """
-    if not points:
-        return None
     costs = [cost(point) for point in points]
-    least = min(costs)
-    best = [point for point, value in zip(points, costs, strict=True) if value <= least + tie]
-    return min(best, key=lambda point: rotation_to(point, side))
+    equal = [point for point, value in zip(points, costs, strict=True) if value <= min(costs) + TIE]
+    return min(equal, key=lambda point: rotation_to(point, side), default=None)
 
 
 def rotation_to(point: OpenPoint, side: int) -> float:

@@ -273,14 +273,17 @@ class Vision:
     def sees_goal(self, scan: Scan, memory: VisionMemory) -> bool:
         """Step 1: whether the goal itself is T_i."""
         view = scan.view
-        can_reach = self.boundary.can_reach_goal(view, view.goal_bearing, view.goal_distance)
         if memory.is_goal_seen:
-            memory.is_goal_seen = can_reach or self._is_open(view, view.goal_position)
+            memory.is_goal_seen = self._is_open(view, view.goal_position) or self._can_reach(view)
             if not memory.is_goal_seen:
                 self._lose_goal(view, memory)
-        elif not self._is_blind(memory):
-            memory.is_goal_seen = can_reach or scan.sees(view.goal_position, self.reach)
+        elif view.goal_distance <= self.reach and not self._is_blind(memory):
+            memory.is_goal_seen = scan.sees(view.goal_position, self.reach) or self._can_reach(view)
         return memory.is_goal_seen
+
+    def _can_reach(self, view: View) -> bool:
+        """Whether the way is open to a goal that lies nearer to a wall than the clearance."""
+        return self.boundary.can_reach_goal(view, view.goal_bearing, view.goal_distance)
 
     def _lose_goal(self, view: View, memory: VisionMemory) -> None:
         """The goal went out of sight on the way to it: begin anew from here, or go back to the scout."""

@@ -97,7 +97,7 @@ def print_text_table(
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for line in lines:
         table.add_row(*(Text(cell) for cell in line))
-    wide = console.options.update(width=None, max_width=10_000)
+    wide = console.options.update(width=10_000)
     needed = Measurement.get(console, wide, table).maximum
     # A console as wide as the table: a terminal folds the lines, but every number is there.
     Console(file=console.file, width=max(console.width, needed)).print(table)
