@@ -68,10 +68,8 @@ class Profile(NamedTuple):
 
     goal_way: float
     """Free way toward the goal [m], infinite where nothing is in sight there."""
-    blocking: Point | None
-    """The point that ends it, robot's frame [m]."""
     blocking_beam: int
-    """The beam that saw it, -1 for none."""
+    """The beam that saw what ends it, -1 for none."""
     link: NDArray[np.bool_]
     """Whether each beam and the next see one surface (B,)."""
     open_points: list[OpenPoint]
@@ -155,18 +153,19 @@ class SubGoals:
         kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, self._wraps, link)
         first = view.goal_bearing
         angles = first + self._headings
-        free, touched_x, touched_y = np.empty((3, HEADINGS))
-        beam, near, side = np.empty((3, HEADINGS), dtype=np.int64)
-        cos, sin = np.cos(angles), np.sin(angles)
-        kernels.sweep_disc(x, y, ranges, reach, link, radius, first, cos, sin, free, beam, touched_x, touched_y)
-        count = kernels.find_open_points(free, beam, link, self.jump, near, side)
-        points = []
-        for heading, hand in zip(near[:count].tolist(), side[:count].tolist(), strict=True):
-            corner = float(touched_x[heading]), float(touched_y[heading])
-            past = float(free[(heading + hand) % HEADINGS])
-            points.append(OpenPoint(corner, hand, float(self._headings[heading]), float(free[heading]), past))
-        blocking = (float(touched_x[0]), float(touched_y[0])) if beam[0] >= 0 else None
-        return Profile(float(free[0]), blocking, int(beam[0]), link, points)
+        free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)
+        kernels.sweep_disc(x, y, ranges, reach, link, radius, first, np.cos(angles), np.sin(angles), free, beam)
+        found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
+        count = kernels.find_open_points(
+            x, y, ranges, reach, link, radius, first, free, beam, self.jump, found, side
+        )
+        points = [
+            OpenPoint((touched_x, touched_y), hand, rotation, near, far)
+            for (rotation, touched_x, touched_y, near, far), hand in zip(
+                found[:count].tolist(), side[:count].tolist(), strict=True
+            )
+        ]
+        return Profile(float(free[0]), int(beam[0]), link, points)
 
     def surface(self, view: View, profile: Profile) -> NDArray[np.float64]:
         """Points (k, 2) of what blocks the way to the goal, as far as it hangs together in the scan, robot's frame [m]."""

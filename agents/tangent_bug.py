@@ -35,6 +35,8 @@ class TangentBugMemory(BugMemory):
 
     side: int = 0
     """The side committed to; 0: none."""
+    heading_for: Point | None = None
+    """The wall point that it passes on that side on its way to the goal, odometry frame [m]."""
     target: Point | None = None
     """Where the target was when the distances below were measured, odometry frame [m]."""
     hit_distance: float = math.inf
@@ -128,20 +130,18 @@ class TangentBug(ScriptedPolicy):
         boundary = self.boundary
         bearing, distance = view.goal_bearing, view.goal_distance
         run = graph.blocking_run
-        nodes: list[Node] = []
         if run < 0 or self._sees_goal(view, graph):
-            memory.side = 0
+            memory.side, memory.heading_for = 0, None
         else:
-            nodes = [node for side in (self.side, -self.side) if (node := graph.end(run, side)) is not None]
-            node = self._choose(memory, graph, nodes)
+            node = self._choose(view, memory, graph, run)
             if node is None:
-                self._begin_following(view, memory, graph, nodes)
+                self._begin_following(view, memory, graph, run)
                 return None
-            memory.side = node.side
+            memory.side, memory.heading_for = node.side, view.to_odometry(*node.contact)
             bearing, distance = node.bearing, node.distance
         velocity = boundary.go(view, bearing, distance)
         if velocity is None:
-            self._begin_following(view, memory, graph, [])
+            self._begin_following(view, memory, graph, run)
             self._touch(view, memory, bearing)
         return velocity
 
@@ -155,36 +155,45 @@ class TangentBug(ScriptedPolicy):
             return False
         return view.free_distance(view.goal_bearing, boundary.safe_radius) >= distance - self.sensors.goal_radius
 
-    def _choose(self, memory: TangentBugMemory, graph: TangentGraph, nodes: list[Node]) -> Node | None:
-        """The node nearer to the goal that makes the shortest way, with the side committed to preferred; or None."""
+    def _choose(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> Node | None:
+        """The node to go to: nearer to the goal, on the shortest way; or None at a local minimum.
+
+        It keeps to the side it has taken of the obstacle it has taken it of, until another way looks COMMITMENT shorter.
+        """
         limit = graph.goal_distance - CLOSER * self.boundary.step
-        nearer = [node for node in nodes if math.dist(node.place, graph.goal) < limit]
-        return self._cheapest(memory, graph, nearer)
+        nearer = [node for node in self._ends(graph, run) if graph.distance_to_goal(node) < limit]
+        best = min(nearer, key=graph.way_past, default=None)
+        if memory.heading_for is None:
+            return best
+        kept_run = graph.run_at(view.to_robot(*memory.heading_for))
+        kept = graph.end(kept_run, memory.side)
+        if kept is None or (best is not None and graph.way_past(best) < (1.0 - COMMITMENT) * graph.way_past(kept)):
+            return best
+        if graph.distance_to_goal(kept) < limit:
+            return kept
+        return None if kept_run == run else best
 
-    def _cheapest(self, memory: TangentBugMemory, graph: TangentGraph, nodes: list[Node]) -> Node | None:
-        """The node of the shortest way to the goal, the other side's counted COMMITMENT longer."""
-
-        def cost(node: Node) -> float:
-            way = node.distance + math.dist(node.place, graph.goal)
-            return way / (1.0 - COMMITMENT) if node.side == -memory.side else way
-
-        return min(nodes, key=cost, default=None)
+    def _ends(self, graph: TangentGraph, run: int) -> list[Node]:
+        """The end nodes of a run, that of the side of the first turn first."""
+        ends = (graph.end(run, side) for side in (self.side, -self.side))
+        return [node for node in ends if node is not None]
 
     # ---------------------------------------------------------------------------------------- boundary following
 
-    def _begin_following(
-        self, view: View, memory: TangentBugMemory, graph: TangentGraph, nodes: list[Node]
-    ) -> None:
+    def _begin_following(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> None:
         """At a local minimum: choose a side, and where to touch the wall."""
-        node = next((node for node in nodes if node.side == memory.side), None) or self._cheapest(memory, graph, nodes)
-        memory.side = memory.side or (node.side if node is not None else self.side)
+        if memory.side == 0:
+            best = min(self._ends(graph, run), key=graph.way_past, default=None)
+            memory.side = self.side if best is None else best.side
         memory.mode = "boundary_following"
+        memory.heading_for = None
         memory.hits.append(view.position)
         memory.hit_sides.append(memory.side)
         memory.hit_odometers.append(memory.odometer)
         memory.hit_distance = view.goal_distance
-        memory.followed = graph.goal_distance_of(graph.blocking_run)
+        memory.followed = min(graph.goal_distance_of(run), view.goal_distance)
         self._begin_lap(memory)
+        node = graph.end(run, memory.side)
         if node is not None:
             memory.approach = view.to_odometry(*node.place)
             memory.anchor = view.to_odometry(*node.contact)

@@ -83,10 +83,11 @@ class TangentGraph:
         self.run_of = np.empty(headings, dtype=np.int64)
         """Number of the run that each heading belongs to (m,), -1 for none."""
         self._gap = 2.0 * radius
-        self._growth = spacing / math.sin(LEAST_ANGLE)
+        self._piece = np.empty(len(x), dtype=np.int64)
+        kernels.find_pieces(x, y, self._gap, spacing / math.sin(LEAST_ANGLE), self._piece)
         self.runs = int(
             kernels.find_runs(
-                x, y, self.bearings, radius, self.reach, self._gap, self._growth, self.free, self.contacts, self.run_of
+                x, y, self._piece, self.bearings, radius, self.reach, self._gap, self.free, self.contacts, self.run_of
             )
         )
         """How many runs there are."""
@@ -115,18 +116,24 @@ class TangentGraph:
 
         Where something nearer hides how the run goes on, the node is the way past that.
         """
+        if run < 0:
+            return None
         inside = self.run_of == run
         borders = np.flatnonzero(inside & ~np.roll(inside, -side))
         if len(borders) == 0:
             return None
-        heading = self.bearings[borders[0]]
-        step = side * 2.0 * math.pi / len(self.bearings)
-        _, contact, free, next_contact, next_free = kernels.find_border(
-            self.x, self.y, heading, heading + step, self.radius, self.reach, self._gap, self._growth
+        last = int(borders[0])
+        following = (last + side) % len(self.bearings)
+        low, high = self.bearings[last], self.bearings[last] + side * 2.0 * math.pi / len(self.bearings)
+        contacts = int(self.contacts[last]), int(self.contacts[following])
+        _, contact, hidden_by = kernels.find_border(
+            self.x, self.y, self._piece, low, high, *contacts, self.radius, self.reach, self._gap
         )
-        if next_contact >= 0 and next_free < free:
-            return self._passing(next_contact, -side, side)
-        return self._passing(contact, side, side)
+        node = self._passing(contact, side, side)
+        if hidden_by < 0:
+            return node
+        nearer = self._passing(hidden_by, -side, side)
+        return nearer if nearer.distance < node.distance else node
 
     def _passing(self, contact: int, turn: int, side: int) -> Node:
         """The way past a contact on its left (turn +1) or right (-1)."""
@@ -135,6 +142,14 @@ class TangentGraph:
         bearing = math.atan2(y, x) + turn * math.asin(min(self.radius / max(away, 1e-9), 1.0))
         distance = math.sqrt(max(away * away - self.radius * self.radius, 0.0))
         return Node(bearing, distance, (x, y), side)
+
+    def distance_to_goal(self, node: Node) -> float:
+        """Distance from a node to the goal [m]."""
+        return math.dist(node.place, self.goal)
+
+    def way_past(self, node: Node) -> float:
+        """Length of the way to the goal over a node, were there nothing behind it [m]."""
+        return node.distance + self.distance_to_goal(node)
 
     def goal_distance_of(self, run: int) -> float:
         """Distance from the goal to the nearest contact of a run [m], infinite without one."""

@@ -6,7 +6,6 @@ several times over: the median counts, the least and the greatest say how quiet 
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import platform
@@ -27,7 +26,7 @@ import numpy as np
 from gymnasium.utils.performance import benchmark_step
 
 import bug_gym
-from bug_gym.evaluation import AGENTS, agents, evaluate, progress_bar
+from bug_gym.evaluation import evaluate, progress_bar
 from bug_gym.rendering import replaced_when_done
 from bug_gym.simulation import Simulation
 
@@ -179,7 +178,8 @@ def vector_speed(scenario: dict[str, Any], worlds: int, seconds: float) -> float
 
 def sb3_speed(worlds: int, seconds: float) -> float:
     """Thousand steps a second of SB3's VecEnv."""
-    make_vec_env = importlib.import_module(f"{AGENTS}.sb3").make_vec_env
+    from bug_gym.agents.sb3 import make_vec_env
+
     env = make_vec_env(busy_world("circles", 20, 64), worlds, seed=0, observation="flat")
     env.reset()
     actions, number = random_actions(worlds), 0
@@ -270,7 +270,9 @@ def fresh_time(code: str) -> float:
 
 def decision_tasks() -> Iterator[Task]:
     """Microseconds of a decision of each policy."""
-    for name in agents().policy_names():
+    from bug_gym.agents import policy_names
+
+    for name in policy_names():
         yield f"decision: {name}", "us", partial(decision_time, name)
 
 

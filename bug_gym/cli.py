@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
-    from bug_gym.evaluation import PolicyEntry
+    from bug_gym.suites import PolicyEntry
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 
@@ -150,7 +150,7 @@ def _assignments(pairs: Sequence[str]) -> dict[str, Any]:
     """
     import yaml
 
-    from bug_gym.config import _Loader
+    from bug_gym.config import YamlLoader
 
     found = {}
     for pair in pairs:
@@ -158,7 +158,7 @@ def _assignments(pairs: Sequence[str]) -> dict[str, Any]:
         if not key or not equals:
             raise ValueError(f"got {pair!r}, expected KEY=VALUE, such as lidar.beams=180")
         try:
-            found[key] = yaml.load(value, Loader=_Loader)
+            found[key] = yaml.load(value, Loader=YamlLoader)
         except yaml.YAMLError:
             raise ValueError(f"got {pair!r}, expected a value as YAML has it, such as 180, true or [0, 1]") from None
     return found
@@ -166,7 +166,7 @@ def _assignments(pairs: Sequence[str]) -> dict[str, Any]:
 
 def _policy(text: str) -> PolicyEntry:
     """A policy from NAME[:PARAMETER=VALUE...], which is also what tables call it."""
-    from bug_gym.evaluation import PolicyEntry
+    from bug_gym.suites import PolicyEntry
 
     name, *pairs = re.split(r":(?=\w+=)", text)
     return PolicyEntry(text, name, _assignments(pairs))
@@ -201,7 +201,7 @@ def _policies() -> list[tuple[str, str]]:
 
 
 def _suites() -> list[tuple[str, str]]:
-    from bug_gym.evaluation import SUITE_FOLDER, suite_names
+    from bug_gym.suites import SUITE_FOLDER, suite_names
 
     return [(name, _first_comment(SUITE_FOLDER / f"{name}.yaml")) for name in suite_names()]
 
@@ -241,9 +241,10 @@ def evaluate(options: argparse.Namespace) -> None:
     """Drive policies through the same worlds; a table, and with --out a folder of rows, summary and pictures."""
     from rich.console import Console
 
-    from bug_gym.evaluation import evaluate, load_suite
+    from bug_gym.evaluation import evaluate
     from bug_gym.intervals import summarise
     from bug_gym.report import print_table
+    from bug_gym.suites import load_suite
 
     rows = evaluate(
         [_policy(text) for text in options.policies.split(",")] if options.policies else None,
@@ -263,8 +264,10 @@ def evaluate(options: argparse.Namespace) -> None:
 def render(options: argparse.Namespace) -> None:
     """Draw an episode of a policy: a film, or one picture of its whole path."""
     from bug_gym.config import load
-    from bug_gym.evaluation import Rollout, ScenarioEntry, film, portrait, progress_bar
+    from bug_gym.evaluation import progress_bar
     from bug_gym.rendering import Canvas, save_gif, save_mp4, save_png
+    from bug_gym.rollout import Rollout, film, portrait
+    from bug_gym.suites import ScenarioEntry
 
     out = _writable(options.out)
     save = {".gif": save_gif, ".mp4": save_mp4}.get(out.suffix)

@@ -48,7 +48,7 @@ def _wrong(reason: str, key: str = "") -> PydanticCustomError:
     return PydanticCustomError("scenario", "{reason}", {"key": key, "reason": reason})
 
 
-def _nearest(word: object, known: Iterable[object]) -> str:
+def nearest_hint(word: object, known: Iterable[object]) -> str:
     """`, did you mean 'x'?` for the known word nearest to this one, or nothing."""
     close = difflib.get_close_matches(str(word), [str(name) for name in known], n=1, cutoff=0.5)
     return f", did you mean {close[0]!r}?" if close else ""
@@ -122,7 +122,7 @@ class Part(BaseModel):
             for key in data:
                 if key not in cls.model_fields:
                     known = ", ".join(cls.model_fields)
-                    raise _wrong(f"unknown key{_nearest(key, cls.model_fields)} (known here: {known})", str(key))
+                    raise _wrong(f"unknown key{nearest_hint(key, cls.model_fields)} (known here: {known})", str(key))
             for key, field in cls.model_fields.items():
                 if field.is_required() and key not in data:
                     raise _wrong(f"missing: {field.description}", key)
@@ -975,7 +975,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Mapping[s
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        raise ScenarioError(_explain(error, f"{label} with overrides" if overrides else label)) from None
+        raise ScenarioError(explain(error, f"{label} with overrides" if overrides else label)) from None
 
 
 def dump(scenario: Scenario) -> dict[str, Any]:
@@ -1000,12 +1000,12 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[
     if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
         if source not in scenario_names():
             known = ", ".join(scenario_names())
-            raise ScenarioError(f"no scenario {source!r}{_nearest(source, scenario_names())} (known: {known})")
-        return f"{source}.yaml", _read_file(SCENARIO_FOLDER / f"{source}.yaml")
-    return str(source), _read_file(Path(source).expanduser())
+            raise ScenarioError(f"no scenario {source!r}{nearest_hint(source, scenario_names())} (known: {known})")
+        return f"{source}.yaml", read_yaml(SCENARIO_FOLDER / f"{source}.yaml")
+    return str(source), read_yaml(Path(source).expanduser())
 
 
-class _Loader(yaml.SafeLoader):
+class YamlLoader(yaml.SafeLoader):
     """Safe YAML in which a key may stand only once, and 1e-3 is a number as in YAML 1.2."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -1017,14 +1017,14 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
 
-_Loader.add_implicit_resolver(
+YamlLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
 )
 
 
-def _read_file(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> dict[str, Any]:
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=YamlLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
@@ -1033,7 +1033,7 @@ def _read_file(path: Path) -> dict[str, Any]:
         raise ScenarioError(f"{path}: not a YAML file: {error}") from None
     except OSError as error:
         known = [*(file.name for file in path.parent.glob("*.y*ml")), *scenario_names()]
-        raise ScenarioError(f"{path}: {error.strerror}{_nearest(path.name, known)}") from None
+        raise ScenarioError(f"{path}: {error.strerror}{nearest_hint(path.name, known)}") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{path}: got {_shortened(data)}, expected a mapping such as `world: {{family: empty}}`")
     data = _plain(data)  # what two aliases share comes apart, so that each can change alone
@@ -1111,7 +1111,7 @@ EXPECTED = {
 """What is allowed, by pydantic's name of the error."""
 
 
-def _explain(error: ValidationError, label: str) -> str:
+def explain(error: ValidationError, label: str) -> str:
     """One line a fault: file, key, what came, what is allowed."""
     return "\n".join(f"{label}: {_explain_one(detail)}" for detail in error.errors())
 
@@ -1133,7 +1133,7 @@ def _explain_one(detail: ErrorDetails) -> str:
     elif kind == "literal_error":
         known = tuple(re.findall(r"'([^']+)'", context["expected"]))
     expected = EXPECTED[kind].format(**context) if kind in EXPECTED else detail["msg"]
-    return f"{'.'.join(keys)}: got {_shortened(came)}, expected {expected}{_nearest(came, known)}"
+    return f"{'.'.join(keys)}: got {_shortened(came)}, expected {expected}{nearest_hint(came, known)}"
 
 
 def _keys(location: tuple[int | str, ...]) -> list[str]:

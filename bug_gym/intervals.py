@@ -200,7 +200,12 @@ def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int
     strata = _by_scenario((row.scenario, row.spl) for row in rows)
     spls = [value for stratum in strata for value in stratum]
     iqm = _bootstrap(strata, interquartile_means, resamples=resamples, seed=seed)
-    path_ratios = [row.path_length / row.shortest_path_length for row in solved if 0.0 < row.shortest_path_length < inf]
+    # The shortest path leads to the goal itself, a robot stops at its rim: the rest of the way counts too.
+    path_ratios = [
+        (row.path_length + row.goal_distance) / row.shortest_path_length
+        for row in solved
+        if 0.0 < row.shortest_path_length < inf
+    ]
     return Summary(
         scenario=key[0],
         policy=key[1],

@@ -2010,72 +2010,105 @@ def first_contact(px, py, angle, radius, reach):
     return free, contact
 
 
+@inlined
+def continues(ax, ay, bx, by):
+    """Whether a chord (bx, by) between scan points goes on along the chord (ax, ay) beside it, as on a straight wall."""
+    first, second = ax * ax + ay * ay, bx * bx + by * by
+    along = ax * bx + ay * by
+    # within 15 degrees, and not over two and a half times as long
+    return along > 0.0 and along * along > 0.933 * first * second and second < 6.25 * first
+
+
 @kernel
-def is_joined(px, py, first, second, first_free, second_free, gap, growth):
-    """Whether two headings end at one obstacle: their contacts and their free ways lie close together.
+def find_pieces(px, py, gap, growth, piece):
+    """Scan points, in the order of their beams around the full circle, cut into pieces of wall that hang together.
 
     Args:
         px: points' x (k,) in the robot's frame [m].
         py: points' y (k,) [m].
-        first: number of one heading's contact, -1 for none.
-        second: number of the other's.
-        first_free: free way of the one heading [m].
-        second_free: free way of the other [m].
-        gap: a distance that the disc does not pass [m].
-        growth: how the distance allowed grows with that from the robot, for beams that meet a wall at a small angle.
+        gap: neighbours not farther apart than this hang together [m].
+        growth: nor those not farther apart than this share of their distance from the robot; beyond that only those
+            in line with the points beside them: a wall that the beams meet at a small angle.
+        piece: result (k,), number of each point's piece.
     """
+    n = px.size
+    first = -1  # the first point that does not hang together with the one before it
+    for i in range(n):
+        h = i - 1 if i > 0 else n - 1
+        x, y = px[i] - px[h], py[i] - py[h]
+        away = max(math.hypot(px[h], py[h]), math.hypot(px[i], py[i]))
+        piece[i] = 0
+        if x * x + y * y <= max(gap, growth * away) ** 2:
+            continue
+        g = h - 1 if h > 0 else n - 1
+        j = i + 1 if i + 1 < n else 0
+        if continues(px[h] - px[g], py[h] - py[g], x, y) or continues(px[j] - px[i], py[j] - py[i], x, y):
+            continue
+        piece[i] = 1
+        first = i if first < 0 else first
+    if first < 0:
+        return
+    number = -1
+    for k in range(n):
+        i = first + k if first + k < n else first + k - n
+        number += piece[i]
+        piece[i] = number
+
+
+@inlined
+def is_joined(px, py, piece, first, second, gap):
+    """Whether two contacts (-1: none) belong to one obstacle: on one piece of wall, or too near for the disc to pass."""
     if first < 0 or second < 0:
         return False
-    away = max(math.hypot(px[first], py[first]), math.hypot(px[second], py[second]))
-    allowed = max(gap, growth * away)
-    if abs(first_free - second_free) > allowed:
-        return False
-    return math.hypot(px[first] - px[second], py[first] - py[second]) <= allowed
+    if piece[first] == piece[second]:
+        return True
+    x, y = px[first] - px[second], py[first] - py[second]
+    return x * x + y * y <= gap * gap
 
 
 @kernel
-def find_border(px, py, low, high, radius, reach, gap, growth):
-    """Where between two headings one obstacle ends, by bisection.
+def find_border(px, py, piece, low, high, low_contact, high_contact, radius, reach, gap):
+    """Where between two headings an obstacle ends, by bisection.
 
     Args:
         px: points' x (k,) in the robot's frame [m].
         py: points' y (k,) [m].
-        low: the one heading, which ends at the obstacle [rad].
+        piece: number of each point's piece of wall (k,).
+        low: the one heading [rad].
         high: the other [rad].
+        low_contact: number of the point that the one ends at.
+        high_contact: number of the point that the other ends at.
         radius: of the disc [m].
         reach: free way that means "nothing" [m].
-        gap: see `is_joined` [m].
-        growth: see `is_joined`.
+        gap: a distance between two points that the disc does not pass [m].
 
     Returns:
-        Whether there is a border, then contact and free way on its one side and on its other.
+        Whether an obstacle ends there; the last contact on the side of `low`, and the first one on that of `high`.
     """
-    low_free, low_contact = first_contact(px, py, low, radius, reach)
-    high_free, high_contact = first_contact(px, py, high, radius, reach)
     for _ in range(10):
-        if is_joined(px, py, low_contact, high_contact, low_free, high_free, gap, growth):
-            return False, low_contact, low_free, high_contact, high_free
+        if is_joined(px, py, piece, low_contact, high_contact, gap):
+            return False, low_contact, high_contact
         middle = 0.5 * (low + high)
-        free, contact = first_contact(px, py, middle, radius, reach)
-        if is_joined(px, py, low_contact, contact, low_free, free, gap, growth):
-            low, low_free, low_contact = middle, free, contact
+        _, contact = first_contact(px, py, middle, radius, reach)
+        if contact == low_contact or is_joined(px, py, piece, low_contact, contact, gap):
+            low, low_contact = middle, contact
         else:
-            high, high_free, high_contact = middle, free, contact
-    return True, low_contact, low_free, high_contact, high_free
+            high, high_contact = middle, contact
+    return True, low_contact, high_contact
 
 
 @kernel
-def find_runs(px, py, angles, radius, reach, gap, growth, free, contact, run):
+def find_runs(px, py, piece, angles, radius, reach, gap, free, contact, run):
     """The profile of free ways over a full circle of headings, cut into runs: neighbours that end at one obstacle.
 
     Args:
         px: points' x (k,) in the robot's frame [m].
         py: points' y (k,) [m].
+        piece: number of each point's piece of wall (k,).
         angles: headings (m,), rising by equal angles around the full circle [rad].
         radius: of the disc [m].
         reach: free way that means "nothing" [m].
-        gap: see `is_joined` [m].
-        growth: see `is_joined`.
+        gap: a distance between two points that the disc does not pass [m].
         free: result (m,), free way along each heading [m].
         contact: result (m,), number of the point touched there, -1 for none.
         run: result (m,), number of the run that each heading belongs to, -1 for none.
@@ -2092,14 +2125,17 @@ def find_runs(px, py, angles, radius, reach, gap, growth, free, contact, run):
         if contact[j] < 0:
             continue
         if j > 0 and contact[j - 1] >= 0:
-            ends, _, _, _, _ = find_border(px, py, angles[j - 1], angles[j], radius, reach, gap, growth)
+            ends, _, _ = find_border(
+                px, py, piece, angles[j - 1], angles[j], contact[j - 1], contact[j], radius, reach, gap
+            )
             if not ends:
                 run[j] = run[j - 1]
                 continue
         run[j] = count
         count += 1
     if run[last] > run[0] >= 0:
-        ends, _, _, _, _ = find_border(px, py, angles[last], angles[last] + angles[1] - angles[0], radius, reach, gap, growth)
+        high = angles[last] + angles[1] - angles[0]
+        ends, _, _ = find_border(px, py, piece, angles[last], high, contact[last], contact[0], radius, reach, gap)
         if not ends:
             count -= 1
             for j in range(last, -1, -1):
@@ -2291,30 +2327,67 @@ def link_beams(px, py, ranges, reach, jump, gap, wraps, link):
 
 
 @kernel
-def touch_headings(x, y, owner, radius, first, cos, sin, free, beam, touched_x, touched_y):
-    """Shorten the free ways of the headings along which a disc touches the point x, y."""
-    away = math.hypot(x, y)
-    half = math.asin(radius / away) if away > radius else 0.5 * math.pi
-    middle = math.atan2(y, x) - first
-    increment = 2.0 * math.pi / free.size
-    for heading in range(math.ceil((middle - half) / increment), math.floor((middle + half) / increment) + 1):
-        k = heading % free.size
-        along = x * cos[k] + y * sin[k]
-        room = radius * radius - (away * away - along * along)
-        if along > 0.0 and room > 0.0:
-            way = max(along - math.sqrt(room), 0.0)
-            if way < free[k]:
-                free[k] = way
-                beam[k] = owner
-                touched_x[k] = x
-                touched_y[k] = y
+def way_to_point(along, beside, radius):
+    """How far a disc goes until it touches a point, ahead by `along` and to the side by `beside`; infinite: passes it."""
+    room = radius * radius - beside * beside
+    if along <= 0.0 or room <= 0.0:
+        return math.inf
+    return max(along - math.sqrt(room), 0.0)
 
 
 @kernel
-def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam, touched_x, touched_y):
+def way_to_wall(along1, beside1, along2, beside2, radius):
+    """How far a disc goes until it touches the inside of a straight wall, and the share of the wall before that point.
+
+    The ends of the wall are points of their own. The way is infinite where the disc touches them first, or nothing.
+    """
+    dx, dy = along2 - along1, beside2 - beside1
+    length = math.hypot(dx, dy)
+    # (nx, ny) is square to the wall and points ahead; `away` is the distance of the wall's line, negative behind.
+    nx, ny = -dy / length, dx / length
+    if nx < 0.0:
+        nx, ny = -nx, -ny
+    away = nx * along1 + ny * beside1
+    way, reached = max((away - radius) / nx, 0.0), min(away, radius)
+    share = ((way + reached * nx - along1) * dx + (reached * ny - beside1) * dy) / (length * length)
+    if not (away > 0.0 and 0.0 < share < 1.0):
+        return math.inf, share
+    return way, share
+
+
+@kernel
+def long_wall(px, py, link, radius, i):
+    """Whether beam i and the next see a wall so long between them that a disc could sink into it visibly."""
+    j = (i + 1) % link.size
+    return link[i] and math.hypot(px[i] - px[j], py[i] - py[j]) > 0.25 * radius
+
+
+@kernel
+def touch_along(px, py, ranges, reach, link, radius, angle):
+    """What a disc touches first along a heading: free way, beam that saw it (-1 for none), x and y of the point."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    free, beam, x, y = math.inf, -1, 0.0, 0.0
+    for i in range(ranges.size):
+        if ranges[i] >= reach:
+            continue
+        along, beside = px[i] * cos + py[i] * sin, py[i] * cos - px[i] * sin
+        way = way_to_point(along, beside, radius)
+        if way < free:
+            free, beam, x, y = way, i, px[i], py[i]
+        if long_wall(px, py, link, radius, i):
+            j = (i + 1) % ranges.size
+            way, share = way_to_wall(along, beside, px[j] * cos + py[j] * sin, py[j] * cos - px[j] * sin, radius)
+            if way < free:
+                free, beam = way, i if share < 0.5 else j
+                x, y = px[i] + share * (px[j] - px[i]), py[i] + share * (py[j] - py[i])
+    return free, beam, x, y
+
+
+@kernel
+def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam):
     """The scan in configuration space: how far a disc gets along each of the headings of a full circle.
 
-    Surfaces are filled in between linked beams, so that no disc slips through a wall where the beams are sparse.
+    A wall goes on straight between linked beams, so that no disc slips through where the beams are sparse.
 
     Args:
         px: points' x (B,) in the robot's frame [m], one for each beam.
@@ -2328,26 +2401,36 @@ def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam,
         sin: of each heading (m,).
         free: result (m,), free way along each heading [m]; infinite where the disc touches nothing.
         beam: result (m,), the beam that saw what is touched, -1 for none.
-        touched_x: result (m,), x of the point touched [m].
-        touched_y: result (m,), y of the point touched [m].
     """
-    n = ranges.size
+    n, m = ranges.size, free.size
+    increment = 2.0 * math.pi / m
     free[:] = math.inf
     beam[:] = -1
     for i in range(n):
         if ranges[i] >= reach:
             continue
-        touch_headings(px[i], py[i], i, radius, first, cos, sin, free, beam, touched_x, touched_y)
-        if not link[i]:
+        x, y = px[i], py[i]
+        half = math.asin(radius / ranges[i]) if ranges[i] > radius else 0.5 * math.pi
+        middle = math.atan2(y, x) - first
+        low, high = math.ceil((middle - half) / increment), math.floor((middle + half) / increment)
+        for heading in range(low, high + 1):
+            k = heading % m
+            way = way_to_point(x * cos[k] + y * sin[k], y * cos[k] - x * sin[k], radius)
+            if way < free[k]:
+                free[k], beam[k] = way, i
+        if not long_wall(px, py, link, radius, i):
             continue
         j = (i + 1) % n
-        dx, dy = px[j] - px[i], py[j] - py[i]
-        pieces = int(math.hypot(dx, dy) / (0.5 * radius)) + 1
-        for piece in range(1, pieces):
-            share = piece / pieces
-            owner = i if share < 0.5 else j
-            x, y = px[i] + share * dx, py[i] + share * dy
-            touch_headings(x, y, owner, radius, first, cos, sin, free, beam, touched_x, touched_y)
+        half = max(half, math.asin(radius / ranges[j]) if ranges[j] > radius else 0.5 * math.pi)
+        turn = math.atan2(x * py[j] - y * px[j], x * px[j] + y * py[j])
+        low = math.ceil((middle + min(turn, 0.0) - half) / increment)
+        high = math.floor((middle + max(turn, 0.0) + half) / increment)
+        for heading in range(low, high + 1):
+            k = heading % m
+            along, beside = x * cos[k] + y * sin[k], y * cos[k] - x * sin[k]
+            way, share = way_to_wall(along, beside, px[j] * cos[k] + py[j] * sin[k], py[j] * cos[k] - px[j] * sin[k], radius)
+            if way < free[k]:
+                free[k], beam[k] = way, i if share < 0.5 else j
 
 
 @kernel
@@ -2365,27 +2448,49 @@ def is_one_surface(link, i, j):
 
 
 @kernel
-def find_open_points(free, beam, link, jump, near, side):
+def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jump, found, side):
     """Where the free way of a disc jumps between neighbouring headings, from one surface to another or to none.
 
     Args:
+        px: points' x (B,) in the robot's frame [m], one for each beam.
+        py: points' y (B,) [m].
+        ranges: (B,) [m].
+        reach: range that means "nothing seen" [m].
+        link: (B,) from `link_beams`.
+        radius: of the disc [m].
+        first: heading 0 [rad].
         free: free way along each heading (m,) [m], from `sweep_disc`.
         beam: the beam that saw what ends it (m,), from `sweep_disc`.
-        link: (B,) from `link_beams`.
         jump: change of the free way that is one [m].
-        near: result (m,), the heading on the nearer side of each jump.
+        found: result (m, 5): the heading where the nearer surface ends, counted from heading 0 [rad], x and y of the
+            point touched there [m], free way up to it, and free way past it [m].
         side: result (m,), +1 where the nearer surface ends counter-clockwise, -1 where it ends clockwise.
 
     Returns:
         How many there are, in the order of the headings.
     """
     count = 0
+    increment = 2.0 * math.pi / free.size
     for k in range(free.size):
         after = (k + 1) % free.size
         change = free[after] - free[k]
         if not abs(change) > jump or is_one_surface(link, beam[k], beam[after]):
             continue
-        near[count] = k if change > 0.0 else after
+        inside, outside = k * increment, (k + 1) * increment
+        surface, past = beam[k], free[after]
+        if change < 0.0:
+            inside, outside = outside, inside
+            surface, past = beam[after], free[k]
+        way, _, x, y = touch_along(px, py, ranges, reach, link, radius, first + inside)
+        for _ in range(8):  # headings are coarse: at a small angle to a wall the disc touches it far before its end
+            middle = 0.5 * (inside + outside)
+            free_way, seen, touched_x, touched_y = touch_along(px, py, ranges, reach, link, radius, first + middle)
+            if is_one_surface(link, surface, seen):
+                inside, way, x, y = middle, free_way, touched_x, touched_y
+            else:
+                outside, past = middle, free_way
+        found[count, 0], found[count, 1], found[count, 2] = inside, x, y
+        found[count, 3], found[count, 4] = way, past
         side[count] = 1 if change > 0.0 else -1
         count += 1
     return count

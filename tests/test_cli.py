@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym import benchmark, cli, evaluation
+from bug_gym import benchmark, cli
 from bug_gym.agents import policy_names
 from bug_gym.cli import main, make_parser
 from bug_gym.config import scenario_names
-from bug_gym.evaluation import suite_names
+from bug_gym.rollout import Rollout
+from bug_gym.suites import suite_names
 
 OPEN = ["--set", "world.goal=[2, 0]", "--set", "lidar.beams=8"]
 """Makes `empty` a matter of some twenty steps."""
@@ -208,10 +209,10 @@ def test_several_faults_are_told_in_one_line(capsys: pytest.CaptureFixture[str])
 def test_an_interrupted_evaluation_says_that_it_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(rollout: evaluation.Rollout) -> Any:
+    def interrupted(rollout: Rollout) -> Any:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(evaluation.Rollout, "worlds", interrupted)
+    monkeypatch.setattr(Rollout, "worlds", interrupted)
     out = tmp_path / "out"
     assert main(["evaluate", "--scenario", "empty", "--policies", "bug0", "--episodes", "2", "--out", str(out)]) == 130
     assert f"{out} keeps what is done, the same command goes on" in capsys.readouterr().err

@@ -14,22 +14,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from bug_gym import evaluation
+from bug_gym import evaluation, rollout
 from bug_gym.agents import make_policy, policy_names
 from bug_gym.config import load, scenario_names
-from bug_gym.evaluation import (
-    PolicyEntry,
-    Rollout,
-    ScenarioEntry,
-    evaluate,
-    load_suite,
-    make_plan,
-    suite_names,
-    typical,
-)
+from bug_gym.evaluation import evaluate, make_plan, typical
 from bug_gym.metrics import EpisodeRow
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.rollout import Rollout
+from bug_gym.suites import PolicyEntry, ScenarioEntry, load_suite, suite_names
 
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
 """Nothing but a straight line of 8 m, at 1 m/s."""
@@ -177,12 +170,12 @@ def test_a_robot_that_gave_up_stands_while_the_other_goes_on() -> None:
     scenario = load({**OPEN, "world": {"family": "empty"}, "robots": places})
     policy = GivesUp(Sensors.of(scenario))
     policy.within = 3.0
-    rollout = Rollout(PolicyEntry("a", "a", policy=policy), ScenarioEntry("s", scenario, range(1)), [0])
-    ((first, second),) = rollout.worlds()
+    drive = Rollout(PolicyEntry("a", "a", policy=policy), ScenarioEntry("s", scenario, range(1)), [0])
+    ((first, second),) = drive.worlds()
     assert (first.robot, first.outcome, second.robot, second.outcome) == (0, "success", 1, "gave_up")
     assert (second.steps, first.steps > 90) == (3, True)
     assert second.path_length == pytest.approx(0.3, abs=1e-6)
-    assert rollout.simulation.world.pose[0, 1, 0] == pytest.approx(-4.7, abs=1e-6)
+    assert drive.simulation.world.pose[0, 1, 0] == pytest.approx(-4.7, abs=1e-6)
 
 
 def test_each_robot_of_a_world_has_a_row() -> None:
@@ -193,7 +186,7 @@ def test_each_robot_of_a_world_has_a_row() -> None:
 
 def test_each_decision_of_a_scripted_policy_is_timed_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = iter(range(1_000_000))
-    monkeypatch.setattr(evaluation, "perf_counter", lambda: float(next(ticks)))
+    monkeypatch.setattr(rollout, "perf_counter", lambda: float(next(ticks)))
     for row in evaluate("bug0", "static", episodes=3):
         assert (row.decision_time_mean, row.decision_time_p99) == (1.0, 1.0)
         assert row.decision_time_total == row.steps
@@ -201,7 +194,7 @@ def test_each_decision_of_a_scripted_policy_is_timed_on_its_own(monkeypatch: pyt
 
 def test_robots_share_the_time_of_a_call_for_all_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = iter(range(1_000_000))
-    monkeypatch.setattr(evaluation, "perf_counter", lambda: float(next(ticks)))
+    monkeypatch.setattr(rollout, "perf_counter", lambda: float(next(ticks)))
     for row in evaluate(Recurrent(), OPEN, episodes=4):
         assert row.decision_time_mean == 0.25
 
@@ -212,8 +205,8 @@ def test_robots_share_the_time_of_a_call_for_all_of_them(monkeypatch: pytest.Mon
 def test_a_recurrent_policy_starts_anew_with_each_episode() -> None:
     policy = Recurrent()
     scenario = ScenarioEntry("open", load(OPEN), range(5))
-    rollout = Rollout(PolicyEntry("recurrent", "Recurrent", policy=policy), scenario, range(5), slots=2)
-    rows = [row for world in rollout.worlds() for row in world]
+    drive = Rollout(PolicyEntry("recurrent", "Recurrent", policy=policy), scenario, range(5), slots=2)
+    rows = [row for world in drive.worlds() for row in world]
     (straight,) = evaluate("go_to_goal", OPEN, episodes=1)
     assert sorted(row.seed for row in rows) == [0, 1, 2, 3, 4]
     assert {row.steps for row in rows} == {3 + straight.steps}

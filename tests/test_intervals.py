@@ -298,8 +298,8 @@ def only(summaries: list[Summary], scenario: str) -> Summary:
 
 
 MIXED = [
-    row("a", 1, time=10.0, path_length=12.0, shortest_path_length=8.0, spl=8.0 / 12.0, min_clearance=0.3),
-    row("a", 2, time=20.0, path_length=10.0, shortest_path_length=10.0, spl=1.0, min_clearance=0.1),
+    row("a", 1, time=10.0, path_length=11.7, goal_distance=0.3, shortest_path_length=8.0, spl=8.0 / 12.0, min_clearance=0.3),
+    row("a", 2, time=20.0, path_length=9.8, goal_distance=0.2, shortest_path_length=10.0, spl=1.0, min_clearance=0.1),
     row("a", 3, "collision", time=1.0, path_length=1.0, min_clearance=-0.01, decision_time_mean=0.007),
     row("a", 4, "timeout", time=60.0),
     row("a", 5, "gave_up", verdict="stuck"),
@@ -325,7 +325,7 @@ def test_summary_takes_times_and_clearances_of_successes_only() -> None:
     assert summary.min_clearance == pytest.approx((0.3 + 0.1 + 0.2 + 0.4) / 4)
 
 
-def test_summary_takes_path_ratios_where_a_shortest_path_is_known() -> None:
+def test_summary_takes_path_ratios_with_the_rest_of_the_way_where_a_shortest_path_is_known() -> None:
     assert only(summarise(MIXED), "box").path_ratio == pytest.approx((12.0 / 8.0 + 1.0) / 2)
 
 

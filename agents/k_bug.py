@@ -1,0 +1,151 @@
+"""K-Bug: round the obstacle in the way by the better one of its two ends in sight.
+
+Source: Langer, Coelho and Oliveira (2007), as reported by Hasibuzzaman, Jan and Wu; no full statement of the rules is at
+hand, so this is a reconstruction. Sensing assumed: a scan all round; goal, own position. Memory kept: the collision
+points, where the straight way to the goal was blocked, and the side taken at each. States: motion_to_goal,
+motion_to_sub_goal, corner_rounding. Where the straight way is blocked the robot compares the left and the right end in
+sight of what blocks it, by the way over the end to the goal; where the obstacle is seen to block the way on from there,
+the way over its next corner. At a collision point met again it takes the other side. Guarantee: none, it can cycle (then
+"looping"); without an end in sight it stops as "stuck". Length bound: none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+
+from .boundary_following import LeaveRule, Point, Turn, side_of
+from .open_points import OpenPoint, Profile, SubGoalMemory, SubGoals, cheapest, goal_distance_of, rotation_to
+
+
+class Collision(NamedTuple):
+    """A collision point."""
+
+    place: Point
+    """Where the straight way to the goal ended, odometry frame [m]."""
+    side: int
+    """Side taken there: +1 past the left end, -1 past the right one."""
+    odometer: float
+    """Length of the whole way then [m]."""
+
+
+@dataclass
+class KBugMemory(SubGoalMemory):
+    """Memory of K-Bug."""
+
+    collisions: list[Collision] = field(default_factory=list)
+    """Collision points so far."""
+
+
+class KBug(ScriptedPolicy):
+    """K-Bug.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
+        turn: which of two equally good ends to take.
+        leave_rule: "any" or "front", see SubGoals.
+        jump: change of the reading that makes an end [m]; None: 0.5, for small robots less.
+        discrete: whether actions are numbers of the discrete table.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "any",
+        jump: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, discrete=discrete)
+        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
+        self.side = side_of(turn)
+
+    def start(self) -> KBugMemory:
+        """Memory of a new episode."""
+        return KBugMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: KBugMemory) -> Velocity:
+        """One decision."""
+        profile = self.sub_goals.look(view)
+        velocity = self.sub_goals.go_on(view, memory, profile)
+        if velocity is not None:
+            return velocity
+        ends = self._ends(view, memory, profile)
+        if not ends:
+            return self.sub_goals.give_up(memory, "stuck")
+        surface = self.sub_goals.surface(view, profile)
+        point = self._better(view, memory, ends, self._collision_point(view, profile), surface)
+        return self.sub_goals.set_out(view, memory, profile, point)
+
+    def _ends(self, view: View, memory: KBugMemory, profile: Profile) -> list[OpenPoint]:
+        """The left and the right end in sight of what blocks the way to the goal, as far as there are any."""
+        points = [p for p in profile.open_points if not self.sub_goals.is_known(view, p, memory.blocked)]
+        sides = ([point for point in points if point.side == side] for side in (1, -1))
+        return [min(side, key=lambda point: rotation_to(point, point.side)) for side in sides if side]
+
+    def _better(
+        self,
+        view: View,
+        memory: KBugMemory,
+        ends: list[OpenPoint],
+        blocking: Point,
+        surface: NDArray[np.float64],
+    ) -> OpenPoint:
+        """The end to take; at a collision point met again that of the other side."""
+        place = view.to_odometry(*blocking)
+        chosen = cheapest(ends, lambda end: self._way_over(view, end, surface), self.side)
+        assert chosen is not None
+        last = self._met_before(memory, place)
+        if last is not None and len(ends) == 2:
+            chosen = next(end for end in ends if end.side != last.side)
+        memory.collisions.append(Collision(place, chosen.side, memory.odometer))
+        return chosen
+
+    def _met_before(self, memory: KBugMemory, place: Point) -> Collision | None:
+        """The last earlier collision at a place, the robot having been elsewhere in between."""
+        for collision in reversed(memory.collisions):
+            is_same = math.dist(collision.place, place) <= self.sub_goals.same
+            if is_same and memory.odometer - collision.odometer > self.sub_goals.boundary.arming_length:
+                return collision
+        return None
+
+    def _way_over(self, view: View, end: OpenPoint, surface: NDArray[np.float64]) -> float:
+        """Length of the way over an end to the goal, and over the next corner where that is seen to be in the way [m]."""
+        place = end.sub_goal(self.sub_goals.boundary.clearance)
+        corner = self._next_corner(view, place, end.side, surface)
+        if corner is None:
+            return math.hypot(*place) + goal_distance_of(view, place)
+        return math.hypot(*place) + math.dist(place, corner) + goal_distance_of(view, corner)
+
+    def _next_corner(self, view: View, place: Point, side: int, surface: NDArray[np.float64]) -> Point | None:
+        """Where a robot that goes on to the goal passes the same obstacle once more; None where it sees a free way."""
+        goal = np.array(view.goal)
+        distance = math.dist(place, view.goal)
+        ahead = (goal - place) / max(distance, 1e-9)
+        left = np.array([-ahead[1], ahead[0]])
+        offset = surface - place
+        along, beside = offset @ ahead, side * (offset @ left)
+        between = (along > 0.0) & (along < distance)
+        if not (between & (np.abs(beside) < self.sub_goals.boundary.inner)).any():
+            return None
+        last = surface[np.where(between, beside, -np.inf).argmax()]
+        x, y = last + side * self.sub_goals.boundary.clearance * left
+        return float(x), float(y)
+
+    def draw(self, memory: KBugMemory) -> Drawing:
+        """Sub-goals, the present corner and the collision points."""
+        drawing = self.sub_goals.draw(memory)
+        return Drawing(points=[*drawing.points, *((*collision.place, "hit") for collision in memory.collisions)])
