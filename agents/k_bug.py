@@ -29,7 +29,7 @@ class Collision(NamedTuple):
     """A collision point."""
 
     place: Point
-    """Where the straight way to the goal ended, odometry frame [m]."""
+    """Where the robot would stand at the end of the straight way to the goal, odometry frame [m]."""
     side: int
     """Side taken there: +1 past the left end, -1 past the right one."""
     odometer: float
@@ -86,9 +86,7 @@ class KBug(ScriptedPolicy):
         ends = self._ends(view, memory, profile)
         if not ends:
             return self.sub_goals.give_up(memory, "stuck")
-        surface = self.sub_goals.surface(view, profile)
-        point = self._better(view, memory, ends, self._collision_point(view, profile), surface)
-        return self.sub_goals.set_out(view, memory, profile, point)
+        return self.sub_goals.set_out(view, memory, profile, self._better(view, memory, profile, ends))
 
     def _ends(self, view: View, memory: KBugMemory, profile: Profile) -> list[OpenPoint]:
         """The left and the right end in sight of what blocks the way to the goal, as far as there are any."""
@@ -96,16 +94,11 @@ class KBug(ScriptedPolicy):
         sides = ([point for point in points if point.side == side] for side in (1, -1))
         return [min(side, key=lambda point: rotation_to(point, point.side)) for side in sides if side]
 
-    def _better(
-        self,
-        view: View,
-        memory: KBugMemory,
-        ends: list[OpenPoint],
-        blocking: Point,
-        surface: NDArray[np.float64],
-    ) -> OpenPoint:
+    def _better(self, view: View, memory: KBugMemory, profile: Profile, ends: list[OpenPoint]) -> OpenPoint:
         """The end to take; at a collision point met again that of the other side."""
-        place = view.to_odometry(*blocking)
+        way, bearing = profile.goal_way, view.goal_bearing
+        place = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))
+        surface = self.sub_goals.surface(view, profile)
         chosen = cheapest(ends, lambda end: self._way_over(view, end, surface), self.side)
         assert chosen is not None
         last = self._met_before(memory, place)

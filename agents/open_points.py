@@ -155,9 +155,9 @@ class SubGoals:
         angles = first + self._headings
         free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)
         kernels.sweep_disc(x, y, ranges, reach, link, radius, first, np.cos(angles), np.sin(angles), free, beam)
-        found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
+        found, side, chosen = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64), np.empty(len(x), dtype=np.int64)
         count = kernels.find_open_points(
-            x, y, ranges, reach, link, radius, first, free, beam, self.jump, found, side
+            x, y, ranges, reach, link, radius, first, free, beam, self.jump, chosen, found, side
         )
         points = [
             OpenPoint((touched_x, touched_y), hand, rotation, near, far)

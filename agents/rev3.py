@@ -43,8 +43,8 @@ class Rev3Memory(BugMemory):
     """Of the places of this search nearer to the goal than the last hit point, where the way was free, the nearest."""
     is_lowered: bool = False
     """Whether a lap without a better take-off has lowered the demand to that place."""
-    has_lowered: bool = False
-    """Whether that happened ever."""
+    progress_hits: int = 0
+    """How many hit points there were when it last left nearer to the goal than all of them: no cycle holds those."""
 
 
 class Rev3(ScriptedPolicy):
@@ -120,15 +120,27 @@ class Rev3(ScriptedPolicy):
         memory.hit_before, memory.last_hit = memory.last_hit, here
         memory.nearest_free = None
         memory.is_lowered = False
-        # The guard ends every cycle, unless its demand had to be lowered.
-        if boundary.is_looping(memory) and (memory.has_lowered or not self.guard):
+        if self._is_looping(memory):
             memory.verdict = "looping"
+
+    def _is_looping(self, memory: Rev3Memory) -> bool:
+        """Whether the last two hit points, which decide all that follows, come in this order for the third time."""
+        hits = list(zip(memory.hits, memory.hit_sides, strict=True))[memory.progress_hits :]
+        repeats = sum(self._is_same(hits[k - 1 : k + 1], hits[-2:]) for k in range(1, len(hits) - 1))
+        return repeats >= 2
+
+    def _is_same(self, first: list[tuple[Point, int]], second: list[tuple[Point, int]]) -> bool:
+        """Whether two sequences of hit points and sides are the same."""
+        reach = self.boundary.gate_half_width
+        return all(a[1] == b[1] and math.dist(a[0], b[0]) <= reach for a, b in zip(first, second, strict=True))
 
     def _watch(self, view: View, memory: Rev3Memory, contour: Contour) -> None:
         """Leave the boundary, begin to search, or give up, where the last step allows it or demands it."""
         boundary = self.boundary
         is_free = boundary.is_free(view, view.goal_bearing, view.goal_distance, contour)
         if is_free and (not memory.is_searching or view.goal_distance < self._demand(view, memory)):
+            if memory.is_searching and not memory.is_lowered and self._compares_all(memory):
+                memory.progress_hits = len(memory.hits)
             boundary.leave(view, memory)
             return
         if is_free:
@@ -141,11 +153,15 @@ class Rev3(ScriptedPolicy):
     def _demand(self, view: View, memory: Rev3Memory) -> float:
         """How near to the goal a better take-off must be [m]."""
         goal, progress = view.goal_position, self.boundary.progress
-        saved = memory.marks if self.mspdg == "all" or memory.is_repeating else memory.marks[-2:]
+        saved = memory.marks if self._compares_all(memory) else memory.marks[-2:]
         demand = min(math.dist(mark.place, goal) for mark in saved) - progress
         if memory.is_lowered and memory.nearest_free is not None:
             demand = max(demand, math.dist(memory.nearest_free, goal) + progress)
         return demand
+
+    def _compares_all(self, memory: Rev3Memory) -> bool:
+        """Whether the take-off must be nearer to the goal than all hit points, or than the last two."""
+        return self.mspdg == "all" or memory.is_repeating
 
     def _note_free(self, view: View, memory: Rev3Memory) -> None:
         """Keep the place, if it is nearer to the goal than the last hit point and than the one kept."""
@@ -165,7 +181,7 @@ class Rev3(ScriptedPolicy):
         elif memory.is_lowered:
             memory.verdict = "looping"
         else:
-            memory.is_lowered = memory.has_lowered = True
+            memory.is_lowered = True
 
     def draw(self, memory: Rev3Memory) -> Drawing:
         """Hit and leave points."""

@@ -25,6 +25,9 @@ from .tangent_graph import Node, TangentGraph
 COMMITMENT = 0.2
 """How much shorter the way round the other side must look to change sides, as a share."""
 
+TOUCH = 1.5
+"""How much farther from a wall than the clearance is at the wall, in steps."""
+
 CLOSER = 0.1
 """How much nearer to the goal is nearer while the robot goes to it, in steps."""
 
@@ -110,7 +113,7 @@ class TangentBug(ScriptedPolicy):
             velocity = self._go(view, memory, graph)
         if velocity is not None:
             return velocity
-        return self._follow(view, memory)
+        return self._follow(view, memory, graph)
 
     def _watch_target(self, view: View, memory: TangentBugMemory) -> None:
         """Forget distances to a place that the target has left."""
@@ -214,27 +217,27 @@ class TangentBug(ScriptedPolicy):
         memory.contour = self.boundary.lay_hand(view, memory.side, bearing)
         memory.approach = memory.anchor = None
 
-    def _follow(self, view: View, memory: TangentBugMemory) -> Velocity:
+    def _follow(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity:
         """Velocity to the place where it will touch the wall, or along the wall."""
         if memory.contour is None:
-            velocity = self._approach(view, memory)
+            velocity = self._approach(view, memory, graph)
             if velocity is not None:
                 return velocity
         return self.boundary.follow(view, memory)
 
-    def _approach(self, view: View, memory: TangentBugMemory) -> Velocity | None:
+    def _approach(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the wall; None where it has been touched."""
         assert memory.approach is not None and memory.anchor is not None
         x, y = view.to_robot(*memory.approach)
         bearing, distance = math.atan2(y, x), math.hypot(x, y)
-        if distance > 0.5 * self.boundary.step:
+        wall = graph.nearest_of(graph.run_at(view.to_robot(*memory.anchor)))
+        if wall is not None and math.hypot(*wall) <= self.boundary.clearance + TOUCH * self.boundary.step:
+            bearing = math.atan2(wall[1], wall[0])
+        elif distance > 0.5 * self.boundary.step:
             velocity = self.boundary.go(view, bearing, distance)
             if velocity is not None:
                 return velocity
-            self._touch(view, memory, bearing)
-            return None
-        x, y = view.to_robot(*memory.anchor)
-        self._touch(view, memory, math.atan2(y, x))
+        self._touch(view, memory, bearing)
         return None
 
     # ---------------------------------------------------------------------------------------------------- leaving

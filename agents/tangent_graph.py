@@ -102,6 +102,14 @@ class TangentGraph:
         index = self.contacts[self.run_of == run]
         return np.column_stack([self.x[index], self.y[index]])
 
+    def nearest_of(self, run: int) -> Point | None:
+        """The contact of a run that is nearest to the robot, robot's frame [m]."""
+        index = self.contacts[self.run_of == run]
+        if run < 0 or len(index) == 0:
+            return None
+        nearest = index[(self.x[index] ** 2 + self.y[index] ** 2).argmin()]
+        return float(self.x[nearest]), float(self.y[nearest])
+
     def run_at(self, point: Point) -> int:
         """The run with the contact nearest to a point of the robot's frame [m], -1 where nothing is in sight."""
         blocked = np.flatnonzero(self.contacts >= 0)

@@ -296,7 +296,7 @@ def reproduce(options: argparse.Namespace) -> None:
     from rich.console import Console
 
     from bug_gym.rendering import replaced_when_done
-    from bug_gym.report import print_text_table
+    from bug_gym.report import draw_curves, print_text_table
     from bug_gym.reproductions import reproduction
     from bug_gym.reproductions.result import Settings
 
@@ -309,7 +309,10 @@ def reproduce(options: argparse.Namespace) -> None:
         print_text_table(table.title, table.header, table.rows, console)
     for note in result.notes:
         console.print(note, highlight=False)
-    console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
+    if result.holds is not None:
+        console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
+    if out and result.curves:
+        draw_curves(out.with_suffix(".png"), result.curves)
     if out:
         told = subprocess.run(
             ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False

@@ -2326,7 +2326,7 @@ def link_beams(px, py, ranges, reach, jump, gap, wraps, link):
             )
 
 
-@kernel
+@inlined
 def way_to_point(along, beside, radius):
     """How far a disc goes until it touches a point, ahead by `along` and to the side by `beside`; infinite: passes it."""
     room = radius * radius - beside * beside
@@ -2335,7 +2335,7 @@ def way_to_point(along, beside, radius):
     return max(along - math.sqrt(room), 0.0)
 
 
-@kernel
+@inlined
 def way_to_wall(along1, beside1, along2, beside2, radius):
     """How far a disc goes until it touches the inside of a straight wall, and the share of the wall before that point.
 
@@ -2355,27 +2355,65 @@ def way_to_wall(along1, beside1, along2, beside2, radius):
     return way, share
 
 
-@kernel
-def long_wall(px, py, link, radius, i):
+@inlined
+def is_long_wall(px, py, link, radius, i):
     """Whether beam i and the next see a wall so long between them that a disc could sink into it visibly."""
-    j = (i + 1) % link.size
-    return link[i] and math.hypot(px[i] - px[j], py[i] - py[j]) > 0.25 * radius
+    if not link[i]:
+        return False
+    j = i + 1 if i + 1 < link.size else 0
+    dx, dy = px[j] - px[i], py[j] - py[i]
+    return dx * dx + dy * dy > 0.0625 * radius * radius
 
 
 @kernel
-def touch_along(px, py, ranges, reach, link, radius, angle):
-    """What a disc touches first along a heading: free way, beam that saw it (-1 for none), x and y of the point."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    free, beam, x, y = math.inf, -1, 0.0, 0.0
+def beams_between(px, py, ranges, reach, link, radius, low, high, chosen):
+    """Numbers of the beams whose points a disc may touch along headings from `low` to `high`, a degree or so apart.
+
+    Args:
+        px: points' x (B,) in the robot's frame [m], one for each beam.
+        py: points' y (B,) [m].
+        ranges: (B,) [m].
+        reach: range that means "nothing seen" [m].
+        link: (B,) from `link_beams`.
+        radius: of the disc [m].
+        low: heading [rad].
+        high: heading [rad].
+        chosen: result, as many numbers as are returned; room for (B,).
+    """
+    low_x, low_y, high_x, high_y = math.cos(low), math.sin(low), math.cos(high), math.sin(high)
+    count = 0
     for i in range(ranges.size):
+        x, y = px[i], py[i]
         if ranges[i] >= reach:
             continue
+        touches = y * low_x - x * low_y > -radius and y * high_x - x * high_y < radius
+        if is_long_wall(px, py, link, radius, i):
+            j = i + 1 if i + 1 < link.size else 0
+            above = max(y * low_x - x * low_y, py[j] * low_x - px[j] * low_y)
+            below = min(y * high_x - x * high_y, py[j] * high_x - px[j] * high_y)
+            touches = above > -radius and below < radius
+        if touches:
+            chosen[count] = i
+            count += 1
+    return count
+
+
+@kernel
+def touch_along(px, py, link, radius, angle, chosen, count):
+    """What a disc touches first along a heading: free way, beam that saw it (-1 for none), x and y of the point.
+
+    Only the first `count` beams of `chosen`, from `beams_between`, are looked at.
+    """
+    cos, sin = math.cos(angle), math.sin(angle)
+    free, beam, x, y = math.inf, -1, 0.0, 0.0
+    for c in range(count):
+        i = chosen[c]
         along, beside = px[i] * cos + py[i] * sin, py[i] * cos - px[i] * sin
         way = way_to_point(along, beside, radius)
         if way < free:
             free, beam, x, y = way, i, px[i], py[i]
-        if long_wall(px, py, link, radius, i):
-            j = (i + 1) % ranges.size
+        if is_long_wall(px, py, link, radius, i):
+            j = i + 1 if i + 1 < link.size else 0
             way, share = way_to_wall(along, beside, px[j] * cos + py[j] * sin, py[j] * cos - px[j] * sin, radius)
             if way < free:
                 free, beam = way, i if share < 0.5 else j
@@ -2418,7 +2456,7 @@ def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam)
             way = way_to_point(x * cos[k] + y * sin[k], y * cos[k] - x * sin[k], radius)
             if way < free[k]:
                 free[k], beam[k] = way, i
-        if not long_wall(px, py, link, radius, i):
+        if not is_long_wall(px, py, link, radius, i):
             continue
         j = (i + 1) % n
         half = max(half, math.asin(radius / ranges[j]) if ranges[j] > radius else 0.5 * math.pi)
@@ -2448,7 +2486,7 @@ def is_one_surface(link, i, j):
 
 
 @kernel
-def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jump, found, side):
+def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jump, chosen, found, side):
     """Where the free way of a disc jumps between neighbouring headings, from one surface to another or to none.
 
     Args:
@@ -2462,6 +2500,7 @@ def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jum
         free: free way along each heading (m,) [m], from `sweep_disc`.
         beam: the beam that saw what ends it (m,), from `sweep_disc`.
         jump: change of the free way that is one [m].
+        chosen: scratch (B,).
         found: result (m, 5): the heading where the nearer surface ends, counted from heading 0 [rad], x and y of the
             point touched there [m], free way up to it, and free way past it [m].
         side: result (m,), +1 where the nearer surface ends counter-clockwise, -1 where it ends clockwise.
@@ -2477,15 +2516,16 @@ def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jum
         if not abs(change) > jump or is_one_surface(link, beam[k], beam[after]):
             continue
         inside, outside = k * increment, (k + 1) * increment
+        seen = beams_between(px, py, ranges, reach, link, radius, first + inside, first + outside, chosen)
         surface, past = beam[k], free[after]
         if change < 0.0:
             inside, outside = outside, inside
             surface, past = beam[after], free[k]
-        way, _, x, y = touch_along(px, py, ranges, reach, link, radius, first + inside)
+        way, _, x, y = touch_along(px, py, link, radius, first + inside, chosen, seen)
         for _ in range(8):  # headings are coarse: at a small angle to a wall the disc touches it far before its end
             middle = 0.5 * (inside + outside)
-            free_way, seen, touched_x, touched_y = touch_along(px, py, ranges, reach, link, radius, first + middle)
-            if is_one_surface(link, surface, seen):
+            free_way, touched, touched_x, touched_y = touch_along(px, py, link, radius, first + middle, chosen, seen)
+            if is_one_surface(link, surface, touched):
                 inside, way, x, y = middle, free_way, touched_x, touched_y
             else:
                 outside, past = middle, free_way

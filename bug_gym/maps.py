@@ -25,6 +25,8 @@ class BarnMap:
     """x, y [m]."""
     circles: NDArray[np.float64]
     """Cylinders (n, 3): x, y, radius [m]."""
+    reference_length: float | None = None
+    """Length of the benchmark's own path, which its score refers to [m]; None where the file has none."""
 
 
 BARN_START = (-2.0, 3.0, math.pi / 2.0)

@@ -8,11 +8,11 @@ import csv
 import io
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from bug_gym.intervals import OVERALL, Summary
 from bug_gym.metrics import EpisodeRow
@@ -101,6 +101,46 @@ def print_text_table(
     needed = Measurement.get(console, wide, table).maximum
     # A console as wide as the table: a terminal folds the lines, but every number is there.
     Console(file=console.file, width=max(console.width, needed)).print(table)
+
+
+class Lines(Protocol):
+    """What `draw_curves` draws: see reproductions.result.Curves."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def x_label(self) -> str: ...
+    @property
+    def y_label(self) -> str: ...
+    @property
+    def x(self) -> Sequence[float]: ...
+    @property
+    def lines(self) -> Mapping[str, Sequence[tuple[float, float, float]]]: ...
+
+
+def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
+    """Draw each set of lines with its intervals, side by side, into a PNG.
+
+    Raises:
+        ImportError: matplotlib is not installed (the extra `report`).
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError("curves need matplotlib: pip install 'bug-gym[report]'") from error
+    figure = Figure(figsize=(6.5 * len(curves), 4.5), layout="constrained")
+    for axes, one in zip(figure.subplots(1, len(curves), squeeze=False)[0], curves, strict=True):
+        places = range(len(one.x))  # evenly spaced: the values grow by factors
+        for name, points in one.lines.items():
+            middle, low, high = zip(*points, strict=True)
+            (line,) = axes.plot(places, middle, marker="o", label=name)
+            axes.fill_between(places, low, high, color=line.get_color(), alpha=0.1)
+        axes.set_xticks(list(places), [f"{value:g}" for value in one.x])
+        axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=(-0.02, 1.02))
+        axes.legend(fontsize="small")
+    partial = path.with_name(f"{path.stem}.partial.png")
+    figure.savefig(partial, dpi=100)
+    partial.replace(path)
 
 
 def write_summary(folder: str | os.PathLike[str], rows: Sequence[EpisodeRow], summaries: Sequence[Summary]) -> None:

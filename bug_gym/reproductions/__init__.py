@@ -14,6 +14,10 @@ from bug_gym.reproductions.result import Reproduction, Settings
 
 REPRODUCTIONS: dict[str, str] = {
     "oni-wang-table-1": "oni_wang_table_1",
+    "bug-bounds": "bug_bounds",
+    "barn": "barn",
+    "lidar-density": "lidar_density",
+    "odometry-drift": "odometry_drift",
 }
 """Name on the command line -> module here."""
 

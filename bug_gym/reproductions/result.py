@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -37,6 +37,18 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Curves:
+    """Lines to draw, each point with its interval."""
+
+    title: str
+    x_label: str
+    y_label: str
+    x: Sequence[float]
+    lines: Mapping[str, Sequence[tuple[float, float, float]]]
+    """Value, low and high at each x, by name."""
+
+
+@dataclass(frozen=True)
 class Reproduction:
     """What a reproduction found."""
 
@@ -47,8 +59,10 @@ class Reproduction:
     """Footnotes."""
     data: dict[str, Any] = field(default_factory=dict)
     """All numbers, as JSON can hold them."""
-    holds: bool = True
-    """Whether every claim that was checked holds."""
+    holds: bool | None = None
+    """Whether every claim that was checked holds; None: it claims nothing."""
+    curves: Sequence[Curves] = ()
+    """What is drawn beside the JSON."""
 
     def as_json(self, commit: str) -> str:
         """The numbers with what they were made by, as JSON text."""

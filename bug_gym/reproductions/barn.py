@@ -1,0 +1,99 @@
+"""The BARN benchmark's worlds (Perille et al. 2020): success and the benchmark's score, for bugs of two robots.
+
+Needs the benchmark's worlds (`--data`: a .jsonl or a folder of `world_N.world` files). The score of a run is
+success x T0 / clip(T, 4 T0, 8 T0), T the time taken and T0 the time of the reference path at 2 m/s; at most 0.25. The
+benchmark's own figures come from Gazebo's physics: context, not a rival.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from bug_gym.evaluation import evaluate
+from bug_gym.intervals import wilson_interval
+from bug_gym.maps import load_barn
+from bug_gym.metrics import EpisodeRow
+from bug_gym.reproductions.result import Reproduction, Settings, Table
+
+POLICIES = ("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev3")
+PARAMETERS: dict[str, dict[str, Any]] = {"holonomic": {"clearance": 0.3}, "jackal": {"clearance": 0.33}}
+"""All of the worlds are open at a clearance of 0.35 m, not all at 0.40."""
+
+COMMON = {"lidar.beams": 720, "lidar.range": 10.0, "goal.radius": 1.0, "time.limit": 100.0}
+ROBOTS = {
+    "holonomic": {"kinematics": "holonomic", "radius": 0.2, "max_speed": 1.0},
+    "jackal": {"kinematics": "differential", "radius": 0.25, "max_speed": 2.0, "max_reverse": 0.5, "max_turn_rate": 3.0},
+}
+STEPS = {"holonomic": 0.1, "jackal": 0.05}
+
+SUCCESS_ASKED = {"holonomic": 1.0, "jackal": 0.95}
+DWA = "ROS's DWA, map unknown, as the benchmark prints it (Gazebo): success 88.0 %, collisions 4.8 %, score 0.1693, 33.47 s."
+
+
+def score(row: EpisodeRow, reference_length: float | None) -> float:
+    """The benchmark's score of a run; without a reference path, T0 is that of the shortest path for the body."""
+    if not row.success:
+        return 0.0
+    best = (row.shortest_path_length if reference_length is None else reference_length) / 2.0
+    return best / min(max(row.time, 4.0 * best), 8.0 * best)
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Drive through all worlds of the file with both robots.
+
+    Raises:
+        ValueError: no data given, or a file that holds no such worlds.
+    """
+    if settings.data is None:
+        raise ValueError("the BARN worlds are not part of this package: give them with --data (a .jsonl or a folder)")
+    maps = load_barn(str(settings.data))
+    worlds = sorted(maps)[: settings.seeds]
+    references = {f"world {number}": maps[number].reference_length for number in worlds}
+    policies = settings.policies or POLICIES
+    lines, data, holds = [], {}, True
+    for robot, body in ROBOTS.items():
+        scenarios = [
+            {
+                "scenario": {"robot": body, "world": {"family": "barn", "path": str(settings.data), "world": number}},
+                "overrides": {**COMMON, "time.step": STEPS[robot]},
+                "label": f"world {number}",
+            }
+            for number in worlds
+        ]
+        suite = {"name": f"barn-{robot}", "scenarios": scenarios, "seeds": {"count": 1}}
+        entries = [{"name": name, "parameters": PARAMETERS[robot]} for name in policies]
+        rows = evaluate(entries, suite, workers=settings.workers, progress=settings.progress)
+        for policy in policies:
+            mine = [row for row in rows if row.policy == policy]
+            reached = [row for row in mine if row.success]
+            low, high = wilson_interval(len(reached), len(mine))
+            collisions = sum(row.outcome == "collision" for row in mine)
+            mean_score = math.fsum(score(row, references[row.scenario]) for row in mine) / len(mine)
+            time = math.fsum(row.time for row in reached) / max(len(reached), 1)
+            share = len(reached) / len(mine)
+            holds = holds and share >= SUCCESS_ASKED[robot] and (robot != "holonomic" or collisions == 0)
+            missed = {row.scenario: f"{row.outcome} {row.verdict}".strip() for row in mine if not row.success}
+            data[f"{robot} {policy}"] = {
+                "worlds": len(mine),
+                "success": share,
+                "success_interval": [low, high],
+                "collisions": collisions,
+                "score": mean_score,
+                "time": time,
+                "missed": missed,
+            }
+            lines.append(
+                [
+                    policy,
+                    robot,
+                    f"{100.0 * share:.0f} [{100.0 * low:.0f}, {100.0 * high:.0f}]",
+                    str(collisions),
+                    f"{mean_score:.4f}",
+                    f"{time:.1f}",
+                ]
+            )
+    header = ["policy", "robot", "success [%]", "collisions", "score", "time of successes [s]"]
+    title = f"{len(worlds)} worlds of the BARN benchmark"
+    notes = [DWA, "holonomic: radius 0.2 m, 1 m/s. jackal: the benchmark's robot as a disc of 0.25 m, differential, 2 m/s."]
+    return Reproduction("barn", [Table(title, header, lines)], notes, {"results": data}, holds)

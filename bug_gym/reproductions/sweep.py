@@ -1,0 +1,81 @@
+"""A sweep: the same policies and worlds while one number of the scenario changes; a table and curves of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from bug_gym.evaluation import evaluate
+from bug_gym.intervals import Summary, summarise
+from bug_gym.reproductions.result import Curves, Settings, Table
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What changes, and where it is tried."""
+
+    title: str
+    label: str
+    """What the number is, with its unit."""
+    values: Sequence[float]
+    overrides: Sequence[Mapping[str, Any]]
+    """What each value means for the scenario."""
+    scenarios: Sequence[str]
+    """Scenarios that are pooled for each value."""
+
+
+def run(sweep: Sweep, policies: Sequence[str], seeds: int, settings: Settings) -> dict[str, list[Summary]]:
+    """Summaries of each policy, one a value, over all scenarios together."""
+    found: dict[str, list[Summary]] = {policy: [] for policy in policies}
+    for value, overrides in zip(sweep.values, sweep.overrides, strict=True):
+        scenarios = [{"scenario": name, "overrides": dict(overrides)} for name in sweep.scenarios]
+        suite = {"name": f"sweep-{value:g}", "scenarios": scenarios, "seeds": {"count": seeds}}
+        rows = evaluate(list(policies), suite, workers=settings.workers, progress=settings.progress)
+        # One stratum a scenario; the last summaries are those over all of them.
+        for summary in summarise(rows, resamples=200)[-len(policies) :]:
+            found[summary.policy].append(summary)
+    return found
+
+
+def tables(sweep: Sweep, found: Mapping[str, list[Summary]]) -> list[Table]:
+    """Success with its interval, and path over shortest path, against the value."""
+    header = ["policy", *(f"{value:g}" for value in sweep.values)]
+    success = [
+        [policy, *(f"{100 * s.success:.0f} [{100 * s.success_low:.0f}, {100 * s.success_high:.0f}]" for s in summaries)]
+        for policy, summaries in found.items()
+    ]
+    ratio = [
+        [policy, *(f"{s.path_ratio:.2f}" if isfinite(s.path_ratio) else "-" for s in summaries)]
+        for policy, summaries in found.items()
+    ]
+    return [
+        Table(f"{sweep.title}: success [%] with its 95 % interval against {sweep.label}", header, success),
+        Table(f"{sweep.title}: path over shortest path of the successes against {sweep.label}", header, ratio),
+    ]
+
+
+def curves(sweep: Sweep, found: Mapping[str, list[Summary]]) -> Curves:
+    """Success against the value, to draw."""
+    lines = {
+        policy: [(s.success, s.success_low, s.success_high) for s in summaries] for policy, summaries in found.items()
+    }
+    return Curves(sweep.title, sweep.label, "success", list(sweep.values), lines)
+
+
+def numbers(sweep: Sweep, found: Mapping[str, list[Summary]]) -> dict[str, Any]:
+    """The sweep as JSON can hold it."""
+    series = {
+        policy: [
+            {
+                "n": s.n,
+                "success": s.success,
+                "success_interval": [s.success_low, s.success_high],
+                "path_ratio": s.path_ratio if isfinite(s.path_ratio) else None,
+            }
+            for s in summaries
+        ]
+        for policy, summaries in found.items()
+    }
+    return {"label": sweep.label, "values": list(sweep.values), "scenarios": list(sweep.scenarios), "policies": series}
