@@ -76,8 +76,8 @@ class Profile(NamedTuple):
     """Counter-clockwise from the goal's bearing."""
 
 
-class Choice(NamedTuple):
-    """A corner that the robot set out for."""
+class Visit(NamedTuple):
+    """A corner that the robot has gone round."""
 
     corner: Point
     """Odometry frame [m]."""
@@ -103,10 +103,8 @@ class SubGoalMemory(BugMemory):
     """Where it set out for the present corner; None before the first. Odometry frame [m]."""
     sub_goals: list[Point] = field(default_factory=list)
     """All sub-goals so far, odometry frame [m]."""
-    choices: list[Choice] = field(default_factory=list)
-    """Corners it set out for."""
-    visited: list[Point] = field(default_factory=list)
-    """Corners that it has been at, odometry frame [m]."""
+    visits: list[Visit] = field(default_factory=list)
+    """Corners that it has gone round."""
     blocked: list[Point] = field(default_factory=list)
     """Corners that turned out to be out of reach from the last sub-goal, odometry frame [m]."""
     goal: Point | None = None
@@ -187,7 +185,7 @@ class SubGoals:
 
     def new_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points in sight whose corners are neither visited nor out of reach."""
-        known = [*memory.visited, *memory.blocked]
+        known = [*(visit.corner for visit in memory.visits), *memory.blocked]
         return [point for point in profile.open_points if not self.is_known(view, point, known)]
 
     # ------------------------------------------------------------------------------------------ going there
@@ -210,7 +208,7 @@ class SubGoals:
         return velocity
 
     def set_out(self, view: View, memory: SubGoalMemory, profile: Profile, point: OpenPoint) -> Velocity:
-        """First velocity to the sub-goal of an open point; the verdict is "looping" at the third time for the same one."""
+        """First velocity to the sub-goal of an open point."""
         memory.corner = memory.first_seen = view.to_odometry(*point.corner)
         memory.side = point.side
         memory.drift = max(self.same, 1.5 * self._spacing * math.hypot(*point.corner))
@@ -219,10 +217,6 @@ class SubGoals:
         memory.waited = 0.0
         memory.mode = "motion_to_sub_goal"
         memory.sub_goals.append(view.to_odometry(*point.sub_goal(self.boundary.clearance)))
-        memory.choices.append(Choice(memory.corner, point.side, memory.odometer))
-        if self._is_looping(memory):
-            memory.verdict = "looping"
-            return STANDING
         return self._approach(view, memory, profile) or STANDING
 
     def give_up(self, memory: SubGoalMemory, verdict: str) -> Velocity:
@@ -264,9 +258,7 @@ class SubGoals:
             memory.contour = Contour(memory.side, place, memory.corner, place, goal, approach, place)
             memory.mode = "corner_rounding"
         if self._is_round(view, memory, profile):
-            memory.visited.append(memory.corner)
-            memory.blocked.clear()
-            memory.corner = None
+            self._note_visit(memory, memory.corner)
             return None
         return self.boundary.follow(view, memory)
 
@@ -316,17 +308,21 @@ class SubGoals:
         if memory.goal is not None and math.dist(memory.goal, view.goal_position) <= TARGET_MOVED:
             return
         memory.goal = view.goal_position
-        for remembered in (memory.choices, memory.visited, memory.blocked):
-            remembered.clear()
+        memory.visits.clear()
+        memory.blocked.clear()
 
-    def _is_looping(self, memory: SubGoalMemory) -> bool:
-        """Whether the robot sets out for the same corner and side the third time."""
-        *earlier, last = memory.choices
-        matches = 0
-        for choice in earlier:
-            is_same = choice.side == last.side and math.dist(choice.corner, last.corner) <= self.same
-            matches += is_same and last.odometer - choice.odometer > self.boundary.arming_length
-        return matches >= 2
+    def _note_visit(self, memory: SubGoalMemory, corner: Point) -> None:
+        """The corner is passed; the third time round the same one on the same side is a loop."""
+        visit = Visit(corner, memory.side, memory.odometer)
+        earlier = 0
+        for other in memory.visits:
+            is_same = other.side == visit.side and math.dist(other.corner, corner) <= self.same
+            earlier += is_same and visit.odometer - other.odometer > self.boundary.arming_length
+        if earlier >= 2:
+            memory.verdict = "looping"
+        memory.visits.append(visit)
+        memory.blocked.clear()
+        memory.corner = None
 
     def draw(self, memory: SubGoalMemory) -> Drawing:
         """Sub-goals so far, the present corner, and the way over the sub-goals."""

@@ -65,7 +65,7 @@ class VisBug21(ScriptedPolicy):
 
     def _reference(self, scout: Scout) -> float:
         """How near to the goal T_i is on the M-line, or else X [m]: a point of the M-line that counts is nearer."""
-        return math.dist(scout.place, scout.m_line.goal) if self.vision.is_on_line(scout) else scout.crossing_distance
+        return scout.crossing_distance if scout.contour is not None else math.dist(scout.place, scout.m_line.goal)
 
     def _is_in_main_semiplane(self, view: View, scout: Scout) -> bool:
         """Whether the robot is on the side of the M-line that it turns to at a hit point."""

@@ -65,7 +65,7 @@ class VisBug22(ScriptedPolicy):
 
     def _reference(self, scout: Scout) -> float:
         """How near to the goal T_i is on the M-line, or else H [m]: a point of the M-line that counts is nearer."""
-        return math.dist(scout.place, scout.m_line.goal) if self.vision.is_on_line(scout) else scout.hit_distance
+        return scout.hit_distance if scout.contour is not None else math.dist(scout.place, scout.m_line.goal)
 
     def draw(self, memory: VisionMemory) -> Drawing:
         """Hit and leave points, the M-line and T_i."""

@@ -338,7 +338,7 @@ class Vision:
         """Whether the last step crossed the M-line nearer to the goal than the hit point, with a free way on."""
         line = scout.m_line
         crossing = line.crossing(contour.before, contour.position)
-        if crossing is None and self.is_on_line(scout):
+        if crossing is None and abs(line.offset(view.position)) <= self.on_line:
             crossing = view.position  # it grazes the line without crossing it
         if crossing is None or math.dist(crossing, line.goal) > scout.hit_distance - self.on_line:
             return False
@@ -346,10 +346,6 @@ class Vision:
         if self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
             return True
         return self.boundary.leave_rule == "any" and self.boundary.points_away(view, view.goal_bearing, contour)
-
-    def is_on_line(self, scout: Scout) -> bool:
-        """Whether T_i lies on the M-line."""
-        return scout.contour is None or abs(scout.m_line.offset(scout.place)) <= self.on_line
 
     def jump(self, scan: Scan, memory: VisionMemory, reference: float) -> bool:
         """Step 4: T_i is the visible point of the M-line nearest to the goal, if any is nearer than `reference` [m].

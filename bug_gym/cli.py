@@ -100,6 +100,15 @@ def make_parser() -> Parser:
         "--every", type=at_least_one, default=1, help="steps from one frame to the next (default: 1)"
     )
 
+    showing_all = add("gallery", gallery, "bug-gym gallery --scenario oni_wang --out gallery.png --gif gallery.gif")
+    showing_all.add_argument("--scenario", default="oni_wang", help="name or path of a scenario (default: oni_wang)")
+    showing_all.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
+    showing_all.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: every bug)")
+    showing_all.add_argument("--size", type=at_least_one, default=240, help="pixels of each picture (default: 240)")
+    showing_all.add_argument("--out", type=Path, default=Path("gallery.png"), help="PNG to write")
+    showing_all.add_argument("--gif", type=Path, help="GIF to write as well")
+    _add_overrides(showing_all)
+
     reproducing = add("reproduce", reproduce, "bug-gym reproduce oni-wang-table-1 --workers 2")
     reproducing.add_argument("name", metavar="NAME", help="what to run again (bug-gym list reproductions)")
     reproducing.add_argument("--seeds", type=at_least_one, help="seeds of each claim (default: all of them)")
@@ -287,6 +296,21 @@ def render(options: argparse.Namespace) -> None:
     info = rollout.simulation.info()
     outcome = rollout.verdict() or info["outcome"][0, 0]
     print(f"{out}: {outcome} after {info['time'][0, 0]:.1f} s and {info['path_length'][0, 0]:.2f} m")
+
+
+def gallery(options: argparse.Namespace) -> None:
+    """Draw every bug on one map: their ways in one picture, and as a film."""
+    from bug_gym.agents import AGENTS
+    from bug_gym.config import load
+    from bug_gym.gallery import draw_gallery
+    from bug_gym.suites import PolicyEntry
+
+    bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name != "com"]
+    entries = [_policy(text) for text in options.policies.split(",")] if options.policies else map(PolicyEntry.of, bugs)
+    scenario = load(options.scenario, {"lidar.beams": 360, "time.limit": 600.0, **_assignments(options.overrides)})
+    png, gif = _writable(options.out), options.gif and _writable(options.gif)
+    draw_gallery(scenario, list(entries), seed=options.seed, size=options.size, png=png, gif=gif)
+    print(f"{png}{f' and {gif}' if gif else ''}")
 
 
 def reproduce(options: argparse.Namespace) -> None:

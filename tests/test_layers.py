@@ -19,7 +19,7 @@ LAYERS = (
     ("observation", "task"),
     ("simulation", "policy", "shortest_path"),
     ("navigation_env", "vector_env", "robots_env", "rendering", "metrics", "intervals"),
-    ("__init__", "agents", "suites", "rollout", "evaluation", "report", "benchmark"),
+    ("__init__", "agents", "suites", "rollout", "evaluation", "report", "benchmark", "gallery"),
     ("reproductions",),
     ("cli", "__main__"),
 )
