@@ -233,14 +233,22 @@ class Boundary:
         """
         if distance <= 0.0:
             return STANDING
-        free = view.free_distance(bearing, self.hit_radius)
-        ahead = min(self.step, distance)
-        if free < distance and not self.can_reach_goal(view, bearing, distance):
-            ahead = min(ahead, free - (self.clearance - self.hit_radius))
-            if ahead <= self.touch:
-                return None
+        ahead = min(self.step, distance, self.free_way(view, bearing, distance))
+        if ahead <= 0.0:
+            return None
         speed = ahead / self.sensors.drive.step
         return speed * math.cos(bearing), speed * math.sin(bearing)
+
+    def free_way(self, view: View, bearing: float, distance: float) -> float:
+        """How far the robot can go along a bearing [rad] to stand on the contour of what is in the way [m].
+
+        Zero where it stands there already; infinite where nothing is in the way up to `distance` [m].
+        """
+        free = view.free_distance(bearing, self.hit_radius)
+        if free >= distance or self.can_reach_goal(view, bearing, distance):
+            return math.inf
+        ahead = free - (self.clearance - self.hit_radius)
+        return ahead if ahead > self.touch else 0.0
 
     def can_reach_goal(self, view: View, bearing: float, distance: float) -> bool:
         """Whether the body passes to a goal that lies nearer to a wall than the clearance."""

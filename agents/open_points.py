@@ -194,7 +194,7 @@ class SubGoals:
         """Velocity to the goal where it is in sight, else on to the present sub-goal; None where one is to be chosen."""
         self.boundary.advance(view, memory)
         self._follow_target(view, memory)
-        if not self._sees_goal(view, profile):
+        if not self._sees_goal(view, memory, profile):
             velocity = self._approach(view, memory, profile) if memory.corner is not None else None
             if velocity is not None:
                 return velocity
@@ -226,12 +226,19 @@ class SubGoals:
             memory.verdict = verdict
         return STANDING
 
-    def _sees_goal(self, view: View, profile: Profile) -> bool:
-        """Whether nothing is in the way to the goal, and the goal not beyond what the scan shows."""
+    def _sees_goal(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
+        """Whether nothing is in the way to the goal, and the goal not beyond what the scan shows.
+
+        A robot that has set out for a corner moves before it looks again: turning on the spot it may see other points of
+        the same walls, and turn between goal and corner for ever.
+        """
         bearing, distance = view.goal_bearing, view.goal_distance
+        if memory.corner is not None and memory.came_from is not None:
+            if math.dist(memory.came_from, view.position) <= self.boundary.step:
+                return False
         if self.boundary.can_reach_goal(view, bearing, distance):
             return True
-        return profile.goal_way >= distance and distance <= view.sensors.range
+        return distance <= view.sensors.range and self._goal_way(view, memory, profile) >= distance
 
     def _is_open(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
         """Whether nothing in sight is in the way to the goal; with the rule "front" only for a goal ahead."""
@@ -239,7 +246,13 @@ class SubGoals:
         if contour is not None and contour.heading is not None and self.boundary.leave_rule == "front":
             if abs(wrap(view.goal_bearing + view.heading - contour.heading)) > 0.5 * math.pi:
                 return False
-        return profile.goal_way >= min(view.goal_distance, view.sensors.range)
+        return self._goal_way(view, memory, profile) >= min(view.goal_distance, view.sensors.range)
+
+    def _goal_way(self, view: View, memory: SubGoalMemory, profile: Profile) -> float:
+        """Free way toward the goal [m], for a robot on this way with less to spare, so that it does not waver."""
+        if memory.mode == "motion_to_goal":
+            return view.free_distance(view.goal_bearing, self.boundary.hit_radius)
+        return profile.goal_way
 
     def _approach(self, view: View, memory: SubGoalMemory, profile: Profile) -> Velocity | None:
         """Velocity to the present corner and round it; None where it is passed or out of reach."""

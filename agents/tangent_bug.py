@@ -38,28 +38,28 @@ class TangentBugMemory(BugMemory):
 
     side: int = 0
     """The side committed to; 0: none."""
-    heading_for: Point | None = None
-    """The wall point that it passes on that side on its way to the goal, odometry frame [m]."""
+    passed_wall: Point | None = None
+    """The point of a wall that it passes on that side on its way to the goal, odometry frame [m]."""
+    destination: Point | None = None
+    """Where it goes now: the goal, a node, or what is nearer to the goal than the wall it leaves; odometry frame [m]."""
+    chosen_at: Point = (0.0, 0.0)
+    """Where it chose that, odometry frame [m]."""
     target: Point | None = None
     """Where the target was when the distances below were measured, odometry frame [m]."""
     hit_distance: float = math.inf
     """Distance to the goal where the last following began [m]."""
     followed: float = math.inf
     """d_followed: distance from the goal to the nearest point seen of the wall followed [m]."""
-    approach: Point | None = None
-    """Where it goes to touch the wall, before it has; odometry frame [m]."""
-    anchor: Point | None = None
-    """The point of the wall that it will touch, odometry frame [m]."""
-    reach: Point | None = None
-    """Where it leaves to, odometry frame [m]."""
+    wall: Point = (0.0, 0.0)
+    """The point of the wall where it will touch it, odometry frame [m]."""
     trust: float = math.inf
     """How far the scan is believed [m]."""
     closest: float = math.inf
     """Distance to the goal at the nearest point of this lap [m]."""
-    is_open: bool = False
-    """Whether the way from that point to the goal leads away from the wall."""
+    next_wall: float = math.inf
+    """Distance to the goal at the end of the free way from there toward it [m]."""
     is_second_lap: bool = False
-    """Whether a lap found no other way to leave than from the nearest point."""
+    """Whether a lap found no other way to leave than straight from the nearest point."""
 
 
 class TangentBug(ScriptedPolicy):
@@ -108,7 +108,7 @@ class TangentBug(ScriptedPolicy):
             self._look_for_leave(view, memory, graph)
         velocity = None
         if memory.mode == "leaving":
-            velocity = self._leave(view, memory)
+            velocity = self._leave(view, memory, graph)
         if memory.mode == "motion_to_goal":
             velocity = self._go(view, memory, graph)
         if velocity is not None:
@@ -123,30 +123,54 @@ class TangentBug(ScriptedPolicy):
         memory.followed = memory.closest = math.inf
         memory.hit_distance = math.inf
         memory.is_second_lap = False
-        if memory.mode == "leaving":
+        memory.destination = None
+        if memory.contour is None:
             memory.mode = "motion_to_goal"
 
     # -------------------------------------------------------------------------------------------- motion to goal
 
     def _go(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the goal or to a node nearer to it; None at a local minimum, where following has begun."""
-        boundary = self.boundary
-        bearing, distance = view.goal_bearing, view.goal_distance
+        if memory.destination is None or self._has_gone_on(view, memory, memory.destination):
+            memory.chosen_at = view.position
+            memory.destination = self._destination(view, memory, graph)
+            if memory.destination is None:
+                self._begin_following(view, memory, graph)
+                return None
+        velocity = self._go_to(view, memory.destination)
+        if velocity is None:
+            bearing, _ = self._bearing_and_distance(view, memory.destination)
+            self._begin_following(view, memory, graph)
+            self._lay_hand(view, memory, bearing)
+        return velocity
+
+    def _has_gone_on(self, view: View, memory: TangentBugMemory, destination: Point) -> bool:
+        """Whether to choose anew; a robot that only turns sees the same otherwise, and would turn to and fro."""
+        _, distance = self._bearing_and_distance(view, destination)
+        return distance <= CLOSER * self.boundary.step or (
+            math.dist(memory.chosen_at, view.position) >= 0.5 * self.boundary.step
+        )
+
+    def _destination(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Point | None:
+        """The goal or a node, odometry frame [m]; None at a local minimum."""
         run = graph.blocking_run
         if run < 0 or self._sees_goal(view, graph):
-            memory.side, memory.heading_for = 0, None
-        else:
-            node = self._choose(view, memory, graph, run)
-            if node is None:
-                self._begin_following(view, memory, graph, run)
-                return None
-            memory.side, memory.heading_for = node.side, view.to_odometry(*node.contact)
-            bearing, distance = node.bearing, node.distance
-        velocity = boundary.go(view, bearing, distance)
-        if velocity is None:
-            self._begin_following(view, memory, graph, run)
-            self._touch(view, memory, bearing)
-        return velocity
+            memory.side, memory.passed_wall = 0, None
+            return view.goal_position
+        node = self._choose(view, memory, graph, run)
+        if node is None:
+            return None
+        memory.side, memory.passed_wall = node.side, view.to_odometry(*node.contact)
+        return view.to_odometry(*node.place)
+
+    def _bearing_and_distance(self, view: View, place: Point) -> tuple[float, float]:
+        """Of a place of the odometry frame [rad], [m]."""
+        x, y = view.to_robot(*place)
+        return math.atan2(y, x), math.hypot(x, y)
+
+    def _go_to(self, view: View, place: Point) -> Velocity | None:
+        """Velocity straight to a place of the odometry frame; None where the way is blocked."""
+        return self.boundary.go(view, *self._bearing_and_distance(view, place))
 
     def _sees_goal(self, view: View, graph: TangentGraph) -> bool:
         """Whether the way to the goal is free; a goal nearer to a wall than the clearance is reached along it."""
@@ -166,9 +190,9 @@ class TangentBug(ScriptedPolicy):
         limit = graph.goal_distance - CLOSER * self.boundary.step
         nearer = [node for node in self._ends(graph, run) if graph.distance_to_goal(node) < limit]
         best = min(nearer, key=graph.way_past, default=None)
-        if memory.heading_for is None:
+        if memory.passed_wall is None:
             return best
-        kept_run = graph.run_at(view.to_robot(*memory.heading_for))
+        kept_run = graph.run_at(view.to_robot(*memory.passed_wall))
         kept = graph.end(kept_run, memory.side)
         if kept is None or (best is not None and graph.way_past(best) < (1.0 - COMMITMENT) * graph.way_past(kept)):
             return best
@@ -183,39 +207,39 @@ class TangentBug(ScriptedPolicy):
 
     # ---------------------------------------------------------------------------------------- boundary following
 
-    def _begin_following(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> None:
+    def _begin_following(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> None:
         """At a local minimum: choose a side, and where to touch the wall."""
+        run = graph.blocking_run
         if memory.side == 0:
             best = min(self._ends(graph, run), key=graph.way_past, default=None)
             memory.side = self.side if best is None else best.side
         memory.mode = "boundary_following"
-        memory.heading_for = None
         memory.hits.append(view.position)
         memory.hit_sides.append(memory.side)
         memory.hit_odometers.append(memory.odometer)
         memory.hit_distance = view.goal_distance
         memory.followed = min(graph.goal_distance_of(run), view.goal_distance)
+        memory.passed_wall = None
         self._begin_lap(memory)
         node = graph.end(run, memory.side)
         if node is not None:
-            memory.approach = view.to_odometry(*node.place)
-            memory.anchor = view.to_odometry(*node.contact)
-            return
-        contact = int(graph.contacts[0])
-        if contact >= 0:
-            memory.anchor = view.to_odometry(float(graph.x[contact]), float(graph.y[contact]))
-            way, bearing = float(graph.free[0]), view.goal_bearing
-            memory.approach = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))
+            place, wall = node.place, node.contact
+        else:
+            bearing, way, contact = view.goal_bearing, float(graph.free[0]), int(graph.contacts[0])
+            place = wall = way * math.cos(bearing), way * math.sin(bearing)
+            if contact >= 0:
+                wall = float(graph.x[contact]), float(graph.y[contact])
+        memory.destination, memory.wall = view.to_odometry(*place), view.to_odometry(*wall)
 
     def _begin_lap(self, memory: TangentBugMemory) -> None:
         """Nothing is known of this lap yet."""
-        memory.closest = math.inf
-        memory.is_open = memory.is_second_lap = False
+        memory.contour = None
+        memory.closest = memory.next_wall = math.inf
+        memory.is_second_lap = False
 
-    def _touch(self, view: View, memory: TangentBugMemory, bearing: float) -> None:
-        """Lay the hand on the wall that blocks a bearing [rad]."""
+    def _lay_hand(self, view: View, memory: TangentBugMemory, bearing: float) -> None:
+        """Follow the wall that blocks a bearing [rad] from here on."""
         memory.contour = self.boundary.lay_hand(view, memory.side, bearing)
-        memory.approach = memory.anchor = None
 
     def _follow(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity:
         """Velocity to the place where it will touch the wall, or along the wall."""
@@ -227,17 +251,16 @@ class TangentBug(ScriptedPolicy):
 
     def _approach(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the wall; None where it has been touched."""
-        assert memory.approach is not None and memory.anchor is not None
-        x, y = view.to_robot(*memory.approach)
-        bearing, distance = math.atan2(y, x), math.hypot(x, y)
-        wall = graph.nearest_of(graph.run_at(view.to_robot(*memory.anchor)))
+        assert memory.destination is not None
+        bearing, distance = self._bearing_and_distance(view, memory.destination)
+        wall = graph.nearest_of(graph.run_at(view.to_robot(*memory.wall)))
         if wall is not None and math.hypot(*wall) <= self.boundary.clearance + TOUCH * self.boundary.step:
             bearing = math.atan2(wall[1], wall[0])
         elif distance > 0.5 * self.boundary.step:
-            velocity = self.boundary.go(view, bearing, distance)
+            velocity = self._go_to(view, memory.destination)
             if velocity is not None:
                 return velocity
-        self._touch(view, memory, bearing)
+        self._lay_hand(view, memory, bearing)
         return None
 
     # ---------------------------------------------------------------------------------------------------- leaving
@@ -245,13 +268,11 @@ class TangentBug(ScriptedPolicy):
     def _look_for_leave(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> None:
         """Bring d_followed and d_reach up to date; leave, or give up after a lap."""
         contour = memory.contour
-        hand = contour.wall if contour is not None else memory.anchor
-        run = graph.run_at(view.to_robot(*hand)) if hand is not None else -1
+        run = graph.run_at(view.to_robot(*(contour.wall if contour is not None else memory.wall)))
         memory.followed = min(memory.followed, graph.goal_distance_of(run))
         place = self._reach(view, memory, graph, run)
         if place is not None:
-            memory.reach = view.to_odometry(*place)
-            memory.contour = memory.approach = memory.anchor = None
+            memory.destination = view.to_odometry(*place)
             memory.mode = "leaving"
         elif contour is not None:
             self._survey(view, memory, contour)
@@ -279,42 +300,47 @@ class TangentBug(ScriptedPolicy):
         """
         distance, step = view.goal_distance, self.boundary.step
         if memory.is_second_lap and distance <= memory.closest + 0.5 * step:
-            if self.boundary.go(view, view.goal_bearing, distance) is not None:
-                self.boundary.leave(view, memory)
-                memory.mode = "motion_to_goal"
-                return
-        if contour.is_lap_closed:
-            if memory.is_second_lap or not memory.is_open or memory.closest > memory.hit_distance - CLOSER * step:
+            if self.boundary.free_way(view, view.goal_bearing, distance) > 0.0:
+                memory.leaves.append(view.position)
+                memory.destination = view.goal_position
+                memory.mode = "leaving"
+        elif contour.is_lap_closed:
+            if memory.is_second_lap or memory.next_wall > memory.hit_distance - CLOSER * step:
                 memory.verdict = "unreachable"
             memory.is_second_lap = True
         elif distance < memory.closest and contour.gate is not None and not memory.is_second_lap:
             memory.closest = distance
-            memory.is_open = self.boundary.go(view, view.goal_bearing, distance) is not None
+            way = self.boundary.free_way(view, view.goal_bearing, distance)
+            memory.next_wall = distance - way if way > 0.0 else math.inf
 
-    def _leave(self, view: View, memory: TangentBugMemory) -> Velocity | None:
+    def _leave(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the place left for; None where it is near enough to the goal, or the way is blocked after all."""
-        assert memory.reach is not None
-        if view.goal_distance < memory.followed:
+        assert memory.destination is not None
+        memory.contour = None
+        if view.goal_distance < memory.followed and not memory.is_second_lap:
             memory.leaves.append(view.position)
             memory.trust = math.inf
+            memory.destination = None
             memory.mode = "motion_to_goal"
             return None
-        x, y = view.to_robot(*memory.reach)
-        bearing, distance = math.atan2(y, x), math.hypot(x, y)
-        velocity = self.boundary.go(view, bearing, distance) if distance > 0.0 else None
-        if velocity is None:
+        velocity = self._go_to(view, memory.destination)
+        if velocity is not None:
+            return velocity
+        bearing, _ = self._bearing_and_distance(view, memory.destination)
+        if memory.is_second_lap:
+            self._begin_following(view, memory, graph)
+        else:
             # The scan promised more than there was: believe it half as far until a wall has been left.
             memory.trust = 0.5 * min(memory.trust, self.r_max)
             memory.hit_distance = max(memory.hit_distance, view.goal_distance)
             memory.mode = "boundary_following"
             self._begin_lap(memory)
-            self._touch(view, memory, bearing)
-        return velocity
+        self._lay_hand(view, memory, bearing)
+        return None
 
     def draw(self, memory: TangentBugMemory) -> Drawing:
-        """Hit and leave points, and where it goes to touch or leave the wall."""
+        """Hit and leave points, and where it goes."""
         drawing = self.boundary.draw(memory)
-        goals = [memory.approach] if memory.mode == "boundary_following" else [memory.reach]
-        if memory.mode == "motion_to_goal":
-            goals = []
-        return Drawing(points=[*drawing.points, *((*place, "candidate") for place in goals if place is not None)])
+        if memory.destination is None or memory.contour is not None:
+            return drawing
+        return Drawing(points=[*drawing.points, (*memory.destination, "candidate")])

@@ -28,8 +28,9 @@ Point = tuple[float, float]
 LEAST_HEADINGS, MOST_HEADINGS = 180, 360
 """Headings of the full circle that are looked along: as many as beams, within these limits."""
 
-LEAST_ANGLE = math.radians(8.0)
-"""A wall that beams meet at a smaller angle than this falls into points that do not hang together [rad]."""
+GROWTH = 1.5
+"""How far apart neighbouring points of one wall may lie, in spacings of the beams there; a wall that the beams meet at a
+smaller angle is known by its straightness."""
 
 
 class Node(NamedTuple):
@@ -84,7 +85,7 @@ class TangentGraph:
         """Number of the run that each heading belongs to (m,), -1 for none."""
         self._gap = 2.0 * radius
         self._piece = np.empty(len(x), dtype=np.int64)
-        kernels.find_pieces(x, y, self._gap, spacing / math.sin(LEAST_ANGLE), self._piece)
+        kernels.find_pieces(x, y, self._gap, GROWTH * spacing, self._piece)
         self.runs = int(
             kernels.find_runs(
                 x, y, self._piece, self.bearings, radius, self.reach, self._gap, self.free, self.contacts, self.run_of

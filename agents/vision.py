@@ -99,6 +99,8 @@ class VisionMemory(BugMemory):
     """The robot's own places since then, odometry frame [m]."""
     is_goal_seen: bool = False
     """Whether T_i is the goal itself."""
+    seen_distance: float = math.inf
+    """Distance to the goal where it came in sight [m]."""
     blind_until: float = 0.0
     """The scout's odometer up to which it walks right before the robot, since it was lost from sight there [m]."""
     restart_distance: float = math.inf
@@ -122,6 +124,8 @@ class Scan:
         sensors = view.sensors
         beams = len(sensors.angles)
         self.view = view
+        self.boundary = boundary
+        self.nearest, _ = view.nearest()
         # Noise must not close the view along a wall at the clearance.
         self.radius = max(boundary.safe_radius, boundary.inner - 2.0 * sensors.range_noise)
         self.first_angle = float(sensors.angles[0])
@@ -134,6 +138,19 @@ class Scan:
             view.ranges, cos, sin, sensors.range, self.is_round, gap, spacing, points[0], points[1]
         )
         self.x, self.y = points[0, :count], points[1, :count]
+
+    def is_open(self, place: Point) -> bool:
+        """Whether nothing is in the way to a place that was visible, by a smaller disc than made it so."""
+        boundary, view = self.boundary, self.view
+        x, y = view.to_robot(*place)
+        bearing, distance = math.atan2(y, x), math.hypot(x, y)
+        if distance <= NEAR * boundary.step:
+            radius, distance = boundary.safe_radius, min(distance, boundary.step)
+        else:
+            radius = max(boundary.safe_radius, boundary.hit_radius - 2.0 * view.sensors.range_noise)
+        # A robot that came too near to a wall can still go along it.
+        radius = max(min(radius, 0.98 * self.nearest), view.sensors.radius)
+        return view.free_distance(bearing, radius) >= min(distance, view.sensors.range)
 
     def seen_from(self, place: Point) -> Elsewhere:
         """The scan from a place of the odometry frame [m]."""
@@ -197,7 +214,7 @@ class Vision:
 
     def look(self, view: View, memory: VisionMemory) -> Scan:
         """The present scan, with the memory brought up to it. Call once a decision, first."""
-        boundary = self.boundary
+        boundary, scan = self.boundary, Scan(view, self.boundary)
         boundary.advance(view, memory)
         if not memory.trail:
             self._begin(view, memory)
@@ -205,9 +222,9 @@ class Vision:
         if math.dist(view.position, memory.scout.place) <= boundary.step:
             memory.trail = [memory.scout]
             memory.way = []
-        elif not (memory.is_goal_seen or self._is_open(view, memory.scout.place)):
-            self._drop_hidden(view, memory)
-        return Scan(view, boundary)
+        elif not (memory.is_goal_seen or scan.is_open(memory.scout.place)):
+            self._drop_hidden(scan, memory)
+        return scan
 
     def _begin(self, view: View, memory: VisionMemory) -> None:
         """Draw the M-line from here; the scout stands where the robot is."""
@@ -242,24 +259,14 @@ class Vision:
         memory.trail[-1] = scout
         memory.restart_distance = math.inf
 
-    def _is_open(self, view: View, place: Point) -> bool:
-        """Whether nothing seen now is in the way to a place that was visible."""
-        x, y = view.to_robot(*place)
-        bearing, distance = math.atan2(y, x), math.hypot(x, y)
-        boundary = self.boundary
-        if distance <= NEAR * boundary.step:
-            return view.free_distance(bearing, boundary.safe_radius) >= min(distance, boundary.step)
-        radius = max(boundary.safe_radius, boundary.hit_radius - 2.0 * view.sensors.range_noise)
-        return view.free_distance(bearing, radius) >= min(distance, view.sensors.range)
-
-    def _drop_hidden(self, view: View, memory: VisionMemory) -> None:
+    def _drop_hidden(self, scan: Scan, memory: VisionMemory) -> None:
         """Take the scout back to where it is in sight; from there it walks right before the robot for a while."""
         lost = memory.scout.odometer
-        while len(memory.trail) > 1 and not self._is_open(view, memory.scout.place):
+        while len(memory.trail) > 1 and not scan.is_open(memory.scout.place):
             memory.trail.pop()
         memory.blind_until = max(memory.blind_until, lost)
-        if not self._is_open(view, memory.scout.place):
-            self._begin_nearer(view, memory)
+        if not scan.is_open(memory.scout.place):
+            self._begin_nearer(scan.view, memory)
 
     def _begin_nearer(self, view: View, memory: VisionMemory) -> bool:
         """Begin anew from here, if this is nearer to the goal than where that happened last."""
@@ -274,20 +281,23 @@ class Vision:
         """Step 1: whether the goal itself is T_i."""
         view = scan.view
         if memory.is_goal_seen:
-            memory.is_goal_seen = self._is_open(view, view.goal_position) or self._can_reach(view)
+            memory.is_goal_seen = scan.is_open(view.goal_position) or self._can_reach(view)
             if not memory.is_goal_seen:
-                self._lose_goal(view, memory)
+                self._lose_goal(scan, memory)
         elif view.goal_distance <= self.reach and not self._is_blind(memory):
             memory.is_goal_seen = scan.sees(view.goal_position, self.reach) or self._can_reach(view)
+            memory.seen_distance = view.goal_distance
         return memory.is_goal_seen
 
     def _can_reach(self, view: View) -> bool:
         """Whether the way is open to a goal that lies nearer to a wall than the clearance."""
         return self.boundary.can_reach_goal(view, view.goal_bearing, view.goal_distance)
 
-    def _lose_goal(self, view: View, memory: VisionMemory) -> None:
-        """The goal went out of sight on the way to it: begin anew from here, or go back to the scout."""
-        if not self._begin_nearer(view, memory):
+    def _lose_goal(self, scan: Scan, memory: VisionMemory) -> None:
+        """The goal went out of sight on the way to it: go back to the scout, or begin anew from here."""
+        view = scan.view
+        is_near = view.goal_distance > memory.seen_distance - self.boundary.leave_length
+        if is_near and scan.is_open(memory.scout.place) or not self._begin_nearer(view, memory):
             memory.blind_until = memory.scout.odometer + self.boundary.leave_length
 
     def _is_blind(self, memory: VisionMemory) -> bool:
@@ -309,7 +319,7 @@ class Vision:
             if gap > step:
                 if self._is_blind(memory) or not scan.sees(ahead.place, self.reach - self.boundary.clearance):
                     return
-            elif gap > self.on_line and not self._is_open(view, ahead.place):
+            elif gap > self.on_line and not scan.is_open(ahead.place):
                 return
             memory.trail.append(ahead)
 
@@ -381,19 +391,19 @@ class Vision:
             memory.mode = "boundary_following" if gap <= NEAR * self.boundary.step else "motion_to_sub_goal"
         if memory.is_goal_seen:
             target = view.goal_position
-        elif self._is_open(view, scout.place):
+        elif scan.is_open(scout.place):
             target = scout.place
         else:
-            return self._go_back(view, memory)
+            return self._go_back(scan, memory)
         memory.way.append(view.position)
         return self._go_straight(view, target)
 
-    def _go_back(self, view: View, memory: VisionMemory) -> Velocity:
+    def _go_back(self, scan: Scan, memory: VisionMemory) -> Velocity:
         """Velocity on the own way back to where the scout was last visible; where that is blocked, begin anew."""
-        way = memory.way
+        view, way = scan.view, memory.way
         while way and math.dist(way[-1], view.position) <= 0.5 * self.boundary.step:
             way.pop()
-        if way and self._is_open(view, way[-1]):
+        if way and scan.is_open(way[-1]):
             return self._go_straight(view, way[-1])
         self._begin(view, memory)
         return STANDING

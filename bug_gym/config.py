@@ -495,7 +495,7 @@ class FieldWorld(Family):
     separation: NotNegative = 8.0
     """Least distance from start to goal [m]."""
     start_clearance: NotNegative = 1.0
-    """Free space around the start's centre [m]."""
+    """Free space around the robot's body at the start [m]."""
     goal_clearance: NotNegative = 0.5
     """Free space around the goal [m]."""
     start: Start | None = None
@@ -511,9 +511,6 @@ class FieldWorld(Family):
             raise _wrong("got [], expected at least one of 'bounce', 'random_walk'", "laws")
         if self.solvable is not None and self.solvable < robot.reach:
             raise _wrong(f"got {self.solvable:g}, expected at least the robot's reach ({robot.reach:g})", "solvable")
-        if self.start_clearance < robot.reach:
-            reason = f"got {self.start_clearance:g}, expected at least the robot's reach ({robot.reach:g})"
-            raise _wrong(reason, "start_clearance")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
         self._check_separation(self.separation, self.start, self.goal)

@@ -603,7 +603,6 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ({"world": {"family": "field", "laws": ["fly"]}}, "world.laws.0", "expected 'bounce' or 'random_walk'"),
         ({"world": {"family": "field", "moving": 0.5, "laws": []}}, "world.laws", "at least one of"),
         ({"world": {"family": "field", "solvable": 0.1}}, "world.solvable", "at least the robot's reach (0.2)"),
-        ({"world": {"family": "field", "start_clearance": 0.1}}, "world.start_clearance", "robot's reach (0.2)"),
         (
             {"world": {"family": "field", "start": [0, 0, 0], "goal": [3, 4]}},
             "world.separation",
