@@ -39,6 +39,11 @@ def wrap(angle: float) -> float:
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
+def is_ahead(travel: float, direction: float) -> bool:
+    """Whether a direction [rad] lies within 90 degrees of the direction of travel [rad]."""
+    return abs(wrap(direction - travel)) <= 0.5 * math.pi
+
+
 def side_of(turn: str) -> int:
     """+1 for "left", -1 for "right".
 
@@ -261,9 +266,9 @@ class Boundary:
 
         With a contour and the rule "front" the bearing must also lie within 90 degrees of the direction of travel.
         """
-        if contour is not None and self.leave_rule == "front" and contour.heading is not None:
-            if abs(wrap(bearing + view.heading - contour.heading)) > 0.5 * math.pi:
-                return False
+        travel = contour.heading if contour is not None and self.leave_rule == "front" else None
+        if travel is not None and not is_ahead(travel, bearing + view.heading):
+            return False
         if self.can_reach_goal(view, bearing, distance):
             return True
         return view.free_distance(bearing, self.inner) >= min(distance, self.leave_length)
@@ -412,7 +417,7 @@ class Boundary:
         return turned
 
     def _turn_from(self, view: View, wall_bearing: float, side: int, clearance: float) -> float | None:
-        """First bearing, turning away from the wall, along which a step ends at a clearance [m]; None: there is none."""
+        """First bearing, turning away from the wall, along which a step ends at a clearance [m]; None: none does."""
         x, y = view.points
         turned = kernels.first_open_heading(x, y, wall_bearing, side, self.step, clearance, self.safe_radius, TRIED)
         return None if turned < 0.0 else float(wall_bearing + side * turned)

@@ -26,7 +26,6 @@ from .boundary_following import (
     side_of,
 )
 
-
 ON_LINE = 0.1
 """How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
 

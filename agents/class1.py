@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 
-from .boundary_following import TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Turn, side_of
+from .boundary_following import TARGET_MOVED, Boundary, BugMemory, LeaveRule, Point, Turn, side_of
 
 
 @dataclass

@@ -83,28 +83,26 @@ class KBug(ScriptedPolicy):
         velocity = self.sub_goals.go_on(view, memory, profile)
         if velocity is not None:
             return velocity
-        ends = self._ends(view, memory, profile)
-        if not ends:
+        point = self._better_end(view, memory, profile)
+        if point is None:
             return self.sub_goals.give_up(memory, "stuck")
-        return self.sub_goals.set_out(view, memory, profile, self._better(view, memory, profile, ends))
+        return self.sub_goals.set_out(view, memory, profile, point)
 
-    def _ends(self, view: View, memory: KBugMemory, profile: Profile) -> list[OpenPoint]:
-        """The left and the right end in sight of what blocks the way to the goal, as far as there are any."""
-        points = [p for p in profile.open_points if not self.sub_goals.is_known(view, p, memory.blocked)]
-        sides = ([point for point in points if point.side == side] for side in (1, -1))
-        return [min(side, key=lambda point: rotation_to(point, point.side)) for side in sides if side]
-
-    def _better(self, view: View, memory: KBugMemory, profile: Profile, ends: list[OpenPoint]) -> OpenPoint:
-        """The end to take; at a collision point met again that of the other side."""
+    def _better_end(self, view: View, memory: KBugMemory, profile: Profile) -> OpenPoint | None:
+        """The end of what blocks the way to the goal that is to be taken; None where neither is in sight."""
+        points = [point for point in profile.open_points if not self.sub_goals.is_known(view, point, memory.blocked)]
+        if not points:
+            return None
+        # The first open point met on each side: the end itself, or that of something nearer which hides it.
+        left, right = (min(points, key=lambda point: rotation_to(point, side)) for side in (1, -1))
+        surface = self.sub_goals.surface(view, profile)
+        chosen = cheapest([left, right], lambda end: self._way_over(view, end, surface), self.side)
         way, bearing = profile.goal_way, view.goal_bearing
         place = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))
-        surface = self.sub_goals.surface(view, profile)
-        chosen = cheapest(ends, lambda end: self._way_over(view, end, surface), self.side)
-        assert chosen is not None
         last = self._met_before(memory, place)
-        if last is not None and len(ends) == 2:
-            chosen = next(end for end in ends if end.side != last.side)
-        memory.collisions.append(Collision(place, chosen.side, memory.odometer))
+        if last is not None:
+            chosen = right if last.side > 0 else left
+        memory.collisions.append(Collision(place, 1 if chosen == left else -1, memory.odometer))
         return chosen
 
     def _met_before(self, memory: KBugMemory, place: Point) -> Collision | None:

@@ -72,7 +72,7 @@ DISCRETE_SPEEDS = 4
 
 
 def discrete_velocities(drive: Drive) -> NDArray[np.float64]:
-    """Desired velocities (128, 2) [m/s] of the discrete actions: heading i // 4 of 32, speed (i % 4 + 1) / 4 of the top."""
+    """Desired velocities (128, 2) [m/s] of the discrete actions: heading i // 4 of 32, speed (i % 4 + 1) / 4 of top."""
     index = np.arange(DISCRETE_HEADINGS * DISCRETE_SPEEDS)
     angle = 2.0 * np.pi * (index // DISCRETE_SPEEDS) / DISCRETE_HEADINGS
     speed = drive.max_speed * (index % DISCRETE_SPEEDS + 1) / DISCRETE_SPEEDS

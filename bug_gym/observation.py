@@ -280,7 +280,9 @@ class View:
         """`free_distance` for each bearing (m,)."""
         x, y = self.points
         result = np.empty(len(bearings))
-        kernels.free_distances(x, y, np.ascontiguousarray(bearings, dtype=np.float64), radius, self.sensors.range, result)
+        kernels.free_distances(
+            x, y, np.ascontiguousarray(bearings, dtype=np.float64), radius, self.sensors.range, result
+        )
         return result
 
     def to_odometry(self, x: float, y: float) -> tuple[float, float]:

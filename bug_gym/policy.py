@@ -154,7 +154,9 @@ class ScriptedPolicy(ABC):
         if isinstance(observation, Mapping):
             beams = np.shape(observation["ranges"])[-1] if "ranges" in observation else 0
             if beams != len(self.sensors.angles):
-                raise ValueError(f"this policy was made for {len(self.sensors.angles)} beams, the observation has {beams}")
+                raise ValueError(
+                    f"this policy was made for {len(self.sensors.angles)} beams, the observation has {beams}"
+                )
             return as_flat(observation, self.sensors.fields)
         flat = np.asarray(observation, dtype=np.float32)
         if flat.ndim not in (1, 2) or flat.shape[-1] != self._width:

@@ -82,9 +82,7 @@ def print_table(summaries: Sequence[Summary], console: "Console") -> None:
         console.print(table)
 
 
-def print_text_table(
-    title: str, header: Sequence[str], lines: Sequence[Sequence[str]], console: "Console"
-) -> None:
+def print_text_table(title: str, header: Sequence[str], lines: Sequence[Sequence[str]], console: "Console") -> None:
     """Print a table of text as wide as it needs to be: a number is never folded."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
@@ -107,15 +105,24 @@ class Lines(Protocol):
     """What `draw_curves` draws: see reproductions.result.Curves."""
 
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """What stands above."""
+
     @property
-    def x_label(self) -> str: ...
+    def x_label(self) -> str:
+        """What x is, with its unit."""
+
     @property
-    def y_label(self) -> str: ...
+    def y_label(self) -> str:
+        """What y is, with its unit."""
+
     @property
-    def x(self) -> Sequence[float]: ...
+    def x(self) -> Sequence[float]:
+        """The values of x."""
+
     @property
-    def lines(self) -> Mapping[str, Sequence[tuple[float, float, float]]]: ...
+    def lines(self) -> Mapping[str, Sequence[tuple[float, float, float]]]:
+        """Value, low and high at each x, by name."""
 
 
 def draw_curves(path: Path, curves: Sequence[Lines]) -> None:

@@ -1,7 +1,7 @@
 """The state of N worlds as arrays, row n = world n.
 
-All state lies in two flat buffers, `floats` (N, Wf) and `ints` (N, Wi): one row is contiguous for the kernels, and a copy
-of the buffers is a snapshot. The named arrays of a World are views into them. A `Layout` is one world as plain data:
+All state lies in two flat buffers, `floats` (N, Wf) and `ints` (N, Wi): one row is contiguous for the kernels, and a
+copy of the buffers is a snapshot. The named arrays of a World are views into them. A `Layout` is one world as plain data:
 what a family of worlds makes, what pictures, shortest paths and files read.
 """
 

@@ -1,7 +1,7 @@
 """What the tests of policies share: one episode as data, and the closed forms of the canonical worlds.
 
-Closed forms are of an ideal point that follows the rounded contour (obstacle grown by a disc of the clearance c), see the
-formulas of each world below.
+Closed forms are of an ideal point that follows the rounded contour (obstacle grown by a disc of the clearance c), see
+the formulas of each world below.
 """
 
 from __future__ import annotations
@@ -57,11 +57,12 @@ def run_episode(
     simulation = Simulation(scenario, 1, overrides=overrides)
     agent = make_policy(policy, simulation, **parameters)
     observation = simulation.reset(seeds=[seed])
-    state = None
+    state: tuple[Any, ...] | None = None
     path = [simulation.world.pose[0, 0].copy()]
     modes = []
     for _ in range(max_steps):
         action, state = agent.predict(observation[:, 0], state)
+        assert state is not None
         modes.append(state[0].mode)
         if state[0].verdict:
             break

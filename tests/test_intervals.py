@@ -298,7 +298,16 @@ def only(summaries: list[Summary], scenario: str) -> Summary:
 
 
 MIXED = [
-    row("a", 1, time=10.0, path_length=11.7, goal_distance=0.3, shortest_path_length=8.0, spl=8.0 / 12.0, min_clearance=0.3),
+    row(
+        "a",
+        1,
+        time=10.0,
+        path_length=11.7,
+        goal_distance=0.3,
+        shortest_path_length=8.0,
+        spl=8.0 / 12.0,
+        min_clearance=0.3,
+    ),
     row("a", 2, time=20.0, path_length=9.8, goal_distance=0.2, shortest_path_length=10.0, spl=1.0, min_clearance=0.1),
     row("a", 3, "collision", time=1.0, path_length=1.0, min_clearance=-0.01, decision_time_mean=0.007),
     row("a", 4, "timeout", time=60.0),

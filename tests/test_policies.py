@@ -20,16 +20,16 @@ SCRIPTED = [name for name, agent in AGENTS.items() if agent.family != "learned"]
 CAREFUL = [name for name in SCRIPTED if name != "random"]
 
 
-def first_observations(scenario: str = "static", count: int = 3, **overrides: Any) -> tuple[Simulation, Any]:
+def first_observations(overrides: dict[str, Any] | None = None, *, count: int = 3) -> tuple[Simulation, Any]:
     """A Simulation of several rows and its first flat observations (n, D)."""
-    simulation = Simulation(scenario, count, overrides=overrides)
+    simulation = Simulation("static", count, overrides=overrides)
     return simulation, simulation.reset(seeds=range(count))[:, 0]
 
 
 @pytest.mark.parametrize("name", SCRIPTED)
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_actions_lie_in_the_action_space(name: str, kinematics: str) -> None:
-    simulation, flat = first_observations(**{"robot.kinematics": kinematics})
+    simulation, flat = first_observations({"robot.kinematics": kinematics})
     policy = make_policy(name, simulation)
     state = None
     for _ in range(50):
@@ -82,7 +82,7 @@ def test_discrete_actions_are_numbers_of_the_table(name: str) -> None:
 @pytest.mark.parametrize("name", SCRIPTED)
 def test_another_beam_count_is_refused(name: str) -> None:
     policy = make_policy(name, Simulation("static"))
-    _, flat = first_observations(**{"lidar.beams": 32})
+    _, flat = first_observations({"lidar.beams": 32})
     with pytest.raises(ValueError, match="64 beams"):
         policy.predict(flat)
 
@@ -210,7 +210,8 @@ BUGS = [name for name, agent in AGENTS.items() if agent.family == "bug"]
 
 @pytest.mark.parametrize("name", BUGS)
 @pytest.mark.parametrize(
-    "parameters", [{"clearance": -0.5}, {"clearance": 0.2}, {"clearance": math.nan}, {"turn": "up"}, {"leave_rule": "now"}]
+    "parameters",
+    [{"clearance": -0.5}, {"clearance": 0.2}, {"clearance": math.nan}, {"turn": "up"}, {"leave_rule": "now"}],
 )
 def test_bad_parameters_of_bugs_are_refused(name: str, parameters: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(parameters))):

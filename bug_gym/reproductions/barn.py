@@ -16,19 +16,37 @@ from bug_gym.maps import load_barn
 from bug_gym.metrics import EpisodeRow
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
-POLICIES = ("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev3")
+POLICIES = (
+    "bug1",
+    "bug2",
+    "com1",
+    "class1",
+    "alg1",
+    "alg2",
+    "dist_bug",
+    "tangent_bug",
+    "vis_bug_21",
+    "vis_bug_22",
+    "rev3",
+)
 PARAMETERS: dict[str, dict[str, Any]] = {"holonomic": {"clearance": 0.3}, "jackal": {"clearance": 0.33}}
 """All of the worlds are open at a clearance of 0.35 m, not all at 0.40."""
 
 COMMON = {"lidar.beams": 720, "lidar.range": 10.0, "goal.radius": 1.0, "time.limit": 100.0}
 ROBOTS = {
     "holonomic": {"kinematics": "holonomic", "radius": 0.2, "max_speed": 1.0},
-    "jackal": {"kinematics": "differential", "radius": 0.25, "max_speed": 2.0, "max_reverse": 0.5, "max_turn_rate": 3.0},
+    "jackal": {
+        "kinematics": "differential",
+        "radius": 0.25,
+        "max_speed": 2.0,
+        "max_reverse": 0.5,
+        "max_turn_rate": 3.0,
+    },
 }
 STEPS = {"holonomic": 0.1, "jackal": 0.05}
 
 SUCCESS_ASKED = {"holonomic": 1.0, "jackal": 0.95}
-DWA = "ROS's DWA, map unknown, as the benchmark prints it (Gazebo): success 88.0 %, collisions 4.8 %, score 0.1693, 33.47 s."
+DWA = "ROS's DWA, map unknown, printed by the benchmark (Gazebo): success 88.0 %, collisions 4.8 %, score 0.1693, 33.47 s."
 
 
 def score(row: EpisodeRow, reference_length: float | None) -> float:
@@ -95,5 +113,8 @@ def reproduce(settings: Settings) -> Reproduction:
             )
     header = ["policy", "robot", "success [%]", "collisions", "score", "time of successes [s]"]
     title = f"{len(worlds)} worlds of the BARN benchmark"
-    notes = [DWA, "holonomic: radius 0.2 m, 1 m/s. jackal: the benchmark's robot as a disc of 0.25 m, differential, 2 m/s."]
+    notes = [
+        DWA,
+        "holonomic: radius 0.2 m, 1 m/s. jackal: the benchmark's robot as a disc of 0.25 m, differential, 2 m/s.",
+    ]
     return Reproduction("barn", [Table(title, header, lines)], notes, {"results": data}, holds)

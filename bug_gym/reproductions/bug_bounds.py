@@ -1,7 +1,7 @@
 """The bounds and guarantees of the Bug family, checked in random still worlds that are solvable at the clearance.
 
-Bug1 walks at most D + 1.5 sum(p), Bug2 at most D + sum(n p) / 2 (Lumelsky and Stepanov 1987); nobody is shorter than the
-shortest path; the complete ones arrive always, never touch anything, and their distances at hit and leave points fall.
+Bug1 walks at most D + 1.5 sum(p), Bug2 at most D + sum(n p) / 2 (Lumelsky and Stepanov 1987); nobody is shorter than
+the shortest path; the complete ones arrive always, never touch anything, and their distances at hit and leave points fall.
 p is the perimeter of an obstacle grown by the clearance, D the distance from start to goal, n the crossings of the line
 between them with that perimeter.
 """
@@ -17,7 +17,6 @@ import shapely
 from bug_gym.config import load
 from bug_gym.evaluation import progress_bar
 from bug_gym.intervals import wilson_interval
-from bug_gym.policy import ScriptedPolicy
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.rollout import Rollout
 from bug_gym.suites import PolicyEntry, ScenarioEntry
@@ -116,7 +115,10 @@ class Found:
 
 def falls(memory: Any, goal: tuple[float, float], slack: float) -> bool:
     """Whether the distances to the goal at hit 1, leave 1, hit 2, leave 2 ... fall, each within `slack` [m]."""
-    hits, leaves = [math.dist(place, goal) for place in memory.hits], [math.dist(place, goal) for place in memory.leaves]
+    hits, leaves = (
+        [math.dist(place, goal) for place in memory.hits],
+        [math.dist(place, goal) for place in memory.leaves],
+    )
     order = [distance for pair in zip(hits, leaves, strict=False) for distance in pair]
     order += hits[len(leaves) :][:1]
     return all(after <= before + slack for before, after in zip(order, order[1:], strict=False))
@@ -163,7 +165,9 @@ def reproduce(settings: Settings) -> Reproduction:
     seeds = settings.seeds or SEEDS
     policies = settings.policies or (*COMPLETE, *NEARLY)
     jobs = [
-        delayed(drive)(policy, world_of(seed), seed, {"clearance": CLEARANCE}) for policy in policies for seed in range(seeds)
+        delayed(drive)(policy, world_of(seed), seed, {"clearance": CLEARANCE})
+        for policy in policies
+        for seed in range(seeds)
     ]
     with progress_bar(shown=settings.progress) as track:
         work = Parallel(n_jobs=settings.workers, return_as="generator_unordered")(jobs)

@@ -1,7 +1,7 @@
 """Success against odometry drift: which bugs survive when the robot does not know well where it is.
 
-The goal is computed from odometry, as by a robot without a beacon. Drift is the worry of the paper on the potential field
-with wall following, and of McGuire, de Croon and Tuyls (2019).
+The goal is computed from odometry, as by a robot without a beacon. Drift is the worry of the paper on the potential
+field with wall following, and of McGuire, de Croon and Tuyls (2019).
 """
 
 from __future__ import annotations
@@ -50,10 +50,14 @@ def reproduce(settings: Settings) -> Reproduction:
     """Run both sweeps."""
     policies, seeds = settings.policies or POLICIES, settings.seeds or SEEDS
     found = [(one, sweep.run(one, policies, seeds, settings)) for one in SWEEPS]
-    notes = [f"{seeds} worlds each of {' and '.join(SCENARIOS)}; rotation noise {TURN_SHARE:g} rad/sqrt(m) a m/sqrt(m)."]
+    notes = [
+        f"{seeds} worlds each of {' and '.join(SCENARIOS)}; rotation noise {TURN_SHARE:g} rad/sqrt(m) a m/sqrt(m)."
+    ]
     for one, summaries in found:
         names = [name for name, row in summaries.items() if row[-1].success >= SURVIVES]
-        notes.append(f"{one.title}: at {TRANSLATION[-1]:g} m/sqrt(m) at least 90 % succeed with {', '.join(names) or 'none'}.")
+        notes.append(
+            f"{one.title}: at {TRANSLATION[-1]:g} m/sqrt(m) at least 90 % succeed with {', '.join(names) or 'none'}."
+        )
     return Reproduction(
         "odometry-drift",
         [table for one, summaries in found for table in sweep.tables(one, summaries)],

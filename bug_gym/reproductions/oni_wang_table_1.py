@@ -1,7 +1,7 @@
 """Table 1 of Oni and Wang: six bugs on the twelve routes of the map of their Fig. 1.
 
-Side by side: the printed length, the ideal length with square and with rounded corners, and ours. A robot of radius 0.2 m
-with 360 beams follows walls at the paper's 1 m and turns left; Rev2 and Rev3 alternate, the first hit left.
+Side by side: the printed length, the ideal length with square and with rounded corners, and ours. A robot of radius
+0.2 m with 360 beams follows walls at the paper's 1 m and turns left; Rev2 and Rev3 alternate, the first hit left.
 """
 
 from __future__ import annotations
@@ -31,7 +31,11 @@ def allowed_difference(ideal: float) -> float:
 def drive(table: Mapping[str, Any], settings: Settings) -> dict[str, list[EpisodeRow]]:
     """One row a policy and route, in the table's order."""
     scenarios = [
-        {"scenario": "oni_wang", "label": route, "overrides": {**OVERRIDES, "world.start": route[0], "world.goal": route[1]}}
+        {
+            "scenario": "oni_wang",
+            "label": route,
+            "overrides": {**OVERRIDES, "world.start": route[0], "world.goal": route[1]},
+        }
         for route in table["routes"]
     ]
     policies = [
@@ -84,7 +88,9 @@ def reproduce(settings: Settings) -> Reproduction:
         ]
     holds = all(one["agrees"] for routes in data.values() for one in routes.values())
     notes = [f"({mark}) {note}" for mark, note in table["notes"].items()]
-    notes.append("F: cycles for ever. Bug1 goes back to its leave point the way it came, as printed (return_rule: same).")
+    notes.append(
+        "F: cycles for ever. Bug1 goes back to its leave point the way it came, as printed (return_rule: same)."
+    )
     notes.append("ours: within 1.5 % or three steps of the rounded ideal; ! marks a cell that is not.")
     header = ["policy", "", *table["routes"], "total"]
     return Reproduction(
