@@ -82,8 +82,12 @@ class Gate:
     turned: float
     """Total turning when it was placed [rad]."""
 
-    def is_passed(self, before: Point, after: Point, half_width: float) -> bool:
-        """Whether the step from `before` to `after` goes through the door in its direction."""
+    def is_passed(self, before: Point, after: Point, half_width: float, travel: float) -> bool:
+        """Whether the step from `before` to `after` goes through the door in its direction.
+
+        A door that stands right before a corner is passed in the turn: then the direction of travel [rad] of the step
+        before counts.
+        """
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         x0, y0 = before[0] - self.place[0], before[1] - self.place[1]
         x1, y1 = after[0] - self.place[0], after[1] - self.place[1]
@@ -92,7 +96,9 @@ class Gate:
             return False
         share = -along0 / (along1 - along0)
         lateral = cos * (y0 + share * (y1 - y0)) - sin * (x0 + share * (x1 - x0))
-        return abs(lateral) <= half_width and along1 - along0 > 0.5 * math.dist(before, after)
+        return abs(lateral) <= half_width and (
+            along1 - along0 > 0.5 * math.dist(before, after) or math.cos(travel - self.heading) > 0.5
+        )
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,8 @@ class Contour:
     """Own place at the decision before, odometry frame [m]."""
     heading: float | None = None
     """Direction of the last step, odometry frame [rad]; None before the first."""
+    heading_before: float = 0.0
+    """Direction of the step before the last, odometry frame [rad]."""
     odometer: float = 0.0
     """Length walked along the boundary [m]."""
     turned: float = 0.0
@@ -324,7 +332,8 @@ class Boundary:
         if length < 1e-3 * self.step:
             return
         heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
-        change = 0.0 if contour.heading is None else wrap(heading - contour.heading)
+        contour.heading_before = heading if contour.heading is None else contour.heading
+        change = wrap(heading - contour.heading_before)
         contour.turned += change
         contour.odometer += length
         contour.position = view.position
@@ -347,7 +356,7 @@ class Boundary:
             return False
         if abs(contour.turned - gate.turned) < math.pi:
             return False  # a corridor walked back, or a wall met on its other side: no lap
-        return gate.is_passed(contour.before, contour.position, self.gate_half_width)
+        return gate.is_passed(contour.before, contour.position, self.gate_half_width, contour.heading_before)
 
     def follow(self, view: View, memory: BugMemory) -> Velocity:
         """Velocity of one step along the boundary, its end on the contour.
@@ -359,7 +368,9 @@ class Boundary:
         contour = memory.contour
         assert contour is not None
         bearing = self._wall_bearing(view, contour)
-        travel = (contour.approach if contour.heading is None else contour.heading) - view.heading
+        # At the hit point it is along the wall: a gap just too narrow must not turn it away there either.
+        along = bearing + contour.side * 0.5 * math.pi
+        travel = along if contour.heading is None else contour.heading - view.heading
         heading = self._open_heading(view, bearing, contour.side, travel)
         if heading is None:
             contour.waited += self.sensors.drive.step
@@ -414,7 +425,21 @@ class Boundary:
             # Nearer to things than the contour, by more than a step: any step that gains distance will do.
             nearest, _ = view.nearest()
             turned = self._turn_from(view, wall_bearing, side, nearest + 0.5 * self.step)
+            if turned is None:
+                turned = self._widest_heading(view, nearest)
         return turned
+
+    def _widest_heading(self, view: View, nearest: float) -> float | None:
+        """Bearing along which a step ends furthest from everything; None: no further than `nearest` [m], here.
+
+        Out of a gap that narrows by so little that no single step gains much.
+        """
+        x, y = view.points
+        bearings = np.arange(-math.pi, math.pi, TRIED)
+        is_open = view.free_distances(bearings, self.safe_radius) >= self.step
+        gaps = [kernels.gap_after_step(x, y, bearing, self.step) for bearing in bearings]
+        index = int(np.where(is_open, gaps, 0.0).argmax())
+        return float(bearings[index]) if is_open[index] and gaps[index] > nearest else None
 
     def _turn_from(self, view: View, wall_bearing: float, side: int, clearance: float) -> float | None:
         """First bearing, turning away from the wall, along which a step ends at a clearance [m]; None: none does."""

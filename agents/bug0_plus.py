@@ -143,7 +143,10 @@ class Bug0Plus(ScriptedPolicy):
 
     def _passes(self, contour: Contour, gate: Gate | None) -> bool:
         """Whether the last step went through a gate of an earlier contour."""
-        return gate is not None and gate.is_passed(contour.before, contour.position, self.boundary.gate_half_width)
+        if gate is None:
+            return False
+        width = self.boundary.gate_half_width
+        return gate.is_passed(contour.before, contour.position, width, contour.heading_before)
 
     def draw(self, memory: Bug0PlusMemory) -> Drawing:
         """Hit and leave points."""

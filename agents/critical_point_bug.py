@@ -1,11 +1,11 @@
-"""CriticalPointBug: from critical point to critical point, each time the sub-goal in sight that is nearest to the goal.
+"""CriticalPointBug: from critical point to critical point, each the sub-goal in sight that is nearest to the goal.
 
-Source: Dutta, Debnath and Das (2016); sub-goals as in Das, Dutta and Debnath (2020), whose algorithm for moving obstacles
-grew out of it. Sensing assumed: a scan all round; goal, own position. Memory kept: the corners visited. States:
-motion_to_goal, motion_to_sub_goal, corner_rounding. Each open point of the scan gives a sub-goal; where something is in
-the way to the goal the critical point is the sub-goal with the least distance to the goal among those not visited. Unlike
-E-Bug it does not count the way to the sub-goal. Guarantee: none; with no sub-goal left it stops as "stuck". Length
-bound: none.
+Source: Dutta, Debnath and Das (2016); sub-goals as in Das, Dutta and Debnath (2020), whose algorithm for moving
+obstacles grew out of it. Sensing assumed: a scan all round; goal, own position. Memory kept: the corners visited.
+States: motion_to_goal, motion_to_sub_goal, corner_rounding. Each open point of the scan gives a sub-goal; where
+something is in the way to the goal the critical point is the sub-goal with the least distance to the goal among those
+not visited. Unlike E-Bug it does not count the way to the sub-goal. Guarantee: none; with no sub-goal left it stops as
+"stuck". Length bound: none.
 """
 
 from __future__ import annotations

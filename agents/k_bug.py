@@ -1,12 +1,12 @@
 """K-Bug: round the obstacle in the way by the better one of its two ends in sight.
 
-Source: Langer, Coelho and Oliveira (2007), as reported by Hasibuzzaman, Jan and Wu; no full statement of the rules is at
-hand, so this is a reconstruction. Sensing assumed: a scan all round; goal, own position. Memory kept: the collision
-points, where the straight way to the goal was blocked, and the side taken at each. States: motion_to_goal,
-motion_to_sub_goal, corner_rounding. Where the straight way is blocked the robot compares the left and the right end in
-sight of what blocks it, by the way over the end to the goal; where the obstacle is seen to block the way on from there,
-the way over its next corner. At a collision point met again it takes the other side. Guarantee: none, it can cycle (then
-"looping"); without an end in sight it stops as "stuck". Length bound: none.
+Source: Langer, Coelho and Oliveira (2007), as reported by Hasibuzzaman, Jan and Wu; neither says enough for a program,
+so this is a reconstruction. Sensing assumed: a scan all round; goal, own position. Memory kept: the collision points,
+where the straight way to the goal was blocked, and the side taken at each. States: motion_to_goal, motion_to_sub_goal,
+corner_rounding. Where the straight way is blocked the robot compares the left and the right end in sight of what blocks
+it, by the way over the end to the goal, and over the next corner too where the same obstacle is seen to block the way
+on. At a collision point met again it takes the other side. Guarantee: none, it can cycle (then "looping"); without an
+end in sight it stops as "stuck". Length bound: none.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class KBug(ScriptedPolicy):
         left, right = (min(points, key=lambda point: rotation_to(point, side)) for side in (1, -1))
         surface = self.sub_goals.surface(view, profile)
         chosen = cheapest([left, right], lambda end: self._way_over(view, end, surface), self.side)
-        way, bearing = profile.goal_way, view.goal_bearing
+        way, bearing = min(profile.goal_way, view.goal_distance), view.goal_bearing
         place = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))
         last = self._met_before(memory, place)
         if last is not None:
@@ -114,7 +114,7 @@ class KBug(ScriptedPolicy):
         return None
 
     def _way_over(self, view: View, end: OpenPoint, surface: NDArray[np.float64]) -> float:
-        """Length of the way over an end to the goal, and over the next corner where that is seen to be in the way [m]."""
+        """Length of the way over an end, and over the next corner if one is seen to be in the way, to the goal [m]."""
         place = end.sub_goal(self.sub_goals.boundary.clearance)
         corner = self._next_corner(view, place, end.side, surface)
         if corner is None:

@@ -33,7 +33,8 @@ HEADINGS = 360
 """Headings of the full circle that are looked along."""
 
 JUMP = 0.5
-"""Change of the reading that makes an open point [m], where the robot is not smaller than that."""
+"""Change of the reading that makes an open point [m], at most: behind a gap that a small robot passes there may be only
+as much room as it needs."""
 
 TIE = 0.01
 """Costs nearer to each other than this are equal [m]."""
@@ -50,11 +51,7 @@ class OpenPoint(NamedTuple):
     side: int
     """+1: its left end, which the robot passes with the wall on its right; -1: its right end."""
     rotation: float
-    """Angle from the goal's bearing, counter-clockwise, in [0, 2 pi) [rad]."""
-    near: float
-    """Free way on the side of the obstacle [m]."""
-    far: float
-    """Free way past it [m], infinite where nothing is in sight."""
+    """Angle from the goal's bearing to the heading that passes it, counter-clockwise, in [0, 2 pi) [rad]."""
 
     def sub_goal(self, offset: float) -> Point:
         """The place at an offset [m] from the corner, square to the line of sight, robot's frame [m]."""
@@ -120,7 +117,7 @@ class SubGoals:
         sensors: what a driver knows of the robot.
         clearance: see Boundary; also from a corner to its sub-goal [m].
         leave_rule: see Boundary; here it says where a goal may lie that is open only as far as the scan reaches.
-        jump: change of the reading that makes an open point [m]; None: JUMP, or the gap the robot needs if that is less.
+        jump: change of the reading that makes an open point [m]; None: JUMP, or half the gap it passes if that is less.
 
     Raises:
         ValueError: a clearance not above the body's radius, an unknown leave rule, a jump not above 0.
@@ -130,7 +127,7 @@ class SubGoals:
         self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "any", jump: float | None = None
     ) -> None:
         self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        jump = min(JUMP, 2.0 * self.boundary.inner) if jump is None else jump
+        jump = min(JUMP, self.boundary.inner) if jump is None else jump
         if not jump > 0.0 or not math.isfinite(jump):
             raise ValueError(f"jump must be above 0 m, got {jump!r}")
         self.jump = jump
@@ -147,26 +144,23 @@ class SubGoals:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
         radius, reach, ranges = self.boundary.inner, view.sensors.range, view.ranges
         x, y = view.sensors.beam_directions * ranges
-        link = np.empty(len(ranges), dtype=np.bool_)
+        link = np.empty(len(x), dtype=np.bool_)
         kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, self._wraps, link)
         first = view.goal_bearing
-        angles = first + self._headings
+        cos, sin = np.cos(first + self._headings), np.sin(first + self._headings)
         free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)
-        kernels.sweep_disc(x, y, ranges, reach, link, radius, first, np.cos(angles), np.sin(angles), free, beam)
-        found, side, chosen = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64), np.empty(len(x), dtype=np.int64)
+        kernels.sweep_disc(x, y, ranges, reach, link, radius, first, cos, sin, free, beam)
+        found, side = np.empty((HEADINGS, 3)), np.empty(HEADINGS, dtype=np.int64)
+        chosen = np.empty(len(x), dtype=np.int64)
         count = kernels.find_open_points(
             x, y, ranges, reach, link, radius, first, free, beam, self.jump, chosen, found, side
         )
-        points = [
-            OpenPoint((touched_x, touched_y), hand, rotation, near, far)
-            for (rotation, touched_x, touched_y, near, far), hand in zip(
-                found[:count].tolist(), side[:count].tolist(), strict=True
-            )
-        ]
+        ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
+        points = [OpenPoint((at_x, at_y), hand, rotation % (2.0 * math.pi)) for (rotation, at_x, at_y), hand in ends]
         return Profile(float(free[0]), int(beam[0]), link, points)
 
     def surface(self, view: View, profile: Profile) -> NDArray[np.float64]:
-        """Points (k, 2) of what blocks the way to the goal, as far as it hangs together in the scan, robot's frame [m]."""
+        """Points (k, 2) of what blocks the way to the goal, as far as the scan shows it whole, robot's frame [m]."""
         count, first = len(profile.link), profile.blocking_beam
         if first < 0:
             return np.empty((0, 2))
@@ -191,7 +185,7 @@ class SubGoals:
     # ------------------------------------------------------------------------------------------ going there
 
     def go_on(self, view: View, memory: SubGoalMemory, profile: Profile) -> Velocity | None:
-        """Velocity to the goal where it is in sight, else on to the present sub-goal; None where one is to be chosen."""
+        """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
         self.boundary.advance(view, memory)
         self._follow_target(view, memory)
         if not self._sees_goal(view, memory, profile):
@@ -221,6 +215,7 @@ class SubGoals:
 
     def give_up(self, memory: SubGoalMemory, verdict: str) -> Velocity:
         """Stand, and say the verdict after WAIT seconds without anywhere to go: something may move away before."""
+        memory.contour = None  # a goal behind is better than none
         memory.waited += self.boundary.sensors.drive.step
         if memory.waited > WAIT:
             memory.verdict = verdict
@@ -229,13 +224,13 @@ class SubGoals:
     def _sees_goal(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
         """Whether nothing is in the way to the goal, and the goal not beyond what the scan shows.
 
-        A robot that has set out for a corner moves before it looks again: turning on the spot it may see other points of
-        the same walls, and turn between goal and corner for ever.
+        A robot that has set out for a corner moves before it looks again: turning on the spot it may see other points
+        of the same walls, and turn between goal and corner for ever.
         """
         bearing, distance = view.goal_bearing, view.goal_distance
-        if memory.corner is not None and memory.came_from is not None:
-            if math.dist(memory.came_from, view.position) <= self.boundary.step:
-                return False
+        set_out_at = None if memory.corner is None else memory.came_from
+        if set_out_at is not None and math.dist(set_out_at, view.position) <= self.boundary.step:
+            return False
         if self.boundary.can_reach_goal(view, bearing, distance):
             return True
         return distance <= view.sensors.range and self._goal_way(view, memory, profile) >= distance
@@ -243,10 +238,12 @@ class SubGoals:
     def _is_open(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
         """Whether nothing in sight is in the way to the goal; with the rule "front" only for a goal ahead."""
         contour = memory.contour
-        if contour is not None and contour.heading is not None and self.boundary.leave_rule == "front":
-            if abs(wrap(view.goal_bearing + view.heading - contour.heading)) > 0.5 * math.pi:
-                return False
-        return self._goal_way(view, memory, profile) >= min(view.goal_distance, view.sensors.range)
+        if self.boundary.leave_rule == "front" and contour is not None and contour.heading is not None:
+            aside = wrap(view.goal_bearing + view.heading - contour.heading)
+        else:
+            aside = 0.0
+        is_free = self._goal_way(view, memory, profile) >= min(view.goal_distance, view.sensors.range)
+        return is_free and abs(aside) <= 0.5 * math.pi
 
     def _goal_way(self, view: View, memory: SubGoalMemory, profile: Profile) -> float:
         """Free way toward the goal [m], for a robot on this way with less to spare, so that it does not waver."""
@@ -338,7 +335,7 @@ class SubGoals:
         memory.corner = None
 
     def draw(self, memory: SubGoalMemory) -> Drawing:
-        """Sub-goals so far, the present corner, and the way over the sub-goals."""
+        """Sub-goals so far and the present corner."""
         points = [(*place, "sub_goal") for place in memory.sub_goals]
         if memory.corner is not None:
             points.append((*memory.corner, "corner"))

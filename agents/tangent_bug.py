@@ -52,6 +52,8 @@ class TangentBugMemory(BugMemory):
     """d_followed: distance from the goal to the nearest point seen of the wall followed [m]."""
     wall: Point = (0.0, 0.0)
     """The point of the wall where it will touch it, odometry frame [m]."""
+    way: float = 0.0
+    """How far it was to the destination when the robot chose to leave for it [m]."""
     trust: float = math.inf
     """How far the scan is believed [m]."""
     closest: float = math.inf
@@ -272,7 +274,7 @@ class TangentBug(ScriptedPolicy):
         memory.followed = min(memory.followed, graph.goal_distance_of(run))
         place = self._reach(view, memory, graph, run)
         if place is not None:
-            memory.destination = view.to_odometry(*place)
+            memory.destination, memory.way = view.to_odometry(*place), math.hypot(*place)
             memory.mode = "leaving"
         elif contour is not None:
             self._survey(view, memory, contour)
@@ -323,6 +325,8 @@ class TangentBug(ScriptedPolicy):
             memory.destination = None
             memory.mode = "motion_to_goal"
             return None
+        if not memory.is_second_lap:
+            self._turn_aside(view, memory, graph)
         velocity = self._go_to(view, memory.destination)
         if velocity is not None:
             return velocity
@@ -337,6 +341,18 @@ class TangentBug(ScriptedPolicy):
             self._begin_lap(memory)
         self._lay_hand(view, memory, bearing)
         return None
+
+    def _turn_aside(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> None:
+        """Choose another place that will do where a corner has come into the way, seen better from near."""
+        assert memory.destination is not None
+        bearing, distance = self._bearing_and_distance(view, memory.destination)
+        if view.free_distance(bearing, self.boundary.inner) >= distance:
+            return
+        # Each new place is nearer than the last one was, so that this comes to an end.
+        limit = min(memory.trust, memory.way - 0.25 * self.boundary.step)
+        goal_distance, place = graph.nearest_to_goal(limit=limit)
+        if goal_distance < memory.followed:
+            memory.destination, memory.way = view.to_odometry(*place), math.hypot(*place)
 
     def draw(self, memory: TangentBugMemory) -> Drawing:
         """Hit and leave points, and where it goes."""

@@ -168,17 +168,17 @@ class TangentGraph:
         square = (self.x[index] - self.goal[0]) ** 2 + (self.y[index] - self.goal[1]) ** 2
         return math.sqrt(square.min())
 
-    def nearest_to_goal(self, *, without: int, limit: float) -> tuple[float, Point]:
-        """The place nearest to the goal that the robot can go to straight, headings of one run left out.
+    def nearest_to_goal(self, *, limit: float, without: int | None = None) -> tuple[float, Point]:
+        """The place nearest to the goal that the robot can go to straight.
 
         Args:
-            without: the run left out.
             limit: how far to go at most [m].
+            without: a run; headings that end at it are left out.
 
         Returns:
             Its distance to the goal [m], and the place in the robot's frame [m]; the robot's own where none is nearer.
         """
-        used = np.flatnonzero((self.run_of != without) | (self.run_of < 0))
+        used = np.arange(len(self.free)) if without is None else np.flatnonzero((self.run_of != without) | (self.run_of < 0))
         if len(used) == 0:
             return self.goal_distance, (0.0, 0.0)
         bearings = self.bearings[used]

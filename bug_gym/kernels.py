@@ -24,6 +24,7 @@ from numba.extending import intrinsic
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Ranges = npt.NDArray[np.float32]
+Flags = npt.NDArray[np.bool_]
 Record = Any  # of SPEC or FIELD; numba reads its fields as attributes
 
 # _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
@@ -78,12 +79,13 @@ FLOAT_ARRAYS = (
     "terms",
     "body_x",
     "body_y",
-    "last_x",
-    "last_y",
     "body_vx",
     "body_vy",
     "body_radius",
     "body_event",
+    "body_turned",
+    "last_x",
+    "last_y",
     "body_nx",
     "body_ny",
     "body_speed",
@@ -113,10 +115,9 @@ INT_ARRAYS = (
     "way_loops",
     "polygon_first",
     "polygon_walls",
+    "polygon_side",
     "border_first",
     "border_walls",
-    "wall_polygon",
-    "wall_ring",
 )
 COUNTS = ("robots", "discs", "polygons", "goals", "bodies", "walls", "ways", "beams", "footprint", "width")
 INT_CONSTANTS = ("kinematics", "limit_steps", "goal_by_odometry")
@@ -197,6 +198,17 @@ FIELD = np.dtype(
 # splitmix64 of Steele, Lea and Flood (2014): a Weyl sequence and a mixing of 64 bits.
 WEYL = np.uint64(0x9E3779B97F4A7C15)
 
+# pi / 2 in three parts, the first two with so few bits that their multiples are exact, and 1.5 * 2^52, to which adding
+# a number rounds it.
+HALF_PI_HIGH, HALF_PI_MIDDLE, HALF_PI_LOW = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
+ROUNDING = 6755399441055744.0
+SINE_3, SINE_5, SINE_7, SINE_9, SINE_11, SINE_13, SINE_15, SINE_17 = (
+    (-1.0) ** (n // 2) / math.factorial(n) for n in range(3, 18, 2)
+)
+COSINE_4, COSINE_6, COSINE_8, COSINE_10, COSINE_12, COSINE_14, COSINE_16 = (
+    (-1.0) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2)
+)
+
 
 @inlined
 def _mix64(x: np.uint64) -> np.uint64:
@@ -204,6 +216,32 @@ def _mix64(x: np.uint64) -> np.uint64:
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return x ^ (x >> np.uint64(31))
+
+
+@inlined
+def sin_cos(angle: float) -> tuple[float, float]:
+    """Sine and cosine of an angle [rad] of up to a thousand turns, within 2 units in the last place.
+
+    Taylor's series on an eighth of a turn. Both at once, copied into the caller, and the same on every machine:
+    libraries differ in the last place.
+    """
+    quarter = angle * (2.0 / math.pi) + ROUNDING - ROUNDING
+    turned = np.int64(quarter)
+    x = ((angle - quarter * HALF_PI_HIGH) - quarter * HALF_PI_MIDDLE) - quarter * HALF_PI_LOW
+    z = x * x
+    tail = z * (SINE_9 + z * (SINE_11 + z * (SINE_13 + z * (SINE_15 + z * SINE_17))))
+    small_sin = x + x * z * (SINE_3 + z * (SINE_5 + z * (SINE_7 + tail)))
+    tail = z * (COSINE_10 + z * (COSINE_12 + z * (COSINE_14 + z * COSINE_16)))
+    small_cos = 1.0 - (0.5 * z - z * z * (COSINE_4 + z * (COSINE_6 + z * (COSINE_8 + tail))))
+    sin = small_cos if turned & 1 else small_sin
+    cos = small_sin if turned & 1 else small_cos
+    return -sin if turned & 2 else sin, -cos if (turned + 1) & 2 else cos
+
+
+@inlined
+def length(x: float, y: float) -> float:
+    """Length of a vector. Lengths here are far from where a square overflows."""
+    return math.sqrt(x * x + y * y)
 
 
 @kernel
@@ -237,7 +275,7 @@ NEVER = 2.0
 
 
 @kernel
-def disc_contact(dx, dy, ex, ey, distance):
+def disc_contact(dx: float, dy: float, ex: float, ey: float, distance: float) -> float:
     """First fraction at which a point from (dx, dy) along (ex, ey) comes within `distance` of the origin, or NEVER."""
     a = ex * ex + ey * ey
     b = dx * ex + dy * ey
@@ -253,68 +291,90 @@ def disc_contact(dx, dy, ex, ey, distance):
     return fraction if fraction <= 1.0 else NEVER
 
 
-@kernel
-def nearest_on_chord(dx, dy, ex, ey, end):
-    """Smallest distance from the origin of a point going from (dx, dy) along (ex, ey) up to the fraction `end`."""
+@inlined
+def chord_square(dx: float, dy: float, ex: float, ey: float, end: float) -> float:
+    """Square of `nearest_on_chord`."""
     a = ex * ex + ey * ey
     fraction = 0.0
     if a > 0.0:
         fraction = min(max(-(dx * ex + dy * ey) / a, 0.0), end)
-    return math.hypot(dx + fraction * ex, dy + fraction * ey)
+    x, y = dx + fraction * ex, dy + fraction * ey
+    return x * x + y * y
 
 
 @kernel
-def wall_contact(px, py, ex, ey, x1, y1, x2, y2, distance):
+def nearest_on_chord(dx: float, dy: float, ex: float, ey: float, end: float) -> float:
+    """Smallest distance from the origin of a point going from (dx, dy) along (ex, ey) up to the fraction `end`."""
+    return math.sqrt(chord_square(dx, dy, ex, ey, end))
+
+
+@kernel
+def wall_contact(
+    px: float, py: float, ex: float, ey: float, x1: float, y1: float, x2: float, y2: float, distance: float
+) -> float:
     """First fraction at which a point from (px, py) along (ex, ey) comes within `distance` of a segment, or NEVER."""
     ux, uy = x2 - x1, y2 - y1
-    length = math.hypot(ux, uy)
-    first = min(
+    extent = length(ux, uy)
+    if extent > 0.0:
+        ux, uy = ux / extent, uy / extent
+        height = (px - x1) * -uy + (py - y1) * ux  # signed distance to the line
+        rate = ex * -uy + ey * ux
+        if height < 0.0:
+            height, rate = -height, -rate
+        # The line is touched no later than the ends.
+        if rate >= 0.0:
+            if height >= distance:
+                return NEVER
+        else:
+            fraction = max((height - distance) / -rate, 0.0)
+            if fraction > 1.0:
+                return NEVER
+            along = (px + fraction * ex - x1) * ux + (py + fraction * ey - y1) * uy
+            if 0.0 <= along <= extent:
+                return fraction
+    return min(
         disc_contact(px - x1, py - y1, ex, ey, distance),
         disc_contact(px - x2, py - y2, ex, ey, distance),
     )
-    if length == 0.0:
-        return first
-    ux, uy = ux / length, uy / length
-    height = (px - x1) * -uy + (py - y1) * ux  # signed distance to the line
-    rate = ex * -uy + ey * ux
-    if height < 0.0:
-        height, rate = -height, -rate
-    if rate < 0.0:
-        fraction = max((height - distance) / -rate, 0.0)
-        if fraction < first and fraction <= 1.0:
-            along = (px + fraction * ex - x1) * ux + (py + fraction * ey - y1) * uy
-            if 0.0 <= along <= length:
-                first = fraction
-    return first
 
 
-@kernel
-def point_wall_distance(px, py, x1, y1, x2, y2):
-    """Distance of a point to a segment."""
+@inlined
+def point_wall_square(px: float, py: float, x1: float, y1: float, x2: float, y2: float) -> float:
+    """Square of `point_wall_distance`."""
     ux, uy = x2 - x1, y2 - y1
     square = ux * ux + uy * uy
     along = 0.0
     if square > 0.0:
         along = min(max(((px - x1) * ux + (py - y1) * uy) / square, 0.0), 1.0)
-    return math.hypot(px - x1 - along * ux, py - y1 - along * uy)
+    x, y = px - x1 - along * ux, py - y1 - along * uy
+    return x * x + y * y
 
 
 @kernel
-def nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, end):
+def point_wall_distance(px: float, py: float, x1: float, y1: float, x2: float, y2: float) -> float:
+    """Distance of a point to a segment."""
+    return math.sqrt(point_wall_square(px, py, x1, y1, x2, y2))
+
+
+@kernel
+def nearest_to_wall(
+    px: float, py: float, ex: float, ey: float, x1: float, y1: float, x2: float, y2: float, end: float
+) -> float:
     """Smallest distance to a segment of a point going from (px, py) along (ex, ey) up to the fraction `end`.
 
     Only called where there is no contact, so the chord and the segment don't cross and an end point is nearest.
     """
-    return min(
+    square = min(
         min(
-            point_wall_distance(px, py, x1, y1, x2, y2),
-            point_wall_distance(px + end * ex, py + end * ey, x1, y1, x2, y2),
+            point_wall_square(px, py, x1, y1, x2, y2),
+            point_wall_square(px + end * ex, py + end * ey, x1, y1, x2, y2),
         ),
         min(
-            nearest_on_chord(px - x1, py - y1, ex, ey, end),
-            nearest_on_chord(px - x2, py - y2, ex, ey, end),
+            chord_square(px - x1, py - y1, ex, ey, end),
+            chord_square(px - x2, py - y2, ex, ey, end),
         ),
     )
+    return math.sqrt(square)
 
 
 # ---------------------------------------------------------------------------------------------- moving obstacles
@@ -323,7 +383,7 @@ def nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, end):
 
 
 @kernel
-def plan_reflection(f, k, s, b, now):
+def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> float:
     """Time and normal of body b's next contact with a still obstacle or the border, from its place at `now`.
 
     A polygon counts as the disc about its place that holds it. What begins too near to something goes no deeper.
@@ -331,7 +391,7 @@ def plan_reflection(f, k, s, b, now):
     x, y = f[s.body_x + b], f[s.body_y + b]
     vx, vy = f[s.body_vx + b], f[s.body_vy + b]
     radius = f[s.body_radius + b]
-    speed = math.hypot(vx, vy)
+    speed = length(vx, vy)
     f[s.body_nx + b] = 0.0
     f[s.body_ny + b] = 0.0
     if speed == 0.0:
@@ -341,7 +401,7 @@ def plan_reflection(f, k, s, b, now):
     best = NEVER
     for m in range(k[s.moving_disc_count], k[s.disc_count]):
         dx, dy = x - f[s.body_x + m], y - f[s.body_y + m]
-        distance = min(radius + f[s.body_radius + m], math.hypot(dx, dy))
+        distance = min(radius + f[s.body_radius + m], length(dx, dy))
         fraction = disc_contact(dx, dy, ex, ey, distance)
         if fraction < best:
             best = fraction
@@ -350,22 +410,27 @@ def plan_reflection(f, k, s, b, now):
     for w in range(k[s.moving_wall_count], k[s.wall_count]):
         x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
         x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
-        distance = min(radius, point_wall_distance(x, y, x1, y1, x2, y2))
+        ux, uy = x2 - x1, y2 - y1
+        square = ux * ux + uy * uy
+        beside, drift = (y - y1) * ux - (x - x1) * uy, vy * ux - vx * uy
+        distance = radius
+        if beside * beside < radius * radius * square:
+            distance = min(radius, point_wall_distance(x, y, x1, y1, x2, y2))
+        elif beside * drift >= 0.0:
+            continue  # off the wall's line, and not towards it
         fraction = wall_contact(x, y, ex, ey, x1, y1, x2, y2, distance)
         if fraction < best:
             best = fraction
             cx, cy = x + fraction * ex, y + fraction * ey
-            ux, uy = x2 - x1, y2 - y1
-            square = max(ux * ux + uy * uy, 1e-300)
-            along = min(max(((cx - x1) * ux + (cy - y1) * uy) / square, 0.0), 1.0)
+            along = min(max(((cx - x1) * ux + (cy - y1) * uy) / max(square, 1e-300), 0.0), 1.0)
             nx, ny = cx - x1 - along * ux, cy - y1 - along * uy
-            norm = math.hypot(nx, ny)
+            norm = length(nx, ny)
             if norm == 0.0:
                 # A body without extent touches at distance 0: the wall's own normal, against the motion.
                 nx, ny = -uy, ux
                 if nx * vx + ny * vy > 0.0:
                     nx, ny = -nx, -ny
-                norm = math.hypot(nx, ny)
+                norm = length(nx, ny)
             f[s.body_nx + b] = nx / norm
             f[s.body_ny + b] = ny / norm
     if best == NEVER:
@@ -374,7 +439,7 @@ def plan_reflection(f, k, s, b, now):
 
 
 @kernel
-def walker_number(s, b):
+def walker_number(s: Record, b: int) -> int:
     """A number for body b that does not depend on how much room its row has for other bodies."""
     if b < s.discs:
         return 3 * b
@@ -384,19 +449,19 @@ def walker_number(s, b):
 
 
 @kernel
-def take_heading(f, k, s, b):
+def take_heading(f: Floats, k: Integers, s: Record, b: int) -> float:
     """Give a random walker its next heading and return how long it keeps it [s]."""
     key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_WALK)
-    angle = 2.0 * math.pi * uniform(key, 2 * walker_number(s, b))
-    f[s.body_vx + b] = f[s.body_speed + b] * math.cos(angle)
-    f[s.body_vy + b] = f[s.body_speed + b] * math.sin(angle)
+    sin, cos = sin_cos(2.0 * math.pi * uniform(key, 2 * walker_number(s, b)))
+    f[s.body_vx + b] = f[s.body_speed + b] * cos
+    f[s.body_vy + b] = f[s.body_speed + b] * sin
     k[s.body_leg + b] += 1
     low, high = f[s.leg_min + b], f[s.leg_max + b]
     return low + (high - low) * uniform(key, 2 * walker_number(s, b) + 1)
 
 
 @kernel
-def head_for_way_point(f, k, s, b, now):
+def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) -> float:
     """Point body b at its next way-point; returns the time of arrival, infinite where it stays for ever."""
     count = k[s.way_count + b]
     if k[s.way_next + b] >= count:
@@ -407,7 +472,7 @@ def head_for_way_point(f, k, s, b, now):
         k[s.way_next + b] = 0
     w = k[s.way_first + b] + k[s.way_next + b]
     dx, dy = f[s.way_x + w] - f[s.body_x + b], f[s.way_y + w] - f[s.body_y + b]
-    distance = math.hypot(dx, dy)
+    distance = length(dx, dy)
     speed = f[s.body_speed + b]
     if distance == 0.0 or speed == 0.0:
         f[s.body_vx + b] = 0.0
@@ -468,8 +533,11 @@ MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits unti
 
 
 @kernel
-def move_body(f, k, s, b, start, end):
+def move_body(f: Floats, k: Integers, s: Record, b: int, start: float, end: float) -> None:
     """Bring body b from its place at `start` to its place at `end`, through all its events between."""
+    f[s.last_x + b] = f[s.body_x + b]
+    f[s.last_y + b] = f[s.body_y + b]
+    f[s.body_turned + b] = end
     now = start
     for _ in range(MAX_EVENTS):
         event = f[s.body_event + b]
@@ -485,60 +553,69 @@ def move_body(f, k, s, b, start, end):
     f[s.body_event + b] += end - now
 
 
-@kernel
-def move_range(f, k, s, first, count, start, end):
-    """Advance the bodies `first` ... `first + count - 1`; their last places stay in last_x, last_y."""
+@inlined
+def move_range(f: Floats, k: Integers, s: Record, first: int, count: int, start: float, end: float) -> None:
+    """Advance the bodies `first` ... `first + count - 1`."""
     x, y = f[s.body_x + first : s.body_x + first + count], f[s.body_y + first : s.body_y + first + count]
-    last_x, last_y = f[s.last_x + first : s.last_x + first + count], f[s.last_y + first : s.last_y + first + count]
     vx, vy = f[s.body_vx + first : s.body_vx + first + count], f[s.body_vy + first : s.body_vy + first + count]
     events = f[s.body_event + first : s.body_event + first + count]
     step = end - start
-    soonest = math.inf
-    for b in range(count):
-        last_x[b] = x[b]
-        last_y[b] = y[b]
-        soonest = events[b] if events[b] < soonest else soonest
-    if soonest > end:
+    due = 0
+    for b in range(np.uint64(count)):  # apart from the rest, so that it is vectorised
+        is_due = events[b] <= end
+        time = 0.0 if is_due else step
+        x[b] += vx[b] * time
+        y[b] += vy[b] * time
+        due += np.int64(is_due)
+    if due > 0:
         for b in range(count):
-            x[b] += vx[b] * step
-            y[b] += vy[b] * step
-        return
-    for b in range(count):
-        if events[b] > end:
-            x[b] += vx[b] * step
-            y[b] += vy[b] * step
-        else:
-            move_body(f, k, s, first + b, start, end)
+            if events[b] <= end:
+                move_body(f, k, s, first + b, start, end)
 
 
-@kernel
-def move_bodies(f, k, s, start, end):
+@inlined
+def move_bodies(f: Floats, k: Integers, s: Record, start: float, end: float) -> None:
     """Advance discs, polygons and goals from `start` to `end` [s]. Still discs and polygons never change place.
 
     The walls of a moving polygon are kept relative to its place, so they need no work.
     """
-    move_range(f, k, s, 0, k[s.moving_disc_count], start, end)
-    move_range(f, k, s, s.discs, k[s.moving_polygon_count], start, end)
-    move_range(f, k, s, s.discs + s.polygons, s.goals, start, end)
+    if k[s.moving_disc_count] > 0:
+        move_range(f, k, s, 0, k[s.moving_disc_count], start, end)
+    if k[s.moving_polygon_count] > 0:
+        move_range(f, k, s, s.discs, k[s.moving_polygon_count], start, end)
+    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
+        if f[s.body_event + g] <= end:
+            move_body(f, k, s, g, start, end)
+        else:
+            f[s.body_x + g] += f[s.body_vx + g] * (end - start)
+            f[s.body_y + g] += f[s.body_vy + g] * (end - start)
+
+
+@inlined
+def body_motion(f: Floats, s: Record, b: int) -> tuple[float, float]:
+    """The way of a moving body in this step, along its chord [m]."""
+    if f[s.body_turned + b] == f[s.time]:
+        return f[s.body_x + b] - f[s.last_x + b], f[s.body_y + b] - f[s.last_y + b]
+    return f[s.body_vx + b] * s.step, f[s.body_vy + b] * s.step
 
 
 # ---------------------------------------------------------------------------------------------- robots
 
 
-@kernel
-def drive(f, s, r, first, second):
+@inlined
+def drive(f: Floats, s: Record, r: int, first: float, second: float) -> None:
     """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose)."""
     step = s.step
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     if s.kinematics == HOLONOMIC:
-        norm = max(math.hypot(first, second), 1.0)
+        norm = max(length(first, second), 1.0)
         vx, vy = first / norm * s.max_speed, second / norm * s.max_speed
         dvx, dvy = vx - f[s.velocity + 2 * r], vy - f[s.velocity + 2 * r + 1]
-        change = math.hypot(dvx, dvy)
+        change = length(dvx, dvy)
         if change > s.max_acceleration * step:
             share = s.max_acceleration * step / change
             vx, vy = f[s.velocity + 2 * r] + share * dvx, f[s.velocity + 2 * r + 1] + share * dvy
-        cos, sin = math.cos(heading), math.sin(heading)
+        sin, cos = sin_cos(heading)
         f[s.next_pose + 3 * r] = x + (cos * vx - sin * vy) * step
         f[s.next_pose + 3 * r + 1] = y + (sin * vx + cos * vy) * step
         f[s.next_pose + 3 * r + 2] = heading
@@ -551,63 +628,71 @@ def drive(f, s, r, first, second):
     rate = second * s.max_turn_rate
     half = 0.5 * rate * step
     # The chord of an arc of angle 2 half: its length over the arc's is sin(half)/half.
-    shrink = math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+    half_sin, _half_cos = sin_cos(half)
+    shrink = half_sin / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
     chord = speed * step * shrink
-    f[s.next_pose + 3 * r] = x + chord * math.cos(heading + half)
-    f[s.next_pose + 3 * r + 1] = y + chord * math.sin(heading + half)
+    sin, cos = sin_cos(heading + half)
+    f[s.next_pose + 3 * r] = x + chord * cos
+    f[s.next_pose + 3 * r + 1] = y + chord * sin
     f[s.next_pose + 3 * r + 2] = heading + 2.0 * half
     f[s.velocity + 2 * r] = speed
     f[s.velocity + 2 * r + 1] = rate
 
 
-@kernel
-def body_circle(f, s, footprint, at, r, c):
+@inlined
+def body_circle(f: Floats, s: Record, footprint: Floats, at: int, r: int, c: int) -> tuple[float, float]:
     """Centre of circle c of robot r's body at the pose stored at `at` (s.pose or s.next_pose)."""
     x, y = f[at + 3 * r], f[at + 3 * r + 1]
     ox, oy = footprint[c, 0], footprint[c, 1]
     if ox == 0.0 and oy == 0.0:
         return x, y
-    cos, sin = math.cos(f[at + 3 * r + 2]), math.sin(f[at + 3 * r + 2])
+    sin, cos = sin_cos(f[at + 3 * r + 2])
     return x + cos * ox - sin * oy, y + sin * ox + cos * oy
 
 
-@kernel
-def goal_contact(f, k, s, r):
+@inlined
+def goal_contact(f: Floats, k: Integers, s: Record, r: int) -> float:
     """Fraction of the step at which robot r's centre comes within the goal radius of its goal, or NEVER."""
     g = k[s.goal_body + r]
-    dx = f[s.pose + 3 * r] - f[s.last_x + g]
-    dy = f[s.pose + 3 * r + 1] - f[s.last_y + g]
+    mx, my = body_motion(f, s, g)
+    dx = f[s.pose + 3 * r] - (f[s.body_x + g] - mx)
+    dy = f[s.pose + 3 * r + 1] - (f[s.body_y + g] - my)
     if dx * dx + dy * dy <= s.goal_radius * s.goal_radius:
         return 0.0
-    ex = f[s.next_pose + 3 * r] - f[s.pose + 3 * r] - (f[s.body_x + g] - f[s.last_x + g])
-    ey = f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1] - (f[s.body_y + g] - f[s.last_y + g])
+    ex = f[s.next_pose + 3 * r] - f[s.pose + 3 * r] - mx
+    ey = f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1] - my
     return disc_contact(dx, dy, ex, ey, s.goal_radius)
 
 
-@kernel
-def disc_contacts(f, k, s, footprint, r, need, end, scratch):
+@inlined
+def disc_contacts(
+    f: Floats, k: Integers, s: Record, footprint: Floats, r: int, need: float, end: float, index: Integers
+) -> tuple[float, float]:
     """First contact of robot r with discs on its chord up to `end`, and the smallest clearance to them."""
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
     moving, count = k[s.moving_disc_count], k[s.disc_count]
-    disc_x, disc_y = f[s.body_x : s.body_x + count], f[s.body_y : s.body_y + count]
-    disc_radius = f[s.body_radius : s.body_radius + count]
-    excess = scratch[:count]
-    for m in range(count):  # apart from the rest, so that it is vectorised
-        dx, dy = nx - disc_x[m], ny - disc_y[m]
-        limit = need + disc_radius[m]
-        excess[m] = dx * dx + dy * dy - limit * limit
     first, clearance = NEVER, math.inf
-    for m in range(count):
-        if excess[m] >= 0.0:
-            continue
+    near = _find_near_discs(
+        f[s.body_x : s.body_x + count],
+        f[s.body_y : s.body_y + count],
+        f[s.body_radius : s.body_radius + count],
+        count,
+        nx,
+        ny,
+        need,
+        index,
+    )
+    for j in range(near):
+        m = index[np.uint64(NEAR) + j]
+        x, y = f[s.body_x + m], f[s.body_y + m]
         mx, my = 0.0, 0.0
         if m < moving:
-            mx, my = disc_x[m] - f[s.last_x + m], disc_y[m] - f[s.last_y + m]
+            mx, my = body_motion(f, s, m)
         for c in range(s.footprint):
             x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
             x1, y1 = body_circle(f, s, footprint, s.next_pose, r, c)
-            reach = disc_radius[m] + footprint[c, 2]
-            px, py = x0 - disc_x[m] + mx, y0 - disc_y[m] + my
+            reach = f[s.body_radius + m] + footprint[c, 2]
+            px, py = x0 - x + mx, y0 - y + my
             ex, ey = x1 - x0 - mx, y1 - y0 - my
             fraction = disc_contact(px, py, ex, ey, reach)
             if fraction <= end:
@@ -617,7 +702,20 @@ def disc_contacts(f, k, s, footprint, r, need, end, scratch):
 
 
 @kernel
-def wall_contacts(f, s, footprint, r, begin, count, bx, by, mx, my, need, end):
+def wall_contacts(
+    f: Floats,
+    s: Record,
+    footprint: Floats,
+    r: int,
+    begin: int,
+    count: int,
+    bx: float,
+    by: float,
+    mx: float,
+    my: float,
+    need: float,
+    end: float,
+) -> tuple[float, float]:
     """First contact of robot r with a range of walls that stand at (bx, by) and came from (bx - mx, by - my).
 
     Returns (fraction or NEVER, clearance [m]) as `obstacle_contact` does.
@@ -644,41 +742,56 @@ def wall_contacts(f, s, footprint, r, begin, count, bx, by, mx, my, need, end):
     return first, clearance
 
 
-@kernel
-def obstacle_contact(f, k, s, footprint, r, end, scratch):
+@inlined
+def find_near_polygons(
+    f: Floats, s: Record, polygons: int, x: float, y: float, reach: float, index: Integers
+) -> np.uint64:
+    """Lists in index[NEAR:] the polygons whose disc comes within `reach` of (x, y); returns how many."""
+    begin = s.body_x + s.discs
+    at_y, at_radius = s.body_y + s.discs, s.body_radius + s.discs
+    return _find_near_discs(
+        f[begin : begin + polygons],
+        f[at_y : at_y + polygons],
+        f[at_radius : at_radius + polygons],
+        polygons,
+        x,
+        y,
+        reach,
+        index,
+    )
+
+
+@inlined
+def obstacle_contact(
+    f: Floats, k: Integers, s: Record, footprint: Floats, r: int, end: float, index: Integers
+) -> tuple[float, float]:
     """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
 
     Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below both the episode's smallest
     so far and the reward's scale, else no smaller than those (the caller takes minima only).
     """
-    fx, fy = f[s.next_pose + 3 * r] - f[s.pose + 3 * r], f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1]
-    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
-    slack = math.hypot(fx, fy) + turn * s.body_reach + f[s.fastest] * s.step
-    need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
-    first, clearance = disc_contacts(f, k, s, footprint, r, need, end, scratch)
+    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+    way = length(nx - f[s.pose + 3 * r], ny - f[s.pose + 3 * r + 1])
+    slack = way + turn * s.body_reach + f[s.fastest] * s.step
+    need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
+    first, clearance = NEVER, math.inf
+    if k[s.disc_count] > 0:
+        first, clearance = disc_contacts(f, k, s, footprint, r, need, end, index)
     contact, gap = wall_contacts(
         f, s, footprint, r, k[s.border_first], k[s.border_walls], 0.0, 0.0, 0.0, 0.0, need, end
     )
     first, clearance = min(first, contact), min(clearance, gap)
     moving, polygons = k[s.moving_polygon_count], k[s.polygon_count]
-    centre_x, centre_y = f[s.body_x + s.discs : s.body_x + s.discs + polygons], f[s.body_y + s.discs : s.body_y + s.discs + polygons]
-    radius = f[s.body_radius + s.discs : s.body_radius + s.discs + polygons]
-    excess = scratch[:polygons]
-    for number in range(polygons):
-        limit = need + radius[number]
-        dx, dy = nx - centre_x[number], ny - centre_y[number]
-        excess[number] = dx * dx + dy * dy - limit * limit
-    for number in range(polygons):
-        if excess[number] >= 0.0:
-            continue
-        b = s.discs + number
-        x, y = f[s.body_x + b], f[s.body_y + b]
-        mx, my = 0.0, 0.0
+    if polygons == 0:
+        return first, clearance
+    near = find_near_polygons(f, s, polygons, nx, ny, need, index)
+    for j in range(near):
+        number = index[np.uint64(NEAR) + j]
+        x, y, mx, my = 0.0, 0.0, 0.0, 0.0  # the walls of a still polygon are kept where they stand
         if number < moving:
-            mx, my = x - f[s.last_x + b], y - f[s.last_y + b]
-        else:
-            x, y = 0.0, 0.0  # the walls of a still polygon are kept where they stand
+            x, y = f[s.body_x + s.discs + number], f[s.body_y + s.discs + number]
+            mx, my = body_motion(f, s, s.discs + number)
         contact, gap = wall_contacts(
             f, s, footprint, r, k[s.polygon_first + number], k[s.polygon_walls + number], x, y, mx, my, need, end
         )
@@ -725,22 +838,29 @@ def robots_contact(f, s, footprint, stops, a, b, end):
 SAME_TIME = 1e-12  # as a fraction of the step
 
 
-@kernel
-def settle_robots(f, k, s, footprint, stops, verdicts, scratch):
+@inlined
+def settle_robots(
+    f: Floats,
+    k: Integers,
+    s: Record,
+    footprint: Floats,
+    stops: Floats,
+    verdicts: Integers,
+    index: Integers,
+) -> None:
     """Find where each active robot's step ends and why; `stops` and `verdicts` (R,) are filled.
 
     Contacts with the world come first; then, among robots, the earliest event stops its robot and the others are
     looked at again, until no event is left.
     """
-    robots = s.robots
-    for r in range(robots):
+    for r in range(s.robots):
         stops[r] = 0.0
         verdicts[r] = k[s.outcome + r]
         if verdicts[r] != RUNNING:
             continue
         goal = goal_contact(f, k, s, r)
         end = min(goal, 1.0)
-        contact, clearance = obstacle_contact(f, k, s, footprint, r, end, scratch)
+        contact, clearance = obstacle_contact(f, k, s, footprint, r, end, index)
         stops[r] = end
         verdicts[r] = SUCCESS if goal <= 1.0 else RUNNING
         if contact <= end:
@@ -748,8 +868,16 @@ def settle_robots(f, k, s, footprint, stops, verdicts, scratch):
             verdicts[r] = COLLISION
             clearance = 0.0
         f[s.clearance + r] = clearance
-    if robots == 1:
-        return
+    if s.robots > 1:
+        settle_among_robots(f, k, s, footprint, stops, verdicts)
+
+
+@kernel
+def settle_among_robots(
+    f: Floats, k: Integers, s: Record, footprint: Floats, stops: Floats, verdicts: Integers
+) -> None:
+    """Stop robots that touch one another, the earliest contact first, and take their clearances to one another."""
+    robots = s.robots
     for _ in range(robots):
         earliest = NEVER
         for a in range(robots):
@@ -777,16 +905,16 @@ def settle_robots(f, k, s, footprint, stops, verdicts, scratch):
                 f[s.clearance + a] = min(f[s.clearance + a], clearance)
 
 
-@kernel
-def wrap(angle):
+@inlined
+def wrap(angle: float) -> float:
     """The same angle in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@kernel
-def track_odometry(f, k, s, r, dx, dy, turn):
+@inlined
+def track_odometry(f: Floats, k: Integers, s: Record, r: int, dx: float, dy: float, turn: float) -> None:
     """Advance robot r's own estimate of its pose by a motion (dx, dy) in its frame before the step, and a turn."""
-    distance = math.hypot(dx, dy)
+    distance = length(dx, dy)
     scale = 1.0
     if distance > 0.0:
         scale += s.translation_bias
@@ -796,31 +924,31 @@ def track_odometry(f, k, s, r, dx, dy, turn):
             scale += s.translation_noise * normal(key, 2 * r) / math.sqrt(distance)
             turn += s.rotation_noise * normal(key, 2 * r + 1) * math.sqrt(distance)
     heading = f[s.odometry + 3 * r + 2]
-    cos, sin = math.cos(heading), math.sin(heading)
+    sin, cos = sin_cos(heading)
     f[s.odometry + 3 * r] += scale * (cos * dx - sin * dy)
     f[s.odometry + 3 * r + 1] += scale * (sin * dx + cos * dy)
     f[s.odometry + 3 * r + 2] = wrap(heading + turn)
 
 
-@kernel
-def apply_motion(f, k, s, r, fraction):
+@inlined
+def apply_motion(f: Floats, k: Integers, s: Record, r: int, fraction: float) -> None:
     """Move robot r along its chord to the fraction where its step ends."""
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     wx, wy = fraction * (f[s.next_pose + 3 * r] - x), fraction * (f[s.next_pose + 3 * r + 1] - y)
     turn = fraction * (f[s.next_pose + 3 * r + 2] - heading)
-    cos, sin = math.cos(heading), math.sin(heading)
+    sin, cos = sin_cos(heading)
     track_odometry(f, k, s, r, cos * wx + sin * wy, cos * wy - sin * wx, turn)
     f[s.pose + 3 * r] = x + wx
     f[s.pose + 3 * r + 1] = y + wy
     f[s.pose + 3 * r + 2] = wrap(heading + turn)
-    f[s.path_length + r] += math.hypot(wx, wy)
+    f[s.path_length + r] += length(wx, wy)
 
 
-@kernel
-def judge(f, k, s, r, verdict, first, second):
+@inlined
+def judge(f: Floats, k: Integers, s: Record, r: int, verdict: int, first: float, second: float) -> None:
     """Outcome, reward terms (in the order of TERMS) and their weighted sum for robot r after its motion."""
     g = k[s.goal_body + r]
-    distance = math.hypot(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
+    distance = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
     clearance = max(f[s.clearance + r], 0.0)
     f[s.min_clearance + r] = min(f[s.min_clearance + r], clearance)
     if verdict == RUNNING and k[s.steps] >= s.limit_steps:
@@ -843,14 +971,24 @@ def judge(f, k, s, r, verdict, first, second):
     f[s.command + 2 * r + 1] = second
 
 
-@kernel
-def clip(value, low, high):
+@inlined
+def clip(value: float, low: float, high: float) -> float:
     """The value limited to [low, high]."""
     return min(max(value, low), high)
 
 
-@kernel
-def step_row(f, k, observation, s, beams, footprint, scratch, scratch_int, actions):
+@inlined
+def step_row(
+    f: Floats,
+    k: Integers,
+    observation: Ranges,
+    s: Record,
+    beams: Floats,
+    footprint: Floats,
+    scratch: Floats,
+    scratch_int: Integers,
+    actions: Floats,
+) -> None:
     """One step of one world; `actions` (R, 2) in [-1, 1], `observation` (R, D) is filled."""
     k[s.steps] += 1
     start = f[s.time]
@@ -865,7 +1003,7 @@ def step_row(f, k, observation, s, beams, footprint, scratch, scratch_int, actio
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
     stops, verdicts = scratch[:robots], scratch_int[:robots]
-    settle_robots(f, k, s, footprint, stops, verdicts, scratch[robots:])
+    settle_robots(f, k, s, footprint, stops, verdicts, scratch_int[robots:])
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
             apply_motion(f, k, s, r, stops[r])
@@ -878,13 +1016,58 @@ def step_row(f, k, observation, s, beams, footprint, scratch, scratch_int, actio
         observe(f, k, observation[r], s, beams, footprint, scratch, scratch_int, r)
 
 
+# Rows of many walls don't fit into the processor's cache, and which walls a step needs is known only when the obstacles'
+# places have come. So the places of the row after next are asked for before a row is worked on, and the near walls of
+# the next one.
+MANY_WALLS, MANY_ROWS = 128, 16
+
+
+@inlined
+def fetch_row(f: Floats, k: Integers, s: Record) -> None:
+    """Asks for what a step reads of every row."""
+    for line in range(0, s.body_turned, 8):
+        _prefetch(f, line)
+    for line in range(0, s.goal_body, 8):
+        _prefetch(k, line)
+    for line in range(s.polygon_first, s.border_first, 8):
+        _prefetch(k, line)
+
+
+@inlined
+def fetch_near_walls(f: Floats, k: Integers, s: Record, index: Integers) -> None:
+    """Asks for the walls of the polygons near the first robot."""
+    near = find_near_polygons(f, s, k[s.polygon_count], f[s.pose], f[s.pose + 1], s.reach, index)
+    for j in range(near):
+        number = index[np.uint64(NEAR) + j]
+        first = s.wall + 4 * k[s.polygon_first + number]
+        for line in range(first, first + 4 * k[s.polygon_walls + number], 8):
+            _prefetch(f, line)
+
+
 @kernel
-def step_rows(floats, ints, observation, spec, beams, footprint, scratch, scratch_int, actions, rows):
+def step_rows(
+    floats: Floats,
+    ints: Integers,
+    observation: Ranges,
+    spec: Record,
+    beams: Floats,
+    footprint: Floats,
+    scratch: Floats,
+    scratch_int: Integers,
+    actions: Floats,
+    rows: Integers,
+) -> None:
     """Step the worlds `rows` (n,) with `actions` (n, R, 2); everything else is (N, ...) and changed in place."""
     s = spec[0]
-    for i in range(rows.size):
-        n = rows[i]
-        step_row(floats[n], ints[n], observation[n], s, beams, footprint, scratch, scratch_int, actions[i])
+    ahead = s.walls >= MANY_WALLS and rows.size >= MANY_ROWS
+    for i in range(-2, rows.size):
+        if ahead and i + 2 < rows.size:
+            fetch_row(floats[rows[i + 2]], ints[rows[i + 2]], s)
+        if ahead and 0 <= i + 1 < rows.size:
+            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, scratch_int)
+        if i >= 0:
+            n = rows[i]
+            step_row(floats[n], ints[n], observation[n], s, beams, footprint, scratch, scratch_int, actions[i])
 
 
 # ---------------------------------------------------------------------------------------------- rays
@@ -967,6 +1150,23 @@ def _columns(builder: Any, data: Any, row: Any, count: int) -> list[Any]:
     """Numbers of obstacle `row` of the tile, each repeated in all lanes."""
     places = [builder.add(row, _int64(column * TILE)) for column in range(count)]
     return [_splat(builder, builder.load(builder.gep(data, [place]))) for place in places]
+
+
+@vectors
+def _prefetch(typingctx: Any, array: Any, start: Any) -> Any:
+    """Asks for the cache line of array[start], which is needed soon."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, start = arguments
+        data = _data(context, builder, signature.args[0], array)
+        place = builder.bitcast(builder.gep(data, [start]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [place.type, number, number, number])
+        prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(prefetch, [place, ir.Constant(number, 0), ir.Constant(number, 3), ir.Constant(number, 1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64), codegen
 
 
 @vectors
@@ -1378,8 +1578,7 @@ def cast_rays(
     beams = np.uint64(ranges.size)
     beams_per_rad = 1.0 / angle_step
     last = np.float64(beams) - 1.0
-    cos = math.cos(heading)
-    sin = math.sin(heading)
+    sin, cos = sin_cos(heading)
     padded = (beams // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
     for i in range(padded):
         scratch_f[i + np.uint64(BEST)] = reach
@@ -1511,47 +1710,65 @@ def add_noise(
 # ---------------------------------------------------------------------------------------------- sensing
 
 
-@kernel
-def gather_walls(f, k, s, x, y, scratch):
+@inlined
+def gather_walls(
+    f: Floats, k: Integers, s: Record, x: float, y: float, scratch: Floats, index: Integers
+) -> tuple[Floats, Floats, Floats, Floats, int]:
     """Walls of the border and of the polygons that reach into the scan's circle round (x, y), where they stand.
 
-    They are written to the end of `scratch`. Returns x1, y1, x2, y2 (S,) and how many of them count.
+    From outside a polygon only those are taken that face (x, y): the others lie behind them. They are written to the
+    end of `scratch`. Returns x1, y1, x2, y2 (S,) and how many of them count.
     """
     room = s.walls
     begin = scratch.size - 4 * room
     x1, y1 = scratch[begin : begin + room], scratch[begin + room : begin + 2 * room]
     x2, y2 = scratch[begin + 2 * room : begin + 3 * room], scratch[begin + 3 * room : begin + 4 * room]
-    polygons = k[s.polygon_count]
-    centre_x, centre_y = f[s.body_x + s.discs : s.body_x + s.discs + polygons], f[s.body_y + s.discs : s.body_y + s.discs + polygons]
-    radius = f[s.body_radius + s.discs : s.body_radius + s.discs + polygons]
-    excess = scratch[begin - polygons : begin]
-    for number in range(polygons):  # apart from the rest, so that it is vectorised
-        limit = s.reach + radius[number]
-        dx, dy = x - centre_x[number], y - centre_y[number]
-        excess[number] = dx * dx + dy * dy - limit * limit
     count = 0
-    moving = k[s.moving_polygon_count]
-    for number in range(-1, polygons):
-        first, walls, bx, by = k[s.border_first], k[s.border_walls], 0.0, 0.0
-        if number >= 0:
-            if excess[number] >= 0.0:
-                continue
-            first, walls = k[s.polygon_first + number], k[s.polygon_walls + number]
-            if number < moving:
-                bx, by = centre_x[number], centre_y[number]
-        for w in range(first, first + walls):
-            x1[count] = f[s.wall + 4 * w] + bx
-            y1[count] = f[s.wall + 4 * w + 1] + by
-            x2[count] = f[s.wall + 4 * w + 2] + bx
-            y2[count] = f[s.wall + 4 * w + 3] + by
-            count += 1
+    for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
+        x1[count] = f[s.wall + 4 * w]
+        y1[count] = f[s.wall + 4 * w + 1]
+        x2[count] = f[s.wall + 4 * w + 2]
+        y2[count] = f[s.wall + 4 * w + 3]
+        count += 1
+    polygons, moving = k[s.polygon_count], k[s.moving_polygon_count]
+    if polygons == 0:
+        return x1, y1, x2, y2, count
+    near = find_near_polygons(f, s, polygons, x, y, s.reach, index)
+    for j in range(near):
+        number = index[np.uint64(NEAR) + j]
+        b = s.discs + number
+        bx, by, radius = f[s.body_x + b], f[s.body_y + b], f[s.body_radius + b]
+        dx, dy = x - bx, y - by
+        side = 0.0 if dx * dx + dy * dy <= radius * radius else np.float64(k[s.polygon_side + number])
+        if number >= moving:
+            bx, by = 0.0, 0.0
+        first = k[s.polygon_first + number]
+        for w in range(first, first + k[s.polygon_walls + number]):
+            ax, ay = f[s.wall + 4 * w] + bx, f[s.wall + 4 * w + 1] + by
+            cx, cy = f[s.wall + 4 * w + 2] + bx, f[s.wall + 4 * w + 3] + by
+            x1[count] = ax
+            y1[count] = ay
+            x2[count] = cx
+            y2[count] = cy
+            count += np.int64(side * ((ax - x) * (cy - y) - (ay - y) * (cx - x)) <= 0.0)
     return x1, y1, x2, y2, count
 
 
-@kernel
-def observe(f, k, observation, s, beams, footprint, scratch, scratch_int, r):
+@inlined
+def observe(
+    f: Floats,
+    k: Integers,
+    observation: Ranges,
+    s: Record,
+    beams: Floats,
+    footprint: Floats,
+    scratch: Floats,
+    scratch_int: Integers,
+    r: int,
+) -> None:
     """Fill robot r's observation (D,): ranges, goal, pose, velocity, peers, in the order of observation.FIELDS."""
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    sin, cos = sin_cos(heading)
     discs = k[s.disc_count]
     # The other robots are discs too while this one looks; they lie behind the world's own.
     for other in range(s.robots):
@@ -1562,7 +1779,7 @@ def observe(f, k, observation, s, beams, footprint, scratch, scratch_int, r):
                 f[s.body_y + discs] = cy
                 f[s.body_radius + discs] = footprint[c, 2]
                 discs += 1
-    near_x1, near_y1, near_x2, near_y2, walls = gather_walls(f, k, s, x, y, scratch)
+    near_x1, near_y1, near_x2, near_y2, walls = gather_walls(f, k, s, x, y, scratch, scratch_int)
     ranges = observation[: s.beams]
     cast_rays(
         f[s.body_x : s.body_x + discs],
@@ -1586,79 +1803,98 @@ def observe(f, k, observation, s, beams, footprint, scratch, scratch_int, r):
         scratch_int,
         ranges,
     )
-    key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
-    add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
+    if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
+        key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
+        add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
     at = s.beams
     g = k[s.goal_body + r]
     ex, ey, eh = f[s.odometry + 3 * r], f[s.odometry + 3 * r + 1], f[s.odometry + 3 * r + 2]
+    goal_sin, goal_cos = sin, cos
+    gx, gy = f[s.body_x + g] - x, f[s.body_y + g] - y
     if s.goal_by_odometry:
-        ox, oy, oh = f[s.origin + 3 * r], f[s.origin + 3 * r + 1], f[s.origin + 3 * r + 2]
-        wx, wy = f[s.body_x + g] - ox, f[s.body_y + g] - oy
-        cos, sin = math.cos(oh), math.sin(oh)
-        gx, gy = cos * wx + sin * wy - ex, cos * wy - sin * wx - ey
-        cos, sin = math.cos(eh), math.sin(eh)
-    else:
-        gx, gy = f[s.body_x + g] - x, f[s.body_y + g] - y
-        cos, sin = math.cos(heading), math.sin(heading)
-    observation[at] = clip(cos * gx + sin * gy, -s.span, s.span)
-    observation[at + 1] = clip(cos * gy - sin * gx, -s.span, s.span)
+        wx, wy = f[s.body_x + g] - f[s.origin + 3 * r], f[s.body_y + g] - f[s.origin + 3 * r + 1]
+        origin_sin, origin_cos = sin_cos(f[s.origin + 3 * r + 2])
+        gx, gy = origin_cos * wx + origin_sin * wy - ex, origin_cos * wy - origin_sin * wx - ey
+        goal_sin, goal_cos = sin_cos(eh)
+    observation[at] = clip(goal_cos * gx + goal_sin * gy, -s.span, s.span)
+    observation[at + 1] = clip(goal_cos * gy - goal_sin * gx, -s.span, s.span)
     observation[at + 2] = clip(ex, -2.0 * s.span, 2.0 * s.span)
     observation[at + 3] = clip(ey, -2.0 * s.span, 2.0 * s.span)
     observation[at + 4] = eh
     observation[at + 5] = f[s.velocity + 2 * r]
     observation[at + 6] = f[s.velocity + 2 * r + 1]
     at += 7
-    cos, sin = math.cos(heading), math.sin(heading)
     for other in range(s.robots):
         if other != r:
             dx, dy = f[s.pose + 3 * other] - x, f[s.pose + 3 * other + 1] - y
             vx, vy = f[s.velocity + 2 * other], f[s.velocity + 2 * other + 1]
-            turn = f[s.pose + 3 * other + 2] - heading
+            turn_sin, turn_cos = sin_cos(f[s.pose + 3 * other + 2] - heading)
             if s.kinematics == DIFFERENTIAL:
                 vy = 0.0
             observation[at] = clip(cos * dx + sin * dy, -s.span, s.span)
             observation[at + 1] = clip(cos * dy - sin * dx, -s.span, s.span)
-            observation[at + 2] = math.cos(turn) * vx - math.sin(turn) * vy
-            observation[at + 3] = math.sin(turn) * vx + math.cos(turn) * vy
+            observation[at + 2] = turn_cos * vx - turn_sin * vy
+            observation[at + 3] = turn_sin * vx + turn_cos * vy
             at += 4
 
 
+@inlined
+def wall_gap(f: Floats, s: Record, w: int, x: float, y: float) -> float:
+    """Distance of a point to wall w, both in the frame in which the wall is kept."""
+    at = s.wall + 4 * w
+    return point_wall_distance(x, y, f[at], f[at + 1], f[at + 2], f[at + 3])
+
+
 @kernel
-def clearance_at(f, k, s, footprint, r):
+def clearance_at(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> float:
     """Distance from robot r's body to the nearest obstacle, border and other robot [m], at its present pose."""
     nearest = math.inf
     for c in range(s.footprint):
         x, y = body_circle(f, s, footprint, s.pose, r, c)
         radius = footprint[c, 2]
+        for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
+            nearest = min(nearest, wall_gap(f, s, w, x, y) - radius)
         for m in range(k[s.disc_count]):
-            gap = math.hypot(x - f[s.body_x + m], y - f[s.body_y + m]) - f[s.body_radius + m]
-            nearest = min(nearest, gap - radius)
-        for w in range(k[s.wall_count]):
-            bx, by = 0.0, 0.0
-            if w < k[s.moving_wall_count]:
-                b = s.discs + k[s.wall_polygon + w]
-                bx, by = f[s.body_x + b], f[s.body_y + b]
-            gap = point_wall_distance(
-                x - bx, y - by, f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
-            )
-            nearest = min(nearest, gap - radius)
+            dx, dy = x - f[s.body_x + m], y - f[s.body_y + m]
+            reach = radius + f[s.body_radius + m]
+            if dx * dx + dy * dy < (nearest + reach) * (nearest + reach):
+                nearest = min(nearest, length(dx, dy) - reach)
+        for number in range(k[s.polygon_count]):
+            b = s.discs + number
+            bx, by = f[s.body_x + b], f[s.body_y + b]
+            reach = nearest + radius + f[s.body_radius + b]
+            if (x - bx) * (x - bx) + (y - by) * (y - by) >= reach * reach:
+                continue
+            if number >= k[s.moving_polygon_count]:
+                bx, by = 0.0, 0.0
+            first = k[s.polygon_first + number]
+            for w in range(first, first + k[s.polygon_walls + number]):
+                nearest = min(nearest, wall_gap(f, s, w, x - bx, y - by) - radius)
         for other in range(s.robots):
             if other != r:
                 for d in range(s.footprint):
                     ox, oy = body_circle(f, s, footprint, s.pose, other, d)
-                    nearest = min(nearest, math.hypot(x - ox, y - oy) - radius - footprint[d, 2])
+                    nearest = min(nearest, length(x - ox, y - oy) - radius - footprint[d, 2])
     return nearest
 
 
 @kernel
-def begin_row(f, k, observation, s, beams, footprint, scratch, scratch_int):
+def begin_row(
+    f: Floats,
+    k: Integers,
+    observation: Ranges,
+    s: Record,
+    beams: Floats,
+    footprint: Floats,
+    scratch: Floats,
+    scratch_int: Integers,
+) -> None:
     """Start the episode of a row whose obstacles, poses and goals have been placed."""
     f[s.time] = 0.0
     k[s.steps] = 0
     fastest = 0.0
     for b in range(s.bodies):
-        f[s.last_x + b] = f[s.body_x + b]
-        f[s.last_y + b] = f[s.body_y + b]
+        f[s.body_turned + b] = -1.0
         law = k[s.body_law + b]
         if law == STILL or (k[s.disc_count] <= b < s.discs):
             f[s.body_event + b] = math.inf
@@ -1681,9 +1917,7 @@ def begin_row(f, k, observation, s, beams, footprint, scratch, scratch_int):
         f[s.reward + r] = 0.0
         for i in range(TERMS):
             f[s.terms + TERMS * r + i] = 0.0
-        f[s.goal_distance + r] = math.hypot(
-            f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1]
-        )
+        f[s.goal_distance + r] = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
         f[s.clearance + r] = clearance_at(f, k, s, footprint, r)
         f[s.min_clearance + r] = f[s.clearance + r]
     for r in range(s.robots):
@@ -1706,14 +1940,14 @@ ATTEMPTS = 20  # at a whole world
 BOUNCE_BIT, WALK_BIT = 1, 2  # of FIELD.laws
 
 
-@kernel
-def between(key, draw, low, high):
+@inlined
+def between(key: np.uint64, draw: int, low: float, high: float) -> float:
     """Draw number `draw` of the stream, uniform in [low, high)."""
     return low + (high - low) * uniform(key, draw)
 
 
 @kernel
-def place_start_and_goal(f, k, s, p, key, draw):
+def place_start_and_goal(f: Floats, k: Integers, s: Record, p: Record, key: np.uint64, draw: int) -> int:
     """Draw the robots' starts (side by side, 2 m apart) and the goal; returns the next draw, or -1 where none fits."""
     goal = s.discs + s.polygons
     side = s.robots - 1.0  # the outermost robot stands this far from the middle [m]
@@ -1728,11 +1962,12 @@ def place_start_and_goal(f, k, s, p, key, draw):
         gy = between(key, draw + 4, p.goal_ymin, p.goal_ymax)
         draw += 5
         clear = min(min(gx - p.xmin, p.xmax - gx), min(gy - p.ymin, p.ymax - gy)) >= p.goal_clearance
+        sin, cos = sin_cos(heading)
         for r in range(s.robots):
             offset = 2.0 * r - side
-            rx, ry = x - offset * math.sin(heading), y + offset * math.cos(heading)
+            rx, ry = x - offset * sin, y + offset * cos
             clear &= min(min(rx - p.xmin, p.xmax - rx), min(ry - p.ymin, p.ymax - ry)) >= room
-            clear &= math.hypot(rx - gx, ry - gy) >= p.separation
+            clear &= length(rx - gx, ry - gy) >= p.separation
             f[s.pose + 3 * r] = rx
             f[s.pose + 3 * r + 1] = ry
             f[s.pose + 3 * r + 2] = heading
@@ -1743,30 +1978,38 @@ def place_start_and_goal(f, k, s, p, key, draw):
     return -1
 
 
+@inlined
+def is_taken(f: Floats, s: Record, begin: int, end: int, x: float, y: float, room: float) -> bool:
+    """Whether one of the bodies begin ... end - 1 comes nearer to (x, y) than `room`."""
+    for b in range(begin, end):
+        dx, dy = x - f[s.body_x + b], y - f[s.body_y + b]
+        limit = room + f[s.body_radius + b]
+        if dx * dx + dy * dy < limit * limit:
+            return True
+    return False
+
+
 @kernel
-def is_free(f, k, s, p, x, y, radius, moves):
+def is_free(f: Floats, k: Integers, s: Record, p: Record, x: float, y: float, radius: float, moves: bool) -> bool:
     """Whether an obstacle of this bounding radius may stand at (x, y), given what has been placed before."""
     goal = s.discs + s.polygons
-    if math.hypot(x - f[s.body_x + goal], y - f[s.body_y + goal]) < radius + p.goal_clearance:
+    if length(x - f[s.body_x + goal], y - f[s.body_y + goal]) < radius + p.goal_clearance:
         return False
     room = radius + s.body_reach + p.start_clearance
     for r in range(s.robots):
-        if math.hypot(x - f[s.pose + 3 * r], y - f[s.pose + 3 * r + 1]) < room:
+        if length(x - f[s.pose + 3 * r], y - f[s.pose + 3 * r + 1]) < room:
             return False
     gap = 0.0 if moves else p.gap
     if gap < 0.0:
         return True  # still obstacles may overlap
-    for m in range(p.moving_discs, k[s.disc_count]):
-        if math.hypot(x - f[s.body_x + m], y - f[s.body_y + m]) < radius + f[s.body_radius + m] + gap:
-            return False
-    for b in range(s.discs + p.moving_polygons, s.discs + k[s.polygon_count]):
-        if math.hypot(x - f[s.body_x + b], y - f[s.body_y + b]) < radius + f[s.body_radius + b] + gap:
-            return False
-    return True
+    return not (
+        is_taken(f, s, p.moving_discs, k[s.disc_count], x, y, radius + gap)
+        or is_taken(f, s, s.discs + p.moving_polygons, s.discs + k[s.polygon_count], x, y, radius + gap)
+    )
 
 
 @kernel
-def place_body(f, k, s, p, b, moves, key, draw):
+def place_body(f: Floats, k: Integers, s: Record, p: Record, b: int, moves: bool, key: np.uint64, draw: int) -> int:
     """Draw size and place of body b; returns the next draw, or -1 where nothing is free."""
     for _ in range(TRIES):
         radius = between(key, draw, p.size_min, p.size_max)
@@ -1784,79 +2027,78 @@ def place_body(f, k, s, p, b, moves, key, draw):
 
 
 @kernel
-def set_motion(f, k, s, p, b, number, key, draw):
+def set_motion(f: Floats, k: Integers, s: Record, p: Record, b: int, number: int, key: np.uint64, draw: int) -> int:
     """Give mover number `number` its law and speed; returns the next draw."""
     both = p.laws == BOUNCE_BIT | WALK_BIT
     walks = p.laws == WALK_BIT or (both and number % 2 == 1)
     speed = between(key, draw, p.speed_min, p.speed_max)
-    angle = between(key, draw + 1, -math.pi, math.pi)
+    sin, cos = sin_cos(between(key, draw + 1, -math.pi, math.pi))
     k[s.body_law + b] = RANDOM_WALK if walks else BOUNCE
     k[s.body_leg + b] = 0
     f[s.body_speed + b] = speed
-    f[s.body_vx + b] = speed * math.cos(angle)
-    f[s.body_vy + b] = speed * math.sin(angle)
+    f[s.body_vx + b] = speed * cos
+    f[s.body_vy + b] = speed * sin
     f[s.leg_min + b] = p.leg_min
     f[s.leg_max + b] = p.leg_max
     return draw + 2
 
 
-@kernel
-def add_wall(f, k, s, w, x1, y1, x2, y2, polygon, ring):
+@inlined
+def add_wall(f: Floats, s: Record, w: int, x1: float, y1: float, x2: float, y2: float) -> None:
     """Write wall segment w."""
     f[s.wall + 4 * w] = x1
     f[s.wall + 4 * w + 1] = y1
     f[s.wall + 4 * w + 2] = x2
     f[s.wall + 4 * w + 3] = y2
-    k[s.wall_polygon + w] = polygon
-    k[s.wall_ring + w] = ring
 
 
 @kernel
-def shape_polygon(f, k, s, p, number, key, draw):
+def shape_polygon(f: Floats, k: Integers, s: Record, p: Record, number: int, key: np.uint64, draw: int) -> int:
     """Give polygon `number` its corners, star-shaped round its place; returns the next draw.
 
     A corner lies in each equal sector, at most 0.4 of a sector off its middle: neighbours are less than half a turn
     apart, so the polygon is simple; the first corner lies on the bounding circle.
     """
     b = s.discs + number
-    x, y, radius = f[s.body_x + b], f[s.body_y + b], f[s.body_radius + b]
+    radius = f[s.body_radius + b]
     corners = 4 if p.squares else 3 + int(uniform(key, draw) * 5.0)
     turn = between(key, draw + 1, -math.pi, math.pi)
     draw += 2
-    first = k[s.wall_count]
+    x0, y0 = 0.0, 0.0  # the walls of a moving polygon are kept relative to its place
     if number >= p.moving_polygons:
-        x0, y0 = x, y
-    else:
-        x0, y0 = 0.0, 0.0  # the walls of a moving polygon are kept relative to its place
-    for i in range(corners):
-        angle, reach = 2.0 * math.pi * i / corners, radius
-        if not p.squares:
-            angle = 2.0 * math.pi * (i + between(key, draw, -0.2, 0.2)) / corners
-            if i > 0:
-                reach = radius * between(key, draw + 1, 0.6, 1.0)
-        draw += 2
-        cx, cy = x0 + reach * math.cos(turn + angle), y0 + reach * math.sin(turn + angle)
-        f[s.wall + 4 * (first + i)] = cx
-        f[s.wall + 4 * (first + i) + 1] = cy
-    for i in range(corners):
-        w = first + i
-        after = first + (i + 1) % corners
-        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
-        add_wall(f, k, s, w, x1, y1, f[s.wall + 4 * after], f[s.wall + 4 * after + 1], number, 0)
+        x0, y0 = f[s.body_x + b], f[s.body_y + b]
+    shift = 0.0 if p.squares else between(key, draw, -0.2, 0.2)
+    sin, cos = sin_cos(turn + 2.0 * math.pi * shift / corners)
+    first = k[s.wall_count]
+    first_x, first_y = x0 + radius * cos, y0 + radius * sin
+    x, y = first_x, first_y
+    for i in range(1, corners + 1):
+        reach = radius
+        if p.squares:
+            sin, cos = cos, -sin
+        elif i < corners:
+            sin, cos = sin_cos(turn + 2.0 * math.pi * (i + between(key, draw + 2 * i, -0.2, 0.2)) / corners)
+            reach = radius * between(key, draw + 2 * i + 1, 0.6, 1.0)
+        next_x, next_y = x0 + reach * cos, y0 + reach * sin
+        if i == corners:
+            next_x, next_y = first_x, first_y
+        add_wall(f, s, first + i - 1, x, y, next_x, next_y)
+        x, y = next_x, next_y
     k[s.polygon_first + number] = first
     k[s.polygon_walls + number] = corners
+    k[s.polygon_side + number] = 1
     k[s.wall_count] = first + corners
-    return draw
+    return draw + 2 * corners
 
 
 @kernel
 def place_border(f, k, s, p):
     """Append the four walls of the bounds."""
     w = k[s.wall_count]
-    add_wall(f, k, s, w, p.xmin, p.ymin, p.xmax, p.ymin, BORDER, 0)
-    add_wall(f, k, s, w + 1, p.xmax, p.ymin, p.xmax, p.ymax, BORDER, 0)
-    add_wall(f, k, s, w + 2, p.xmax, p.ymax, p.xmin, p.ymax, BORDER, 0)
-    add_wall(f, k, s, w + 3, p.xmin, p.ymax, p.xmin, p.ymin, BORDER, 0)
+    add_wall(f, s, w, p.xmin, p.ymin, p.xmax, p.ymin)
+    add_wall(f, s, w + 1, p.xmax, p.ymin, p.xmax, p.ymax)
+    add_wall(f, s, w + 2, p.xmax, p.ymax, p.xmin, p.ymax)
+    add_wall(f, s, w + 3, p.xmin, p.ymax, p.xmin, p.ymin)
     k[s.border_first] = w
     k[s.border_walls] = 4
     k[s.wall_count] = w + 4
@@ -2272,35 +2514,57 @@ def first_seen_free(x, y, dx, dy, count, reach, ranges, first_angle, angle_step,
     return -1
 
 
-@kernel
-def foretold_range(px, py, ranges, first, second, beam):
+@inlined
+def foretold_range(px: Floats, py: Floats, ranges: Floats, first: int, second: int, beam: int) -> float:
     """Range of `beam` [m] if it met the straight line through the points of two other beams."""
     tx, ty = px[second] - px[first], py[second] - py[first]
-    across = (px[beam] * ty - py[beam] * tx) / ranges[beam]
-    return (px[second] * ty - py[second] * tx) / across
+    across: float = (px[beam] * ty - py[beam] * tx) / ranges[beam]
+    way: float = (px[second] * ty - py[second] * tx) / across
+    return way
 
 
 @kernel
-def goes_on_straight(px, py, ranges, reach, jump, i, way):
+def goes_on_straight(px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, i: int, way: int) -> bool:
     """Whether the wall seen by beam i and those before it, counted in the direction `way`, foretells the next range."""
     n = ranges.size
     ahead, before, earlier = (i + way) % n, (i - way) % n, (i - 2 * way) % n
+    straight = 0.2 * jump
     if ranges[before] >= reach:
         return False
-    if abs(ranges[i] - ranges[before]) > jump:
+    if abs(ranges[i] - ranges[before]) > jump:  # then those two must lie on a line with a third
         if ranges[earlier] >= reach:
             return False
-        if not abs(foretold_range(px, py, ranges, earlier, before, i) - ranges[i]) <= 0.2 * jump:
+        if not abs(foretold_range(px, py, ranges, earlier, before, i) - ranges[i]) <= straight:
             return False
-    return abs(foretold_range(px, py, ranges, before, i, ahead) - ranges[ahead]) <= 0.2 * jump
+    return bool(abs(foretold_range(px, py, ranges, before, i, ahead) - ranges[ahead]) <= straight)
 
 
 @kernel
-def link_beams(px, py, ranges, reach, jump, gap, wraps, link):
+def meet_in_corner(px: Floats, py: Floats, ranges: Floats, reach: float, i: int, j: int) -> bool:
+    """Whether the walls seen before beam i and after its neighbour j run into each other between the two beams.
+
+    Each goes on straight there for at most one and a half times the length seen between its last two points.
+    """
+    n = ranges.size
+    before, after = (i - 1) % n, (j + 1) % n
+    if ranges[before] >= reach or ranges[after] >= reach:
+        return False
+    ax, ay, bx, by = px[i] - px[before], py[i] - py[before], px[j] - px[after], py[j] - py[after]
+    across = ax * by - ay * bx
+    dx, dy = px[j] - px[i], py[j] - py[i]
+    first, second = (dx * by - dy * bx) / across, (dx * ay - dy * ax) / across
+    return bool(0.0 <= first <= 1.5 and 0.0 <= second <= 1.5)
+
+
+@kernel
+def link_beams(
+    px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, gap: float, wraps: bool, link: Flags
+) -> None:
     """Which beams see one surface together with their next neighbour, into `link` (B,).
 
-    They do when their ranges differ by at most `jump`, when nothing passes between their points, or when the wall
-    beside them goes on straight: at a small angle to it the ranges of neighbours differ by any amount.
+    They do when their ranges differ by at most `jump`, when nothing passes between their points, or when the walls
+    beside them go on straight, to the other point or into a corner: at a small angle to a wall the ranges of neighbours
+    differ by any amount.
 
     Args:
         px: points' x (B,) in the robot's frame [m], one for each beam.
@@ -2321,14 +2585,16 @@ def link_beams(px, py, ranges, reach, jump, gap, wraps, link):
         if abs(ranges[i] - ranges[j]) <= jump or math.hypot(px[i] - px[j], py[i] - py[j]) <= gap:
             link[i] = True
         else:
-            link[i] = goes_on_straight(px, py, ranges, reach, jump, i, 1) or goes_on_straight(
-                px, py, ranges, reach, jump, j, -1
+            link[i] = (
+                goes_on_straight(px, py, ranges, reach, jump, i, 1)
+                or goes_on_straight(px, py, ranges, reach, jump, j, -1)
+                or meet_in_corner(px, py, ranges, reach, i, j)
             )
 
 
 @inlined
-def way_to_point(along, beside, radius):
-    """How far a disc goes until it touches a point, ahead by `along` and to the side by `beside`; infinite: passes it."""
+def way_to_point(along: float, beside: float, radius: float) -> float:
+    """How far a disc goes until it touches a point, so far ahead and so far to the side [m]; infinite: it passes."""
     room = radius * radius - beside * beside
     if along <= 0.0 or room <= 0.0:
         return math.inf
@@ -2336,7 +2602,9 @@ def way_to_point(along, beside, radius):
 
 
 @inlined
-def way_to_wall(along1, beside1, along2, beside2, radius):
+def way_to_wall(
+    along1: float, beside1: float, along2: float, beside2: float, radius: float
+) -> tuple[float, float]:
     """How far a disc goes until it touches the inside of a straight wall, and the share of the wall before that point.
 
     The ends of the wall are points of their own. The way is infinite where the disc touches them first, or nothing.
@@ -2356,73 +2624,29 @@ def way_to_wall(along1, beside1, along2, beside2, radius):
 
 
 @inlined
-def is_long_wall(px, py, link, radius, i):
+def is_long_wall(px: Floats, py: Floats, link: Flags, radius: float, i: int) -> bool:
     """Whether beam i and the next see a wall so long between them that a disc could sink into it visibly."""
     if not link[i]:
         return False
     j = i + 1 if i + 1 < link.size else 0
     dx, dy = px[j] - px[i], py[j] - py[i]
-    return dx * dx + dy * dy > 0.0625 * radius * radius
+    return bool(dx * dx + dy * dy > 0.0625 * radius * radius)
 
 
 @kernel
-def beams_between(px, py, ranges, reach, link, radius, low, high, chosen):
-    """Numbers of the beams whose points a disc may touch along headings from `low` to `high`, a degree or so apart.
-
-    Args:
-        px: points' x (B,) in the robot's frame [m], one for each beam.
-        py: points' y (B,) [m].
-        ranges: (B,) [m].
-        reach: range that means "nothing seen" [m].
-        link: (B,) from `link_beams`.
-        radius: of the disc [m].
-        low: heading [rad].
-        high: heading [rad].
-        chosen: result, as many numbers as are returned; room for (B,).
-    """
-    low_x, low_y, high_x, high_y = math.cos(low), math.sin(low), math.cos(high), math.sin(high)
-    count = 0
-    for i in range(ranges.size):
-        x, y = px[i], py[i]
-        if ranges[i] >= reach:
-            continue
-        touches = y * low_x - x * low_y > -radius and y * high_x - x * high_y < radius
-        if is_long_wall(px, py, link, radius, i):
-            j = i + 1 if i + 1 < link.size else 0
-            above = max(y * low_x - x * low_y, py[j] * low_x - px[j] * low_y)
-            below = min(y * high_x - x * high_y, py[j] * high_x - px[j] * high_y)
-            touches = above > -radius and below < radius
-        if touches:
-            chosen[count] = i
-            count += 1
-    return count
-
-
-@kernel
-def touch_along(px, py, link, radius, angle, chosen, count):
-    """What a disc touches first along a heading: free way, beam that saw it (-1 for none), x and y of the point.
-
-    Only the first `count` beams of `chosen`, from `beams_between`, are looked at.
-    """
-    cos, sin = math.cos(angle), math.sin(angle)
-    free, beam, x, y = math.inf, -1, 0.0, 0.0
-    for c in range(count):
-        i = chosen[c]
-        along, beside = px[i] * cos + py[i] * sin, py[i] * cos - px[i] * sin
-        way = way_to_point(along, beside, radius)
-        if way < free:
-            free, beam, x, y = way, i, px[i], py[i]
-        if is_long_wall(px, py, link, radius, i):
-            j = i + 1 if i + 1 < link.size else 0
-            way, share = way_to_wall(along, beside, px[j] * cos + py[j] * sin, py[j] * cos - px[j] * sin, radius)
-            if way < free:
-                free, beam = way, i if share < 0.5 else j
-                x, y = px[i] + share * (px[j] - px[i]), py[i] + share * (py[j] - py[i])
-    return free, beam, x, y
-
-
-@kernel
-def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam):
+def sweep_disc(
+    px: Floats,
+    py: Floats,
+    ranges: Floats,
+    reach: float,
+    link: Flags,
+    radius: float,
+    first: float,
+    cos: Floats,
+    sin: Floats,
+    free: Floats,
+    beam: Integers,
+) -> None:
     """The scan in configuration space: how far a disc gets along each of the headings of a full circle.
 
     A wall goes on straight between linked beams, so that no disc slips through where the beams are sparse.
@@ -2450,8 +2674,7 @@ def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam)
         x, y = px[i], py[i]
         half = math.asin(radius / ranges[i]) if ranges[i] > radius else 0.5 * math.pi
         middle = math.atan2(y, x) - first
-        low, high = math.ceil((middle - half) / increment), math.floor((middle + half) / increment)
-        for heading in range(low, high + 1):
+        for heading in range(math.ceil((middle - half) / increment), math.floor((middle + half) / increment) + 1):
             k = heading % m
             way = way_to_point(x * cos[k] + y * sin[k], y * cos[k] - x * sin[k], radius)
             if way < free[k]:
@@ -2459,34 +2682,114 @@ def sweep_disc(px, py, ranges, reach, link, radius, first, cos, sin, free, beam)
         if not is_long_wall(px, py, link, radius, i):
             continue
         j = (i + 1) % n
+        u, v = px[j], py[j]
         half = max(half, math.asin(radius / ranges[j]) if ranges[j] > radius else 0.5 * math.pi)
-        turn = math.atan2(x * py[j] - y * px[j], x * px[j] + y * py[j])
-        low = math.ceil((middle + min(turn, 0.0) - half) / increment)
-        high = math.floor((middle + max(turn, 0.0) + half) / increment)
-        for heading in range(low, high + 1):
+        turn = math.atan2(x * v - y * u, x * u + y * v)
+        low, high = middle + min(turn, 0.0) - half, middle + max(turn, 0.0) + half
+        for heading in range(math.ceil(low / increment), math.floor(high / increment) + 1):
             k = heading % m
             along, beside = x * cos[k] + y * sin[k], y * cos[k] - x * sin[k]
-            way, share = way_to_wall(along, beside, px[j] * cos[k] + py[j] * sin[k], py[j] * cos[k] - px[j] * sin[k], radius)
+            way, share = way_to_wall(along, beside, u * cos[k] + v * sin[k], v * cos[k] - u * sin[k], radius)
             if way < free[k]:
                 free[k], beam[k] = way, i if share < 0.5 else j
 
 
 @kernel
-def is_one_surface(link, i, j):
+def beams_between(
+    px: Floats,
+    py: Floats,
+    ranges: Floats,
+    reach: float,
+    link: Flags,
+    radius: float,
+    low: float,
+    high: float,
+    chosen: Integers,
+) -> int:
+    """Numbers of the beams whose points or walls a disc may touch along the headings from `low` to `high`.
+
+    Args:
+        px: points' x (B,) in the robot's frame [m], one for each beam.
+        py: points' y (B,) [m].
+        ranges: (B,) [m].
+        reach: range that means "nothing seen" [m].
+        link: (B,) from `link_beams`.
+        radius: of the disc [m].
+        low: heading [rad].
+        high: heading, a few degrees further at most [rad].
+        chosen: result, as many numbers as are returned; room for (B,).
+    """
+    low_x, low_y, high_x, high_y = math.cos(low), math.sin(low), math.cos(high), math.sin(high)
+    count = 0
+    for i in range(ranges.size):
+        if ranges[i] >= reach:
+            continue
+        above, below = py[i] * low_x - px[i] * low_y, py[i] * high_x - px[i] * high_y
+        if is_long_wall(px, py, link, radius, i):
+            j = i + 1 if i + 1 < link.size else 0
+            above = max(above, py[j] * low_x - px[j] * low_y)
+            below = min(below, py[j] * high_x - px[j] * high_y)
+        if above > -radius and below < radius:
+            chosen[count] = i
+            count += 1
+    return count
+
+
+@kernel
+def touch_along(
+    px: Floats, py: Floats, link: Flags, radius: float, angle: float, chosen: Integers, count: int
+) -> tuple[float, int, float, float]:
+    """What a disc touches first along a heading: free way, beam that saw it (-1 for none), x and y of the point.
+
+    Only the first `count` beams of `chosen`, from `beams_between`, are looked at.
+    """
+    cos, sin = math.cos(angle), math.sin(angle)
+    free, beam, x, y = math.inf, -1, 0.0, 0.0
+    for c in range(count):
+        i = chosen[c]
+        along, beside = px[i] * cos + py[i] * sin, py[i] * cos - px[i] * sin
+        way = way_to_point(along, beside, radius)
+        if way < free:
+            free, beam, x, y = way, i, px[i], py[i]
+        if is_long_wall(px, py, link, radius, i):
+            j = i + 1 if i + 1 < link.size else 0
+            way, share = way_to_wall(along, beside, px[j] * cos + py[j] * sin, py[j] * cos - px[j] * sin, radius)
+            if way < free:
+                free, beam = way, i if share < 0.5 else j
+                x, y = px[i] + share * (px[j] - px[i]), py[i] + share * (py[j] - py[i])
+    return free, beam, x, y
+
+
+@kernel
+def is_one_surface(link: Flags, i: int, j: int) -> bool:
     """Whether beams i and j see one surface: all neighbours between them, the shorter way round, are linked."""
     n = link.size
     if i < 0 or j < 0:
         return False
     ahead = (j - i) % n
     begin, count = (i, ahead) if 2 * ahead <= n else (j, n - ahead)
-    for step in range(count):
-        if not link[(begin + step) % n]:
-            return False
-    return True
+    linked = 0
+    while linked < count and link[(begin + linked) % n]:
+        linked += 1
+    return bool(linked == count)
 
 
 @kernel
-def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jump, chosen, found, side):
+def find_open_points(
+    px: Floats,
+    py: Floats,
+    ranges: Floats,
+    reach: float,
+    link: Flags,
+    radius: float,
+    first: float,
+    free: Floats,
+    beam: Integers,
+    jump: float,
+    chosen: Integers,
+    found: Floats,
+    side: Integers,
+) -> int:
     """Where the free way of a disc jumps between neighbouring headings, from one surface to another or to none.
 
     Args:
@@ -2501,8 +2804,8 @@ def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jum
         beam: the beam that saw what ends it (m,), from `sweep_disc`.
         jump: change of the free way that is one [m].
         chosen: scratch (B,).
-        found: result (m, 5): the heading where the nearer surface ends, counted from heading 0 [rad], x and y of the
-            point touched there [m], free way up to it, and free way past it [m].
+        found: result (m, 3): the heading where the nearer surface ends, counted from heading 0 [rad], and x and y of
+            the point touched there [m].
         side: result (m,), +1 where the nearer surface ends counter-clockwise, -1 where it ends clockwise.
 
     Returns:
@@ -2517,20 +2820,19 @@ def find_open_points(px, py, ranges, reach, link, radius, first, free, beam, jum
             continue
         inside, outside = k * increment, (k + 1) * increment
         seen = beams_between(px, py, ranges, reach, link, radius, first + inside, first + outside, chosen)
-        surface, past = beam[k], free[after]
+        surface = beam[k]
         if change < 0.0:
-            inside, outside = outside, inside
-            surface, past = beam[after], free[k]
-        way, _, x, y = touch_along(px, py, link, radius, first + inside, chosen, seen)
-        for _ in range(8):  # headings are coarse: at a small angle to a wall the disc touches it far before its end
+            inside, outside, surface = outside, inside, beam[after]
+        _, _, x, y = touch_along(px, py, link, radius, first + inside, chosen, seen)
+        # Headings are coarse: at a small angle to a wall the disc touches it far before its end.
+        for _ in range(8):
             middle = 0.5 * (inside + outside)
-            free_way, touched, touched_x, touched_y = touch_along(px, py, link, radius, first + middle, chosen, seen)
+            _, touched, touched_x, touched_y = touch_along(px, py, link, radius, first + middle, chosen, seen)
             if is_one_surface(link, surface, touched):
-                inside, way, x, y = middle, free_way, touched_x, touched_y
+                inside, x, y = middle, touched_x, touched_y
             else:
-                outside, past = middle, free_way
+                outside = middle
         found[count, 0], found[count, 1], found[count, 2] = inside, x, y
-        found[count, 3], found[count, 4] = way, past
         side[count] = 1 if change > 0.0 else -1
         count += 1
     return count

@@ -294,8 +294,9 @@ def paint_returns(brush: Brush, world: World, row: int, robot: int, ends: list[P
 
 def paint_movers(brush: Brush, world: World, row: int) -> None:
     """Moving circles and polygons, each with an arrow along its velocity."""
-    discs, walls = (int(world.array(name)[row, 0]) for name in ("moving_disc_count", "moving_wall_count"))
-    polygons, firsts = np.unique(world.array("wall_polygon")[row, :walls], return_index=True)
+    counts = ("moving_disc_count", "moving_polygon_count", "moving_wall_count")
+    discs, count, walls = (int(world.array(name)[row, 0]) for name in counts)
+    polygons, firsts = np.arange(count), world.array("polygon_first")[row, :count]
     paint_velocities(brush, world, row, np.concatenate([np.arange(discs), int(world.spec["discs"][0]) + polygons]), MOVING_RIM)
 
     centers = brush.view.pixels(world.disc_position[row, :discs])

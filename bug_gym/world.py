@@ -186,7 +186,7 @@ class World:
         sizes |= dict.fromkeys(("seed", "episode", "steps", "disc_count", "moving_disc_count"), 1)
         sizes |= dict.fromkeys(("polygon_count", "moving_polygon_count", "wall_count", "moving_wall_count"), 1)
         sizes |= dict.fromkeys(("border_first", "border_walls"), 1)
-        sizes |= dict.fromkeys(("polygon_first", "polygon_walls"), capacity.polygons)
+        sizes |= dict.fromkeys(("polygon_first", "polygon_walls", "polygon_side"), capacity.polygons)
         sizes |= {"outcome": robots, "goal_body": robots, "wall": 4 * walls}
         by_prefix = {"body": bodies, "last": bodies, "wall": walls}
         way_of_body = ("way_first", "way_count", "way_next", "way_loops")
@@ -304,11 +304,11 @@ class World:
         """Wall segments (N, S, 4) where they stand: x1, y1, x2, y2 [m], a copy; `wall_count` says how many count."""
         size = self.capacity.walls
         walls = self.array("wall").reshape(self.count, size, 4).copy()
-        # The walls of a moving polygon are kept relative to its place.
+        # The walls of a moving polygon are kept relative to its place; they come first, in the polygons' order.
         moving = np.arange(size) < self.array("moving_wall_count")
-        rows, numbers = np.nonzero(moving)
-        bodies = int(self.spec["discs"][0]) + self.array("wall_polygon")[rows, numbers]
-        walls[rows, numbers] += np.tile(self._pair("body_x")[rows, bodies], 2)
+        rows, numbers = np.nonzero(np.arange(self.capacity.polygons) < self.array("moving_polygon_count"))
+        places = self._pair("body_x")[rows, int(self.spec["discs"][0]) + numbers]
+        walls[moving] += np.tile(places, 2).repeat(self.array("polygon_walls")[rows, numbers], axis=0)
         return walls
 
     @property
@@ -480,24 +480,40 @@ class _Writer:
     def border(self, ring: F64) -> None:
         """Append the border (k, 2)."""
         self.arrays["border_first"][0] = self.walls
-        self._ring(ring, kernels.BORDER, 0)
+        self._ring(ring)
         self.arrays["border_walls"][0] = self.walls - self.arrays["border_first"][0]
 
     def polygon(self, number: int, rings: Rings) -> None:
         """Append the rings (k, 2) of a polygon: where they stand, or relative to its place where it moves."""
         self.arrays["polygon_first"][number] = self.walls
-        for order, ring in enumerate(rings):
-            self._ring(ring, number, order)
+        for ring in rings:
+            self._ring(ring)
         self.arrays["polygon_walls"][number] = self.walls - self.arrays["polygon_first"][number]
+        self.arrays["polygon_side"][number] = inner_side(rings)
 
-    def _ring(self, ring: F64, polygon: int, order: int) -> None:
+    def _ring(self, ring: F64) -> None:
         ring = ring[np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) > SAME_POINT]
         a, first, end = self.arrays, self.walls, self.walls + len(ring)
         after = np.roll(ring, -1, axis=0)
         a["wall"][4 * first : 4 * end] = np.column_stack([ring, after]).ravel()
-        a["wall_polygon"][first:end] = polygon
-        a["wall_ring"][first:end] = order
         self.walls = end
+
+
+def cut_into_rings(walls: F64) -> Rings:
+    """Corners (k, 2) of each ring of a polygon's walls (n, 4): a ring is complete where a wall ends at its first corner."""
+    rings, begin = [], 0
+    for end, corner in enumerate(walls[:, 2:].tolist(), start=1):
+        if corner == walls[begin, :2].tolist():
+            rings.append(walls[begin:end, :2].copy())
+            begin = end
+    return tuple(rings)
+
+
+def inner_side(rings: Rings) -> int:
+    """On which side of its walls a polygon lies, as its rings (k, 2) run: 1 left, -1 right, 0 not on the same of all."""
+    areas = [float(ring[:, 0] @ np.roll(ring[:, 1], -1) - ring[:, 1] @ np.roll(ring[:, 0], -1)) for ring in rings]
+    sides = {math.copysign(1.0, area) * (1.0 if number == 0 else -1.0) for number, area in enumerate(areas)}
+    return int(sides.pop()) if len(sides) == 1 else 0
 
 
 class _Reader:
@@ -528,14 +544,12 @@ class _Reader:
 
     def rings(self) -> dict[int, Rings]:
         """Rings (k, 2) of each polygon by its number, the border's under kernels.BORDER; a mover's about its place."""
-        a, count = self.arrays, int(self.arrays["wall_count"][0])
-        corners = a["wall"].reshape(-1, 4)[:count, :2]
-        polygon, ring = a["wall_polygon"][:count], a["wall_ring"][:count]
-        result: dict[int, Rings] = {}
-        for number in np.unique(polygon):
-            mine = polygon == number
-            result[int(number)] = tuple(corners[mine & (ring == order)] for order in np.unique(ring[mine]))
-        return result
+        a = self.arrays
+        spans = {kernels.BORDER: (int(a["border_first"][0]), int(a["border_walls"][0]))}
+        for number in range(int(a["polygon_count"][0])):
+            spans[number] = int(a["polygon_first"][number]), int(a["polygon_walls"][number])
+        walls = a["wall"].reshape(-1, 4)
+        return {number: cut_into_rings(walls[first : first + count]) for number, (first, count) in spans.items()}
 
 
 def is_full_circle(scenario: Scenario) -> bool:

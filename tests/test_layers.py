@@ -28,7 +28,7 @@ CORE_LAYERS = range(4)  # their runs are functions of (seed, episode, time)
 
 COMPILED = {"kernels"}  # numba's cache misses a change in a compiled callee of another file, so there is one file
 COMPOSED = {"agents.com1_rev3"}  # its paper defines it as a composition of two algorithms
-KNOWS_AGENTS = {"suites", "evaluation", "benchmark", "cli"}  # `evaluate` takes policies by name
+KNOWS_AGENTS = {"suites", "evaluation", "benchmark", "reproductions.bug_bounds", "cli"}  # `evaluate` takes policies by name
 LEARNING = "agents.sb3"  # the only file that knows torch and stable-baselines3
 
 TORCH = {"torch", "stable_baselines3", "sb3_contrib"}

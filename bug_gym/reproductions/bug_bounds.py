@@ -162,8 +162,12 @@ def reproduce(settings: Settings) -> Reproduction:
     """Drive every policy through every world and check every claim."""
     from joblib import Parallel, delayed
 
+    from bug_gym.agents import make_policy
+
     seeds = settings.seeds or SEEDS
     policies = settings.policies or (*COMPLETE, *NEARLY)
+    for policy in policies:
+        make_policy(policy, load("static"), clearance=CLEARANCE)  # an unknown one is found out before the work
     jobs = [
         delayed(drive)(policy, world_of(seed), seed, {"clearance": CLEARANCE})
         for policy in policies

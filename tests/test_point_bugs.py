@@ -1,0 +1,306 @@
+"""PointBug, K-Bug, E-Bug and CriticalPointBug, and the open points that they go by."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from episodes import Disc, Episode, Slab, UTrap, run_episode, tolerance
+
+from bug_gym import kernels
+from bug_gym.agents import make_policy
+from bug_gym.agents.open_points import OpenPoint, Profile, SubGoals
+from bug_gym.observation import Sensors, View
+from bug_gym.simulation import Simulation
+
+C = 0.5
+SLAB, DISC, TRAP = Slab(c=C), Disc(c=C), UTrap(c=C)
+POLICIES = ["point_bug", "k_bug", "e_bug", "critical_point_bug"]
+BEAMS = 360
+SENSORS: dict[str, Any] = {"lidar": {"beams": BEAMS, "range": 60.0}, "time": {"limit": 600.0}}
+SHAPES: dict[str, Any] = {
+    "slab": {"polygons": [[[8, -3], [12, -3], [12, 5], [8, 5]]]},
+    "u_trap": {"polygons": [[[5, -4], [12, -4], [12, 4], [5, 4], [5, 3], [11, 3], [11, -3], [5, -3]]]},
+    "disc": {"circles": [[10, 0, 3]]},
+}
+
+
+def world(shapes: dict[str, Any], *, angle: float = 0.0, mirrored: bool = False, goal: float = 20.0) -> dict[str, Any]:
+    """Shapes between the start (0, 0) and the goal on the x axis, mirrored about it, then turned about the start."""
+    mirror = np.array([1.0, -1.0 if mirrored else 1.0])
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, sin], [-sin, cos]])
+
+    def moved(points: Any) -> Any:
+        return ((np.asarray(points, dtype=float) * mirror) @ turn).tolist()
+
+    explicit = {
+        "family": "explicit",
+        "bounds": [-35, -35, 35, 35],
+        "polygons": [moved(ring) for ring in shapes.get("polygons", [])],
+        "circles": [[*moved(circle[:2]), circle[2]] for circle in shapes.get("circles", [])],
+        "start": [0, 0, angle],
+        "goal": moved([goal, 0]),
+    }
+    return {**SENSORS, "world": explicit}
+
+
+def first_look(scenario: Any, clearance: float = C, **overrides: Any) -> tuple[View, SubGoals, Profile]:
+    """What a robot sees of a world from its start."""
+    simulation = Simulation(scenario, 1, overrides=overrides)
+    sensors = Sensors.of(simulation.scenario)
+    view = View(simulation.reset(seeds=[0])[0, 0], sensors)
+    sub_goals = SubGoals(sensors, clearance=clearance)
+    return view, sub_goals, sub_goals.look(view)
+
+
+# ------------------------------------------------------------------------------------------------ open points
+
+
+def test_the_open_points_of_a_slab_are_its_two_ends_in_sight() -> None:
+    _, _, profile = first_look(world(SHAPES["slab"]))
+    left, right = sorted(profile.open_points, key=lambda point: point.rotation)
+    for point, corner, side in ((left, (8.0, 5.0), 1), (right, (8.0, -3.0), -1)):
+        assert point.side == side
+        assert math.dist(point.corner, corner) <= 2.0 * math.pi / BEAMS * math.hypot(*corner) * 1.5
+
+
+def test_a_sub_goal_lies_at_the_clearance_square_to_the_line_of_sight_on_the_free_side() -> None:
+    # The figures that Das, Dutta and Debnath's formulas give for the slab's right end, their sign put right.
+    assert OpenPoint((8.0, -3.0), -1, 0.0).sub_goal(C) == pytest.approx((7.824, -3.468), abs=1e-3)
+    assert OpenPoint((8.0, -3.0), 1, 0.0).sub_goal(C) == pytest.approx((8.176, -2.532), abs=1e-3)
+
+
+@pytest.mark.parametrize(("spare", "ends"), [(-0.05, 2), (0.05, 4)])
+def test_a_gap_has_ends_where_the_disc_passes(spare: float, ends: int) -> None:
+    _, sub_goals, _ = first_look("empty")
+    half = sub_goals.boundary.inner + 0.5 * spare
+    discs = {"circles": [[5.0, half + 1.0, 1.0], [5.0, -half - 1.0, 1.0]]}
+    _, _, profile = first_look(world(discs))
+    assert len(profile.open_points) == ends
+
+
+@pytest.mark.parametrize("beams", [180, 360])
+def test_a_plain_room_has_no_open_points(beams: int) -> None:
+    places = np.random.default_rng(3).uniform(-7.0, 7.0, (6, 2))
+    for x, y in places.tolist():
+        room = {"family": "empty", "bounds": [-10, -10, 10, 10], "start": [x, y, x - y], "goal": [0.0, 0.0]}
+        _, _, profile = first_look({"lidar": {"beams": beams, "range": 60.0}, "world": room})
+        assert profile.open_points == []
+
+
+def test_no_disc_slips_through_a_wall_between_two_beams() -> None:
+    # Beams 15 degrees apart meet the wall at x = 6 up to 1.6 m apart, and the disc is 0.9 m wide.
+    wall = {"polygons": [[[6, -20], [7, -20], [7, 20], [6, 20]]]}
+    for angle in np.radians([3.0, 7.5, 20.0, 35.0]).tolist():
+        scenario = world(wall, goal=20.0)
+        scenario["world"]["goal"] = [10.0, 10.0 * math.tan(angle)]
+        scenario["lidar"] = {"beams": 24, "range": 60.0}
+        _, sub_goals, profile = first_look(scenario)
+        assert profile.goal_way == pytest.approx((6.0 - sub_goals.boundary.inner) / math.cos(angle), rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_free_ways_are_those_of_a_disc_along_finely_sampled_walls(seed: int) -> None:
+    simulation = Simulation("static", 1, overrides={"lidar.beams": 48, "world.obstacles": 40})
+    sensors = Sensors.of(simulation.scenario)
+    view = View(simulation.reset(seeds=[seed])[0, 0], sensors)
+    radius, m = 0.3, 90
+    x, y = sensors.beam_directions * view.ranges
+    link = np.empty(48, dtype=np.bool_)
+    kernels.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, True, link)
+    angles = 2.0 * math.pi / m * np.arange(m) + 0.123
+    free, beam = np.empty(m), np.empty(m, dtype=np.int64)
+    kernels.sweep_disc(
+        x, y, view.ranges, sensors.range, link, radius, 0.123, np.cos(angles), np.sin(angles), free, beam
+    )
+    px, py = view.points
+    after = np.flatnonzero(link)
+    share = np.linspace(0.0, 1.0, 400)[:, None]
+    walls_x = ((1.0 - share) * x[after] + share * x[(after + 1) % 48]).ravel()
+    walls_y = ((1.0 - share) * y[after] + share * y[(after + 1) % 48]).ravel()
+    dense_x, dense_y = np.concatenate([px, walls_x]), np.concatenate([py, walls_y])
+    expected = np.array([kernels.free_distance(dense_x, dense_y, angle, radius, math.inf) for angle in angles])
+    seen = np.isfinite(expected)
+    assert (np.isfinite(free) <= seen).all() and seen.any()
+    # Walls shorter than a quarter of the radius stand for their ends: the disc sinks in by a 128th of it, at most
+    # so far that headings which only graze such a wall pass it.
+    grazed = ~np.isclose(free, expected, atol=radius / 16.0)
+    assert grazed.mean() <= 0.03 and (free >= expected - 0.002)[seen].all()
+
+
+# ------------------------------------------------------------------------------------------------ closed forms
+
+LENGTHS: dict[str, Any] = {
+    "slab": SLAB.shortest,
+    "disc": lambda turn: DISC.shortest(),
+    "u_trap": lambda turn: TRAP.shortest(),
+}
+OTHER = {"left": "right", "right": "left"}
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_an_empty_world_is_crossed_straight(policy: str) -> None:
+    episode = run_episode(policy, world({}), clearance=C)
+    assert episode.outcome == "success" and episode.memory.sub_goals == []
+    assert episode.full_length == pytest.approx(20.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("turn", ["left", "right"])
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("angle", [0.0, 0.83])
+def test_point_bug_takes_the_taut_string_on_the_side_it_turns_to(
+    shape: str, turn: str, mirrored: bool, angle: float
+) -> None:
+    episode = run_episode("point_bug", world(SHAPES[shape], angle=angle, mirrored=mirrored), turn=turn, clearance=C)
+    expected = LENGTHS[shape](OTHER[turn] if mirrored else turn)
+    assert episode.outcome == "success"
+    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize("policy", ["k_bug", "e_bug", "critical_point_bug"])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("turn", ["left", "right"])
+@pytest.mark.parametrize(("mirrored", "angle"), [(False, 0.0), (True, 0.83)])
+def test_the_others_take_the_taut_string_on_the_shorter_side(
+    policy: str, shape: str, turn: str, mirrored: bool, angle: float
+) -> None:
+    episode = run_episode(policy, world(SHAPES[shape], angle=angle, mirrored=mirrored), turn=turn, clearance=C)
+    expected = LENGTHS[shape]("right")
+    assert episode.outcome == "success"
+    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize("policy", ["k_bug", "e_bug", "critical_point_bug"])
+@pytest.mark.parametrize("shape", ["disc", "u_trap"])
+@pytest.mark.parametrize(("turn", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_of_two_equal_ends_the_one_on_the_side_of_the_turn_is_taken(
+    policy: str, shape: str, turn: str, sign: float
+) -> None:
+    episode = run_episode(policy, world(SHAPES[shape]), turn=turn, clearance=C, max_steps=30)
+    assert sign * episode.memory.sub_goals[0][1] > 0.0
+
+
+# ------------------------------------------------------------------------------------------------ choices
+
+
+def first_sub_goal(policy: str, shapes: dict[str, Any]) -> tuple[float, float]:
+    """The first sub-goal in a world of `shapes`, with the start as the origin."""
+    place: tuple[float, float] = run_episode(policy, world(shapes), clearance=C, max_steps=2).memory.sub_goals[0]
+    return place
+
+
+def test_critical_point_bug_counts_the_rest_of_the_way_and_e_bug_the_whole() -> None:
+    # A slanting wall: the right end (2, -1) is near the robot and 18 m from the goal, the left one (14, 8) 10 m.
+    wall = {"polygons": [[[2, -1], [14, 8], [14.2, 7.8], [2.2, -1.2]]]}
+    assert math.hypot(14, 8) + math.hypot(6, 8) > math.hypot(2, 1) + math.hypot(18, 1)
+    assert first_sub_goal("critical_point_bug", wall)[1] > 7.0
+    assert first_sub_goal("e_bug", wall)[1] < 0.0
+
+
+def test_k_bug_looks_one_corner_ahead() -> None:
+    # A tray with its long floor on the right: past the floor's near end the base still stands in the way, as is seen
+    # from the start, so the way goes over the base's foot (15, -3); over the base's head at (15, h) it is free.
+    height = 3.4
+    tray = {"polygons": [[[5, -3], [15, -3], [15, height], [16, height], [16, -4], [5, -4]]]}
+    over_head = math.hypot(15, height + C) + math.hypot(5, height + C)
+    past_floor = math.hypot(5, 3 + C) + math.hypot(15, 3 + C)
+    over_foot = math.hypot(5, 3 + C) + 10.0 + math.hypot(5, 3 + C)
+    assert past_floor < over_head < over_foot
+    assert first_sub_goal("k_bug", tray)[1] > 0.0
+    assert first_sub_goal("e_bug", tray)[1] < 0.0
+
+
+@pytest.mark.parametrize("policy", ["e_bug", "critical_point_bug"])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_corner_is_visited_twice(policy: str, seed: int) -> None:
+    episode = run_episode(policy, "maze", {**HOLONOMIC, "time.limit": 600.0}, seed=seed)
+    corners = [visit.corner for visit in episode.memory.visits]
+    near = make_policy(policy, episode.simulation).sub_goals.same  # type: ignore[attr-defined]
+    assert corners
+    for number, corner in enumerate(corners):
+        assert all(math.dist(corner, other) > near for other in corners[:number])
+
+
+def test_point_bug_remembers_the_least_goal_distance_of_its_sudden_points() -> None:
+    memory = run_episode("point_bug", world(SHAPES["slab"]), clearance=C).memory
+    # Its last sudden point is the slab's corner (12, -3), seen from along the wall and so a little short of it.
+    assert memory.least_distance == pytest.approx(math.hypot(8.0, 3.0), abs=tolerance(8.5))
+    assert memory.turning_side == -1
+
+
+# ------------------------------------------------------------------------------------------------ no way
+
+LAP = 4.0 * 8.0 + 2.0 * math.pi * C
+"""Contour of the ring: a square of side 8 at the clearance [m]."""
+
+
+@pytest.mark.parametrize(("policy", "verdict"), [*zip(POLICIES, ["looping", "looping", "stuck", "stuck"], strict=True)])
+def test_before_a_ring_round_the_goal_they_end_without_a_claim(policy: str, verdict: str) -> None:
+    episode = run_episode(policy, "ring", {"lidar.range": 60.0, "time.limit": 600.0}, clearance=C)
+    assert (episode.outcome, episode.verdict) == ("running", verdict)
+    # From the start to the ring's corner, then at most three laps before one corner is met the third time.
+    first = math.hypot(6.0, 4.0)
+    assert first < episode.length <= first + 3.0 * LAP
+    assert episode.min_clearance > 0.0
+
+
+@pytest.mark.parametrize(("policy", "verdict"), [*zip(POLICIES, ["unreachable", "stuck", "stuck", "stuck"], strict=True)])
+def test_shut_in_by_a_ring_they_see_no_end_of_it_and_stay(policy: str, verdict: str) -> None:
+    ring = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+    ring |= {"start": [10, 0, 0], "goal": [0, 0]}
+    episode = run_episode(policy, {**SENSORS, "world": ring}, clearance=C)
+    assert episode.verdict == verdict
+    assert episode.length == 0.0
+
+
+# ------------------------------------------------------------------------------------------------ worlds at random
+
+HOLONOMIC = {"robot.kinematics": "holonomic", "lidar.beams": 180}
+
+
+def ends_well(episode: Episode) -> bool:
+    """Whether the robot arrived or said why not, and touched nothing."""
+    is_over = episode.outcome == "success" or episode.verdict in ("looping", "stuck")
+    return is_over and episode.min_clearance > 0.0
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("robot", [HOLONOMIC, {}], ids=["holonomic", "differential"])
+@pytest.mark.parametrize("seed", range(3))
+def test_among_many_obstacles_they_arrive_or_say_why_not(policy: str, robot: dict[str, Any], seed: int) -> None:
+    assert ends_well(run_episode(policy, "static", {"world.obstacles": 60, "time.limit": 300.0, **robot}, seed=seed))
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("robot", [HOLONOMIC, {}], ids=["holonomic", "differential"])
+@pytest.mark.parametrize("seed", range(3))
+def test_in_a_maze_they_arrive_or_say_why_not(policy: str, robot: dict[str, Any], seed: int) -> None:
+    assert ends_well(run_episode(policy, "maze", {"time.limit": 600.0, **robot}, seed=seed))
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_noise_of_the_ranges_changes_no_outcome(policy: str, shape: str) -> None:
+    scenario = world(SHAPES[shape])
+    scenario["lidar"] |= {"range": 10.0, "noise": 0.02, "dropout": 0.01}
+    for seed in range(2):
+        assert run_episode(policy, scenario, seed=seed, clearance=C).outcome == "success"
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_a_target_that_moves_is_caught(policy: str) -> None:
+    assert run_episode(policy, "moving_target", seed=1).outcome == "success"
+
+
+# ------------------------------------------------------------------------------------------------ parameters
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("jump", [0.0, -1.0, math.nan, math.inf])
+def test_a_jump_that_is_not_above_0_is_refused(policy: str, jump: float) -> None:
+    with pytest.raises(ValueError, match="jump"):
+        make_policy(policy, "static", jump=jump)
