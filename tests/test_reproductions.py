@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bug_gym.cli import main
+from bug_gym.report import draw_curves
 from bug_gym.reproductions import REPRODUCTIONS, reproduction
 from bug_gym.reproductions.result import Settings
 
@@ -41,3 +42,43 @@ def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest
 @pytest.mark.parametrize("name", REPRODUCTIONS)
 def test_each_reproduction_can_be_found(name: str) -> None:
     assert callable(reproduction(name))
+
+
+def test_the_bounds_and_guarantees_of_the_bugs_hold_on_their_first_seeds() -> None:
+    result = reproduction("bug-bounds")(Settings(seeds=20, workers=2))
+    assert result.data["faults"] == []
+    assert result.holds
+
+
+def test_barn_is_passed_on_its_first_worlds(shared_data: Path) -> None:
+    settings = Settings(seeds=4, workers=2, data=shared_data / "barn_worlds.jsonl", policies=("bug2", "com1"))
+    results = reproduction("barn")(settings).data["results"]
+    for name in ("holonomic bug2", "holonomic com1"):
+        assert results[name]["success"] == 1.0 and results[name]["collisions"] == 0
+    # The score is at most 0.25 by its definition.
+    assert all(0.0 < one["score"] <= 0.25 for one in results.values())
+
+
+def test_barn_without_its_worlds_says_what_is_missing() -> None:
+    with pytest.raises(ValueError, match="--data"):
+        reproduction("barn")(Settings())
+
+
+@pytest.mark.parametrize("name", ["lidar-density", "odometry-drift"])
+def test_a_sweep_gives_success_with_an_interval_for_each_value(name: str, tmp_path: Path) -> None:
+    result = reproduction(name)(Settings(seeds=1, policies=("go_to_goal", "bug0")))
+    for sweep in result.data["sweeps"]:
+        for series in sweep["policies"].values():
+            assert len(series) == len(sweep["values"])
+            for point in series:
+                low, high = point["success_interval"]
+                assert 0.0 <= low <= point["success"] <= high <= 1.0
+    draw_curves(tmp_path / "curves.png", result.curves)
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_success_falls_with_the_density_of_the_scan() -> None:
+    result = reproduction("lidar-density")(Settings(seeds=4, policies=("bug0",), workers=2))
+    series = result.data["sweeps"][0]["policies"]["bug0"]
+    # Eight beams are half a metre apart at the clearance's range and more: obstacles fit between them.
+    assert series[0]["success"] < series[-1]["success"]
