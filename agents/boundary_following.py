@@ -551,8 +551,8 @@ TRIED = math.radians(3.0)
 OUTWARD = math.radians(45.0)
 """How far from the wall's side a robot looks for the middle of a narrow gap [rad]."""
 
-TURNED_BACK = math.radians(120.0)
-"""Change of direction that no corner demands but a gap that is just too narrow [rad]."""
+TURNED_BACK = math.radians(105.0)
+"""Change of direction beyond that of a right-angled corner: it may be a gap that is just too narrow [rad]."""
 
 
 @dataclass(frozen=True)

@@ -322,7 +322,7 @@ class TangentBug(ScriptedPolicy):
         if view.goal_distance < memory.followed and not memory.is_second_lap:
             memory.leaves.append(view.position)
             memory.trust = math.inf
-            memory.destination = None
+            memory.side, memory.destination = 0, None
             memory.mode = "motion_to_goal"
             return None
         if not memory.is_second_lap:

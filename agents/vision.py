@@ -338,7 +338,7 @@ class Vision:
         if velocity is None:
             if ahead.contour is None:
                 boundary.hit(view, ahead, self.side, view.goal_bearing)
-                ahead.hit_distance = ahead.crossing_distance = view.goal_distance
+                ahead.hit_distance = ahead.crossing_distance = math.dist(view.position, ahead.m_line.goal)
             velocity = boundary.follow(view, ahead)
         drive = view.sensors.drive
         boundary.advance(scan.seen_from(view.to_odometry(velocity[0] * drive.step, velocity[1] * drive.step)), ahead)

@@ -34,6 +34,8 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
+    from bug_gym.ros_map import RosMap
+
 SCENARIO_FOLDER = Path(__file__).parent / "configs" / "scenarios"
 FULL_TURN = 2.0 * math.pi
 FULL_TURN_TOLERANCE = 0.005  # a rounded 6.28 in a file still means the whole circle
@@ -77,6 +79,20 @@ def _increasing(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
+def _not_corners(value: object) -> object:
+    if _box_or_corners(value) == "<corners>":
+        raise _wrong("got a polygon, expected a box [xmin, ymin, xmax, ymax]: this family has no other border")
+    return value
+
+
+def _box_or_corners(value: object) -> str:
+    return "<corners>" if isinstance(value, (list, tuple)) and value and _is_list(value[0]) else "<box>"
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, (list, tuple))
+
+
 def _box(value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     xmin, ymin, xmax, ymax = value
     if not (xmin < xmax and ymin < ymax):
@@ -98,6 +114,7 @@ NotNegative = Annotated[float, Strict(), Field(ge=0.0)]
 Share = Annotated[float, Strict(), Field(ge=0.0, le=1.0)]
 Count = Annotated[int, Strict(), Field(ge=0)]
 AtLeastOne = Annotated[int, Strict(), Field(ge=1)]
+AtLeastThree = Annotated[int, Strict(), Field(ge=3)]
 Flag = Annotated[bool, Strict()]
 ExistingPath = Annotated[str, AfterValidator(_existing)]
 
@@ -105,7 +122,12 @@ Point = Annotated[tuple[Number, Number], _sequence("x, y")]
 Velocity = Annotated[tuple[Number, Number], _sequence("vx, vy")]
 Pose = Annotated[tuple[Number, Number, Number], _sequence("x, y, heading")]
 Disc = Annotated[tuple[Number, Number, Positive], _sequence("x, y, radius")]
-Box = Annotated[tuple[Number, Number, Number, Number], _sequence("xmin, ymin, xmax, ymax"), AfterValidator(_box)]
+Box = Annotated[
+    tuple[Number, Number, Number, Number],
+    _sequence("xmin, ymin, xmax, ymax"),
+    BeforeValidator(_not_corners),
+    AfterValidator(_box),
+]
 Interval = Annotated[tuple[NotNegative, NotNegative], _sequence("least, most"), AfterValidator(_increasing)]
 Sizes = Annotated[tuple[Positive, Positive], _sequence("least, most"), AfterValidator(_increasing)]
 
@@ -154,6 +176,12 @@ Start = Annotated[
 Goal = Annotated[Annotated[Point, Tag("<fixed>")] | Annotated[Region, Tag("<drawn>")], Discriminator(_fixed_or_drawn)]
 
 
+Rotation = Annotated[
+    Annotated[Number, Tag("<angle>")] | Annotated[Literal["random"], Tag("<random>")],
+    Discriminator(lambda value: "<random>" if isinstance(value, str) else "<angle>"),
+]
+
+
 def _ring(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     """Drops the repeated last point of a closed ring; at least three must be left."""
     if len(points) > 1 and points[0] == points[-1]:
@@ -165,6 +193,31 @@ def _ring(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
 
 
 Ring = Annotated[tuple[Point, ...], AfterValidator(_ring)]
+
+
+def _simple(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Raises where a ring crosses or touches itself."""
+    import shapely
+
+    _check_simple(shapely.Polygon(points))
+    return points
+
+
+def _check_simple(outline: BaseGeometry) -> None:
+    """Raises where an outline is not that of a polygon, with the place of the fault."""
+    import shapely
+
+    if not shapely.is_valid(outline):
+        fault = re.fullmatch(r"(.*)\[(\S+) (\S+)\]", shapely.is_valid_reason(outline))
+        what, x, y = fault.groups() if fault else ("not valid", "?", "?")
+        what = "crosses itself" if what.endswith("Self-intersection") else f"is not simple ({what})"
+        raise _wrong(f"the polygon {what} at ({x}, {y})")
+
+
+Bounds = Annotated[
+    Annotated[Box, Tag("<box>")] | Annotated[Ring, AfterValidator(_simple), Tag("<corners>")],
+    Discriminator(_box_or_corners),
+]
 
 
 class Polygon(Part):
@@ -182,14 +235,7 @@ class Polygon(Part):
 
     @model_validator(mode="after")
     def _is_simple(self) -> Self:
-        import shapely
-
-        outline = self.geometry()
-        if not shapely.is_valid(outline):
-            fault = re.fullmatch(r"(.*)\[(\S+) (\S+)\]", shapely.is_valid_reason(outline))
-            what, x, y = fault.groups() if fault else ("not valid", "?", "?")
-            what = "crosses itself" if what.endswith("Self-intersection") else f"is not simple ({what})"
-            raise _wrong(f"the polygon {what} at ({x}, {y})")
+        _check_simple(self.geometry())
         return self
 
     @model_serializer(mode="wrap")
@@ -315,19 +361,55 @@ class Target(Part):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def _rectangle(xmin: float, ymin: float, xmax: float, ymax: float) -> tuple[tuple[float, float], ...]:
+    """Corners x, y of a box."""
+    return (xmin, ymin), (xmax, ymin), (xmax, ymax), (xmin, ymax)
+
+
 class Family(Part):
     """What all families of worlds share."""
 
-    bounds: Box = (-10.0, -10.0, 10.0, 10.0)
-    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
+    bounds: Bounds = (-10.0, -10.0, 10.0, 10.0)
+    """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall."""
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """xmin, ymin, xmax, ymax of the bounds, or of what holds them [m]."""
+        x, y = zip(*self.corners, strict=True)
+        return min(x), min(y), max(x), max(y)
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Corners x, y of the border [m]."""
+        match self.bounds:
+            case (float(xmin), float(ymin), float(xmax), float(ymax)):
+                return _rectangle(xmin, ymin, xmax, ymax)
+            case corners:
+                return corners
 
     def obstruction(self, discs: tuple[tuple[float, float, float], ...]) -> str:
         """What discs (x, y, radius) [m] touch of all that the scenario fixes, or "" where they are clear."""
-        xmin, ymin, xmax, ymax = self.bounds
-        for x, y, radius in discs:
-            if not (xmin + radius <= x <= xmax - radius and ymin + radius <= y <= ymax - radius):
-                return f"the border of {list(self.bounds)}"
-        return ""
+        return "" if all(self.holds(*disc) for disc in discs) else f"the border of {_shortened(list(self.bounds))}"
+
+    def holds(self, x: float, y: float, radius: float = 0.0) -> bool:
+        """Whether a disc [m] lies within the border."""
+        xmin, ymin, xmax, ymax = self.box
+        inside = xmin + radius <= x <= xmax - radius and ymin + radius <= y <= ymax - radius
+        if not inside or self.corners == _rectangle(*self.box):
+            return inside
+        import shapely
+
+        outline, centre = shapely.Polygon(self.corners), shapely.Point(x, y)
+        return bool(outline.covers(centre) and outline.exterior.distance(centre) >= radius)
+
+    def holds_box(self, box: tuple[float, float, float, float]) -> bool:
+        """Whether a rectangle xmin, ymin, xmax, ymax [m] lies within the border."""
+        corners = _rectangle(*box)
+        if self.corners == _rectangle(*self.box):
+            return all(self.holds(*corner) for corner in corners)
+        import shapely
+
+        return bool(shapely.Polygon(self.corners).covers(shapely.Polygon(corners)))
 
     def check(self, robot: Robot) -> None:
         """Raises where this robot can't live in this world."""
@@ -362,9 +444,17 @@ class Family(Part):
             raise _wrong(f"got {list(point)}, expected a free point; in its way: {touched}", key)
 
     def _check_region(self, region: tuple[float, float, float, float], key: str) -> None:
-        xmin, ymin, xmax, ymax = self.bounds
+        xmin, ymin, xmax, ymax = self.box
         if region[0] < xmin or region[1] < ymin or region[2] > xmax or region[3] > ymax:
-            raise _wrong(f"got {list(region)}, expected a rectangle within bounds {list(self.bounds)}", key)
+            raise _wrong(f"got {list(region)}, expected a rectangle within bounds {list(self.box)}", key)
+
+    def _check_width(self, width: float, robot: Robot, key: str) -> None:
+        if width <= 2.0 * robot.reach:
+            raise _wrong(f"got {width:g}, expected more than the robot's width ({2 * robot.reach:g})", key)
+
+    def _check_clearance(self, clearance: float | None, robot: Robot, key: str) -> None:
+        if clearance is not None and clearance < robot.reach:
+            raise _wrong(f"got {clearance:g}, expected at least the robot's reach ({robot.reach:g})", key)
 
     def _check_separation(
         self,
@@ -372,7 +462,7 @@ class Family(Part):
         start: tuple[float, float, float] | StartRegion | None,
         goal: tuple[float, float] | Region | None,
     ) -> None:
-        xmin, ymin, xmax, ymax = self.bounds
+        xmin, ymin, xmax, ymax = self.box
         most = math.hypot(xmax - xmin, ymax - ymin)
         if isinstance(start, tuple) and isinstance(goal, tuple):
             most = math.dist(start[:2], goal)
@@ -383,7 +473,7 @@ class Family(Part):
         if isinstance(motion, Waypoints):
             for index, point in enumerate(motion.points):
                 if Family.obstruction(self, ((*point, 0.0),)):
-                    raise _wrong(f"got {list(point)}, expected a point in {list(self.bounds)}", f"{key}.points.{index}")
+                    raise _wrong(f"got {list(point)}, expected a point in {list(self.box)}", f"{key}.points.{index}")
 
 
 class EmptyWorld(Family):
@@ -466,7 +556,7 @@ class ExplicitWorld(Family):
             raise _wrong("expected one of goal and target, got " + ("none" if self.goal is None else "both"), "goal")
         for index, mover in enumerate(self.movers):
             if Family.obstruction(self, ((*mover.at, mover.shape.circle or 0.0),)):
-                raise _wrong(f"got {list(mover.at)}, expected a place in {list(self.bounds)}", f"movers.{index}.at")
+                raise _wrong(f"got {list(mover.at)}, expected a place in {list(self.box)}", f"movers.{index}.at")
             self._check_motion(mover.motion, f"movers.{index}.motion")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
@@ -477,6 +567,8 @@ class FieldWorld(Family):
     """Obstacles at random, some of them moving."""
 
     family: Literal["field"]
+    bounds: Box = (-10.0, -10.0, 10.0, 10.0)
+    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
     obstacles: Count = 20
     """How many, still and moving together."""
     shapes: Literal["circles", "polygons", "squares", "mixed"] = "mixed"
@@ -509,8 +601,7 @@ class FieldWorld(Family):
         """The promised gaps let this robot through, and start and goal fit into the bounds."""
         if self.moving > 0.0 and not self.laws:
             raise _wrong("got [], expected at least one of 'bounce', 'random_walk'", "laws")
-        if self.solvable is not None and self.solvable < robot.reach:
-            raise _wrong(f"got {self.solvable:g}, expected at least the robot's reach ({robot.reach:g})", "solvable")
+        self._check_clearance(self.solvable, robot, "solvable")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
         self._check_separation(self.separation, self.start, self.goal)
@@ -530,8 +621,8 @@ class UTrapWorld(Family):
     """
 
     family: Literal["u_trap"]
-    bounds: Box = (-5.0, -10.0, 25.0, 10.0)
-    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
+    bounds: Bounds = (-5.0, -10.0, 25.0, 10.0)
+    """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall."""
     half_width: Positive = 3.0
     """From the axis y = 0 to the inner side of an arm [m]."""
     depth: Positive = 6.0
@@ -540,10 +631,7 @@ class UTrapWorld(Family):
     """Thickness of the arms and of the base [m]."""
     mouth_x: Number = 5.0
     """x of the mouth, before the trap is turned [m]."""
-    rotation: Annotated[
-        Annotated[Number, Tag("<angle>")] | Annotated[Literal["random"], Tag("<random>")],
-        Discriminator(lambda value: "<random>" if isinstance(value, str) else "<angle>"),
-    ] = 0.0
+    rotation: Rotation = 0.0
     """Angle by which the trap is turned about the middle of its bounding box [rad], or `random`."""
     start: Start = (0.0, 0.0, 0.0)
     """x [m], y [m], heading [rad], or a region to draw from."""
@@ -561,10 +649,9 @@ class UTrapWorld(Family):
         half_length, half_height = (self.depth + self.wall) / 2.0, self.half_width + self.wall
         if self.rotation != 0.0:
             half_length = half_height = math.hypot(half_length, half_height)
-        xmin, ymin, xmax, ymax = self.bounds
-        if x - half_length < xmin or x + half_length > xmax or y - half_height < ymin or y + half_height > ymax:
-            needed = [x - half_length, y - half_height, x + half_length, y + half_height]
-            raise _wrong(f"got {list(self.bounds)}, expected bounds that hold the trap: {needed}", "bounds")
+        needed = (x - half_length, y - half_height, x + half_length, y + half_height)
+        if not self.holds_box(needed):
+            raise _wrong(f"got {_shortened(list(self.bounds))}, expected bounds that hold the trap: {list(needed)}", "bounds")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
 
@@ -590,8 +677,9 @@ class RingWorld(Family):
         """The ring lies within the bounds, start and goal on their sides of it."""
         if self.inner >= self.outer:
             raise _wrong(f"got {self.inner:g}, expected less than outer ({self.outer:g})", "inner")
-        if Family.obstruction(self, ((*self.centre, self.outer),)):
-            raise _wrong(f"got {self.outer:g}, expected a ring within bounds {list(self.bounds)}", "outer")
+        (x, y), side = self.centre, self.outer
+        if not self.holds_box((x - side, y - side, x + side, y + side)):
+            raise _wrong(f"got {self.outer:g}, expected a ring within bounds {list(self.box)}", "outer")
         if self.inside == "start" and self.inner < robot.reach:
             raise _wrong(f"got {self.inner:g}, expected at least the robot's reach ({robot.reach:g})", "inner")
         self._check_start(self.start, robot)
@@ -610,10 +698,61 @@ class RingWorld(Family):
             raise _wrong(f"got {list(point)}, expected a place outside the ring, for {self.inside!r} is inside", key)
 
 
+class HookWorld(Family):
+    """A square box with a slit in its upper wall, turned about its middle: the way out leads away from the goal.
+
+        +------+   +---------+
+        | +----+ | +-------+ |   wall
+        | |     slit       | |
+        | |                | |          goal
+        | | start   middle | |
+        | +----------------+ |
+        +--------------------+   half_side from the middle
+    """
+
+    family: Literal["hook"]
+    bounds: Bounds = (-5.0, -12.0, 35.0, 12.0)
+    """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall."""
+    centre: Point = (10.0, 0.0)
+    """Middle of the box x, y [m]."""
+    half_side: Positive = 6.0
+    """Half the outer side [m]."""
+    wall: Positive = 1.0
+    """Thickness of the walls [m]."""
+    slit: Positive = 2.0
+    """Width of the slit [m]."""
+    slit_at: Number = -1.0
+    """From the middle of the box to that of the slit, along x [m]."""
+    rotation: Rotation = 0.0
+    """Angle by which the box is turned about its middle [rad], or `random`."""
+    start: Start = (7.0, 0.0, 0.0)
+    """x [m], y [m], heading [rad], or a region to draw from."""
+    goal: Goal = (30.0, 0.0)
+    """x, y [m], or a region to draw from."""
+
+    def check(self, robot: Robot) -> None:
+        """The robot fits through the slit, the slit into the wall, and the box, start and goal into the bounds."""
+        self._check_width(self.slit, robot, "slit")
+        inner = self.half_side - self.wall
+        if abs(self.slit_at) + 0.5 * self.slit > inner:
+            raise _wrong(f"got {self.slit:g}, expected a slit between the inner corners, +-{inner:g}", "slit")
+        (x, y), half = self.centre, self.half_side
+        if self.rotation != 0.0:
+            half *= math.sqrt(2.0)
+        needed = (x - half, y - half, x + half, y + half)
+        if not self.holds_box(needed):
+            came = _shortened(list(self.bounds))
+            raise _wrong(f"got {came}, expected bounds that hold the box: {list(needed)}", "bounds")
+        self._check_start(self.start, robot)
+        self._check_goal(self.goal)
+
+
 class MazeWorld(Family):
     """A perfect maze, drawn anew for each seed, of as many equal cells as fit into the bounds."""
 
     family: Literal["maze"]
+    bounds: Box = (-10.0, -10.0, 10.0, 10.0)
+    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
     passage: Positive = 1.2
     """Least width of a passage; the cells widen evenly until they fill the bounds [m]."""
     wall: Positive = 0.2
@@ -638,8 +777,7 @@ class MazeWorld(Family):
 
     def check(self, robot: Robot) -> None:
         """The robot fits through, and there are cells as far apart as `separation` says."""
-        if self.passage <= 2.0 * robot.reach:
-            raise _wrong(f"got {self.passage:g}, expected more than the robot's width ({2 * robot.reach:g})", "passage")
+        self._check_width(self.passage, robot, "passage")
         columns, rows = self.cells
         if columns * rows < 2:
             raise _wrong(f"got {self.passage:g}, expected at most what lets two cells into the bounds", "passage")
@@ -650,6 +788,261 @@ class MazeWorld(Family):
     def _fitting(self, side: float) -> int:
         # 1e-9: a side that is just so many cells must not lose one to rounding
         return math.floor((side + self.wall) / (self.passage + self.wall) + 1e-9)
+
+
+class CorridorWorld(Family):
+    """A passage of one width from side to side that shifts sideways at right angles, drawn anew for each seed.
+
+        +--------------------------+
+        |########## goes on ->     |
+        |########     #############|
+        | start ->    #############|
+        |##########################|
+        +--------------------------+
+
+    The robot starts at the left end and heads along it; the goal lies at the right end.
+    """
+
+    family: Literal["corridor"]
+    bounds: Box = (-15.0, -8.0, 15.0, 8.0)
+    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
+    width: Positive = 2.0
+    """Width of the passage [m]."""
+    shifts: Count = 3
+    """How often it shifts sideways; each shift is two right angles."""
+    wall: Positive = 0.5
+    """Least thickness of what lies between two of its legs, and between a leg and the border [m]."""
+
+    @property
+    def spare(self) -> tuple[float, float]:
+        """Way left over along x for the places of the shifts, and along y for the levels of the legs [m]."""
+        xmin, ymin, xmax, ymax = self.bounds
+        across = self.shifts * self.width + max(self.shifts - 1, 0) * self.wall + 2.0 * self.width
+        return xmax - xmin - across, ymax - ymin - self.width - 2.0 * self.wall
+
+    def check(self, robot: Robot) -> None:
+        """The robot fits through, and the passage into the bounds."""
+        self._check_width(self.width, robot, "width")
+        along, sideways = self.spare
+        if along < 0.0:
+            raise _wrong(f"got {self.shifts}, expected fewer: there is no room along x for so many", "shifts")
+        # Wherever the last leg is, the next one finds a level.
+        most = 2.0 * (self.width + self.wall) if self.shifts else 0.0
+        if sideways < most:
+            raise _wrong(f"got {self.width:g}, expected less: legs must fit beside one another along y", "width")
+
+
+class DrawnPlaces(Family):
+    """Families whose worlds are drawn anew for each seed, start and goal wherever there is room."""
+
+    start: Start | None = None
+    """x [m], y [m], heading [rad], or a region to draw from; none: anywhere."""
+    goal: Goal | None = None
+    """x, y [m], or a region to draw from; none: anywhere."""
+    separation: NotNegative = 8.0
+    """Least distance from start to goal [m]."""
+
+    def check(self, robot: Robot) -> None:
+        """Start and goal lie within the bounds, and far enough apart."""
+        self._check_start(self.start, robot)
+        self._check_goal(self.goal)
+        self._check_separation(self.separation, self.start, self.goal)
+
+
+class RoomsWorld(DrawnPlaces):
+    """Rooms in rows and columns, with doors between neighbours; each can be reached from each."""
+
+    family: Literal["rooms"]
+    bounds: Box = (-10.0, -10.0, 10.0, 10.0)
+    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
+    columns: AtLeastOne = 3
+    """How many rooms lie along x."""
+    rows: AtLeastOne = 3
+    """How many rooms lie along y."""
+    door: Positive = 1.2
+    """Width of the doors [m]."""
+    wall: Positive = 0.2
+    """Thickness of the walls [m]."""
+    loops: Share = 0.25
+    """Share, 0 to 1, of the walls between neighbours without need of a door that have one; 0: one way between rooms."""
+    unevenness: Share = 0.5
+    """How far walls stand off their even places, 0 to 1: 1 is half a room's side to either side."""
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Distance between even walls along x and along y [m]."""
+        xmin, ymin, xmax, ymax = self.bounds
+        return (xmax - xmin) / self.columns, (ymax - ymin) / self.rows
+
+    def check(self, robot: Robot) -> None:
+        """The robot fits through the doors, and they into the smallest room's walls."""
+        self._check_width(self.door, robot, "door")
+        least = min(self.pitch) * (1.0 - self.unevenness) - self.wall
+        if self.door > least:
+            raise _wrong(f"got {self.door:g}, expected at most the smallest room's side ({least:g})", "door")
+        super().check(robot)
+
+
+class CrossingWorld(DrawnPlaces):
+    """Streams of round movers across the way: each goes up one lane and down another, round and round.
+
+    Start and goal are drawn from the strips beside the streams, where no mover comes.
+    """
+
+    family: Literal["crossing"]
+    bounds: Box = (-10.0, -8.0, 10.0, 8.0)
+    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
+    streams: AtLeastOne = 3
+    """How many streams lie beside one another along x."""
+    lane: Positive = 1.6
+    """Distance from a stream's lane up to its lane down [m]."""
+    radius: Positive = 0.3
+    """Radius of the movers [m]."""
+    gap: Positive = 3.0
+    """Least free way from one mover of a stream to the next [m]."""
+    speeds: Interval = (0.3, 0.8)
+    """Least and greatest speed of a stream [m/s]."""
+    apron: Positive = 3.0
+    """Width of the free strips on the left for the start and on the right for the goal [m]."""
+
+    @property
+    def stream_width(self) -> float:
+        """Room along x for a stream [m]."""
+        xmin, _, xmax, _ = self.bounds
+        return (xmax - xmin - 2.0 * self.apron) / self.streams
+
+    @property
+    def turn_room(self) -> float:
+        """Distance from the upper and the lower border to where a stream turns [m]."""
+        return 2.0 * self.radius
+
+    def check(self, robot: Robot) -> None:
+        """The streams fit between the strips, and the robot into the strips and between two movers."""
+        self._check_width(self.apron, robot, "apron")
+        self._check_width(self.gap, robot, "gap")
+        if self.lane + 2.0 * self.radius > self.stream_width:
+            reason = f"got {self.streams}, expected fewer: each needs {self.lane + 2.0 * self.radius:g} m along x"
+            raise _wrong(reason, "streams")
+        if self.lane < 2.0 * self.radius:
+            raise _wrong(f"got {self.lane:g}, expected at least the width of a mover ({2 * self.radius:g})", "lane")
+        height = self.bounds[3] - self.bounds[1]
+        if height <= 2.0 * self.turn_room:
+            raise _wrong(f"got {self.radius:g}, expected less than a quarter of the height ({height:g})", "radius")
+        super().check(robot)
+
+
+class ForestWorld(DrawnPlaces):
+    """Many thin trunks: still circles, close together."""
+
+    family: Literal["forest"]
+    trees: Count = 150
+    """How many."""
+    sizes: Sizes = (0.1, 0.3)
+    """Least and greatest radius [m]."""
+    solvable: Positive | None = 0.3
+    """Clearance [m] at which a path is certain: gaps between trunks, and to a border without acute corners, are at least
+    twice as wide. None: no such promise, and trunks may overlap."""
+    start_clearance: NotNegative = 1.0
+    """Free space around the robot's body at the start [m]."""
+    goal_clearance: NotNegative = 0.5
+    """Free space around the goal [m]."""
+
+    def check(self, robot: Robot) -> None:
+        """The promised gaps let this robot through."""
+        self._check_clearance(self.solvable, robot, "solvable")
+        super().check(robot)
+
+
+class UrbanWorld(DrawnPlaces):
+    """Blocks of buildings between streets, some round a courtyard; a courtyard is closed or has a gateway.
+
+    A map of this kind and size is Fig. 7 of the D2T-eACO paper. Start and goal lie in streets, on squares, or in
+    courtyards with a gateway.
+    """
+
+    family: Literal["urban"]
+    bounds: Box = (-15.0, -15.0, 15.0, 15.0)
+    """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
+    columns: AtLeastOne = 4
+    """How many blocks lie along x."""
+    rows: AtLeastOne = 4
+    """How many blocks lie along y."""
+    street: Positive = 1.5
+    """Least width of the streets, that along the border too [m]."""
+    unevenness: Share = 0.3
+    """How much of a block's side may be left free beside its building, 0 to 1."""
+    squares: Share = 0.1
+    """Share of the blocks without a building, 0 to 1."""
+    courtyards: Share = 0.5
+    """Share of the buildings that have a courtyard, 0 to 1."""
+    gateways: Share = 0.6
+    """Share of the courtyards that have a gateway, 0 to 1."""
+    gateway: Positive = 1.2
+    """Width of a gateway [m]."""
+    depth: Positive = 1.0
+    """Thickness of a building around its courtyard [m]."""
+    separation: NotNegative = 15.0
+    """Least distance from start to goal [m]."""
+
+    @property
+    def block(self) -> tuple[float, float]:
+        """Sides of a block along x and along y [m]."""
+        xmin, ymin, xmax, ymax = self.bounds
+        width, height = xmax - xmin, ymax - ymin
+        return (
+            (width - (self.columns + 1) * self.street) / self.columns,
+            (height - (self.rows + 1) * self.street) / self.rows,
+        )
+
+    def check(self, robot: Robot) -> None:
+        """The robot fits through streets and gateways, and the smallest building holds a courtyard with a gateway."""
+        self._check_width(self.street, robot, "street")
+        self._check_width(self.gateway, robot, "gateway")
+        least = min(self.block) * (1.0 - self.unevenness) - 2.0 * self.depth
+        if least < self.gateway:
+            reason = f"got {self.depth:g}, expected less: the smallest courtyard has a side of {least:g} m"
+            raise _wrong(f"{reason}, its gateway {self.gateway:g} m", "depth")
+        super().check(robot)
+
+
+class BeachWorld(DrawnPlaces):
+    """Irregular obstacles far apart on a long beach, and pedestrians who stroll among them.
+
+    After the beach of the D2T-eACO paper (section 7.3: 50 m x 100 m, 28 obstacles).
+    """
+
+    family: Literal["beach"]
+    bounds: Bounds = (0.0, 0.0, 50.0, 100.0)
+    """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall."""
+    obstacles: Count = 28
+    """How many."""
+    sizes: Sizes = (1.0, 4.0)
+    """Least and greatest radius of the circle about an obstacle [m]."""
+    corners_each: Annotated[tuple[AtLeastThree, AtLeastThree], _sequence("least, most"), AfterValidator(_increasing)] = (
+        5,
+        10,
+    )
+    """Least and greatest number of an obstacle's corners."""
+    pedestrians: Count = 20
+    """How many."""
+    radius: Positive = 0.3
+    """Radius of a pedestrian [m]."""
+    speeds: Interval = (0.5, 1.3)
+    """Least and greatest speed of a pedestrian [m/s]."""
+    solvable: Positive | None = 0.5
+    """Clearance [m] at which a path is certain: gaps between obstacles, and to a border without acute corners, are at
+    least twice as wide. None: no such promise, and obstacles may overlap."""
+    start_clearance: NotNegative = 2.0
+    """Free space around the robot's body at the start [m]."""
+    goal_clearance: NotNegative = 1.0
+    """Free space around the goal [m]."""
+    separation: NotNegative = 60.0
+    """Least distance from start to goal [m]."""
+
+    def check(self, robot: Robot) -> None:
+        """The promised gaps let this robot through."""
+        self._check_clearance(self.solvable, robot, "solvable")
+        super().check(robot)
 
 
 class OniWangWorld(Family):
@@ -672,7 +1065,7 @@ class OniWangWorld(Family):
             raise _wrong(f"got {self.goal!r}, expected another place than start", "goal")
         for corner in (*ONI_WANG_POLYGON, *ONI_WANG_PLACES.values()):
             if self.obstruction(((*corner, robot.reach),)):
-                raise _wrong(f"got {list(self.bounds)}, expected bounds that hold the map: {corner} too", "bounds")
+                raise _wrong(f"got {_shortened(list(self.bounds))}, expected bounds that hold the map: {corner} too", "bounds")
 
 
 ONI_WANG_POLYGON = (
@@ -707,8 +1100,64 @@ class BarnWorld(Family):
     """Number of the world; none: drawn."""
 
 
+class RosMapWorld(DrawnPlaces):
+    """An occupancy map as ROS's map_server reads it: a YAML file that names a picture, its scale and its place."""
+
+    family: Literal["ros_map"]
+    bounds: Bounds
+    """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall. Left out: the
+    outline of the picture."""
+    path: ExistingPath
+    """The map's .yaml; relative to the scenario's file."""
+    unknown_is_wall: Flag = False
+    """Whether cells that are neither occupied nor free are walls too."""
+    solvable: Positive | None = 0.3
+    """Clearance [m] at which there is a path from start to goal. None: no such promise."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bounds_are_the_picture(cls, data: object) -> object:
+        if not isinstance(data, Mapping) or data.get("bounds") is not None:
+            return data
+        # Without a map there is no outline; its own fault is told where `path` is checked.
+        path = data.get("path")
+        is_file = isinstance(path, str) and Path(path).expanduser().exists()
+        return {**data, "bounds": _ros_map(str(path)).bounds if is_file else (0.0, 0.0, 1.0, 1.0)}
+
+    def check(self, robot: Robot) -> None:
+        """The map can be read; start and goal lie within the bounds."""
+        _ros_map(self.path)
+        self._check_clearance(self.solvable, robot, "solvable")
+        super().check(robot)
+
+
+def _ros_map(path: str) -> RosMap:
+    """A map, its faults told as those of the key `path`."""
+    from bug_gym.ros_map import load_ros_map
+
+    try:
+        return load_ros_map(str(Path(path).expanduser().absolute()))
+    except ValueError as error:
+        raise _wrong(str(error), "path") from None
+
+
 WorldFamily = Annotated[
-    EmptyWorld | ExplicitWorld | FieldWorld | UTrapWorld | RingWorld | MazeWorld | OniWangWorld | BarnWorld,
+    EmptyWorld
+    | ExplicitWorld
+    | FieldWorld
+    | UTrapWorld
+    | HookWorld
+    | RingWorld
+    | MazeWorld
+    | CorridorWorld
+    | RoomsWorld
+    | CrossingWorld
+    | ForestWorld
+    | UrbanWorld
+    | BeachWorld
+    | OniWangWorld
+    | BarnWorld
+    | RosMapWorld,
     Field(discriminator="family"),
 ]
 

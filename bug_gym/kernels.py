@@ -2543,13 +2543,16 @@ def goes_on_straight(px: Floats, py: Floats, ranges: Floats, reach: float, jump:
 def meet_in_corner(px: Floats, py: Floats, ranges: Floats, reach: float, i: int, j: int) -> bool:
     """Whether the walls seen before beam i and after its neighbour j run into each other between the two beams.
 
-    Each goes on straight there for at most one and a half times the length seen between its last two points.
+    Each goes on straight there for at most one and a half times the length seen between its last two points. Not where
+    the beams meet a wall at too small an angle to tell its end from its meeting with the next.
     """
     n = ranges.size
     before, after = (i - 1) % n, (j + 1) % n
     if ranges[before] >= reach or ranges[after] >= reach:
         return False
     ax, ay, bx, by = px[i] - px[before], py[i] - py[before], px[j] - px[after], py[j] - py[after]
+    if 9.0 * (ax * ax + ay * ay) > ranges[i] * ranges[i] or 9.0 * (bx * bx + by * by) > ranges[j] * ranges[j]:
+        return False
     across = ax * by - ay * bx
     dx, dy = px[j] - px[i], py[j] - py[i]
     first, second = (dx * by - dy * bx) / across, (dx * ay - dy * ax) / across

@@ -11,6 +11,8 @@ from episodes import Disc, Episode, Slab, UTrap, run_episode, tolerance
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
+from bug_gym.agents.critical_point_bug import CriticalPointBug
+from bug_gym.agents.e_bug import EBug
 from bug_gym.agents.open_points import OpenPoint, Profile, SubGoals
 from bug_gym.observation import Sensors, View
 from bug_gym.simulation import Simulation
@@ -205,7 +207,7 @@ def test_k_bug_looks_one_corner_ahead() -> None:
     # A tray with its long floor on the right: past the floor's near end the base still stands in the way, as is seen
     # from the start, so the way goes over the base's foot (15, -3); over the base's head at (15, h) it is free.
     height = 3.4
-    tray = {"polygons": [[[5, -3], [15, -3], [15, height], [16, height], [16, -4], [5, -4]]]}
+    tray = {"polygons": [[[5, -3], [15, -3], [15, height], [16, height], [16, -3.2], [5.6, -3.2]]]}
     over_head = math.hypot(15, height + C) + math.hypot(5, height + C)
     past_floor = math.hypot(5, 3 + C) + math.hypot(15, 3 + C)
     over_foot = math.hypot(5, 3 + C) + 10.0 + math.hypot(5, 3 + C)
@@ -216,13 +218,23 @@ def test_k_bug_looks_one_corner_ahead() -> None:
 
 @pytest.mark.parametrize("policy", ["e_bug", "critical_point_bug"])
 @pytest.mark.parametrize("seed", range(4))
-def test_no_corner_is_visited_twice(policy: str, seed: int) -> None:
-    episode = run_episode(policy, "maze", {**HOLONOMIC, "time.limit": 600.0}, seed=seed)
-    corners = [visit.corner for visit in episode.memory.visits]
-    near = make_policy(policy, episode.simulation).sub_goals.same  # type: ignore[attr-defined]
-    assert corners
-    for number, corner in enumerate(corners):
-        assert all(math.dist(corner, other) > near for other in corners[:number])
+def test_no_corner_that_was_visited_is_chosen_again(policy: str, seed: int) -> None:
+    simulation = Simulation("maze", 1, overrides={**HOLONOMIC, "time.limit": 600.0})
+    agent = make_policy(policy, simulation)
+    assert isinstance(agent, EBug | CriticalPointBug)
+    observation = simulation.reset(seeds=[seed])
+    state = None
+    chosen = 0
+    while not (state and state[0].verdict) and not simulation.terminated.any():
+        action, state = agent.predict(observation[:, 0], state)
+        memory: Any = state[0]
+        if len(memory.sub_goals) > chosen:
+            chosen += 1
+            assert memory.corner is not None
+            visited = [math.dist(memory.corner, visit.corner) for visit in memory.visits]
+            assert min(visited, default=math.inf) > agent.sub_goals.same
+        observation = simulation.step(action[:, None]).observation
+    assert chosen > 2
 
 
 def test_point_bug_remembers_the_least_goal_distance_of_its_sudden_points() -> None:
