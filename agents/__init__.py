@@ -45,6 +45,7 @@ AGENTS: dict[str, Agent] = {
     "rev3": Agent("rev3:Rev3", "bug", "Oni and Wang"),
     "vis_bug_21": Agent("vis_bug_21:VisBug21", "bug", "Lumelsky and Skewis 1990"),
     "vis_bug_22": Agent("vis_bug_22:VisBug22", "bug", "Lumelsky and Skewis 1990"),
+    "dist_bug": Agent("dist_bug:DistBug", "bug", "Kamon and Rivlin 1997"),
     "tangent_bug": Agent("tangent_bug:TangentBug", "bug", "Kamon, Rimon and Rivlin 1998"),
     "point_bug": Agent("point_bug:PointBug", "bug", "Buniyamin et al. 2011"),
     "k_bug": Agent("k_bug:KBug", "bug", "Langer et al. 2007"),

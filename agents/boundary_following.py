@@ -39,6 +39,16 @@ def wrap(angle: float) -> float:
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
+def swept(travel: float, wall: float, heading: float, side: int) -> float:
+    """Turning [rad] from a direction of travel to a heading found by turning away from a wall's bearing.
+
+    In the end of a narrow wedge that is about half a turn, whose sense the two directions alone leave open. The wall
+    lay at the side, so the way from the travel to its bearing is known, and the way from there is not wrapped.
+    """
+    to_wall = wrap(side * (travel - wall) - 0.5 * math.pi) + 0.5 * math.pi
+    return side * (side * (heading - wall) - to_wall)
+
+
 def is_ahead(travel: float, direction: float) -> bool:
     """Whether a direction [rad] lies within 90 degrees of the direction of travel [rad]."""
     return abs(wrap(direction - travel)) <= 0.5 * math.pi
@@ -133,6 +143,8 @@ class Contour:
     """Direction of the last step, odometry frame [rad]; None before the first."""
     heading_before: float = 0.0
     """Direction of the step before the last, odometry frame [rad]."""
+    sweep: float = 0.0
+    """Turning that the next step will add, more than half a turn in a narrow wedge [rad]."""
     odometer: float = 0.0
     """Length walked along the boundary [m]."""
     turned: float = 0.0
@@ -183,6 +195,18 @@ class TurningMemory(BugMemory):
     """Whether it has turned round on this boundary."""
 
 
+@dataclass
+class Survey:
+    """What a bug learns of a lap that offers no other place to leave: the nearest point to the goal, as in Bug1."""
+
+    distance: float = math.inf
+    """From that point to the goal [m]."""
+    next_wall: float = math.inf
+    """Distance to the goal at the end of the free way from there straight toward it [m]; infinite without one."""
+    is_second_lap: bool = False
+    """Whether the lap is closed, and the robot on its way to that point."""
+
+
 class Boundary:
     """How a robot goes to walls, along them and away from them; the settings that all bugs share.
 
@@ -220,6 +244,9 @@ class Boundary:
         self.gate_half_width = min(clearance, max(3.0 * step, 0.3 * clearance))
         self.arming_length = max(2.0 * clearance, 4.0 * self.gate_half_width)
         """Way after which a gate may fire [m]."""
+        angles = sensors.angles
+        self.beam_spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
+        """Angle between two neighbouring beams [rad]."""
         self.touch = max(0.05 * step, 2.0 * sensors.range_noise)
         """Remaining way at which a wall counts as reached [m]."""
 
@@ -262,6 +289,31 @@ class Boundary:
             return math.inf
         ahead = free - (self.clearance - self.hit_radius)
         return ahead if ahead > self.touch else 0.0
+
+    def certain_way(self, view: View, bearing: float) -> float:
+        """How far the way along a bearing [rad] is free for certain [m]: corners may stand out between two beams."""
+        x, y = view.points
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        along, lateral = x * cos + y * sin, y * cos - x * sin
+        radius = self.inner + self.beam_spacing * np.sqrt(x * x + y * y)
+        room = radius * radius - lateral * lateral
+        way = np.where((along > 0.0) & (room > 0.0), along - np.sqrt(np.maximum(room, 0.0)), math.inf)
+        return min(max(float(way.min(initial=math.inf)), 0.0), self.sensors.range)
+
+    def sees_goal(self, view: View, reach: float = math.inf) -> bool:
+        """Whether the way to the goal is free as far as it, looking not farther than `reach` [m].
+
+        A goal nearer to a wall than the clearance is seen where the way is free up to it.
+        """
+        bearing, distance = view.goal_bearing, view.goal_distance
+        if distance > reach:
+            return False
+        free = self.certain_way(view, bearing)
+        if free >= distance:
+            return True
+        if free < distance - 2.0 * self.clearance:
+            return False
+        return view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius
 
     def can_reach_goal(self, view: View, bearing: float, distance: float) -> bool:
         """Whether the body passes to a goal that lies nearer to a wall than the clearance."""
@@ -333,20 +385,23 @@ class Boundary:
             return
         heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
         contour.heading_before = heading if contour.heading is None else contour.heading
-        change = wrap(heading - contour.heading_before)
+        change = contour.sweep + wrap(heading - contour.heading_before - contour.sweep)
+        contour.sweep = 0.0
         contour.turned += change
         contour.odometer += length
         contour.position = view.position
         contour.heading = heading
         contour.steps += 1
+        # Where the step began: the next lap may turn back in a dead end up to a step before where it ended.
+        gate = Gate(contour.before, heading, contour.odometer - length, contour.turned)
         if contour.gate is None:
             # Aligned with the wall, or on a contour so tight that it never goes straight.
             if (contour.steps > 1 and abs(change) < math.radians(10.0)) or contour.steps > 4:
-                contour.gate = Gate(view.position, heading, contour.odometer, contour.turned)
+                contour.gate = gate
             return
         if math.dist(view.goal_position, contour.goal) > TARGET_MOVED:
             contour.goal = view.goal_position
-            contour.gate = Gate(view.position, heading, contour.odometer, contour.turned)
+            contour.gate = gate
             return
         contour.is_lap_closed = self.closes_lap(contour, contour.gate)
 
@@ -378,6 +433,8 @@ class Boundary:
                 memory.verdict = "stuck"
             return STANDING
         contour.waited = 0.0
+        if contour.heading is not None:
+            contour.sweep = swept(travel, bearing, heading, contour.side)
         self._move_hand(view, contour, heading)
         speed = self.sensors.drive.max_speed
         return speed * math.cos(heading), speed * math.sin(heading)
@@ -415,9 +472,9 @@ class Boundary:
         the middle where the gap is wider than twice `inner`.
         """
         turned = self._turn_from(view, wall_bearing, side, self.clearance)
-        if turned is None or abs(wrap(turned - travel)) > TURNED_BACK:
+        if turned is None or abs(wrap(turned - travel)) > TURNED_ASIDE:
             inner = self._turn_from(view, wall_bearing, side, self.inner)
-            if inner is not None and abs(wrap(inner - travel)) < 0.5 * math.pi:
+            if inner is not None and self._is_gap(view, travel, turned, inner):
                 angles = [inner + side * share * OUTWARD / 8.0 for share in range(9)]
                 gaps = [kernels.gap_after_step(*view.points, angle, self.step) for angle in angles]
                 return float(angles[max(range(9), key=gaps.__getitem__)])
@@ -426,8 +483,20 @@ class Boundary:
             nearest, _ = view.nearest()
             turned = self._turn_from(view, wall_bearing, side, nearest + 0.5 * self.step)
             if turned is None:
+                # In the wide place of a blind gap: back out as it came in.
+                turned = self._turn_from(view, wall_bearing, side, self.inner)
+            if turned is None:
                 turned = self._widest_heading(view, nearest)
         return turned
+
+    def _is_gap(self, view: View, travel: float, turned: float | None, inner: float) -> bool:
+        """Whether a gap that is just too narrow, and no corner, turns the robot away from the bearing `inner`."""
+        if abs(wrap(inner - travel)) >= 0.5 * math.pi:
+            return False
+        if turned is None or abs(wrap(turned - travel)) > TURNED_BACK:
+            return True
+        is_aside = abs(wrap(turned - inner)) > TURNED_ASIDE
+        return is_aside and view.free_distance(inner, self.safe_radius) >= self.leave_length
 
     def _widest_heading(self, view: View, nearest: float) -> float | None:
         """Bearing along which a step ends furthest from everything; None: no further than `nearest` [m], here.
@@ -446,6 +515,39 @@ class Boundary:
         x, y = view.points
         turned = kernels.first_open_heading(x, y, wall_bearing, side, self.step, clearance, self.safe_radius, TRIED)
         return None if turned < 0.0 else float(wall_bearing + side * turned)
+
+    def survey(
+        self, view: View, contour: Contour, survey: Survey, hit_distance: float
+    ) -> Literal["", "leave", "unreachable"]:
+        """The last resort of bugs with a range sensor: to leave straight from the nearest point of a lap, as Bug1 does.
+
+        A lap without any place to leave means that there is no way. But a scan may take two obstacles for one, or an
+        obstacle may stand so near to the next that no leave point is seen: the nearest point tells for sure. From there
+        the way to the goal is free at least a little, unless the obstacle shuts the goal or the robot in.
+
+        Args:
+            view: the observation.
+            contour: the boundary followed.
+            survey: what is known of the lap, changed in place.
+            hit_distance: distance to the goal at the hit point [m]; to leave, the next wall must be nearer.
+
+        Returns:
+            "leave": leave straight toward the goal, now; "unreachable": two laps or one have shown that there is no
+            way; "": go on.
+        """
+        distance = view.goal_distance
+        if survey.is_second_lap and distance <= survey.distance + 0.5 * self.step:
+            if self.free_way(view, view.goal_bearing, distance) > 0.0:
+                return "leave"
+        if contour.is_lap_closed:
+            if survey.is_second_lap or survey.next_wall > hit_distance - 0.1 * self.step:
+                return "unreachable"
+            survey.is_second_lap = True
+        elif distance < survey.distance and contour.gate is not None and not survey.is_second_lap:
+            survey.distance = distance
+            way = self.free_way(view, view.goal_bearing, distance)
+            survey.next_wall = distance - way if way > 0.0 else math.inf
+        return ""
 
     # ------------------------------------------------------------------------------------------ what a bug remembers
 
@@ -550,6 +652,9 @@ TRIED = math.radians(3.0)
 
 OUTWARD = math.radians(45.0)
 """How far from the wall's side a robot looks for the middle of a narrow gap [rad]."""
+
+TURNED_ASIDE = math.radians(60.0)
+"""Change of direction of a corner, or of a gap that is just too narrow: through a gap the way goes on [rad]."""
 
 TURNED_BACK = math.radians(105.0)
 """Change of direction beyond that of a right-angled corner: it may be a gap that is just too narrow [rad]."""

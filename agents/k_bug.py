@@ -90,7 +90,7 @@ class KBug(ScriptedPolicy):
 
     def _better_end(self, view: View, memory: KBugMemory, profile: Profile) -> OpenPoint | None:
         """The end of what blocks the way to the goal that is to be taken; None where neither is in sight."""
-        points = [point for point in profile.open_points if not self.sub_goals.is_known(view, point, memory.blocked)]
+        points = self.sub_goals.other_points(view, memory, profile)
         if not points:
             return None
         # The first open point met on each side: the end itself, or that of something nearer which hides it.

@@ -182,6 +182,11 @@ class SubGoals:
         known = [*(visit.corner for visit in memory.visits), *memory.blocked]
         return [point for point in profile.open_points if not self.is_known(view, point, known)]
 
+    def other_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
+        """The open points in sight that are not out of reach, nor the corner that the robot is at."""
+        known = [*(visit.corner for visit in memory.visits[-1:]), *memory.blocked]
+        return [point for point in profile.open_points if not self.is_known(view, point, known)]
+
     # ------------------------------------------------------------------------------------------ going there
 
     def go_on(self, view: View, memory: SubGoalMemory, profile: Profile) -> Velocity | None:

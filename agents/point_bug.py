@@ -84,8 +84,8 @@ class PointBug(ScriptedPolicy):
 
     def _first_met(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
         """The first sudden point met when turning from the goal, one straight behind left out."""
-        points = [point for point in profile.open_points if not self._is_behind(view, memory, point)]
-        points = [point for point in points if not self.sub_goals.is_known(view, point, memory.blocked)]
+        others = self.sub_goals.other_points(view, memory, profile)
+        points = [point for point in others if not self._is_behind(view, memory, point)]
         side = memory.turning_side or self.side
         return min(points, key=lambda point: rotation_to(point, side), default=None)
 

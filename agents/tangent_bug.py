@@ -14,12 +14,12 @@ d_reach where the robot's centre can be: what the robot can only touch is at lea
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 
-from .boundary_following import TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Turn, side_of, wrap
+from .boundary_following import TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Survey, Turn, is_ahead, side_of
 from .tangent_graph import Node, TangentGraph
 
 COMMITMENT = 0.2
@@ -48,6 +48,8 @@ class TangentBugMemory(BugMemory):
     """Where the target was when the distances below were measured, odometry frame [m]."""
     hit_distance: float = math.inf
     """Distance to the goal where the last following began [m]."""
+    best: float = math.inf
+    """The least of those [m]."""
     followed: float = math.inf
     """d_followed: distance from the goal to the nearest point seen of the wall followed [m]."""
     wall: Point = (0.0, 0.0)
@@ -56,12 +58,8 @@ class TangentBugMemory(BugMemory):
     """How far it was to the destination when the robot chose to leave for it [m]."""
     trust: float = math.inf
     """How far the scan is believed [m]."""
-    closest: float = math.inf
-    """Distance to the goal at the nearest point of this lap [m]."""
-    next_wall: float = math.inf
-    """Distance to the goal at the end of the free way from there toward it [m]."""
-    is_second_lap: bool = False
-    """Whether a lap found no other way to leave than straight from the nearest point."""
+    survey: Survey = field(default_factory=Survey)
+    """What is known of this lap."""
 
 
 class TangentBug(ScriptedPolicy):
@@ -122,9 +120,8 @@ class TangentBug(ScriptedPolicy):
         if memory.target is not None and math.dist(memory.target, view.goal_position) <= TARGET_MOVED:
             return
         memory.target = view.goal_position
-        memory.followed = memory.closest = math.inf
-        memory.hit_distance = math.inf
-        memory.is_second_lap = False
+        memory.followed = memory.best = memory.hit_distance = math.inf
+        memory.survey = Survey()
         memory.destination = None
         if memory.contour is None:
             memory.mode = "motion_to_goal"
@@ -156,7 +153,7 @@ class TangentBug(ScriptedPolicy):
     def _destination(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Point | None:
         """The goal or a node, odometry frame [m]; None at a local minimum."""
         run = graph.blocking_run
-        if run < 0 or self._sees_goal(view, graph):
+        if run < 0 or self.boundary.sees_goal(view, self.r_max):
             memory.side, memory.passed_wall = 0, None
             return view.goal_position
         node = self._choose(view, memory, graph, run)
@@ -173,16 +170,6 @@ class TangentBug(ScriptedPolicy):
     def _go_to(self, view: View, place: Point) -> Velocity | None:
         """Velocity straight to a place of the odometry frame; None where the way is blocked."""
         return self.boundary.go(view, *self._bearing_and_distance(view, place))
-
-    def _sees_goal(self, view: View, graph: TangentGraph) -> bool:
-        """Whether the way to the goal is free; a goal nearer to a wall than the clearance is reached along it."""
-        boundary, distance = self.boundary, view.goal_distance
-        free = float(graph.free[0])
-        if free >= distance:
-            return True
-        if distance >= self.r_max or free < distance - 2.0 * boundary.clearance:
-            return False
-        return view.free_distance(view.goal_bearing, boundary.safe_radius) >= distance - self.sensors.goal_radius
 
     def _choose(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> Node | None:
         """The node to go to: nearer to the goal, on the shortest way; or None at a local minimum.
@@ -220,24 +207,19 @@ class TangentBug(ScriptedPolicy):
         memory.hit_sides.append(memory.side)
         memory.hit_odometers.append(memory.odometer)
         memory.hit_distance = view.goal_distance
+        memory.best = min(memory.best, view.goal_distance)
         memory.followed = min(graph.goal_distance_of(run), view.goal_distance)
         memory.passed_wall = None
         self._begin_lap(memory)
-        node = graph.end(run, memory.side)
-        if node is not None:
-            place, wall = node.place, node.contact
-        else:
-            bearing, way, contact = view.goal_bearing, float(graph.free[0]), int(graph.contacts[0])
-            place = wall = way * math.cos(bearing), way * math.sin(bearing)
-            if contact >= 0:
-                wall = float(graph.x[contact]), float(graph.y[contact])
+        # Where the scan has been wrong, and where all around is wall: straight on to what blocks the goal.
+        last = graph.last_heading(run, memory.side) if memory.trust == math.inf else None
+        place, wall = graph.touch(last if last is not None else 0)
         memory.destination, memory.wall = view.to_odometry(*place), view.to_odometry(*wall)
 
     def _begin_lap(self, memory: TangentBugMemory) -> None:
         """Nothing is known of this lap yet."""
         memory.contour = None
-        memory.closest = memory.next_wall = math.inf
-        memory.is_second_lap = False
+        memory.survey = Survey()
 
     def _lay_hand(self, view: View, memory: TangentBugMemory, bearing: float) -> None:
         """Follow the wall that blocks a bearing [rad] from here on."""
@@ -255,14 +237,21 @@ class TangentBug(ScriptedPolicy):
         """Velocity to the wall; None where it has been touched."""
         assert memory.destination is not None
         bearing, distance = self._bearing_and_distance(view, memory.destination)
-        wall = graph.nearest_of(graph.run_at(view.to_robot(*memory.wall)))
-        if wall is not None and math.hypot(*wall) <= self.boundary.clearance + TOUCH * self.boundary.step:
-            bearing = math.atan2(wall[1], wall[0])
-        elif distance > 0.5 * self.boundary.step:
+        run = graph.run_at(view.to_robot(*memory.wall))
+        wall = graph.nearest_of(run)
+        is_there = distance <= 0.5 * self.boundary.step
+        if wall is not None:
+            is_there |= math.hypot(*wall) <= self.boundary.clearance + TOUCH * self.boundary.step
+        if not is_there:
             velocity = self._go_to(view, memory.destination)
             if velocity is not None:
                 return velocity
+        elif wall is not None:
+            bearing = math.atan2(wall[1], wall[0])
         self._lay_hand(view, memory, bearing)
+        assert memory.contour is not None
+        if graph.run_at(view.to_robot(*memory.contour.wall)) != run:
+            self._lose_trust(view, memory)
         return None
 
     # ---------------------------------------------------------------------------------------------------- leaving
@@ -277,11 +266,17 @@ class TangentBug(ScriptedPolicy):
             memory.destination, memory.way = view.to_odometry(*place), math.hypot(*place)
             memory.mode = "leaving"
         elif contour is not None:
-            self._survey(view, memory, contour)
+            advice = self.boundary.survey(view, contour, memory.survey, memory.hit_distance)
+            if advice == "leave":
+                memory.leaves.append(view.position)
+                memory.destination = view.goal_position
+                memory.mode = "leaving"
+            elif advice:
+                memory.verdict = advice
 
     def _reach(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> Point | None:
         """A place to leave for, nearer to the goal than the wall followed; robot's frame [m]."""
-        if view.goal_distance <= memory.trust and self._sees_goal(view, graph):
+        if self.boundary.sees_goal(view, min(self.r_max, memory.trust)):
             place = view.goal
         else:
             distance, place = graph.nearest_to_goal(without=run, limit=memory.trust)
@@ -290,57 +285,40 @@ class TangentBug(ScriptedPolicy):
         contour = memory.contour
         if self.boundary.leave_rule == "front" and contour is not None and contour.heading is not None:
             bearing = math.atan2(place[1], place[0]) + view.heading
-            if abs(wrap(bearing - contour.heading)) > 0.5 * math.pi:
+            if not is_ahead(contour.heading, bearing):
                 return None
         return place
-
-    def _survey(self, view: View, memory: TangentBugMemory, contour: Contour) -> None:
-        """Watch for the nearest point of the lap; when the lap is closed, leave from there or give up.
-
-        A lap around an obstacle without a place to leave for means that there is no way. But a scan may have taken
-        two obstacles for one, and d_followed from the wrong one: the nearest point of the lap tells for sure, as in Bug1.
-        """
-        distance, step = view.goal_distance, self.boundary.step
-        if memory.is_second_lap and distance <= memory.closest + 0.5 * step:
-            if self.boundary.free_way(view, view.goal_bearing, distance) > 0.0:
-                memory.leaves.append(view.position)
-                memory.destination = view.goal_position
-                memory.mode = "leaving"
-        elif contour.is_lap_closed:
-            if memory.is_second_lap or memory.next_wall > memory.hit_distance - CLOSER * step:
-                memory.verdict = "unreachable"
-            memory.is_second_lap = True
-        elif distance < memory.closest and contour.gate is not None and not memory.is_second_lap:
-            memory.closest = distance
-            way = self.boundary.free_way(view, view.goal_bearing, distance)
-            memory.next_wall = distance - way if way > 0.0 else math.inf
 
     def _leave(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the place left for; None where it is near enough to the goal, or the way is blocked after all."""
         assert memory.destination is not None
         memory.contour = None
-        if view.goal_distance < memory.followed and not memory.is_second_lap:
+        if view.goal_distance < memory.followed and not memory.survey.is_second_lap:
             memory.leaves.append(view.position)
-            memory.trust = math.inf
+            if view.goal_distance < memory.best:
+                memory.trust = math.inf
             memory.side, memory.destination = 0, None
             memory.mode = "motion_to_goal"
             return None
-        if not memory.is_second_lap:
+        if not memory.survey.is_second_lap:
             self._turn_aside(view, memory, graph)
         velocity = self._go_to(view, memory.destination)
         if velocity is not None:
             return velocity
         bearing, _ = self._bearing_and_distance(view, memory.destination)
-        if memory.is_second_lap:
+        if memory.survey.is_second_lap:
             self._begin_following(view, memory, graph)
         else:
-            # The scan promised more than there was: believe it half as far until a wall has been left.
-            memory.trust = 0.5 * min(memory.trust, self.r_max)
-            memory.hit_distance = max(memory.hit_distance, view.goal_distance)
+            self._lose_trust(view, memory)
             memory.mode = "boundary_following"
             self._begin_lap(memory)
         self._lay_hand(view, memory, bearing)
         return None
+
+    def _lose_trust(self, view: View, memory: TangentBugMemory) -> None:
+        """The scan promised more than there was: believe it half as far until a wall has been left."""
+        memory.trust = 0.5 * min(memory.trust, self.r_max)
+        memory.hit_distance = max(memory.hit_distance, view.goal_distance)
 
     def _turn_aside(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> None:
         """Choose another place that will do where a corner has come into the way, seen better from near."""

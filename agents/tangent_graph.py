@@ -125,13 +125,9 @@ class TangentGraph:
 
         Where something nearer hides how the run goes on, the node is the way past that.
         """
-        if run < 0:
+        last = self.last_heading(run, side)
+        if last is None:
             return None
-        inside = self.run_of == run
-        borders = np.flatnonzero(inside & ~np.roll(inside, -side))
-        if len(borders) == 0:
-            return None
-        last = int(borders[0])
         following = (last + side) % len(self.bearings)
         low, high = self.bearings[last], self.bearings[last] + side * 2.0 * math.pi / len(self.bearings)
         contacts = int(self.contacts[last]), int(self.contacts[following])
@@ -143,6 +139,21 @@ class TangentGraph:
             return node
         nearer = self._passing(hidden_by, -side, side)
         return nearer if nearer.distance < node.distance else node
+
+    def last_heading(self, run: int, side: int) -> int | None:
+        """Number of the last heading of a run on its left (+1) or right (-1); None where it goes all round."""
+        inside = self.run_of == run
+        borders = np.flatnonzero(inside & ~np.roll(inside, -side))
+        return int(borders[0]) if run >= 0 and len(borders) else None
+
+    def touch(self, heading: int) -> tuple[Point, Point]:
+        """Where the disc gets to along a heading, and the contact that stops it there, in the robot's frame [m].
+
+        Without a contact the two are the same.
+        """
+        way, bearing, contact = float(self.free[heading]), float(self.bearings[heading]), int(self.contacts[heading])
+        place = way * math.cos(bearing), way * math.sin(bearing)
+        return place, place if contact < 0 else (float(self.x[contact]), float(self.y[contact]))
 
     def _passing(self, contact: int, turn: int, side: int) -> Node:
         """The way past a contact on its left (turn +1) or right (-1)."""

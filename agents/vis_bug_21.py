@@ -1,10 +1,10 @@
 """VisBug-21: Bug2 with eyes. The robot goes straight to the farthest visible point of the path that Bug2 would walk.
 
-Source: Lumelsky and Skewis (1990). Sensing assumed: ranges up to the vision range, goal, own position. Memory kept: the
-M-line, the distances to the goal at the last hit point H and the last crossing X, the intermediate target T_i, a gate at
-H. States: motion_to_goal (T_i on the M-line), motion_to_sub_goal (T_i on a contour), boundary_following (T_i right before
-the robot). Guarantee: reaches the goal or declares it unreachable. Length: meant to be at most that of Bug2,
-without a proof.
+Source: Lumelsky and Skewis (1990). Sensing assumed: ranges up to the vision range, goal, own position. Memory kept:
+the M-line, the distances to the goal at the last hit point H and the last crossing X, the intermediate target T_i, a
+gate at H. States: motion_to_goal (T_i on the M-line), motion_to_sub_goal (T_i on a contour), boundary_following (T_i
+right before the robot). Guarantee: reaches the goal or declares it unreachable. Length: meant to be at most that of
+Bug2, without a proof.
 """
 
 from __future__ import annotations
@@ -45,9 +45,7 @@ class VisBug21(ScriptedPolicy):
         discrete: bool = False,
     ) -> None:
         super().__init__(sensors, discrete=discrete)
-        self.vision = Vision(
-            sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range
-        )
+        self.vision = Vision(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range)
 
     def start(self) -> VisionMemory:
         """Memory of a new episode."""
@@ -59,17 +57,18 @@ class VisBug21(ScriptedPolicy):
         scan = vision.look(view, memory)
         if not vision.sees_goal(scan, memory):
             vision.walk_ahead(scan, memory)
-            while self._is_in_main_semiplane(view, memory.scout) and vision.jump(scan, memory, self._reference(memory.scout)):
+            while vision.jump(scan, memory, self._reference(view, memory.scout)):
                 vision.walk_ahead(scan, memory)
         return vision.move(scan, memory)
 
-    def _reference(self, scout: Scout) -> float:
-        """How near to the goal T_i is on the M-line, or else X [m]: a point of the M-line that counts is nearer."""
-        return scout.crossing_distance if scout.contour is not None else math.dist(scout.place, scout.m_line.goal)
+    def _reference(self, view: View, scout: Scout) -> float:
+        """How near to the goal T_i is on the M-line, or else X [m]: a point of the M-line that counts is nearer.
 
-    def _is_in_main_semiplane(self, view: View, scout: Scout) -> bool:
-        """Whether the robot is on the side of the M-line that it turns to at a hit point."""
-        return scout.m_line.offset(view.position) * self.vision.side >= -self.vision.on_line
+        None counts (0) while the robot is outside the main semiplane, the side of the M-line that it turns to at a hit.
+        """
+        if scout.m_line.offset(view.position) * self.vision.side < -self.vision.on_line:
+            return 0.0
+        return scout.crossing_distance if scout.contour is not None else math.dist(scout.place, scout.m_line.goal)
 
     def draw(self, memory: VisionMemory) -> Drawing:
         """Hit and leave points, the M-line and T_i."""

@@ -1,10 +1,10 @@
 """VisBug-22: VisBug-21 that takes any visible point of the M-line nearer to the goal than the last hit point.
 
-Source: Lumelsky and Skewis (1990). Sensing assumed: ranges up to the vision range, goal, own position. Memory kept: the
-M-line, the distances to the goal at the last hit point H and the last crossing X, the intermediate target T_i, a gate at
-H. States: motion_to_goal (T_i on the M-line), motion_to_sub_goal (T_i on a contour), boundary_following (T_i right before
-the robot). Guarantee: reaches the goal or declares it unreachable. Length: may be more or less than that of
-VisBug-21.
+Source: Lumelsky and Skewis (1990). Sensing assumed: ranges up to the vision range, goal, own position. Memory kept:
+the M-line, the distances to the goal at the last hit point H and the last crossing X, the intermediate target T_i, a
+gate at H. States: motion_to_goal (T_i on the M-line), motion_to_sub_goal (T_i on a contour), boundary_following (T_i
+right before the robot). Guarantee: reaches the goal or declares it unreachable. Length: may be more or less
+than that of VisBug-21.
 """
 
 from __future__ import annotations
@@ -45,9 +45,7 @@ class VisBug22(ScriptedPolicy):
         discrete: bool = False,
     ) -> None:
         super().__init__(sensors, discrete=discrete)
-        self.vision = Vision(
-            sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range
-        )
+        self.vision = Vision(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range)
 
     def start(self) -> VisionMemory:
         """Memory of a new episode."""

@@ -23,6 +23,8 @@ from bug_gym.policy import Drawing, Velocity
 
 from .boundary_following import STANDING, TARGET_MOVED, Boundary, BugMemory, Contour, MLine, Point, go_along, side_of
 
+F64 = NDArray[np.float64]
+
 ON_LINE = 0.1
 """How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
 
@@ -45,7 +47,7 @@ class Elsewhere(View):
 
     __slots__ = ()
 
-    def __init__(self, view: View, place: Point, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+    def __init__(self, view: View, place: Point, x: F64, y: F64) -> None:
         dx, dy = view.to_robot(*place)
         self.sensors = view.sensors
         self.ranges = view.ranges
@@ -132,12 +134,12 @@ class Scan:
         self.angle_step = float(sensors.angles[1] - sensors.angles[0]) if beams > 1 else 2.0 * math.pi
         self.is_round = beams * self.angle_step > 2.0 * math.pi - 1e-6
         gap, spacing = 2.0 * boundary.inner, 0.5 * boundary.inner
-        points = np.empty((2, 5 * beams))
+        points = np.empty((2, 7 * beams))
         cos, sin = sensors.beam_directions
-        count = kernels.join_scan(
-            view.ranges, cos, sin, sensors.range, self.is_round, gap, spacing, points[0], points[1]
-        )
-        self.x, self.y = points[0, :count], points[1, :count]
+        count, total = kernels.join_scan(view.ranges, cos, sin, sensors.range, self.is_round, gap, spacing, *points)
+        self.x, self.y = points[:, :count]
+        self.all = points[:, :total]
+        """Points of walls, and those up to which walls may go on unseen."""
 
     def is_open(self, place: Point) -> bool:
         """Whether nothing is in the way to a place that was visible, by a smaller disc than made it so."""
@@ -158,29 +160,29 @@ class Scan:
 
     def sees(self, place: Point, reach: float) -> bool:
         """Whether a place of the odometry frame [m] is visible, at most `reach` [m] away."""
-        return self._first_seen(place, (0.0, 0.0), 1, reach) == 0
+        return self._first_seen(place, (0.0, 0.0), 1, reach, self.x, self.y) == 0
+
+    def sees_surely(self, place: Point, reach: float) -> bool:
+        """Whether it stays visible on the way to it, wherever between two beams the walls beside the way end."""
+        return self._first_seen(place, (0.0, 0.0), 1, reach, *self.all) == 0
 
     def first_visible(self, line: MLine, stride: float, count: int, reach: float) -> Point | None:
-        """Of the `count` places on the M-line nearest to its goal, each `stride` [m] from the last, the first visible."""
+        """The first surely visible one of `count` places on the M-line, each `stride` [m] further from its goal."""
         whole = math.dist(line.start, line.goal)
         count = min(count, int(whole / stride))
         if count <= 0:
             return None
         dx = (line.start[0] - line.goal[0]) * stride / whole
         dy = (line.start[1] - line.goal[1]) * stride / whole
-        k = self._first_seen((line.goal[0] + dx, line.goal[1] + dy), (dx, dy), count, reach) + 1
+        k = self._first_seen((line.goal[0] + dx, line.goal[1] + dy), (dx, dy), count, reach, *self.all) + 1
         return None if k == 0 else (line.goal[0] + k * dx, line.goal[1] + k * dy)
 
-    def _first_seen(self, place: Point, stride: Point, count: int, reach: float) -> int:
-        """Number of the first visible one of `count` places, or -1."""
+    def _first_seen(self, place: Point, stride: Point, count: int, reach: float, px: F64, py: F64) -> int:
+        """Number of the first one of `count` places that the points leave visible, or -1."""
         x, y = self.view.to_robot(*place)
         ex, ey = self.view.to_robot(place[0] + stride[0], place[1] + stride[1])
-        beams = self.first_angle, self.angle_step, self.is_round
-        return int(
-            kernels.first_seen_free(
-                x, y, ex - x, ey - y, count, reach, self.view.ranges, *beams, self.x, self.y, self.radius
-            )
-        )
+        beams = self.view.ranges, self.first_angle, self.angle_step, self.is_round
+        return int(kernels.first_seen_free(x, y, ex - x, ey - y, count, reach, *beams, px, py, self.radius))
 
 
 class Vision:
@@ -285,7 +287,7 @@ class Vision:
             if not memory.is_goal_seen:
                 self._lose_goal(scan, memory)
         elif view.goal_distance <= self.reach and not self._is_blind(memory):
-            memory.is_goal_seen = scan.sees(view.goal_position, self.reach) or self._can_reach(view)
+            memory.is_goal_seen = scan.sees_surely(view.goal_position, self.reach) or self._can_reach(view)
             memory.seen_distance = view.goal_distance
         return memory.is_goal_seen
 
@@ -317,11 +319,18 @@ class Vision:
                     memory.trail[-1] = ahead  # boxed in, and it counts how long
                 return
             if gap > step:
-                if self._is_blind(memory) or not scan.sees(ahead.place, self.reach - self.boundary.clearance):
+                if self._is_blind(memory) or not self._is_visible(scan, ahead):
                     return
             elif gap > self.on_line and not scan.is_open(ahead.place):
                 return
             memory.trail.append(ahead)
+
+    def _is_visible(self, scan: Scan, scout: Scout) -> bool:
+        """Whether the scout's place is visible, and the wall that its hand is on."""
+        boundary, contour = self.boundary, scout.contour
+        if contour is not None and math.dist(scout.place, contour.wall) > boundary.clearance + boundary.step:
+            return False
+        return scan.sees(scout.place, self.reach - boundary.clearance)
 
     def _step(self, scan: Scan, scout: Scout) -> Scout:
         """The scout one step further on Bug2's path."""

@@ -114,7 +114,6 @@ NotNegative = Annotated[float, Strict(), Field(ge=0.0)]
 Share = Annotated[float, Strict(), Field(ge=0.0, le=1.0)]
 Count = Annotated[int, Strict(), Field(ge=0)]
 AtLeastOne = Annotated[int, Strict(), Field(ge=1)]
-AtLeastThree = Annotated[int, Strict(), Field(ge=3)]
 Flag = Annotated[bool, Strict()]
 ExistingPath = Annotated[str, AfterValidator(_existing)]
 
@@ -129,6 +128,8 @@ Box = Annotated[
     AfterValidator(_box),
 ]
 Interval = Annotated[tuple[NotNegative, NotNegative], _sequence("least, most"), AfterValidator(_increasing)]
+AtLeastThree = Annotated[int, Strict(), Field(ge=3)]
+CornerCounts = Annotated[tuple[AtLeastThree, AtLeastThree], _sequence("least, most"), AfterValidator(_increasing)]
 Sizes = Annotated[tuple[Positive, Positive], _sequence("least, most"), AfterValidator(_increasing)]
 
 
@@ -651,7 +652,8 @@ class UTrapWorld(Family):
             half_length = half_height = math.hypot(half_length, half_height)
         needed = (x - half_length, y - half_height, x + half_length, y + half_height)
         if not self.holds_box(needed):
-            raise _wrong(f"got {_shortened(list(self.bounds))}, expected bounds that hold the trap: {list(needed)}", "bounds")
+            came = _shortened(list(self.bounds))
+            raise _wrong(f"got {came}, expected bounds that hold the trap: {list(needed)}", "bounds")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
 
@@ -701,13 +703,13 @@ class RingWorld(Family):
 class HookWorld(Family):
     """A square box with a slit in its upper wall, turned about its middle: the way out leads away from the goal.
 
-        +------+   +---------+
-        | +----+ | +-------+ |   wall
-        | |     slit       | |
-        | |                | |          goal
-        | | start   middle | |
-        | +----------------+ |
-        +--------------------+   half_side from the middle
+    +------+    +--------+
+    | +----+slit+------+ |   wall
+    | |                | |
+    | | start          | |          goal
+    | |                | |
+    | +----------------+ |
+    +--------------------+
     """
 
     family: Literal["hook"]
@@ -793,12 +795,12 @@ class MazeWorld(Family):
 class CorridorWorld(Family):
     """A passage of one width from side to side that shifts sideways at right angles, drawn anew for each seed.
 
-        +--------------------------+
-        |########## goes on ->     |
-        |########     #############|
-        | start ->    #############|
-        |##########################|
-        +--------------------------+
+    +--------------------------+
+    |##########           goal |
+    |##########    ############|
+    | start        ############|
+    |##########################|
+    +--------------------------+
 
     The robot starts at the left end and heads along it; the goal lies at the right end.
     """
@@ -940,8 +942,8 @@ class ForestWorld(DrawnPlaces):
     sizes: Sizes = (0.1, 0.3)
     """Least and greatest radius [m]."""
     solvable: Positive | None = 0.3
-    """Clearance [m] at which a path is certain: gaps between trunks, and to a border without acute corners, are at least
-    twice as wide. None: no such promise, and trunks may overlap."""
+    """Clearance [m] at which a path is certain: gaps between trunks, and to the border, are at least twice as wide.
+    None: no such promise, and trunks may overlap."""
     start_clearance: NotNegative = 1.0
     """Free space around the robot's body at the start [m]."""
     goal_clearance: NotNegative = 0.5
@@ -1018,10 +1020,7 @@ class BeachWorld(DrawnPlaces):
     """How many."""
     sizes: Sizes = (1.0, 4.0)
     """Least and greatest radius of the circle about an obstacle [m]."""
-    corners_each: Annotated[tuple[AtLeastThree, AtLeastThree], _sequence("least, most"), AfterValidator(_increasing)] = (
-        5,
-        10,
-    )
+    corners_each: CornerCounts = (5, 10)
     """Least and greatest number of an obstacle's corners."""
     pedestrians: Count = 20
     """How many."""
@@ -1030,8 +1029,8 @@ class BeachWorld(DrawnPlaces):
     speeds: Interval = (0.5, 1.3)
     """Least and greatest speed of a pedestrian [m/s]."""
     solvable: Positive | None = 0.5
-    """Clearance [m] at which a path is certain: gaps between obstacles, and to a border without acute corners, are at
-    least twice as wide. None: no such promise, and obstacles may overlap."""
+    """Clearance [m] at which a path is certain: gaps between obstacles, and to the border, are at least twice as wide.
+    None: no such promise, and obstacles may overlap."""
     start_clearance: NotNegative = 2.0
     """Free space around the robot's body at the start [m]."""
     goal_clearance: NotNegative = 1.0
@@ -1065,7 +1064,7 @@ class OniWangWorld(Family):
             raise _wrong(f"got {self.goal!r}, expected another place than start", "goal")
         for corner in (*ONI_WANG_POLYGON, *ONI_WANG_PLACES.values()):
             if self.obstruction(((*corner, robot.reach),)):
-                raise _wrong(f"got {_shortened(list(self.bounds))}, expected bounds that hold the map: {corner} too", "bounds")
+                raise _wrong(f"got {list(self.bounds)}, expected bounds that hold the map: {corner} too", "bounds")
 
 
 ONI_WANG_POLYGON = (
@@ -1455,6 +1454,7 @@ class YamlLoader(yaml.SafeLoader):
     """Safe YAML in which a key may stand only once, and 1e-3 is a number as in YAML 1.2."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """A mapping without a key that stands there twice."""
         seen: set[str] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.value in seen:
@@ -1469,6 +1469,11 @@ YamlLoader.add_implicit_resolver(
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file, paths in it starting from its folder and `name` its stem where it gives none.
+
+    Raises:
+        ScenarioError: no such file, or no mapping in it.
+    """
     try:
         data = yaml.load(path.read_text(encoding="utf-8"), Loader=YamlLoader)
     except yaml.MarkedYAMLError as error:

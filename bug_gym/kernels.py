@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import njit, types
 from numba.core import cgutils as numba_cgutils
 from numba.extending import intrinsic
@@ -40,6 +41,12 @@ def kernel(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Compiles a function that is copied into its callers."""
     return cast(Function, njit(forceinline=True, **OPTIONS)(function))
+
+
+def is_compiled() -> bool:
+    """Whether the kernels are ready: compiled in this process, or kept on disk by numba's cache."""
+    dispatcher: Any = step_rows
+    return bool(dispatcher.signatures) or any(Path(dispatcher.stats.cache_path).glob("kernels.step_rows-*.nbi"))
 
 
 def vectors(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -192,11 +199,10 @@ FIELD = np.dtype(
     ]
 )
 
-# ---------------------------------------------------------------------------------------------- random numbers
+# ---------------------------------------------------------------------------------------------- plane geometry
 
-
-# splitmix64 of Steele, Lea and Flood (2014): a Weyl sequence and a mixing of 64 bits.
-WEYL = np.uint64(0x9E3779B97F4A7C15)
+TWO_PI = 2.0 * math.pi
+HALF_PI = 0.5 * math.pi
 
 # pi / 2 in three parts, the first two with so few bits that their multiples are exact, and 1.5 * 2^52, to which adding
 # a number rounds it.
@@ -208,14 +214,6 @@ SINE_3, SINE_5, SINE_7, SINE_9, SINE_11, SINE_13, SINE_15, SINE_17 = (
 COSINE_4, COSINE_6, COSINE_8, COSINE_10, COSINE_12, COSINE_14, COSINE_16 = (
     (-1.0) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2)
 )
-
-
-@inlined
-def _mix64(x: np.uint64) -> np.uint64:
-    x = np.uint64(x)
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return x ^ (x >> np.uint64(31))
 
 
 @inlined
@@ -244,6 +242,21 @@ def length(x: float, y: float) -> float:
     return math.sqrt(x * x + y * y)
 
 
+# ---------------------------------------------------------------------------------------------- random numbers
+
+
+# splitmix64 of Steele, Lea and Flood (2014): a Weyl sequence and a mixing of 64 bits.
+WEYL = np.uint64(0x9E3779B97F4A7C15)
+
+
+@inlined
+def _mix64(x: np.uint64) -> np.uint64:
+    x = np.uint64(x)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
 @kernel
 def hash64(seed: int, episode: int, time: int, stream: int) -> np.uint64:
     """Key of all that is drawn for `stream` at this time of this episode; four int64 -> uint64."""
@@ -257,6 +270,12 @@ def hash64(seed: int, episode: int, time: int, stream: int) -> np.uint64:
 def uniform(key: np.uint64, index: int) -> float:
     """Number `index` of `key`, uniform in [0, 1), 53 bits."""
     return np.float64(_mix64(np.uint64(key) + (np.uint64(index) + np.uint64(1)) * WEYL) >> np.uint64(11)) * 2.0**-53
+
+
+@inlined
+def between(key: np.uint64, draw: int, low: float, high: float) -> float:
+    """Draw number `draw` of the stream, uniform in [low, high)."""
+    return low + (high - low) * uniform(key, draw)
 
 
 @kernel
@@ -396,7 +415,7 @@ def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> fl
     f[s.body_ny + b] = 0.0
     if speed == 0.0:
         return math.inf
-    far = 2.0 * s.span  # longer than any straight way inside the border
+    far: float = 2.0 * s.span  # longer than any straight way inside the border
     ex, ey = vx / speed * far, vy / speed * far
     best = NEVER
     for m in range(k[s.moving_disc_count], k[s.disc_count]):
@@ -441,11 +460,13 @@ def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> fl
 @kernel
 def walker_number(s: Record, b: int) -> int:
     """A number for body b that does not depend on how much room its row has for other bodies."""
-    if b < s.discs:
+    first_polygon: int = s.discs
+    first_goal: int = s.discs + s.polygons
+    if b < first_polygon:
         return 3 * b
-    if b < s.discs + s.polygons:
-        return 3 * (b - s.discs) + 1
-    return 3 * (b - s.discs - s.polygons) + 2
+    if b < first_goal:
+        return 3 * (b - first_polygon) + 1
+    return 3 * (b - first_goal) + 2
 
 
 @kernel
@@ -456,8 +477,9 @@ def take_heading(f: Floats, k: Integers, s: Record, b: int) -> float:
     f[s.body_vx + b] = f[s.body_speed + b] * cos
     f[s.body_vy + b] = f[s.body_speed + b] * sin
     k[s.body_leg + b] += 1
-    low, high = f[s.leg_min + b], f[s.leg_max + b]
-    return low + (high - low) * uniform(key, 2 * walker_number(s, b) + 1)
+    low: float = f[s.leg_min + b]
+    high: float = f[s.leg_max + b]
+    return between(key, 2 * walker_number(s, b) + 1, low, high)
 
 
 @kernel
@@ -473,7 +495,7 @@ def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) ->
     w = k[s.way_first + b] + k[s.way_next + b]
     dx, dy = f[s.way_x + w] - f[s.body_x + b], f[s.way_y + w] - f[s.body_y + b]
     distance = length(dx, dy)
-    speed = f[s.body_speed + b]
+    speed: float = f[s.body_speed + b]
     if distance == 0.0 or speed == 0.0:
         f[s.body_vx + b] = 0.0
         f[s.body_vy + b] = 0.0
@@ -484,7 +506,7 @@ def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) ->
 
 
 @kernel
-def plan_body(f, k, s, b, now):
+def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Set the next event of a body that has just been placed or has just had one."""
     law = k[s.body_law + b]
     if law == STILL:
@@ -504,7 +526,7 @@ def plan_body(f, k, s, b, now):
 
 
 @kernel
-def handle_event(f, k, s, b, now):
+def handle_event(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Reflect, turn or take the next way-point: body b stands at the place of its event, at time `now`."""
     law = k[s.body_law + b]
     nx, ny = f[s.body_nx + b], f[s.body_ny + b]
@@ -522,8 +544,8 @@ def handle_event(f, k, s, b, now):
             # The heading after a reflection is kept for a leg of its own.
             key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_WALK)
             k[s.body_leg + b] += 1
-            low, high = f[s.leg_min + b], f[s.leg_max + b]
-            f[s.body_event + b] = now + low + (high - low) * uniform(key, 2 * walker_number(s, b) + 1)
+            leg = between(key, 2 * walker_number(s, b) + 1, f[s.leg_min + b], f[s.leg_max + b])
+            f[s.body_event + b] = now + leg
     elif law == RANDOM_WALK:
         f[s.body_event + b] = now + take_heading(f, k, s, b)
     plan_body(f, k, s, b, now)
@@ -561,12 +583,12 @@ def move_range(f: Floats, k: Integers, s: Record, first: int, count: int, start:
     events = f[s.body_event + first : s.body_event + first + count]
     step = end - start
     due = 0
-    for b in range(np.uint64(count)):  # apart from the rest, so that it is vectorised
+    for b in range(count):  # apart from the rest, so that it is vectorised
         is_due = events[b] <= end
         time = 0.0 if is_due else step
         x[b] += vx[b] * time
         y[b] += vy[b] * time
-        due += np.int64(is_due)
+        due += int(is_due)
     if due > 0:
         for b in range(count):
             if events[b] <= end:
@@ -800,7 +822,9 @@ def obstacle_contact(
 
 
 @kernel
-def robots_contact(f, s, footprint, stops, a, b, end):
+def robots_contact(
+    f: Floats, s: Record, footprint: Floats, stops: Floats, a: int, b: int, end: float
+) -> tuple[float, float]:
     """First contact of robots a and b up to the fraction `end`, and their smallest clearance.
 
     `stops` (R,) is the fraction at which a robot has come to rest; a robot at rest since before the step has 0.
@@ -954,7 +978,7 @@ def judge(f: Floats, k: Integers, s: Record, r: int, verdict: int, first: float,
     if verdict == RUNNING and k[s.steps] >= s.limit_steps:
         verdict = TIMEOUT
     k[s.outcome + r] = verdict
-    if verdict == SUCCESS or verdict == COLLISION:  # out of time it would go on, and what learns from it needs that
+    if verdict in (SUCCESS, COLLISION):  # out of time it would go on, and what learns from it needs that
         f[s.velocity + 2 * r] = 0.0
         f[s.velocity + 2 * r + 1] = 0.0
     t = s.terms + TERMS * r
@@ -1016,9 +1040,9 @@ def step_row(
         observe(f, k, observation[r], s, beams, footprint, scratch, scratch_int, r)
 
 
-# Rows of many walls don't fit into the processor's cache, and which walls a step needs is known only when the obstacles'
-# places have come. So the places of the row after next are asked for before a row is worked on, and the near walls of
-# the next one.
+# Rows of many walls don't stay in the processor's cache, and which walls a step needs is known only when the places of
+# the obstacles have come. So the places of the row after next are asked for before a row is worked on, and the near
+# walls of the next one.
 MANY_WALLS, MANY_ROWS = 128, 16
 
 
@@ -1082,8 +1106,6 @@ def step_rows(
 cgutils: Any = numba_cgutils  # without types upstream
 LANES = 8
 TILE = 64  # near obstacles prepared together; a column of scratch is this long
-TWO_PI = 2.0 * math.pi
-HALF_PI = 0.5 * math.pi
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
 TOUCH = 1e-9  # [m] an origin this near to a wall stands in it
@@ -1750,7 +1772,7 @@ def gather_walls(
             y1[count] = ay
             x2[count] = cx
             y2[count] = cy
-            count += np.int64(side * ((ax - x) * (cy - y) - (ay - y) * (cx - x)) <= 0.0)
+            count += int(side * ((ax - x) * (cy - y) - (ay - y) * (cx - x)) <= 0.0)
     return x1, y1, x2, y2, count
 
 
@@ -1925,7 +1947,17 @@ def begin_row(
 
 
 @kernel
-def begin_rows(floats, ints, observation, spec, beams, footprint, scratch, scratch_int, rows):
+def begin_rows(
+    floats: Floats,
+    ints: Integers,
+    observation: Ranges,
+    spec: Record,
+    beams: Floats,
+    footprint: Floats,
+    scratch: Floats,
+    scratch_int: Integers,
+    rows: Integers,
+) -> None:
     """Start the episodes of the worlds `rows` (n,)."""
     s = spec[0]
     for i in range(rows.size):
@@ -1938,12 +1970,6 @@ def begin_rows(floats, ints, observation, spec, beams, footprint, scratch, scrat
 TRIES = 1000  # for one obstacle
 ATTEMPTS = 20  # at a whole world
 BOUNCE_BIT, WALK_BIT = 1, 2  # of FIELD.laws
-
-
-@inlined
-def between(key: np.uint64, draw: int, low: float, high: float) -> float:
-    """Draw number `draw` of the stream, uniform in [low, high)."""
-    return low + (high - low) * uniform(key, draw)
 
 
 @kernel
@@ -2092,7 +2118,7 @@ def shape_polygon(f: Floats, k: Integers, s: Record, p: Record, number: int, key
 
 
 @kernel
-def place_border(f, k, s, p):
+def place_border(f: Floats, k: Integers, s: Record, p: Record) -> None:
     """Append the four walls of the bounds."""
     w = k[s.wall_count]
     add_wall(f, s, w, p.xmin, p.ymin, p.xmax, p.ymin)
@@ -2105,7 +2131,7 @@ def place_border(f, k, s, p):
 
 
 @kernel
-def place_obstacles(f, k, s, p, key, draw):
+def place_obstacles(f: Floats, k: Integers, s: Record, p: Record, key: np.uint64, draw: int) -> int:
     """Place all obstacles, the still ones first; returns the next draw, or -1 - (how many found a place)."""
     placed = 0
     k[s.disc_count] = p.moving_discs
@@ -2143,7 +2169,7 @@ def place_obstacles(f, k, s, p, key, draw):
 
 
 @kernel
-def place_field(f, k, s, p):
+def place_field(f: Floats, k: Integers, s: Record, p: Record) -> int:
     """Draw the whole world of a row from its seed and episode.
 
     Returns the number of obstacles that found a place in the best attempt: all of them, or the row is unusable; -1
@@ -2193,7 +2219,7 @@ def place_field(f, k, s, p):
 
 
 @kernel
-def place_fields(floats, ints, spec, field, rows, placed):
+def place_fields(floats: Floats, ints: Integers, spec: Record, field: Record, rows: Integers, placed: Integers) -> None:
     """Draw the worlds `rows` (n,); `placed` (n,) says how many obstacles found a place in each."""
     s = spec[0]
     p = field[0]
@@ -2207,7 +2233,7 @@ def place_fields(floats, ints, spec, field, rows, placed):
 
 
 @kernel
-def free_distance(px, py, angle, radius, reach):
+def free_distance(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> float:
     """How far a disc of `radius` can travel along `angle` before it touches a scan point, at most `reach` [m].
 
     Points beside or behind the disc's centre never block, so a robot nearer to a wall than `radius` can leave it.
@@ -2227,14 +2253,14 @@ def free_distance(px, py, angle, radius, reach):
 
 
 @kernel
-def free_distances(px, py, angles, radius, reach, result):
+def free_distances(px: Floats, py: Floats, angles: Floats, radius: float, reach: float, result: Floats) -> None:
     """`free_distance` for each of `angles` (m,), into `result` (m,)."""
     for j in range(angles.size):
         result[j] = free_distance(px, py, angles[j], radius, reach)
 
 
 @kernel
-def first_contact(px, py, angle, radius, reach):
+def first_contact(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> tuple[float, int]:
     """`free_distance` along `angle`, and the number of the scan point that the disc touches there, -1 for none."""
     cos, sin = math.cos(angle), math.sin(angle)
     square = radius * radius
@@ -2253,8 +2279,8 @@ def first_contact(px, py, angle, radius, reach):
 
 
 @inlined
-def continues(ax, ay, bx, by):
-    """Whether a chord (bx, by) between scan points goes on along the chord (ax, ay) beside it, as on a straight wall."""
+def continues(ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether a chord (bx, by) between scan points goes on along the chord (ax, ay) beside it, as on one wall."""
     first, second = ax * ax + ay * ay, bx * bx + by * by
     along = ax * bx + ay * by
     # within 15 degrees, and not over two and a half times as long
@@ -2262,7 +2288,7 @@ def continues(ax, ay, bx, by):
 
 
 @kernel
-def find_pieces(px, py, gap, growth, piece):
+def find_pieces(px: Floats, py: Floats, gap: float, growth: float, piece: Integers) -> None:
     """Scan points, in the order of their beams around the full circle, cut into pieces of wall that hang together.
 
     Args:
@@ -2298,18 +2324,29 @@ def find_pieces(px, py, gap, growth, piece):
 
 
 @inlined
-def is_joined(px, py, piece, first, second, gap):
-    """Whether two contacts (-1: none) belong to one obstacle: on one piece of wall, or too near for the disc to pass."""
+def is_joined(px: Floats, py: Floats, piece: Integers, first: int, second: int, gap: float) -> bool:
+    """Whether two contacts (-1: none) are of one obstacle: on one piece of wall, or too near for the disc to pass."""
     if first < 0 or second < 0:
         return False
     if piece[first] == piece[second]:
         return True
     x, y = px[first] - px[second], py[first] - py[second]
-    return x * x + y * y <= gap * gap
+    return bool(x * x + y * y <= gap * gap)
 
 
 @kernel
-def find_border(px, py, piece, low, high, low_contact, high_contact, radius, reach, gap):
+def find_border(
+    px: Floats,
+    py: Floats,
+    piece: Integers,
+    low: float,
+    high: float,
+    low_contact: int,
+    high_contact: int,
+    radius: float,
+    reach: float,
+    gap: float,
+) -> tuple[bool, int, int]:
     """Where between two headings an obstacle ends, by bisection.
 
     Args:
@@ -2340,7 +2377,18 @@ def find_border(px, py, piece, low, high, low_contact, high_contact, radius, rea
 
 
 @kernel
-def find_runs(px, py, piece, angles, radius, reach, gap, free, contact, run):
+def find_runs(
+    px: Floats,
+    py: Floats,
+    piece: Integers,
+    angles: Floats,
+    radius: float,
+    reach: float,
+    gap: float,
+    free: Floats,
+    contact: Integers,
+    run: Integers,
+) -> int:
     """The profile of free ways over a full circle of headings, cut into runs: neighbours that end at one obstacle.
 
     Args:
@@ -2388,7 +2436,7 @@ def find_runs(px, py, piece, angles, radius, reach, gap, free, contact, run):
 
 
 @kernel
-def gap_after_step(px, py, angle, step):
+def gap_after_step(px: Floats, py: Floats, angle: float, step: float) -> float:
     """Distance from the end of a straight step to the nearest scan point [m]."""
     ex, ey = step * math.cos(angle), step * math.sin(angle)
     nearest = math.inf
@@ -2400,7 +2448,9 @@ def gap_after_step(px, py, angle, step):
 
 
 @kernel
-def first_open_heading(px, py, wall_angle, side, step, clearance, radius, increment):
+def first_open_heading(
+    px: Floats, py: Floats, wall_angle: float, side: int, step: float, clearance: float, radius: float, increment: float
+) -> float:
     """First heading, turning away from the wall, along which a step ends at `clearance` or more from every point.
 
     Args:
@@ -2438,9 +2488,31 @@ def first_open_heading(px, py, wall_angle, side, step, clearance, radius, increm
     return -1.0
 
 
+@inlined
+def next_beam(i: int, way: int, beams: int, is_round: bool) -> int:
+    """Number of the beam beside beam i, after it (way 1) or before it (-1); -1: none."""
+    j = i + way
+    if 0 <= j < beams:
+        return j
+    return j % beams if is_round else -1
+
+
 @kernel
-def join_scan(ranges, cos, sin, reach, is_round, gap, spacing, px, py):
+def join_scan(
+    ranges: Floats,
+    cos: Floats,
+    sin: Floats,
+    reach: float,
+    is_round: bool,
+    gap: float,
+    spacing: float,
+    px: Floats,
+    py: Floats,
+) -> tuple[int, int]:
     """Scan points, and between neighbours at most `gap` apart points of the straight line that joins them.
+
+    After them come, for each point beside which the scan sees past its wall, the place in the neighbouring beam up to
+    which that wall may go on unseen.
 
     Args:
         ranges: ranges (b,) of the beams in their order [m].
@@ -2450,26 +2522,22 @@ def join_scan(ranges, cos, sin, reach, is_round, gap, spacing, px, py):
         is_round: whether the last beam is the first one's neighbour.
         gap: what is nearer together is one wall [m].
         spacing: largest distance between points of one wall [m].
-        px: result, points' x in the robot's frame [m]; room for b (1 + gap / spacing).
+        px: result, points' x in the robot's frame [m]; room for b (3 + gap / spacing).
         py: result, points' y [m].
 
     Returns:
-        How many points there are.
+        How many points of walls there are, and how many with the places after them.
     """
     count = 0
     for i in range(ranges.size):
         if ranges[i] >= reach:
             continue
-        x, y = ranges[i] * cos[i], ranges[i] * sin[i]
-        px[count], py[count] = x, y
+        px[count], py[count] = ranges[i] * cos[i], ranges[i] * sin[i]
         count += 1
-        j = i + 1
-        if j == ranges.size:
-            if not is_round:
-                continue
-            j = 0
-        if ranges[j] >= reach:
+        j = next_beam(i, 1, ranges.size, is_round)
+        if j < 0 or ranges[j] >= reach:
             continue
+        x, y = px[count - 1], py[count - 1]
         dx, dy = ranges[j] * cos[j] - x, ranges[j] * sin[j] - y
         length = math.hypot(dx, dy)
         if length > gap:
@@ -2478,11 +2546,31 @@ def join_scan(ranges, cos, sin, reach, is_round, gap, spacing, px, py):
         for k in range(1, pieces):
             px[count], py[count] = x + k * dx / pieces, y + k * dy / pieces
             count += 1
-    return count
+    total = count
+    for i in range(ranges.size):
+        for way in (-1, 1):
+            j = next_beam(i, way, ranges.size, is_round)
+            if j < 0 or ranges[j] <= ranges[i]:
+                continue
+            dx, dy = ranges[j] * cos[j] - ranges[i] * cos[i], ranges[j] * sin[j] - ranges[i] * sin[i]
+            if ranges[j] >= reach or math.hypot(dx, dy) > gap:
+                px[total], py[total] = ranges[i] * cos[j], ranges[i] * sin[j]
+                total += 1
+    return count, total
 
 
 @kernel
-def is_seen_free(x, y, ranges, first_angle, angle_step, is_round, px, py, radius):
+def is_seen_free(
+    x: float,
+    y: float,
+    ranges: Floats,
+    first_angle: float,
+    angle_step: float,
+    is_round: bool,
+    px: Floats,
+    py: Floats,
+    radius: float,
+) -> bool:
     """Whether a disc of `radius` can go straight to a place (robot's frame) through space that the scan has seen.
 
     `px`, `py` are the points in its way. Both beams beside the place must reach as far as it: a disc may fit between
@@ -2503,7 +2591,21 @@ def is_seen_free(x, y, ranges, first_angle, angle_step, is_round, px, py, radius
 
 
 @kernel
-def first_seen_free(x, y, dx, dy, count, reach, ranges, first_angle, angle_step, is_round, px, py, radius):
+def first_seen_free(
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    count: int,
+    reach: float,
+    ranges: Floats,
+    first_angle: float,
+    angle_step: float,
+    is_round: bool,
+    px: Floats,
+    py: Floats,
+    radius: float,
+) -> int:
     """Number of the first of `count` places (x, y) + k (dx, dy) within `reach` that `is_seen_free`, or -1."""
     for k in range(count):
         ex, ey = x + k * dx, y + k * dy

@@ -44,7 +44,7 @@ class Field:
 
 def world_span(scenario: Scenario) -> float:
     """Length of the diagonal of the bounds [m]: no distance in the world is longer."""
-    xmin, ymin, xmax, ymax = scenario.world.bounds
+    xmin, ymin, xmax, ymax = scenario.world.box
     return math.hypot(xmax - xmin, ymax - ymin)
 
 

@@ -490,7 +490,7 @@ class Canvas:
         self.row = row
         self.title = title
         self.unit = size / 600.0
-        xmin, ymin, xmax, ymax = simulation.scenario.world.bounds
+        xmin, ymin, xmax, ymax = simulation.scenario.world.box
         margin = 24.0 * max(self.unit, 0.8)
         scale = (size - 2.0 * margin) / max(xmax - xmin, ymax - ymin)
         # Even sides, because video codecs want them; wide enough for the caption.

@@ -8,32 +8,58 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bug_gym import kernels, maps
 from bug_gym.config import (
     ONI_WANG_PLACES,
     ONI_WANG_POLYGON,
     BarnWorld,
+    BeachWorld,
     Bounce,
+    CorridorWorld,
+    CrossingWorld,
     EmptyWorld,
     ExplicitWorld,
     FieldWorld,
+    ForestWorld,
+    HookWorld,
     MazeWorld,
     Motion,
     OniWangWorld,
+    RandomWalk,
     Region,
     RingWorld,
+    RoomsWorld,
+    RosMapWorld,
     Scenario,
     StartRegion,
+    UrbanWorld,
     UTrapWorld,
     Waypoints,
+    dump,
+    load,
 )
-from bug_gym.world import F64, SAME_POINT, Layout, Mover, Rings, World, side_by_side
-
-Rng = np.random.Generator
-TRIES = 1000
+from bug_gym.floor_plans import (
+    TRIES,
+    Rng,
+    as_polygons,
+    boxes,
+    city_buildings,
+    corridor_legs,
+    corridor_walls,
+    irregular_polygon,
+    room_walls,
+    scatter,
+    streams,
+)
+from bug_gym.ros_map import load_outlines, load_ros_map
+from bug_gym.shortest_path import free_space, reachable
+from bug_gym.world import F64, Layout, Mover, Rings, World, side_by_side
 
 Free = Callable[[float, float], bool]
 
@@ -41,6 +67,11 @@ Free = Callable[[float, float], bool]
 def rectangle(xmin: float, ymin: float, xmax: float, ymax: float) -> F64:
     """Corners (4, 2) of an axis-parallel rectangle."""
     return np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]], dtype=np.float64)
+
+
+def border_of(world: Any) -> F64:
+    """Corners (k, 2) of the border of a family's world."""
+    return np.array(world.corners, dtype=np.float64)
 
 
 def clearance(circles: F64, rings: Sequence[F64], x: float, y: float) -> float:
@@ -103,7 +134,7 @@ def draw_start(scenario: Scenario, start: object, rng: Rng, free: Free) -> tuple
     """
     if isinstance(start, tuple):
         return start
-    region = start.region if isinstance(start, Region) else scenario.world.bounds
+    region = start.region if isinstance(start, Region) else scenario.world.box
     heading = start.heading if isinstance(start, StartRegion) else None
     for _ in range(TRIES):
         x, y = draw_point(region, rng, free, "start")
@@ -124,7 +155,7 @@ def draw_goal(scenario: Scenario, goal: object, rng: Rng, free: Free) -> tuple[f
     """A goal: fixed, drawn from a region, or from the whole of the bounds."""
     if isinstance(goal, tuple):
         return goal
-    region = goal.region if isinstance(goal, Region) else scenario.world.bounds
+    region = goal.region if isinstance(goal, Region) else scenario.world.box
     return draw_point(region, rng, free, "goal")
 
 
@@ -168,13 +199,11 @@ def finish(
         ValueError: a robot or a goal would be in an obstacle or outside.
     """
     check_spacing(scenario)
-    robots, places = scenario.robots.count, scenario.robots.places
-    starts = np.array([place.start for place in places[:robots]]) if places else side_by_side(start, robots)
-    goals = [place.goal or goal for place in places[:robots]] if any(place.goal for place in places) else [goal]
+    starts, goals = robot_places(scenario, start, goal)
     layout = Layout(
-        border=rectangle(*scenario.world.bounds),
-        starts=starts.astype(np.float64),
-        goals=np.array(goals, dtype=np.float64),
+        border=border_of(scenario.world),
+        starts=starts,
+        goals=goals,
         circles=np.zeros((0, 3)) if circles is None else circles,
         polygons=polygons,
         movers=movers,
@@ -183,6 +212,14 @@ def finish(
     )
     check_places(scenario, layout)
     return layout
+
+
+def robot_places(scenario: Scenario, start: Sequence[float], goal: tuple[float, float]) -> tuple[F64, F64]:
+    """Poses (R, 3) and goals (1, 2) or (R, 2) of the robots, where the world's own are `start` and `goal`."""
+    robots, places = scenario.robots.count, scenario.robots.places
+    starts = np.array([place.start for place in places[:robots]]) if places else side_by_side(start, robots)
+    goals = [place.goal or goal for place in places[:robots]] if any(place.goal for place in places) else [goal]
+    return starts.astype(np.float64), np.array(goals, dtype=np.float64)
 
 
 def goal_room(scenario: Scenario) -> float:
@@ -224,7 +261,7 @@ def obstacles_of(
 
 def empty(scenario: Scenario, world: EmptyWorld, rng: Rng) -> Layout:
     """Nothing but the border."""
-    border = rectangle(*world.bounds)
+    border = border_of(world)
     start_free = is_clear(np.zeros((0, 3)), (), border, scenario.robot.reach)
     goal_free = is_clear(np.zeros((0, 3)), (), border, drawn_goal_room(scenario, world))
     goal = target_place(world)
@@ -236,7 +273,7 @@ def target_place(world: EmptyWorld | ExplicitWorld) -> object:
     """Where the goal is, or where it is drawn from: the world's goal or its target's start."""
     if world.target is None:
         return world.goal
-    return world.target.at if world.target.at is not None else Region(region=world.target.region or world.bounds)
+    return world.target.at if world.target.at is not None else Region(region=world.target.region or world.box)
 
 
 def drawn_goal_room(scenario: Scenario, world: EmptyWorld | ExplicitWorld) -> float:
@@ -263,7 +300,7 @@ def explicit(scenario: Scenario, world: ExplicitWorld, rng: Rng) -> Layout:
         outline = shape.circle if shape.polygon is None else np.array(shape.polygon.shell, dtype=np.float64)
         assert outline is not None
         movers.append(Mover(outline, mover.at, motion))
-    border = rectangle(*world.bounds)
+    border = border_of(world)
     in_the_way = obstacles_of(circles, polygons, movers)
     start_free = is_clear(*in_the_way, border, scenario.robot.reach)
     goal_free = is_clear(*in_the_way, border, drawn_goal_room(scenario, world))
@@ -285,12 +322,33 @@ def u_trap(scenario: Scenario, world: UTrapWorld, rng: Rng) -> Layout:
     inner, outer = world.half_width, world.half_width + world.wall
     outside = [(x0, -outer), (x2, -outer), (x2, outer), (x0, outer)]
     ring = np.array([*outside, (x0, inner), (x1, inner), (x1, -inner), (x0, -inner)])
-    angle = float(rng.uniform(-math.pi, math.pi)) if world.rotation == "random" else float(world.rotation)
-    if angle != 0.0:
-        cos, sin = math.cos(angle), math.sin(angle)
-        centre = np.array(world.centre)
-        ring = (ring - centre) @ np.array([[cos, sin], [-sin, cos]]) + centre
-    free = is_clear(np.zeros((0, 3)), ((ring,),), rectangle(*world.bounds), scenario.robot.reach)
+    ring = turned(ring, world.centre, world.rotation, rng)
+    free = is_clear(np.zeros((0, 3)), ((ring,),), border_of(world), scenario.robot.reach)
+    start, goal = draw_both(scenario, world.start, world.goal, rng, free, free, 0.0)
+    return finish(scenario, start, goal, polygons=((ring,),))
+
+
+def turned(ring: F64, centre: tuple[float, float], rotation: float | str, rng: Rng) -> F64:
+    """A ring (k, 2) turned about a point by an angle [rad], or by one that is drawn."""
+    angle = float(rng.uniform(-math.pi, math.pi)) if rotation == "random" else float(rotation)
+    if angle == 0.0:
+        return ring
+    cos, sin = math.cos(angle), math.sin(angle)
+    middle = np.array(centre)
+    corners: F64 = (ring - middle) @ np.array([[cos, sin], [-sin, cos]]) + middle
+    return corners
+
+
+def hook(scenario: Scenario, world: HookWorld, rng: Rng) -> Layout:
+    """A square box with a slit in its upper wall, turned about its middle."""
+    (x, y), outer, inner = world.centre, world.half_side, world.half_side - world.wall
+    left, right = x + world.slit_at - 0.5 * world.slit, x + world.slit_at + 0.5 * world.slit
+    outside = [(right, y + outer), (x + outer, y + outer), (x + outer, y - outer), (x - outer, y - outer)]
+    inside = [(left, y + inner), (x - inner, y + inner), (x - inner, y - inner), (x + inner, y - inner)]
+    upper_left = [(x - outer, y + outer), (left, y + outer)]
+    ring = np.array([*outside, *upper_left, *inside, (x + inner, y + inner), (right, y + inner)])
+    ring = turned(ring, world.centre, world.rotation, rng)
+    free = is_clear(np.zeros((0, 3)), ((ring,),), border_of(world), scenario.robot.reach)
     start, goal = draw_both(scenario, world.start, world.goal, rng, free, free, 0.0)
     return finish(scenario, start, goal, polygons=((ring,),))
 
@@ -300,7 +358,7 @@ def ring(scenario: Scenario, world: RingWorld, rng: Rng) -> Layout:
     x, y = world.centre
     outer = rectangle(x - world.outer, y - world.outer, x + world.outer, y + world.outer)
     inner = rectangle(x - world.inner, y - world.inner, x + world.inner, y + world.inner)
-    clear = is_clear(np.zeros((0, 3)), ((outer, inner),), rectangle(*world.bounds), scenario.robot.reach)
+    clear = is_clear(np.zeros((0, 3)), ((outer, inner),), border_of(world), scenario.robot.reach)
 
     def shut_in(px: float, py: float) -> bool:
         return clear(px, py) and max(abs(px - x), abs(py - y)) < world.inner
@@ -320,7 +378,7 @@ def maze(scenario: Scenario, world: MazeWorld, rng: Rng) -> Layout:
     open_right, open_up = carve(columns, rows, world.loops, rng)
     polygons = maze_walls(world, open_right, open_up)
     places = [(column, row) for column in range(columns) for row in range(rows)]
-    free = is_clear(np.zeros((0, 3)), polygons, rectangle(*world.bounds), scenario.robot.reach)
+    free = is_clear(np.zeros((0, 3)), polygons, border_of(world), scenario.robot.reach)
     for _ in range(TRIES):
         first, last = (places[int(i)] for i in rng.integers(0, len(places), 2))
         start, goal = cell_centre(world, *first), cell_centre(world, *last)
@@ -365,32 +423,269 @@ def cell_centre(world: MazeWorld, column: int, row: int) -> tuple[float, float]:
 
 def maze_walls(world: MazeWorld, open_right: np.ndarray, open_up: np.ndarray) -> tuple[Rings, ...]:
     """The walls between the cells as polygons, joined where they meet."""
-    import shapely
-
     (width, height), (xmin, ymin, xmax, ymax) = world.passages, world.bounds
     thick = world.wall
     columns, rows = world.cells
-    boxes = []
+    walls = []
     for x, y in zip(*np.nonzero(~open_right), strict=True):
         left, low = xmin + (x + 1) * (width + thick) - thick, ymin + y * (height + thick)
-        boxes.append((left, low - thick, left + thick, low + height + thick))
+        walls.append((left, low - thick, left + thick, low + height + thick))
     for x, y in zip(*np.nonzero(~open_up), strict=True):
         left, low = xmin + x * (width + thick), ymin + (y + 1) * (height + thick) - thick
-        boxes.append((left - thick, low, left + width + thick, low + thick))
+        walls.append((left - thick, low, left + width + thick, low + thick))
     # A wall that ends at the border goes on a little beyond it, so that no beam slips between the two.
-    joined = shapely.union_all([shapely.box(*box) for box in boxes])
-    frame = shapely.box(xmin - thick, ymin - thick, xmax + thick, ymax + thick)
-    pieces = shapely.get_parts(shapely.intersection(joined, frame))
-    return tuple(rings_of(piece) for piece in pieces)
+    frame = boxes([(xmin - thick, ymin - thick, xmax + thick, ymax + thick)])
+    return as_polygons(boxes(walls).intersection(frame))
 
 
-def rings_of(polygon: object) -> Rings:
-    """Shell and holes of a shapely polygon as open rings (k, 2), without points on straight lines."""
+def corridor(scenario: Scenario, world: CorridorWorld, rng: Rng) -> Layout:
+    """A passage that shifts sideways; start and goal at its ends."""
+    places, levels = corridor_legs(world, rng)
+    xmin, _, xmax, _ = world.bounds
+    half = 0.5 * world.width
+    start, goal = (xmin + half, float(levels[0]), 0.0), (xmax - half, float(levels[-1]))
+    return finish(scenario, start, goal, polygons=corridor_walls(world, places, levels))
+
+
+def rooms(scenario: Scenario, world: RoomsWorld, rng: Rng) -> Layout:
+    """Rooms with doors between neighbours: a tree of them, and some more."""
+
+    def build() -> tuple[Rings, ...]:
+        open_right, open_up = carve(world.columns, world.rows, world.loops, rng)
+        return room_walls(world, open_right, open_up, rng)
+
+    return draw_within(scenario, world, rng, build)
+
+
+def urban(scenario: Scenario, world: UrbanWorld, rng: Rng) -> Layout:
+    """Blocks between streets; nobody starts or arrives in a closed courtyard."""
+    return draw_within(scenario, world, rng, lambda: city_buildings(world, rng))
+
+
+def crossing(scenario: Scenario, world: CrossingWorld, rng: Rng) -> Layout:
+    """Streams of movers; start and goal at first wherever no mover comes, to their left and to their right."""
+    xmin, ymin, xmax, ymax = world.bounds
+    start = world.start or StartRegion(region=(xmin, ymin, xmin + world.apron, ymax))
+    goal = world.goal or Region(region=(xmax - world.apron, ymin, xmax, ymax))
+    movers = streams(world, rng)
+    reach = scenario.robot.reach
+
+    def free(x: float, y: float) -> bool:
+        """Clear of the border, and in a strip where it is drawn."""
+        return clear(x, y) and not xmin + world.apron - reach < x < xmax - world.apron + reach
+
+    clear = is_clear(*obstacles_of(np.zeros((0, 3)), (), movers), border_of(world), reach)
+    pose, place = draw_both(scenario, start, goal, rng, free, free, world.separation)
+    return finish(scenario, pose, place, movers=movers)
+
+
+ATTEMPTS = 20  # at a whole world
+
+
+def draw_within(
+    scenario: Scenario, world: RoomsWorld | UrbanWorld, rng: Rng, build: Callable[[], tuple[Rings, ...]]
+) -> Layout:
+    """A world whose walls are drawn first, then start and goal in what is free and not enclosed.
+
+    Raises:
+        ValueError: no world had room for start and goal; why the last one had none.
+    """
+    fault = ValueError()
+    for _ in range(ATTEMPTS):
+        polygons = build()
+        # Holes count as filled: a closed courtyard is no place to be.
+        filled = tuple(rings[:1] for rings in polygons)
+        free = is_clear(np.zeros((0, 3)), filled, border_of(world), scenario.robot.reach)
+        try:
+            start, goal = draw_both(scenario, world.start, world.goal, rng, free, free, world.separation)
+            return finish(scenario, start, goal, polygons=polygons)
+        except ValueError as error:
+            fault = error
+    raise ValueError(f"{fault}; none of {ATTEMPTS} worlds had room for start and goal")
+
+
+def forest(scenario: Scenario, world: ForestWorld, rng: Rng) -> Layout:
+    """Many thin trunks."""
+
+    def grow(start: Pose, goal: Place) -> Layout:
+        trees = scattered(scenario, world, world.trees, start, goal, rng)
+        return finish(scenario, start, goal, circles=trees)
+
+    return draw_around(scenario, world, rng, grow)
+
+
+def beach(scenario: Scenario, world: BeachWorld, rng: Rng) -> Layout:
+    """Irregular obstacles and pedestrians who stroll among them."""
+
+    def furnish(start: Pose, goal: Place) -> Layout:
+        discs = scattered(scenario, world, world.obstacles, start, goal, rng)
+        polygons = tuple((irregular_polygon(x, y, radius, world.corners_each, rng),) for x, y, radius in discs.tolist())
+        walkers = pedestrians(scenario, world, discs, start, goal, rng)
+        return finish(scenario, start, goal, polygons=polygons, movers=walkers)
+
+    return draw_around(scenario, world, rng, furnish)
+
+
+Pose = tuple[float, float, float]
+Place = tuple[float, float]
+
+
+def draw_around(
+    scenario: Scenario, world: ForestWorld | BeachWorld, rng: Rng, furnish: Callable[[Pose, Place], Layout]
+) -> Layout:
+    """A world whose start and goal are drawn first, then the obstacles around them.
+
+    Raises:
+        ValueError: no world had room for all; what the last one lacked.
+    """
+    border, reach = border_of(world), scenario.robot.reach
+    start_free = is_clear(np.zeros((0, 3)), (), border, start_room(scenario, world))
+    goal_free = is_clear(np.zeros((0, 3)), (), border, goal_room_of(world))
+    fault = ValueError()
+    for _ in range(ATTEMPTS):
+        start, goal = draw_both(scenario, world.start, world.goal, rng, start_free, goal_free, world.separation)
+        try:
+            layout = furnish(start, goal)
+        except ValueError as error:
+            fault = error
+            continue
+        # Gaps are wide enough by construction; a border that is no box may have narrow places of its own.
+        if world.solvable is None or len(border) == 4 or all_reachable(layout, max(world.solvable, reach)):
+            return layout
+        fault = ValueError(f"no path at a clearance of {world.solvable:g} m")
+    raise ValueError(f"{fault}; {ATTEMPTS} worlds were tried")
+
+
+def start_room(scenario: Scenario, world: ForestWorld | BeachWorld) -> float:
+    """Distance from the robot's origin at the start to anything [m]."""
+    return max(scenario.robot.reach + world.start_clearance, world.solvable or 0.0)
+
+
+def goal_room_of(world: ForestWorld | BeachWorld) -> float:
+    """Distance from the goal to anything [m]."""
+    return max(world.goal_clearance, world.solvable or 0.0)
+
+
+def all_reachable(layout: Layout, radius: float) -> bool:
+    """Whether each robot, were it a disc of some radius [m], can get to its goal."""
+    goals = np.broadcast_to(layout.goals, (len(layout.starts), 2))
+    return all(
+        reachable(layout.circles, layout.polygons, layout.border, start, goal, radius=radius)
+        for start, goal in zip(layout.starts[:, :2], goals, strict=True)
+    )
+
+
+def scattered(
+    scenario: Scenario, world: ForestWorld | BeachWorld, count: int, start: Pose, goal: Place, rng: Rng
+) -> F64:
+    """Still circles (count, 3) around start and goal, with the gaps that the family promises.
+
+    Raises:
+        ValueError: not all of them found a place.
+    """
+    gap = None if world.solvable is None else 2.0 * world.solvable
+    free = is_apart(scenario, world, start, goal, edge=gap or 0.0)
+    circles = scatter(count, world.sizes, world.box, free, rng, gap=gap)
+    if len(circles) < count:
+        raise ValueError(f"only {len(circles)} of {count} obstacles found a free place")
+    return circles
+
+
+def is_apart(
+    scenario: Scenario, world: ForestWorld | BeachWorld, start: Pose, goal: Place, *, edge: float
+) -> Callable[[float, float, float], bool]:
+    """A test whether a circle leaves start and goal their room and keeps a distance `edge` [m] from the border."""
+    starts, goals = robot_places(scenario, start, goal)
+    border = border_of(world)
+    keep = [(*pose[:2], start_room(scenario, world)) for pose in starts.tolist()]
+    keep += [(*place, goal_room_of(world)) for place in goals.tolist()]
+
+    def free(x: float, y: float, radius: float) -> bool:
+        if any(math.hypot(x - px, y - py) < radius + room for px, py, room in keep):
+            return False
+        return contains(border, x, y) and clearance(np.zeros((0, 3)), [border], x, y) >= radius + edge
+
+    return free
+
+
+def pedestrians(
+    scenario: Scenario, world: BeachWorld, obstacles: F64, start: Pose, goal: Place, rng: Rng
+) -> tuple[Mover, ...]:
+    """Walkers who begin clear of the obstacles, of start and of goal.
+
+    Raises:
+        ValueError: not all of them found a place.
+    """
+    apart, radius = is_apart(scenario, world, start, goal, edge=0.0), world.radius
+
+    def free(x: float, y: float, size: float) -> bool:
+        gaps = np.hypot(obstacles[:, 0] - x, obstacles[:, 1] - y) - obstacles[:, 2]
+        return apart(x, y, size) and bool((gaps >= size).all())
+
+    places = scatter(world.pedestrians, (radius, radius), world.box, free, rng, gap=0.0)
+    if len(places) < world.pedestrians:
+        raise ValueError(f"only {len(places)} of {world.pedestrians} pedestrians found a free place")
+    least, most = PEDESTRIAN_LEGS
+    speeds = rng.uniform(*world.speeds, len(places)).tolist()
+    motions = [RandomWalk(law="random_walk", speed=speed, min_leg=least, max_leg=most) for speed in speeds]
+    return tuple(Mover(radius, (x, y), motion) for (x, y, _), motion in zip(places.tolist(), motions, strict=True))
+
+
+PEDESTRIAN_LEGS = (3.0, 10.0)
+"""Least and greatest time for which a pedestrian keeps a direction [s]."""
+
+
+def ros_map(scenario: Scenario, world: RosMapWorld, rng: Rng) -> Layout:
+    """A map of ROS's map_server; start and goal in its free cells.
+
+    Raises:
+        ValueError: no start and goal were found, or none with a path between them.
+    """
+    plan = load_ros_map(world.path)
+    # 1.02: free space may come as near to a wall as 0.99 of the radius it is made for.
+    radius = max(world.solvable or 0.0, 1.02 * scenario.robot.reach)
+    polygons, rooms = map_walls(world), map_rooms(world, radius)
+
+    def free(x: float, y: float) -> bool:
+        return plan.is_free(x, y) and room_at(rooms, x, y) >= 0
+
+    box = plan.free_box
+    start, goal = world.start or StartRegion(region=box), world.goal or Region(region=box)
+    for _ in range(TRIES):
+        pose, place = draw_both(scenario, start, goal, rng, free, free, world.separation)
+        if world.solvable is None or room_at(rooms, *pose[:2]) == room_at(rooms, *place) >= 0:
+            return finish(scenario, pose, place, polygons=polygons)
+    raise ValueError(f"no start and goal with a path at a clearance of {radius:g} m after {TRIES} tries")
+
+
+@lru_cache(maxsize=8)
+def map_walls(world: RosMapWorld) -> tuple[Rings, ...]:
+    """The polygons of a map that reach into the bounds."""
+    xmin, ymin, xmax, ymax = world.box
+    polygons = load_outlines(world.path, unknown_is_wall=world.unknown_is_wall)
+    shells = [(rings, rings[0].min(axis=0), rings[0].max(axis=0)) for rings in polygons]
+    return tuple(
+        rings for rings, low, high in shells if low[0] < xmax and low[1] < ymax and high[0] > xmin and high[1] > ymin
+    )
+
+
+@lru_cache(maxsize=8)
+def map_rooms(world: RosMapWorld, radius: float) -> NDArray[np.object_]:
+    """The connected parts, as shapely's polygons, of where a disc of some radius [m] may be on a map."""
     import shapely
 
-    simple = shapely.simplify(polygon, SAME_POINT)
-    rings = [simple.exterior, *simple.interiors]
-    return tuple(np.asarray(shapely.get_coordinates(ring)[:-1], dtype=np.float64) for ring in rings)
+    free = free_space(np.zeros((0, 3)), map_walls(world), border_of(world), radius=radius)
+    rooms: NDArray[np.object_] = shapely.get_parts(free)
+    shapely.prepare(rooms)
+    return rooms
+
+
+def room_at(rooms: NDArray[np.object_], x: float, y: float) -> int:
+    """Number of the room that a point lies in, -1 where it lies in none."""
+    import shapely
+
+    holding = np.flatnonzero(shapely.contains_xy(rooms, x, y))
+    return int(holding[0]) if len(holding) else -1
 
 
 def oni_wang(scenario: Scenario, world: OniWangWorld, rng: Rng) -> Layout:
@@ -416,10 +711,18 @@ FAMILIES: dict[str, Callable[..., Layout]] = {
     "empty": empty,
     "explicit": explicit,
     "u_trap": u_trap,
+    "hook": hook,
     "ring": ring,
     "maze": maze,
+    "corridor": corridor,
+    "rooms": rooms,
+    "crossing": crossing,
+    "forest": forest,
+    "urban": urban,
+    "beach": beach,
     "oni_wang": oni_wang,
     "barn": barn,
+    "ros_map": ros_map,
 }
 """Families made in Python, by their `family` key; `field` is compiled."""
 
@@ -502,9 +805,58 @@ def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
 
 def covered_share(world: World, row: int) -> float:
     """Share of the bounds that the obstacles placed so far would cover, 0 to 1 (overlaps count twice)."""
-    xmin, ymin, xmax, ymax = world.scenario.world.bounds
+    xmin, ymin, xmax, ymax = world.scenario.world.box
     first_polygon = int(world.spec["discs"][0])
     radius = world.array("body_radius")[row]
     last_polygon = first_polygon + int(world.array("polygon_count")[row, 0])
     circles = np.concatenate([radius[: int(world.disc_count[row])], radius[first_polygon:last_polygon]])
     return float(np.pi * (circles**2).sum() / ((xmax - xmin) * (ymax - ymin)))
+
+
+# ---------------------------------------------------------------------------------------------- saving worlds
+
+
+def as_explicit(scenario: Scenario, layout: Layout) -> Scenario:
+    """The scenario with one layout written out: every obstacle, mover, start and goal of it, and nothing drawn.
+
+    Loaded again it gives the same layout bit for bit. Random walks keep their law and speed; which ways they take is
+    drawn from the seed, as ever.
+
+    Raises:
+        ScenarioError: a layout that no scenario can have, such as one with a robot in an obstacle.
+    """
+    xmin, ymin = layout.border.min(axis=0).tolist()
+    xmax, ymax = layout.border.max(axis=0).tolist()
+    is_box = np.array_equal(layout.border, rectangle(xmin, ymin, xmax, ymax))
+    goals = layout.goals.tolist()
+    world: dict[str, Any] = {
+        "family": "explicit",
+        "bounds": [xmin, ymin, xmax, ymax] if is_box else layout.border.tolist(),
+        "circles": layout.circles.tolist(),
+        "polygons": [polygon_data(rings) for rings in layout.polygons],
+        "movers": [mover_data(mover) for mover in layout.movers],
+        "start": layout.starts[0].tolist(),
+    }
+    if layout.target is None:
+        world["goal"] = goals[0]
+    else:
+        world["target"] = {"at": goals[0], "motion": layout.target}
+    data = {**dump(scenario), "world": world}
+    if scenario.robots.count > 1:
+        places: list[dict[str, Any]] = [{"start": pose} for pose in layout.starts.tolist()]
+        if len(goals) > 1:
+            places = [{**place, "goal": goal} for place, goal in zip(places, goals, strict=True)]
+        data["robots"] = places
+    return load(data)
+
+
+def polygon_data(rings: Rings) -> Any:
+    """A polygon as a scenario has it."""
+    shell, *holes = (ring.tolist() for ring in rings)
+    return {"shell": shell, "holes": holes} if holes else shell
+
+
+def mover_data(mover: Mover) -> dict[str, Any]:
+    """A mover as a scenario has it."""
+    outline = np.asarray(mover.outline).tolist()
+    return {"shape": {"circle" if mover.is_circle else "polygon": outline}, "at": mover.at, "motion": mover.motion}

@@ -357,8 +357,5 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
 
 def announce_compilation() -> None:
     """Say in the log that the kernels are about to be compiled, where numba's cache does not hold them yet."""
-    if kernels.step_rows.signatures:
-        return
-    folder = Path(kernels.step_rows.stats.cache_path)
-    if not any(folder.glob("kernels.step_rows-*.nbi")):
+    if not kernels.is_compiled():
         logger.warning("compiling the simulation's kernels, once on this machine (up to half a minute)")

@@ -143,7 +143,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             simulation.advance(velocities)
         elif self.autoreset_mode == AutoresetMode.NEXT_STEP:
             going = np.flatnonzero(~self._ended)
-            simulation.advance(velocities[going], going)
+            simulation.advance(velocities.take(going, axis=0), going)
             simulation.reset(ended)
         else:
             raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")

@@ -1,8 +1,8 @@
 """The state of N worlds as arrays, row n = world n.
 
 All state lies in two flat buffers, `floats` (N, Wf) and `ints` (N, Wi): one row is contiguous for the kernels, and a
-copy of the buffers is a snapshot. The named arrays of a World are views into them. A `Layout` is one world as plain data:
-what a family of worlds makes, what pictures, shortest paths and files read.
+copy of the buffers is a snapshot. The named arrays of a World are views into them. A `Layout` is one world as plain
+data: what a family of worlds makes, what pictures, shortest paths and files read.
 """
 
 from __future__ import annotations
@@ -176,19 +176,20 @@ class World:
         # The other robots stand behind the world's own discs while one robot looks.
         discs = capacity.discs + (robots - 1) * len(self.footprint)
         bodies = discs + capacity.polygons + self.goals
-        counts = {"discs": discs, "polygons": capacity.polygons, "bodies": bodies, "walls": walls, "ways": capacity.ways}
+        polygons, ways = capacity.polygons, capacity.ways
+        counts = {"discs": discs, "polygons": polygons, "bodies": bodies, "walls": walls, "ways": ways}
         for name, value in counts.items():
             self.spec[name] = value
         sizes = {"time": 1, "fastest": 1, "pose": 3 * robots, "next_pose": 3 * robots, "origin": 3 * robots}
-        sizes |= {"odometry": 3 * robots, "velocity": 2 * robots, "command": 2 * robots, "terms": kernels.TERMS * robots}
+        sizes |= {"odometry": 3 * robots, "velocity": 2 * robots, "command": 2 * robots}
         sizes |= dict.fromkeys(("goal_distance", "path_length", "clearance", "min_clearance", "reward"), robots)
         sizes |= dict.fromkeys(("leg_min", "leg_max"), bodies)
         sizes |= dict.fromkeys(("seed", "episode", "steps", "disc_count", "moving_disc_count"), 1)
         sizes |= dict.fromkeys(("polygon_count", "moving_polygon_count", "wall_count", "moving_wall_count"), 1)
         sizes |= dict.fromkeys(("border_first", "border_walls"), 1)
-        sizes |= dict.fromkeys(("polygon_first", "polygon_walls", "polygon_side"), capacity.polygons)
-        sizes |= {"outcome": robots, "goal_body": robots, "wall": 4 * walls}
-        by_prefix = {"body": bodies, "last": bodies, "wall": walls}
+        sizes |= dict.fromkeys(("polygon_first", "polygon_walls", "polygon_side"), polygons)
+        sizes |= {"terms": kernels.TERMS * robots, "outcome": robots, "goal_body": robots, "wall": 4 * walls}
+        by_prefix = {"body": bodies, "last": bodies}
         way_of_body = ("way_first", "way_count", "way_next", "way_loops")
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
@@ -197,7 +198,7 @@ class World:
             for name in names:
                 size = sizes.get(name)
                 if size is None:
-                    size = bodies if name in way_of_body else by_prefix.get(name.split("_")[0], capacity.ways)
+                    size = bodies if name in way_of_body else by_prefix.get(name.split("_")[0], ways)
                 self.spec[name] = begin
                 self._places[name] = (begin, size)
                 begin += size
@@ -205,7 +206,10 @@ class World:
         self.floats: F64 = np.zeros((self.count, widths[0]))
         self.ints: NDArray[np.int64] = np.zeros((self.count, widths[1]), dtype=np.int64)
         beams = int(self.spec["beams"][0])
-        self.scratch_sizes = (kernels.scratch_floats(beams) + robots + discs + capacity.polygons + 4 * walls, kernels.scratch_integers(max(discs, walls)) + robots)
+        self.scratch_sizes = (
+            kernels.scratch_floats(beams) + robots + 4 * walls,
+            kernels.scratch_integers(max(discs, walls)) + robots,
+        )
 
     def make_scratch(self) -> tuple[F64, NDArray[np.int64]]:
         """Working memory for the kernels; each thread needs its own."""
@@ -271,7 +275,8 @@ class World:
     @property
     def active(self) -> NDArray[np.bool_]:
         """Robots still in play (N, R); the others stand and are obstacles."""
-        return self.outcome == kernels.RUNNING
+        active: NDArray[np.bool_] = self.outcome == kernels.RUNNING
+        return active
 
     @property
     def goal(self) -> F64:
@@ -500,7 +505,7 @@ class _Writer:
 
 
 def cut_into_rings(walls: F64) -> Rings:
-    """Corners (k, 2) of each ring of a polygon's walls (n, 4): a ring is complete where a wall ends at its first corner."""
+    """Corners (k, 2) of each ring of a polygon's walls (n, 4): a ring ends where a wall leads to its first corner."""
     rings, begin = [], 0
     for end, corner in enumerate(walls[:, 2:].tolist(), start=1):
         if corner == walls[begin, :2].tolist():
@@ -510,7 +515,7 @@ def cut_into_rings(walls: F64) -> Rings:
 
 
 def inner_side(rings: Rings) -> int:
-    """On which side of its walls a polygon lies, as its rings (k, 2) run: 1 left, -1 right, 0 not on the same of all."""
+    """Side of the walls on which a polygon lies, as its rings (k, 2) run: 1 left, -1 right, 0 not the same for all."""
     areas = [float(ring[:, 0] @ np.roll(ring[:, 1], -1) - ring[:, 1] @ np.roll(ring[:, 0], -1)) for ring in rings]
     sides = {math.copysign(1.0, area) * (1.0 if number == 0 else -1.0) for number, area in enumerate(areas)}
     return int(sides.pop()) if len(sides) == 1 else 0

@@ -14,10 +14,10 @@ PACKAGE = ROOT / "bug_gym"
 
 # Row n is layer n. A module imports from its own layer and from those above it in this table, without a cycle.
 LAYERS = (
-    ("kernels", "kinematics", "config"),
-    ("world", "scenarios", "maps"),
+    ("kernels", "kinematics", "config", "ros_map"),
+    ("world", "scenarios", "floor_plans", "maps", "shortest_path"),
     ("observation", "task"),
-    ("simulation", "policy", "shortest_path"),
+    ("simulation", "policy"),
     ("navigation_env", "vector_env", "robots_env", "rendering", "metrics", "intervals"),
     ("__init__", "agents", "suites", "rollout", "evaluation", "report", "benchmark", "gallery"),
     ("reproductions",),
@@ -28,7 +28,8 @@ CORE_LAYERS = range(4)  # their runs are functions of (seed, episode, time)
 
 COMPILED = {"kernels"}  # numba's cache misses a change in a compiled callee of another file, so there is one file
 COMPOSED = {"agents.com1_rev3"}  # its paper defines it as a composition of two algorithms
-KNOWS_AGENTS = {"suites", "evaluation", "benchmark", "reproductions.bug_bounds", "cli"}  # `evaluate` takes policies by name
+# `evaluate` takes policies by name
+KNOWS_AGENTS = {"suites", "evaluation", "benchmark", "reproductions.bug_bounds", "cli"}
 LEARNING = "agents.sb3"  # the only file that knows torch and stable-baselines3
 
 TORCH = {"torch", "stable_baselines3", "sb3_contrib"}

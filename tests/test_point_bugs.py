@@ -222,18 +222,21 @@ def test_no_corner_that_was_visited_is_chosen_again(policy: str, seed: int) -> N
     simulation = Simulation("maze", 1, overrides={**HOLONOMIC, "time.limit": 600.0})
     agent = make_policy(policy, simulation)
     assert isinstance(agent, EBug | CriticalPointBug)
-    observation = simulation.reset(seeds=[seed])
-    state = None
-    chosen = 0
-    while not (state and state[0].verdict) and not simulation.terminated.any():
+    observation, state, chosen = simulation.reset(seeds=[seed]), None, 0
+    for _ in range(6000):
         action, state = agent.predict(observation[:, 0], state)
         memory: Any = state[0]
+        if memory.verdict:
+            break
         if len(memory.sub_goals) > chosen:
             chosen += 1
             assert memory.corner is not None
             visited = [math.dist(memory.corner, visit.corner) for visit in memory.visits]
             assert min(visited, default=math.inf) > agent.sub_goals.same
-        observation = simulation.step(action[:, None]).observation
+        step = simulation.step(action[:, None])
+        observation = step.observation
+        if step.terminated.any():
+            break
     assert chosen > 2
 
 
@@ -250,17 +253,24 @@ LAP = 4.0 * 8.0 + 2.0 * math.pi * C
 """Contour of the ring: a square of side 8 at the clearance [m]."""
 
 
-@pytest.mark.parametrize(("policy", "verdict"), [*zip(POLICIES, ["looping", "looping", "stuck", "stuck"], strict=True)])
-def test_before_a_ring_round_the_goal_they_end_without_a_claim(policy: str, verdict: str) -> None:
+@pytest.mark.parametrize(
+    ("policy", "verdict", "laps"),
+    [("point_bug", "looping", 3), ("k_bug", "looping", 6), ("e_bug", "stuck", 3), ("critical_point_bug", "stuck", 3)],
+)
+def test_before_a_ring_round_the_goal_they_end_without_a_claim(policy: str, verdict: str, laps: int) -> None:
     episode = run_episode(policy, "ring", {"lidar.range": 60.0, "time.limit": 600.0}, clearance=C)
     assert (episode.outcome, episode.verdict) == ("running", verdict)
-    # From the start to the ring's corner, then at most three laps before one corner is met the third time.
+    # From the start to the ring's corner, then at most three laps before one corner is met the third time on one side;
+    # K-Bug goes round it both ways. The other two visit each corner once.
     first = math.hypot(6.0, 4.0)
-    assert first < episode.length <= first + 3.0 * LAP
+    assert first < episode.length <= first + laps * LAP
     assert episode.min_clearance > 0.0
 
 
-@pytest.mark.parametrize(("policy", "verdict"), [*zip(POLICIES, ["unreachable", "stuck", "stuck", "stuck"], strict=True)])
+@pytest.mark.parametrize(
+    ("policy", "verdict"),
+    [("point_bug", "unreachable"), ("k_bug", "stuck"), ("e_bug", "stuck"), ("critical_point_bug", "stuck")],
+)
 def test_shut_in_by_a_ring_they_see_no_end_of_it_and_stay(policy: str, verdict: str) -> None:
     ring = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
     ring |= {"start": [10, 0, 0], "goal": [0, 0]}
@@ -298,7 +308,7 @@ def test_in_a_maze_they_arrive_or_say_why_not(policy: str, robot: dict[str, Any]
 @pytest.mark.parametrize("shape", SHAPES)
 def test_noise_of_the_ranges_changes_no_outcome(policy: str, shape: str) -> None:
     scenario = world(SHAPES[shape])
-    scenario["lidar"] |= {"range": 10.0, "noise": 0.02, "dropout": 0.01}
+    scenario["lidar"] |= {"noise": 0.02, "dropout": 0.01}
     for seed in range(2):
         assert run_episode(policy, scenario, seed=seed, clearance=C).outcome == "success"
 

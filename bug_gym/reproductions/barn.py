@@ -46,7 +46,7 @@ ROBOTS = {
 STEPS = {"holonomic": 0.1, "jackal": 0.05}
 
 SUCCESS_ASKED = {"holonomic": 1.0, "jackal": 0.95}
-DWA = "ROS's DWA, map unknown, printed by the benchmark (Gazebo): success 88.0 %, collisions 4.8 %, score 0.1693, 33.47 s."
+DWA = "ROS's DWA, map unknown, as printed there (Gazebo): success 88.0 %, collisions 4.8 %, score 0.1693, 33.47 s."
 
 
 def score(row: EpisodeRow, reference_length: float | None) -> float:

@@ -1,7 +1,8 @@
 """The bounds and guarantees of the Bug family, checked in random still worlds that are solvable at the clearance.
 
 Bug1 walks at most D + 1.5 sum(p), Bug2 at most D + sum(n p) / 2 (Lumelsky and Stepanov 1987); nobody is shorter than
-the shortest path; the complete ones arrive always, never touch anything, and their distances at hit and leave points fall.
+the shortest path; the complete ones arrive always, never touch anything, and their distances at hit and leave points
+fall.
 p is the perimeter of an obstacle grown by the clearance, D the distance from start to goal, n the crossings of the line
 between them with that perimeter.
 """
