@@ -486,7 +486,7 @@ class Boundary:
                 # In the wide place of a blind gap: back out as it came in.
                 turned = self._turn_from(view, wall_bearing, side, self.inner)
             if turned is None:
-                turned = self._widest_heading(view, nearest)
+                turned = self._widest_heading(view, wall_bearing, side, nearest)
         return turned
 
     def _is_gap(self, view: View, travel: float, turned: float | None, inner: float) -> bool:
@@ -498,13 +498,13 @@ class Boundary:
         is_aside = abs(wrap(turned - inner)) > TURNED_ASIDE
         return is_aside and view.free_distance(inner, self.safe_radius) >= self.leave_length
 
-    def _widest_heading(self, view: View, nearest: float) -> float | None:
+    def _widest_heading(self, view: View, wall_bearing: float, side: int, nearest: float) -> float | None:
         """Bearing along which a step ends furthest from everything; None: no further than `nearest` [m], here.
 
         Out of a gap that narrows by so little that no single step gains much.
         """
         x, y = view.points
-        bearings = np.arange(-math.pi, math.pi, TRIED)
+        bearings = wall_bearing + side * np.arange(0.0, 2.0 * math.pi, TRIED)
         is_open = view.free_distances(bearings, self.safe_radius) >= self.step
         gaps = [kernels.gap_after_step(x, y, bearing, self.step) for bearing in bearings]
         index = int(np.where(is_open, gaps, 0.0).argmax())
@@ -536,9 +536,9 @@ class Boundary:
             way; "": go on.
         """
         distance = view.goal_distance
-        if survey.is_second_lap and distance <= survey.distance + 0.5 * self.step:
-            if self.free_way(view, view.goal_bearing, distance) > 0.0:
-                return "leave"
+        is_there = survey.is_second_lap and distance <= survey.distance + 0.5 * self.step
+        if is_there and self.free_way(view, view.goal_bearing, distance) > 0.0:
+            return "leave"
         if contour.is_lap_closed:
             if survey.is_second_lap or survey.next_wall > hit_distance - 0.1 * self.step:
                 return "unreachable"

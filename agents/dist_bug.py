@@ -1,13 +1,13 @@
 """DistBug: follow a wall until the free way in sight toward the goal leads nearer to it than the wall has come.
 
-Source: Kamon and Rivlin (1997); "always left" is Ng and Braeunl's (2007). Sensing assumed: contact (here the scan within
-the clearance), the free way toward the goal up to r_max, goal, own position. Memory kept: the least distance to the goal
-on this boundary (d_min), a gate there. States: motion_to_goal, boundary_following. Guarantee: reaches the goal or
-declares it unreachable. Length: one lap for each hit at most, and not over D / STEP hits.
+Source: Kamon and Rivlin (1997); turning always left is from Ng and Braeunl (2007). Sensing assumed: contact (here the
+scan within the clearance), the free way toward the goal up to r_max, goal, own position. Memory kept: the least
+distance to the goal on this boundary (d_min), a gate there. States: motion_to_goal, boundary_following. Guarantee:
+reaches the goal or declares it unreachable. Length: a lap for each hit at most, and not over D / STEP hits.
 
-With F the free way toward the goal, a wall is left where the goal is in sight (d - F <= 0) or d - F <= d_min - STEP. The
-published proof asks for a STEP not above the thickness of walls. Where the next obstacle stands nearer than STEP no such
-place is seen at all; so a lap without one is followed by Bug1's test at the nearest point, see Boundary.survey.
+With F the free way toward the goal, a wall is left where the goal is in sight (d - F <= 0) or d - F <= d_min - STEP.
+The published proof asks for a STEP not above the thickness of walls. Where the next obstacle stands nearer than STEP no
+such place is seen at all; so a lap without one is followed by Bug1's test at the nearest point, see Boundary.survey.
 """
 
 from __future__ import annotations
@@ -175,9 +175,9 @@ class DistBug(ScriptedPolicy):
         Minus infinity with the goal in sight, infinite where the way must not be taken.
         """
         boundary, bearing = self.boundary, view.goal_bearing
-        if boundary.leave_rule == "front" and contour.heading is not None:
-            if not is_ahead(contour.heading, bearing + view.heading):
-                return math.inf
+        travel = contour.heading if boundary.leave_rule == "front" else None
+        if travel is not None and not is_ahead(travel, bearing + view.heading):
+            return math.inf
         reach = min(self.r_max, memory.trust)
         if boundary.sees_goal(view, reach):
             return -math.inf

@@ -2,13 +2,14 @@
 
 Source: Kamon, Rimon and Rivlin (1998); side commitment and the registers' exact meaning for a disc are ours.
 Sensing assumed: ranges up to r_max all round, goal, own position. Memory kept: the side committed to, the distance from
-the goal to the wall followed (d_followed), a gate on it. States: motion_to_goal, boundary_following, leaving. Guarantee:
-reaches the goal or declares it unreachable. Length: at most D + sum(p_i) + sum(p_i m_i) over the obstacles nearer to the
-goal than the start, m_i the number of local minima of the distance to the goal on obstacle i.
+the goal to the wall followed (d_followed), a gate on it. States: motion_to_goal, boundary_following, leaving (for a
+place nearer to the goal than that wall), leaving_straight (see Boundary.survey). Guarantee: reaches the goal or
+declares it unreachable. Length: at most D + sum(p_i) + sum(p_i m_i) over the obstacles nearer to the goal than the
+start, m_i the number of local minima of the distance to the goal on obstacle i.
 
-While it goes to the goal its distance falls in every step, for it heads only for places nearer to the goal. It leaves a
-wall only for a place nearer to the goal than all it has seen of that wall. d_followed is measured on the wall itself and
-d_reach where the robot's centre can be: what the robot can only touch is at least a clearance farther than the wall.
+While it goes to the goal its distance falls in every step, for it heads only for places nearer to the goal. It leaves
+a wall only for a place nearer to the goal than all it has seen of that wall. d_followed is measured on the wall itself
+and d_reach where the robot's centre can be: a place at the wall is at least a clearance farther away than the wall.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from dataclasses import dataclass, field
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 
-from .boundary_following import TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Survey, Turn, is_ahead, side_of
+from .boundary_following import TARGET_MOVED, Boundary, BugMemory, LeaveRule, Point, Survey, Turn, is_ahead, side_of
 from .tangent_graph import Node, TangentGraph
 
 COMMITMENT = 0.2
@@ -41,7 +42,7 @@ class TangentBugMemory(BugMemory):
     passed_wall: Point | None = None
     """The point of a wall that it passes on that side on its way to the goal, odometry frame [m]."""
     destination: Point | None = None
-    """Where it goes now: the goal, a node, or what is nearer to the goal than the wall it leaves; odometry frame [m]."""
+    """Where it goes now: the goal, a node, the wall, or nearer to the goal than the wall; odometry frame [m]."""
     chosen_at: Point = (0.0, 0.0)
     """Where it chose that, odometry frame [m]."""
     target: Point | None = None
@@ -111,6 +112,8 @@ class TangentBug(ScriptedPolicy):
             velocity = self._leave(view, memory, graph)
         if memory.mode == "motion_to_goal":
             velocity = self._go(view, memory, graph)
+        if memory.mode == "leaving_straight":
+            velocity = self._go_straight(view, memory, graph)
         if velocity is not None:
             return velocity
         return self._follow(view, memory, graph)
@@ -174,7 +177,7 @@ class TangentBug(ScriptedPolicy):
     def _choose(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> Node | None:
         """The node to go to: nearer to the goal, on the shortest way; or None at a local minimum.
 
-        It keeps to the side it has taken of the obstacle it has taken it of, until another way looks COMMITMENT shorter.
+        It keeps to the side that it has taken of an obstacle until another way looks shorter by COMMITMENT.
         """
         limit = graph.goal_distance - CLOSER * self.boundary.step
         nearer = [node for node in self._ends(graph, run) if graph.distance_to_goal(node) < limit]
@@ -264,15 +267,23 @@ class TangentBug(ScriptedPolicy):
         place = self._reach(view, memory, graph, run)
         if place is not None:
             memory.destination, memory.way = view.to_odometry(*place), math.hypot(*place)
+            memory.contour = None
             memory.mode = "leaving"
         elif contour is not None:
             advice = self.boundary.survey(view, contour, memory.survey, memory.hit_distance)
             if advice == "leave":
-                memory.leaves.append(view.position)
-                memory.destination = view.goal_position
-                memory.mode = "leaving"
+                self.boundary.leave(view, memory)
+                memory.mode = "leaving_straight"
             elif advice:
                 memory.verdict = advice
+
+    def _go_straight(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
+        """Velocity toward the goal; None at the next wall, which it follows."""
+        velocity = self.boundary.go(view, view.goal_bearing, view.goal_distance)
+        if velocity is None:
+            self._begin_following(view, memory, graph)
+            self._lay_hand(view, memory, view.goal_bearing)
+        return velocity
 
     def _reach(self, view: View, memory: TangentBugMemory, graph: TangentGraph, run: int) -> Point | None:
         """A place to leave for, nearer to the goal than the wall followed; robot's frame [m]."""
@@ -283,37 +294,30 @@ class TangentBug(ScriptedPolicy):
             if distance >= memory.followed - self.boundary.progress:
                 return None
         contour = memory.contour
-        if self.boundary.leave_rule == "front" and contour is not None and contour.heading is not None:
-            bearing = math.atan2(place[1], place[0]) + view.heading
-            if not is_ahead(contour.heading, bearing):
-                return None
+        travel = contour.heading if contour is not None and self.boundary.leave_rule == "front" else None
+        if travel is not None and not is_ahead(travel, math.atan2(place[1], place[0]) + view.heading):
+            return None
         return place
 
     def _leave(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the place left for; None where it is near enough to the goal, or the way is blocked after all."""
         assert memory.destination is not None
-        memory.contour = None
-        if view.goal_distance < memory.followed and not memory.survey.is_second_lap:
+        if view.goal_distance < memory.followed:
             memory.leaves.append(view.position)
             if view.goal_distance < memory.best:
                 memory.trust = math.inf
             memory.side, memory.destination = 0, None
             memory.mode = "motion_to_goal"
             return None
-        if not memory.survey.is_second_lap:
-            self._turn_aside(view, memory, graph)
+        self._turn_aside(view, memory, graph)
         velocity = self._go_to(view, memory.destination)
-        if velocity is not None:
-            return velocity
-        bearing, _ = self._bearing_and_distance(view, memory.destination)
-        if memory.survey.is_second_lap:
-            self._begin_following(view, memory, graph)
-        else:
+        if velocity is None:
+            bearing, _ = self._bearing_and_distance(view, memory.destination)
             self._lose_trust(view, memory)
             memory.mode = "boundary_following"
             self._begin_lap(memory)
-        self._lay_hand(view, memory, bearing)
-        return None
+            self._lay_hand(view, memory, bearing)
+        return velocity
 
     def _lose_trust(self, view: View, memory: TangentBugMemory) -> None:
         """The scan promised more than there was: believe it half as far until a wall has been left."""

@@ -1,8 +1,8 @@
 """The local tangent graph: what a range scan tells of the obstacles in sight and of the ways round them.
 
-From the free ways of a disc over the full circle of headings. Neighbouring headings that end at one obstacle make a
-*run*; where a run ends, the line along which the disc just passes leads to an *end node*, the point beside the wall's last
-point in sight. The goal is a node too where nothing stands before it.
+It is made from the free ways of a disc over the full circle of headings. Neighbouring headings that end at one obstacle
+make a *run*. Where a run ends, the line along which the disc just passes leads to an *end node*, the place beside the
+wall's last point in sight.
 
     end node  o - - - - - - - - o   far obstacle or nothing
                `.           .'
@@ -29,8 +29,11 @@ LEAST_HEADINGS, MOST_HEADINGS = 180, 360
 """Headings of the full circle that are looked along: as many as beams, within these limits."""
 
 GROWTH = 1.5
-"""How far apart neighbouring points of one wall may lie, in spacings of the beams there; a wall that the beams meet at a
-smaller angle is known by its straightness."""
+"""How far apart neighbouring points of one wall may lie, in spacings of the beams there; a wall that the beams meet at
+a small angle is known by its straightness instead."""
+
+NOTHING = -1
+"""Number of the run of headings that end at nothing."""
 
 
 class Node(NamedTuple):
@@ -76,7 +79,8 @@ class TangentGraph:
         angles = view.sensors.angles
         spacing = float(angles[1] - angles[0]) if len(angles) > 1 else turn
         headings = min(max(round(turn / spacing), LEAST_HEADINGS), MOST_HEADINGS)
-        self.bearings = view.goal_bearing + np.arange(headings) * (turn / headings)
+        self.bearings = view.goal_bearing + np.arange(headings, dtype=np.float64) * (turn / headings)
+        """Bearing of each heading (m,) [rad]."""
         self.free = np.empty(headings)
         """Free way of the disc along each heading (m,) [m]."""
         self.contacts = np.empty(headings, dtype=np.int64)
@@ -86,12 +90,9 @@ class TangentGraph:
         self._gap = 2.0 * radius
         self._piece = np.empty(len(x), dtype=np.int64)
         kernels.find_pieces(x, y, self._gap, GROWTH * spacing, self._piece)
-        self.runs = int(
-            kernels.find_runs(
-                x, y, self._piece, self.bearings, radius, self.reach, self._gap, self.free, self.contacts, self.run_of
-            )
+        kernels.find_runs(
+            x, y, self._piece, self.bearings, radius, self.reach, self._gap, self.free, self.contacts, self.run_of
         )
-        """How many runs there are."""
 
     @property
     def blocking_run(self) -> int:
@@ -100,16 +101,16 @@ class TangentGraph:
 
     def points(self, run: int) -> NDArray[np.float64]:
         """Contacts (k, 2) of a run in the robot's frame [m]."""
-        index = self.contacts[self.run_of == run]
+        index = self.contacts[(self.run_of == run) & (self.contacts >= 0)]
         return np.column_stack([self.x[index], self.y[index]])
 
     def nearest_of(self, run: int) -> Point | None:
         """The contact of a run that is nearest to the robot, robot's frame [m]."""
-        index = self.contacts[self.run_of == run]
-        if run < 0 or len(index) == 0:
+        points = self.points(run)
+        if len(points) == 0:
             return None
-        nearest = index[(self.x[index] ** 2 + self.y[index] ** 2).argmin()]
-        return float(self.x[nearest]), float(self.y[nearest])
+        x, y = points[(points**2).sum(axis=1).argmin()].tolist()
+        return x, y
 
     def run_at(self, point: Point) -> int:
         """The run with the contact nearest to a point of the robot's frame [m], -1 where nothing is in sight."""
@@ -173,13 +174,10 @@ class TangentGraph:
 
     def goal_distance_of(self, run: int) -> float:
         """Distance from the goal to the nearest contact of a run [m], infinite without one."""
-        index = self.contacts[self.run_of == run]
-        if run < 0 or len(index) == 0:
-            return math.inf
-        square = (self.x[index] - self.goal[0]) ** 2 + (self.y[index] - self.goal[1]) ** 2
-        return math.sqrt(square.min())
+        gaps = self.points(run) - self.goal
+        return math.sqrt((gaps**2).sum(axis=1).min(initial=math.inf))
 
-    def nearest_to_goal(self, *, limit: float, without: int | None = None) -> tuple[float, Point]:
+    def nearest_to_goal(self, *, limit: float, without: int = NOTHING) -> tuple[float, Point]:
         """The place nearest to the goal that the robot can go to straight.
 
         Args:
@@ -189,7 +187,7 @@ class TangentGraph:
         Returns:
             Its distance to the goal [m], and the place in the robot's frame [m]; the robot's own where none is nearer.
         """
-        used = np.arange(len(self.free)) if without is None else np.flatnonzero((self.run_of != without) | (self.run_of < 0))
+        used = np.flatnonzero((self.run_of != without) | (self.run_of < 0))
         if len(used) == 0:
             return self.goal_distance, (0.0, 0.0)
         bearings = self.bearings[used]

@@ -26,6 +26,7 @@ SCENARIOS_BY_ID = {
     "BugGym/MovingTarget-v0": "moving_target",
     "BugGym/Rush-v0": "rush",
     "BugGym/Maze-v0": "maze",
+    "BugGym/Crowd-v0": "crowd",
 }
 """The scenario that each of the registered ids binds."""
 

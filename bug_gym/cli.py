@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
+    from bug_gym.simulation import Simulation
     from bug_gym.suites import PolicyEntry
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
@@ -75,7 +76,8 @@ def make_parser() -> Parser:
 
     showing = add("show", show, "bug-gym show static --seed 3 --set lidar.beams=180 --out world.png")
     _add_scenario(showing)
-    showing.add_argument("--out", type=Path, help="PNG to write (default: SCENARIO-SEED.png)")
+    showing.add_argument("--out", type=Path, help="PNG to write (default without --save: SCENARIO-SEED.png)")
+    showing.add_argument("--save", type=Path, help="YAML to write: the same world with every obstacle written out")
 
     evaluating = add(
         "evaluate", evaluate, "bug-gym evaluate --suite quick --policies bug0,bug2:turn=right --out results"
@@ -233,17 +235,36 @@ def _first_comment(path: Path) -> str:
 
 
 def show(options: argparse.Namespace) -> None:
-    """Draw the world of a scenario and a seed."""
-    from bug_gym.rendering import Canvas, save_png
+    """Draw the world of a scenario and a seed, or save it as a scenario of its own."""
     from bug_gym.simulation import Simulation
 
     simulation = Simulation(options.scenario, overrides=_assignments(options.overrides))
     simulation.reset(seeds=[options.seed])
-    name = simulation.scenario.name
-    out = _writable(options.out or Path(f"{name}-{options.seed}.png"))
-    save_png(out, Canvas(simulation, size=options.size).draw(scan=False))
-    length = simulation.shortest_path().length
-    print(f"{out}: {name}, seed {options.seed}, shortest path {length:.2f} m")
+    name, out, save = simulation.scenario.name, options.out, options.save
+    if out is None and save is None:
+        out = Path(f"{name}-{options.seed}.png")
+    for path in filter(None, (out, save)):
+        _writable(path)
+    if save:
+        _save_world(save, simulation)
+        print(f"{save}: {name}, seed {options.seed}, as an explicit world")
+    if out:
+        from bug_gym.rendering import Canvas, save_png
+
+        save_png(out, Canvas(simulation, size=options.size).draw(scan=False))
+        length = simulation.shortest_path().length
+        print(f"{out}: {name}, seed {options.seed}, shortest path {length:.2f} m")
+
+
+def _save_world(path: Path, simulation: Simulation) -> None:
+    from bug_gym.config import to_yaml
+    from bug_gym.rendering import replaced_when_done
+    from bug_gym.scenarios import as_explicit
+
+    explicit = as_explicit(simulation.scenario, simulation.world.layout(0))
+    title = f"# The world of {explicit.name} and seed {simulation.world.seed[0]}, every obstacle written out."
+    with replaced_when_done(path) as partial:
+        partial.write_text(f"{title}\n{to_yaml(explicit)}", encoding="utf-8")
 
 
 def evaluate(options: argparse.Namespace) -> None:

@@ -7,10 +7,12 @@ law likewise goes into `Motion`.
 
 from __future__ import annotations
 
+import bisect
 import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
@@ -34,6 +36,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
+    from bug_gym.recordings import Recording
     from bug_gym.ros_map import RosMap
 
 SCENARIO_FOLDER = Path(__file__).parent / "configs" / "scenarios"
@@ -120,6 +123,7 @@ ExistingPath = Annotated[str, AfterValidator(_existing)]
 Point = Annotated[tuple[Number, Number], _sequence("x, y")]
 Velocity = Annotated[tuple[Number, Number], _sequence("vx, vy")]
 Pose = Annotated[tuple[Number, Number, Number], _sequence("x, y, heading")]
+Record = Annotated[tuple[Number, Number, Number], _sequence("time, x, y")]
 Disc = Annotated[tuple[Number, Number, Positive], _sequence("x, y, radius")]
 Box = Annotated[
     tuple[Number, Number, Number, Number],
@@ -311,7 +315,100 @@ class RandomWalk(Part):
         return self
 
 
-Motion = Annotated[Bounce | Waypoints | RandomWalk, Field(discriminator="law")]
+class Crowd(Part):
+    """Walks to its goals and gets out of the way: of others under this law, each doing half, and of the robots.
+
+    Optimal reciprocal collision avoidance (van den Berg, Guy, Lin and Manocha 2011). Bodies of a crowd never touch one
+    another, nor anything that stands, however little room there is; what moves under other laws they don't see. Where
+    one is held up it turns to its right. A goal that takes too long (5 s and twice the straight way) is given up.
+    """
+
+    law: Literal["crowd"]
+    speed: NotNegative
+    """Greatest speed, at which it walks where nothing is in its way [m/s]."""
+    horizon: Positive = 2.0
+    """How far ahead it looks for contacts [s]."""
+    goals: Annotated[tuple[Point, ...], Field(min_length=1)] | None = None
+    """Places x, y [m] to walk to in turn, over and over; it stays at a single one. None: drawn, each as the one before
+    is reached, over all that is free within the bounds."""
+
+
+class Evade(Part):
+    """Flees the nearest robot, along walls where they are in its way; in a corner it stands."""
+
+    law: Literal["evade"]
+    speed: NotNegative
+    """Speed while it flees [m/s]."""
+    sight: Positive = 5.0
+    """Distance at which it sees a robot, through walls too [m]."""
+    wander: NotNegative = 0.0
+    """Speed while it sees none, in directions drawn for 2 s each [m/s]; 0: it stands."""
+
+    @model_validator(mode="after")
+    def _flees_no_slower(self) -> Self:
+        if self.wander > self.speed:
+            raise _wrong(f"got {self.wander:g}, expected at most speed ({self.speed:g})", "wander")
+        return self
+
+
+class Replay(Part):
+    """Where it was at recorded times, straight between them; a mover is there from the first to the last of them."""
+
+    law: Literal["replay"]
+    points: Annotated[tuple[Record, ...], Field(min_length=1)]
+    """Records: time since the start of the episode [s], x, y [m]; times rise, and may begin before 0."""
+
+    @model_validator(mode="after")
+    def _times_rise(self) -> Self:
+        for index, (before, after) in enumerate(pairwise(self.points), start=1):
+            if after[0] <= before[0]:
+                raise _wrong(f"got time {after[0]:g}, expected more than {before[0]:g}", f"points.{index}")
+        return self
+
+    @property
+    def speed(self) -> float:
+        """Greatest speed between two records [m/s]."""
+        return max((math.dist(a[1:], b[1:]) / (b[0] - a[0]) for a, b in pairwise(self.points)), default=0.0)
+
+    def is_there(self, time: float) -> bool:
+        """Whether a time [s] lies between the first and the last record."""
+        return self.points[0][0] <= time <= self.points[-1][0]
+
+    def place(self, time: float) -> tuple[float, float]:
+        """Place x, y [m] at a time [s]; before the first record and after the last one that of these."""
+        after = bisect.bisect_right(self.points, time, key=lambda record: record[0])
+        if after in (0, len(self.points)):
+            return self.points[min(after, len(self.points) - 1)][1:]
+        (t0, x0, y0), (t1, x1, y1) = self.points[after - 1 : after + 1]
+        share = (time - t0) / (t1 - t0)
+        return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+
+
+SAME_PLACE = 1e-6
+"""Places nearer to one another than this are one [m]."""
+
+
+def _begin_of_record(data: object) -> object:
+    """Fills in `at` where it is left out and a record tells where a body begins."""
+    if not isinstance(data, Mapping) or data.get("at") is not None:
+        return data
+    motion = data.get("motion")
+    if isinstance(motion, Mapping) and motion.get("law") == "replay":
+        try:
+            motion = Replay.model_validate(motion)
+        except ValidationError:
+            return {**data, "at": (0.0, 0.0)}  # what is wrong comes out where the motion is checked
+    return {**data, "at": motion.place(0.0)} if isinstance(motion, Replay) else data
+
+
+def _check_begin(at: tuple[float, float] | None, motion: Part) -> None:
+    """Raises where a body begins elsewhere than its record says."""
+    if isinstance(motion, Replay) and at is not None and math.dist(at, motion.place(0.0)) > SAME_PLACE:
+        reason = f"got {list(at)}, expected {list(motion.place(0.0))}, where its record has it at 0 s, or nothing"
+        raise _wrong(reason, "at")
+
+
+Motion = Annotated[Bounce | Waypoints | RandomWalk | Crowd | Evade | Replay, Field(discriminator="law")]
 
 
 class Shape(Part):
@@ -335,20 +432,47 @@ class Mover(Part):
     shape: Shape
     """Its outline."""
     at: Point
-    """Where it starts x, y [m]."""
+    """Where it starts x, y [m]; left out for `replay`."""
     motion: Motion
     """How it moves."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _begins_with_its_record(cls, data: object) -> object:
+        return _begin_of_record(data)
+
+    @model_validator(mode="after")
+    def _begins_where_its_record_does(self) -> Self:
+        _check_begin(self.at, self.motion)
+        return self
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it is in the world as the episode starts."""
+        return not isinstance(self.motion, Replay) or self.motion.is_there(0.0)
 
 
 class Target(Part):
     """A goal that moves."""
 
     at: Point | None = None
-    """Where it starts x, y [m]."""
+    """Where it starts x, y [m]; left out for `replay`."""
     region: Box | None = None
     """Rectangle to draw its start from [m], instead of `at`."""
     motion: Motion
     """How it moves."""
+    room: NotNegative | None = None
+    """Distance that it keeps from still obstacles [m]; none: what the robot needs to reach it."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _begins_with_its_record(cls, data: object) -> object:
+        return _begin_of_record(data)
+
+    @model_validator(mode="after")
+    def _begins_where_its_record_does(self) -> Self:
+        _check_begin(self.at, self.motion)
+        return self
 
     @model_validator(mode="after")
     def _starts_somewhere(self) -> Self:
@@ -470,11 +594,13 @@ class Family(Part):
         if separation > most:
             raise _wrong(f"got {separation:g}, expected at most {most:g}, all that there is", "separation")
 
-    def _check_motion(self, motion: Bounce | Waypoints | RandomWalk, key: str) -> None:
-        if isinstance(motion, Waypoints):
-            for index, point in enumerate(motion.points):
-                if Family.obstruction(self, ((*point, 0.0),)):
-                    raise _wrong(f"got {list(point)}, expected a point in {list(self.box)}", f"{key}.points.{index}")
+    def _check_motion(self, motion: Motion, key: str) -> None:
+        name = "goals" if isinstance(motion, Crowd) else "points"
+        points: Iterable[tuple[float, ...]] = getattr(motion, name, None) or ()
+        for index, point in enumerate(points):
+            x, y = point[-2:]
+            if Family.obstruction(self, ((x, y, 0.0),)):
+                raise _wrong(f"got {[x, y]}, expected a point in {list(self.box)}", f"{key}.{name}.{index}")
 
 
 class EmptyWorld(Family):
@@ -526,7 +652,7 @@ class ExplicitWorld(Family):
         moving = [
             (f"movers.{index}", (*mover.at, mover.shape.circle))
             for index, mover in enumerate(self.movers)
-            if mover.shape.circle is not None
+            if mover.shape.circle is not None and mover.is_there
         ]
         for name, (x, y, radius) in [*still, *moving]:
             if any(math.dist((x, y), disc[:2]) < radius + disc[2] for disc in discs):
@@ -538,7 +664,7 @@ class ExplicitWorld(Family):
         moving = [
             (f"movers.{index}", mover.shape.polygon.geometry(mover.at))
             for index, mover in enumerate(self.movers)
-            if mover.shape.polygon is not None
+            if mover.shape.polygon is not None and mover.is_there
         ]
         if not still and not moving:
             return ""
@@ -580,8 +706,14 @@ class FieldWorld(Family):
     """Share of the obstacles that move, 0 to 1."""
     speeds: Interval = (0.1, 0.5)
     """Least and greatest speed of those [m/s]."""
-    laws: tuple[Literal["bounce", "random_walk"], ...] = ("bounce", "random_walk")
+    laws: tuple[Literal["bounce", "random_walk", "crowd"], ...] = ("bounce", "random_walk")
     """Their motion laws, in equal parts."""
+    pedestrians: Count = 0
+    """How many round bodies walk among the obstacles under the crowd law."""
+    pedestrian_radius: Positive = 0.3
+    """Radius of these [m]."""
+    pedestrian_speeds: Interval = (0.6, 1.2)
+    """Least and greatest of their speeds [m/s]."""
     solvable: Positive | None = None
     """Clearance [m] at which a path is certain: gaps between still obstacles, and to the border, are at least twice
     as wide. None: no such promise."""
@@ -601,7 +733,7 @@ class FieldWorld(Family):
     def check(self, robot: Robot) -> None:
         """The promised gaps let this robot through, and start and goal fit into the bounds."""
         if self.moving > 0.0 and not self.laws:
-            raise _wrong("got [], expected at least one of 'bounce', 'random_walk'", "laws")
+            raise _wrong("got [], expected at least one of 'bounce', 'random_walk', 'crowd'", "laws")
         self._check_clearance(self.solvable, robot, "solvable")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
@@ -1100,12 +1232,17 @@ class BarnWorld(Family):
 
 
 class RosMapWorld(DrawnPlaces):
-    """An occupancy map as ROS's map_server reads it: a YAML file that names a picture, its scale and its place."""
+    """An occupancy map as ROS's map_server reads it: a YAML file that names a picture, its scale and its place.
+
+    Its keys are `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh` and `mode: trinary`. The picture
+    is a .pgm, or what pillow reads (extra `maps`), of at most 16,000,000 pixels. Occupied cells become polygons, drawn
+    straighter than the cells by at most half a cell. Start and goal are drawn from free cells.
+    """
 
     family: Literal["ros_map"]
     bounds: Bounds
     """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall. Left out: the
-    outline of the picture."""
+    outline of the picture. Less than that: a piece of the map."""
     path: ExistingPath
     """The map's .yaml; relative to the scenario's file."""
     unknown_is_wall: Flag = False
@@ -1140,6 +1277,68 @@ def _ros_map(path: str) -> RosMap:
         raise _wrong(str(error), "path") from None
 
 
+class ReplayWorld(Family):
+    """Pedestrians where they were recorded, and a robot that has to cross their way."""
+
+    family: Literal["replay"]
+    bounds: Box
+    """xmin, ymin, xmax, ymax [m]; the border is always a wall. Left out: what holds all recorded bodies and `margin`.
+    Who leaves given bounds isn't there until he comes in again."""
+    path: ExistingPath
+    """A .csv with the columns time_s, pedestrian, x_m, y_m; relative to the scenario's file."""
+    margin: NotNegative = 1.0
+    """Free space on all sides, where `bounds` are left out [m]."""
+    radius: Positive = 0.3
+    """Radius of a pedestrian [m]."""
+    start_time: Number | None = None
+    """Time of the recording at which the episode begins [s]; none: drawn so that the recording doesn't run out."""
+    window: Annotated[tuple[Number, Number], _sequence("first, last"), AfterValidator(_increasing)] | None = None
+    """Part of the recording to draw from [s]; none: all of it."""
+    start: Start | None = None
+    """x [m], y [m], heading [rad], or a region to draw from; none: at one side of the flow of pedestrians."""
+    goal: Goal | None = None
+    """x, y [m], or a region to draw from; none: straight across, on the other side."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bounds_hold_the_record(cls, data: object) -> object:
+        if not isinstance(data, Mapping) or data.get("bounds") is not None:
+            return data
+        # Without a record there are no bounds; its own fault is told where `path` is checked.
+        box, path = (0.0, 0.0, 1.0, 1.0), data.get("path")
+        margin, radius = (data.get(name, cls.model_fields[name].default) for name in ("margin", "radius"))
+        numbers = all(isinstance(value, (int, float)) and value >= 0.0 for value in (margin, radius))
+        if isinstance(path, str) and Path(path).expanduser().exists() and numbers:
+            xmin, ymin, xmax, ymax = _recording(path).extent
+            room = margin + radius
+            box = (xmin - room, ymin - room, xmax + room, ymax + room)
+        return {**data, "bounds": box}
+
+    def check(self, robot: Robot) -> None:
+        """The recording can be read, the time asked for is in it, and start and goal lie within the bounds."""
+        first, last = _recording(self.path).times
+        if self.start_time is not None and self.window is not None:
+            raise _wrong("expected either start_time or window, got both", "window")
+        if self.start_time is not None and not first <= self.start_time <= last:
+            raise _wrong(f"got {self.start_time:g}, expected a time from {first:g} to {last:g}", "start_time")
+        if self.window is not None and not first <= self.window[0] <= self.window[1] <= last:
+            raise _wrong(f"got {list(self.window)}, expected times from {first:g} to {last:g}", "window")
+        if (self.start is None) != (self.goal is None):
+            raise _wrong("expected both start and goal, or neither", "goal" if self.goal is None else "start")
+        self._check_start(self.start, robot)
+        self._check_goal(self.goal)
+
+
+def _recording(path: str) -> Recording:
+    """A recording, its faults told as those of the key `path`."""
+    from bug_gym.recordings import load_recording
+
+    try:
+        return load_recording(str(Path(path).expanduser().absolute()))
+    except ValueError as error:
+        raise _wrong(str(error), "path") from None
+
+
 WorldFamily = Annotated[
     EmptyWorld
     | ExplicitWorld
@@ -1156,6 +1355,7 @@ WorldFamily = Annotated[
     | BeachWorld
     | OniWangWorld
     | BarnWorld
+    | ReplayWorld
     | RosMapWorld,
     Field(discriminator="family"),
 ]

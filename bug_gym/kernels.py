@@ -58,7 +58,7 @@ def vectors(function: Callable[..., Any]) -> Callable[..., Any]:
 
 RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
 HOLONOMIC, DIFFERENTIAL = 0, 1
-STILL, BOUNCE, WAYPOINTS, RANDOM_WALK = 0, 1, 2, 3
+STILL, BOUNCE, WAYPOINTS, RANDOM_WALK, CROWD, EVADE, REPLAY = 0, 1, 2, 3, 4, 5, 6
 CIRCLES, POLYGONS, SQUARES, MIXED = 0, 1, 2, 3
 TERMS = 6  # progress, goal, collision, step, clearance, smoothness
 BORDER = -1  # polygon number of the border's wall segments
@@ -67,6 +67,10 @@ EVERY_GOAL = -1
 
 # Streams of the counter-based random numbers: one for each use, so that none shares numbers with another.
 STREAM_WORLD, STREAM_RANGES, STREAM_ODOMETRY, STREAM_WALK, STREAM_POLICY = 1, 2, 3, 4, 5
+STREAM_CROWD, STREAM_SIDESTEP, STREAM_EVADE = 6, 7, 8
+
+# Arrays with one number a body in worlds where some look before each step, and none in the others.
+STEERED_ARRAYS = ("body_goal_x", "body_goal_y", "body_patience", "body_foresight", "body_calm")
 
 # The record that describes a row. Fields named like an array of the row hold the index where that array begins.
 FLOAT_ARRAYS = (
@@ -100,7 +104,9 @@ FLOAT_ARRAYS = (
     "leg_max",
     "way_x",
     "way_y",
+    "way_time",
     "wall",
+    *STEERED_ARRAYS,
 )
 INT_ARRAYS = (
     "seed",
@@ -112,6 +118,7 @@ INT_ARRAYS = (
     "moving_polygon_count",
     "wall_count",
     "moving_wall_count",
+    "steered_count",
     "outcome",
     "goal_body",
     "body_law",
@@ -164,7 +171,16 @@ SPEC = np.dtype(
 FIELD = np.dtype(
     [
         (name, np.int64)
-        for name in ("discs", "moving_discs", "polygons", "moving_polygons", "squares", "laws", "target_law")
+        for name in (
+            "discs",
+            "moving_discs",
+            "pedestrians",
+            "polygons",
+            "moving_polygons",
+            "squares",
+            "laws",
+            "target_law",
+        )
     ]
     + [
         (name, np.float64)
@@ -195,6 +211,12 @@ FIELD = np.dtype(
             "target_vy",
             "leg_min",
             "leg_max",
+            "pedestrian_radius",
+            "pedestrian_speed_min",
+            "pedestrian_speed_max",
+            "horizon",
+            "target_foresight",
+            "target_calm",
         )
     ]
 )
@@ -621,6 +643,659 @@ def body_motion(f: Floats, s: Record, b: int) -> tuple[float, float]:
     return f[s.body_vx + b] * s.step, f[s.body_vy + b] * s.step
 
 
+# ---------------------------------------------------------------------------------------------- bodies that look
+# Under the laws crowd, evade and replay a body takes a velocity at the start of each step and keeps it to its end, so
+# it has no events. A velocity is chosen within half planes n . v >= c, kept as triples (nx, ny, c) in scratch: those of
+# still things and of bodies about to touch hold always and let at least v = 0 through; those of the crowd law give way
+# where they leave nothing.
+
+WALL_HORIZON = 0.5  # a body comes no nearer to a still thing than would bring it there in this time [s]
+SKIN = 0.02  # room that bodies of a crowd leave between them and to robots [m]
+PATIENCE, DETOUR = 5.0, 2.0  # a goal is given up after this time [s] and so many times that of the straight way
+MAX_SIDESTEP = 1.5  # how far at most a body of a crowd that is held up turns to its right [rad]
+SIDESTEP_LEG = 1.0  # for how long it keeps to the angle it has drawn [s]
+GOAL_TRIES = 64  # for one goal
+WANDER_LEG = 2.0  # time between the headings of an evader that sees no robot [s]
+CORNERED = -0.25  # an evader stops rather than run toward a robot more than this (cosine)
+AWAY = 1e6  # x and y of a body that isn't there [m]: out of any sensor's and any robot's reach
+SAME_SPEED = 1e-9  # [m/s]
+SAME_INSTANT = 1e-9  # [s]
+
+
+def steering_floats(walls: int, bodies: int, circles: int) -> int:
+    """Length of the scratch that `steer_bodies` needs; `circles` is how many make up all robots."""
+    return 2 * bodies + 6 * (walls + 2 * bodies + 2 * circles)
+
+
+@kernel
+def edge_range(lines: Floats, i: int, count: int, speed: float) -> tuple[float, float]:
+    """The part of half plane i's edge that half planes 0 ... count - 1 and the greatest speed leave: low and high.
+
+    They are positions along (-ny, nx) from the edge's point nearest to v = 0; nothing is left where low > high.
+    """
+    nx, ny, c = lines[3 * i], lines[3 * i + 1], lines[3 * i + 2]
+    room = speed * speed - c * c
+    if room < 0.0:
+        return 1.0, -1.0
+    high = math.sqrt(room)
+    low = -high
+    for j in range(count):
+        mx, my = lines[3 * j], lines[3 * j + 1]
+        rise = nx * my - ny * mx
+        need = lines[3 * j + 2] - c * (nx * mx + ny * my)
+        if abs(rise) < 1e-12:  # parallel
+            if need > SAME_SPEED:
+                return 1.0, -1.0
+        elif rise > 0.0:
+            low = max(low, need / rise)
+        else:
+            high = min(high, need / rise)
+    if high < low <= high + SAME_SPEED:  # edges that meet in a point, but for rounding
+        low = high
+    return low, high
+
+
+@kernel
+def nearest_velocity(lines: Floats, count: int, speed: float, wish_x: float, wish_y: float) -> tuple[float, float, int]:
+    """The velocity nearest to a wish within `count` half planes and the greatest speed, by an incremental programme.
+
+    Half planes are taken one after the other; where one cuts off the best velocity so far, the new best one lies on
+    its edge.
+
+    Args:
+        lines: nx, ny, c of each half plane, one after the other.
+        count: how many half planes.
+        speed: greatest speed [m/s].
+        wish_x: wish [m/s].
+        wish_y: wish [m/s].
+
+    Returns:
+        vx, vy, and the number of the first half plane that leaves nothing of those before it (`count`: none does).
+    """
+    norm = length(wish_x, wish_y)
+    share = speed / norm if norm > speed else 1.0
+    vx, vy = share * wish_x, share * wish_y
+    for i in range(count):
+        nx, ny, c = lines[3 * i], lines[3 * i + 1], lines[3 * i + 2]
+        if nx * vx + ny * vy >= c:
+            continue
+        low, high = edge_range(lines, i, i, speed)
+        if low > high:
+            return vx, vy, i
+        along = min(max(nx * wish_y - ny * wish_x, low), high)
+        vx, vy = c * nx - along * ny, c * ny + along * nx
+    return vx, vy, count
+
+
+@kernel
+def farthest_velocity(lines: Floats, count: int, speed: float, nx: float, ny: float) -> tuple[float, float, bool]:
+    """The velocity farthest along a unit vector within half planes and the greatest speed; and whether there is one."""
+    vx, vy = speed * nx, speed * ny
+    for i in range(count):
+        mx, my, c = lines[3 * i], lines[3 * i + 1], lines[3 * i + 2]
+        if mx * vx + my * vy >= c:
+            continue
+        low, high = edge_range(lines, i, i, speed)
+        if low > high:
+            return vx, vy, False
+        along = high if mx * ny - my * nx > 0.0 else low
+        vx, vy = c * mx - along * my, c * my + along * mx
+    return vx, vy, True
+
+
+@kernel
+def least_violation(
+    lines: Floats, hard: int, first: int, count: int, speed: float, vx: float, vy: float, spare: Floats
+) -> tuple[float, float]:
+    """The velocity for which the half planes from `hard` on are missed by the least, the worst of them counted.
+
+    Again one after the other: where one is missed by more than the worst before it, the new best velocity is the one
+    farthest along its normal among those for which none before it is missed by more.
+
+    Args:
+        lines: nx, ny, c of each half plane.
+        hard: how many of them hold always.
+        first: number of the first one that could not be kept.
+        count: how many half planes.
+        speed: greatest speed [m/s].
+        vx: a velocity that keeps all before `first` [m/s].
+        vy: the same.
+        spare: room for as many half planes.
+    """
+    for j in range(3 * hard):
+        spare[j] = lines[j]
+    worst = 0.0
+    for i in range(first, count):
+        nx, ny, c = lines[3 * i], lines[3 * i + 1], lines[3 * i + 2]
+        if c - nx * vx - ny * vy <= worst:
+            continue
+        kept = hard
+        for j in range(hard, i):
+            dx, dy = lines[3 * j] - nx, lines[3 * j + 1] - ny
+            apart = length(dx, dy)
+            if apart > 1e-12:  # else it is the same normal, and this one asks for more
+                kept = add_half_plane(spare, kept, dx / apart, dy / apart, (lines[3 * j + 2] - c) / apart)
+        new_x, new_y, found = farthest_velocity(spare, kept, speed, nx, ny)
+        if found:
+            vx, vy = new_x, new_y
+        worst = max(worst, c - nx * vx - ny * vy)
+    return vx, vy
+
+
+@inlined
+def add_half_plane(lines: Floats, count: int, nx: float, ny: float, c: float) -> int:
+    """Append n . v >= c; returns the new number of half planes."""
+    lines[3 * count] = nx
+    lines[3 * count + 1] = ny
+    lines[3 * count + 2] = c
+    return count + 1
+
+
+@kernel
+def add_wall_half_planes(
+    f: Floats,
+    s: Record,
+    first: int,
+    walls: int,
+    x: float,
+    y: float,
+    radius: float,
+    near: float,
+    horizon: float,
+    lines: Floats,
+    count: int,
+) -> int:
+    """Half planes that keep a disc off a range of still walls; returns the new number of half planes."""
+    for w in range(first, first + walls):
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        ux, uy = f[s.wall + 4 * w + 2] - x1, f[s.wall + 4 * w + 3] - y1
+        square = ux * ux + uy * uy
+        along = min(max(((x - x1) * ux + (y - y1) * uy) / square, 0.0), 1.0)
+        dx, dy = x - x1 - along * ux, y - y1 - along * uy
+        away = dx * dx + dy * dy
+        if away >= near * near:
+            continue
+        distance = math.sqrt(away)
+        gap = max(distance - radius, 0.0)
+        if distance == 0.0:
+            dx, dy, distance = -uy, ux, math.sqrt(square)
+        count = add_half_plane(lines, count, dx / distance, dy / distance, -gap / horizon)
+    return count
+
+
+@kernel
+def add_still_half_planes(f: Floats, k: Integers, s: Record, b: int, lines: Floats) -> int:
+    """Half planes that keep body b off still discs, still polygons and the border; returns how many.
+
+    A still thing is a convex piece, a disc or a wall, that lies behind the line through its nearest point square to
+    the way there. A body that comes no nearer to that line than the gap never enters it; one that begins too near
+    goes no deeper.
+    """
+    x, y, radius, speed = f[s.body_x + b], f[s.body_y + b], f[s.body_radius + b], f[s.body_speed + b]
+    horizon = max(WALL_HORIZON, s.step)
+    near = radius + speed * horizon
+    count = 0
+    for m in range(k[s.moving_disc_count], k[s.disc_count]):
+        dx, dy = x - f[s.body_x + m], y - f[s.body_y + m]
+        limit = near + f[s.body_radius + m]
+        square = dx * dx + dy * dy
+        if 0.0 < square < limit * limit:
+            distance = math.sqrt(square)
+            gap = max(distance - radius - f[s.body_radius + m], 0.0)
+            count = add_half_plane(lines, count, dx / distance, dy / distance, -gap / horizon)
+    count = add_wall_half_planes(
+        f, s, k[s.border_first], k[s.border_walls], x, y, radius, near, horizon, lines, count
+    )
+    for number in range(k[s.moving_polygon_count], k[s.polygon_count]):
+        p = s.discs + number
+        dx, dy, limit = x - f[s.body_x + p], y - f[s.body_y + p], near + f[s.body_radius + p]
+        if dx * dx + dy * dy < limit * limit:
+            count = add_wall_half_planes(
+                f, s, k[s.polygon_first + number], k[s.polygon_walls + number],
+                x, y, radius, near, horizon, lines, count,
+            )
+    return count
+
+
+# Crowd: optimal reciprocal collision avoidance of van den Berg, Guy, Lin and Manocha (2011).
+
+
+@kernel
+def escape_velocity(
+    px: float, py: float, vx: float, vy: float, together: float, horizon: float, step: float
+) -> tuple[float, float, float, float]:
+    """The smallest change u of a relative velocity that avoids contact, and the direction n in which to go on avoiding.
+
+    Args:
+        px: place of the other body, seen from this one [m].
+        py: the same.
+        vx: velocity of this body, seen from the other one [m/s].
+        vy: the same.
+        together: sum of the radii [m].
+        horizon: for so long there is to be no contact [s].
+        step: time in which bodies that overlap are to come apart [s].
+
+    Returns:
+        ux, uy, nx, ny; n is a unit vector square to the nearest edge of the velocities that lead to contact.
+    """
+    square = px * px + py * py
+    overlap = square <= together * together
+    # Velocities that lead to contact: a cone from v = 0 on about p, cut off by the disc of those that do just in time.
+    time = step if overlap else horizon
+    wx, wy = vx - px / time, vy - py / time
+    along = wx * px + wy * py
+    norm = length(wx, wy)
+    if overlap or (along < 0.0 and along * along > together * together * norm * norm):
+        if norm == 0.0:
+            wx, wy, norm = -px, -py, math.sqrt(square)
+        nx, ny = wx / norm, wy / norm
+        short = together / time - norm
+        return short * nx, short * ny, nx, ny
+    leg = math.sqrt(square - together * together)
+    if px * wy - py * wx > 0.0:
+        ex, ey = (px * leg - py * together) / square, (px * together + py * leg) / square
+    else:
+        ex, ey = -(px * leg + py * together) / square, (px * together - py * leg) / square
+    along = vx * ex + vy * ey
+    return along * ex - vx, along * ey - vy, -ey, ex
+
+
+@kernel
+def add_avoidance(
+    f: Floats,
+    s: Record,
+    b: int,
+    px: float,
+    py: float,
+    ox: float,
+    oy: float,
+    together: float,
+    share: float,
+    lines: Floats,
+    hard: int,
+    spare: Floats,
+    soft: int,
+) -> tuple[int, int]:
+    """Half planes of body b because of another disc: one that holds always into `lines`, one that may give way `spare`.
+
+    Args:
+        f: the row's floats.
+        s: the row's record.
+        b: the body.
+        px: place of the other disc, seen from the body [m].
+        py: the same.
+        ox: velocity of the other disc [m/s].
+        oy: the same.
+        together: sum of the radii and the skin [m].
+        share: of the avoidance that is this body's: a half where the other does the same, else 1.
+        lines: half planes.
+        hard: how many there are.
+        spare: half planes.
+        soft: how many there are.
+
+    Returns:
+        The new `hard` and `soft`.
+    """
+    vx, vy, speed, horizon = f[s.body_vx + b], f[s.body_vy + b], f[s.body_speed + b], f[s.body_foresight + b]
+    reach = together + (speed + length(ox, oy)) * horizon
+    square = px * px + py * py
+    if square >= reach * reach:
+        return hard, soft
+    distance = math.sqrt(square)
+    # Each goes at most its share of the gap this step, so that two never touch however little room a crowd leaves.
+    most = share * max(distance - together, 0.0) / s.step
+    if most < speed:
+        hard = add_half_plane(lines, hard, -px / distance, -py / distance, -most)
+    ux, uy, nx, ny = escape_velocity(px, py, vx - ox, vy - oy, together, horizon, s.step)
+    soft = add_half_plane(spare, soft, nx, ny, nx * (vx + share * ux) + ny * (vy + share * uy))
+    return hard, soft
+
+
+@kernel
+def add_robots(
+    f: Floats, k: Integers, s: Record, footprint: Floats, b: int, lines: Floats, hard: int, spare: Floats, soft: int
+) -> tuple[int, int]:
+    """Half planes of body b because of the robots, which avoid nobody; returns the new `hard` and `soft`."""
+    x, y = f[s.body_x + b], f[s.body_y + b]
+    for r in range(s.robots):
+        vx, vy = 0.0, 0.0
+        if k[s.outcome + r] == RUNNING:
+            ahead, left = f[s.velocity + 2 * r], f[s.velocity + 2 * r + 1]
+            if s.kinematics == DIFFERENTIAL:
+                left = 0.0
+            sin, cos = sin_cos(f[s.pose + 3 * r + 2])
+            vx, vy = cos * ahead - sin * left, sin * ahead + cos * left
+        for c in range(s.footprint):
+            cx, cy = body_circle(f, s, footprint, s.pose, r, c)
+            if cx != x or cy != y:
+                together = f[s.body_radius + b] + footprint[c, 2] + SKIN
+                hard, soft = add_avoidance(
+                    f, s, b, cx - x, cy - y, vx, vy, together, 1.0, lines, hard, spare, soft
+                )
+    return hard, soft
+
+
+@kernel
+def wish_of(f: Floats, k: Integers, s: Record, b: int, start: float) -> tuple[float, float]:
+    """The velocity that body b of a crowd would like: straight to its goal, or past what holds it up, on its right.
+
+    Who turns to the right together passes one another, where by symmetry both would stop for ever; and as no two turn
+    by the same angle, so does a ring of many.
+    """
+    dx, dy = f[s.body_goal_x + b] - f[s.body_x + b], f[s.body_goal_y + b] - f[s.body_y + b]
+    distance = length(dx, dy)
+    speed = min(f[s.body_speed + b], distance / s.step)
+    if speed == 0.0:
+        return 0.0, 0.0
+    dx, dy = dx / distance, dy / distance
+    held_up = 1.0 - max(f[s.body_vx + b] * dx + f[s.body_vy + b] * dy, 0.0) / speed
+    if held_up < SAME_SPEED:
+        return speed * dx, speed * dy
+    key = hash64(k[s.seed], k[s.episode], int(math.floor(start / SIDESTEP_LEG + SAME_INSTANT)), STREAM_SIDESTEP)
+    sin, cos = sin_cos(-MAX_SIDESTEP * held_up * uniform(key, walker_number(s, b)))
+    return speed * (cos * dx - sin * dy), speed * (sin * dx + cos * dy)
+
+
+@kernel
+def crowd_velocity(
+    f: Floats,
+    k: Integers,
+    s: Record,
+    footprint: Floats,
+    members: Integers,
+    count: int,
+    b: int,
+    start: float,
+    lines: Floats,
+    spare: Floats,
+) -> tuple[float, float]:
+    """The velocity of body b of a crowd for this step; `members` are the numbers of the `count` bodies that look.
+
+    Bodies beyond reach within b's horizon are left out. A goal is no obstacle to the robots, nor are they to it.
+    """
+    hard, soft = add_still_half_planes(f, k, s, b, lines), 0
+    x, y = f[s.body_x + b], f[s.body_y + b]
+    for i in range(count):
+        other = members[i]
+        if other == b or k[s.body_law + other] != CROWD:
+            continue
+        px, py = f[s.body_x + other] - x, f[s.body_y + other] - y
+        if px == 0.0 and py == 0.0:
+            px = SKIN if b < other else -SKIN  # one upon the other: each knows its side
+        together = f[s.body_radius + b] + f[s.body_radius + other] + SKIN
+        vx, vy = f[s.body_vx + other], f[s.body_vy + other]
+        hard, soft = add_avoidance(f, s, b, px, py, vx, vy, together, 0.5, lines, hard, spare, soft)
+    if b < s.discs + s.polygons:
+        hard, soft = add_robots(f, k, s, footprint, b, lines, hard, spare, soft)
+    for j in range(3 * soft):
+        lines[3 * hard + j] = spare[j]
+    wish_x, wish_y = wish_of(f, k, s, b, start)
+    speed = f[s.body_speed + b]
+    vx, vy, failed = nearest_velocity(lines, hard + soft, speed, wish_x, wish_y)
+    if failed < hard:
+        return 0.0, 0.0  # by rounding: to stand always keeps those
+    if failed < hard + soft:
+        vx, vy = least_violation(lines, hard, failed, hard + soft, speed, vx, vy, spare)
+    return vx, vy
+
+
+@kernel
+def is_inside(f: Floats, s: Record, first: int, walls: int, x: float, y: float) -> bool:
+    """Whether a point lies within the rings that a range of walls makes (even-odd rule)."""
+    inside = False
+    for w in range(first, first + walls):
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
+            inside = not inside
+    return inside
+
+
+@kernel
+def has_room(f: Floats, s: Record, first: int, walls: int, x: float, y: float, room: float) -> bool:
+    """Whether a range of walls keeps this distance from a point."""
+    for w in range(first, first + walls):
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        if point_wall_square(x, y, x1, y1, f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]) < room * room:
+            return False
+    return True
+
+
+@kernel
+def is_open(f: Floats, k: Integers, s: Record, x: float, y: float, room: float) -> bool:
+    """Whether a point lies within the border and keeps this distance from it and from still obstacles."""
+    first, walls = k[s.border_first], k[s.border_walls]
+    if not is_inside(f, s, first, walls, x, y) or not has_room(f, s, first, walls, x, y, room):
+        return False
+    if is_taken(f, s, k[s.moving_disc_count], k[s.disc_count], x, y, room):
+        return False
+    for number in range(k[s.moving_polygon_count], k[s.polygon_count]):
+        first, walls = k[s.polygon_first + number], k[s.polygon_walls + number]
+        if is_inside(f, s, first, walls, x, y) or not has_room(f, s, first, walls, x, y, room):
+            return False
+    return True
+
+
+@kernel
+def draw_free_goal(f: Floats, k: Integers, s: Record, b: int) -> None:
+    """Put body b's goal to a place that is free for it, or to its own where none is found."""
+    xmin, ymin, xmax, ymax = math.inf, math.inf, -math.inf, -math.inf
+    for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
+        x, y = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        xmin, ymin, xmax, ymax = min(xmin, x), min(ymin, y), max(xmax, x), max(ymax, y)
+    key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_CROWD)
+    k[s.body_leg + b] += 1
+    first = 2 * GOAL_TRIES * walker_number(s, b)
+    f[s.body_goal_x + b], f[s.body_goal_y + b] = f[s.body_x + b], f[s.body_y + b]
+    for i in range(GOAL_TRIES):
+        x, y = between(key, first + 2 * i, xmin, xmax), between(key, first + 2 * i + 1, ymin, ymax)
+        if is_open(f, k, s, x, y, f[s.body_radius + b]):
+            f[s.body_goal_x + b], f[s.body_goal_y + b] = x, y
+            return
+
+
+@kernel
+def take_goal(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
+    """Give body b of a crowd the goal whose turn it is, and the time when it gives that up."""
+    count = k[s.way_count + b]
+    if count > 0:
+        w = k[s.way_first + b] + k[s.way_next + b]
+        f[s.body_goal_x + b], f[s.body_goal_y + b] = f[s.way_x + w], f[s.way_y + w]
+    else:
+        draw_free_goal(f, k, s, b)
+    distance = length(f[s.body_goal_x + b] - f[s.body_x + b], f[s.body_goal_y + b] - f[s.body_y + b])
+    speed = f[s.body_speed + b]
+    f[s.body_patience + b] = now + PATIENCE + DETOUR * distance / speed if speed > 0.0 else math.inf
+
+
+@kernel
+def go_on_from_goal(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
+    """Take the next goal where body b of a crowd has reached its own, or has tried for too long."""
+    if k[s.way_count + b] == 1:
+        return  # the way ends there
+    distance = length(f[s.body_goal_x + b] - f[s.body_x + b], f[s.body_goal_y + b] - f[s.body_y + b])
+    reached = distance <= max(f[s.body_radius + b], f[s.body_speed + b] * s.step)
+    if reached or now >= f[s.body_patience + b]:
+        if k[s.way_count + b] > 0:
+            k[s.way_next + b] = (k[s.way_next + b] + 1) % k[s.way_count + b]
+        take_goal(f, k, s, b, now)
+
+
+# Evade.
+
+
+@kernel
+def keeps(lines: Floats, count: int, vx: float, vy: float) -> bool:
+    """Whether a velocity lies within half planes."""
+    for i in range(count):
+        if lines[3 * i] * vx + lines[3 * i + 1] * vy < lines[3 * i + 2] - SAME_SPEED:
+            return False
+    return True
+
+
+@kernel
+def slide(lines: Floats, count: int, wish_x: float, wish_y: float, vx: float, vy: float) -> tuple[float, float]:
+    """The velocity of the wish's speed nearest in direction to it within half planes that let v = 0 through.
+
+    Of two that are as near the one ahead of (vx, vy) is taken. Where all would lead back it is the nearest velocity of
+    any speed.
+    """
+    if keeps(lines, count, wish_x, wish_y):
+        return wish_x, wish_y
+    square = wish_x * wish_x + wish_y * wish_y
+    best, best_x, best_y = -math.inf, 0.0, 0.0
+    for i in range(count):
+        nx, ny, c = lines[3 * i], lines[3 * i + 1], lines[3 * i + 2]
+        room = square - c * c
+        if room <= 0.0:
+            continue
+        for side in (-1.0, 1.0):
+            along = side * math.sqrt(room)
+            x, y = c * nx - along * ny, c * ny + along * nx
+            score = x * wish_x + y * wish_y
+            if score < CORNERED * square or not keeps(lines, count, x, y):
+                continue
+            score += 0.1 * (x * vx + y * vy)
+            if score > best:
+                best, best_x, best_y = score, x, y
+    if best > -math.inf:
+        return best_x, best_y
+    x, y, failed = nearest_velocity(lines, count, math.sqrt(square), wish_x, wish_y)
+    return (x, y) if failed == count else (0.0, 0.0)
+
+
+@kernel
+def evade_velocity(f: Floats, k: Integers, s: Record, b: int, start: float, lines: Floats) -> tuple[float, float]:
+    """The velocity of body b, which flees the nearest robot in sight and else wanders at its calm speed."""
+    x, y = f[s.body_x + b], f[s.body_y + b]
+    nearest, wish_x, wish_y = math.inf, 0.0, 0.0
+    for r in range(s.robots):
+        dx, dy = x - f[s.pose + 3 * r], y - f[s.pose + 3 * r + 1]
+        distance = length(dx, dy)
+        if 0.0 < distance < nearest:
+            nearest, wish_x, wish_y = distance, dx / distance, dy / distance
+    speed = f[s.body_speed + b]
+    if nearest > f[s.body_foresight + b]:
+        speed = f[s.body_calm + b]
+        leg = int(math.floor(start / WANDER_LEG + SAME_INSTANT))
+        key = hash64(k[s.seed], k[s.episode], leg, STREAM_EVADE)
+        wish_y, wish_x = sin_cos(2.0 * math.pi * uniform(key, walker_number(s, b)))
+    if speed == 0.0:
+        return 0.0, 0.0
+    count = add_still_half_planes(f, k, s, b, lines)
+    return slide(lines, count, speed * wish_x, speed * wish_y, f[s.body_vx + b], f[s.body_vy + b])
+
+
+# Replay.
+
+
+@kernel
+def is_there(f: Floats, k: Integers, s: Record, b: int, time: float) -> bool:
+    """Whether body b is in the world at a time: a mover from its first to its last record, a goal always."""
+    first = k[s.way_first + b]
+    last = first + k[s.way_count + b] - 1
+    begin: float = f[s.way_time + first] - SAME_INSTANT
+    end: float = f[s.way_time + last] + SAME_INSTANT
+    first_goal: int = s.discs + s.polygons
+    return b >= first_goal or begin <= time <= end
+
+
+@kernel
+def recorded_place(f: Floats, k: Integers, s: Record, b: int, time: float) -> tuple[float, float]:
+    """Where body b is at a time, straight between two records; times may only rise from call to call."""
+    first, count = k[s.way_first + b], k[s.way_count + b]
+    while k[s.way_next + b] + 1 < count and f[s.way_time + first + k[s.way_next + b] + 1] <= time:
+        k[s.way_next + b] += 1
+    w = first + k[s.way_next + b]
+    x, y, since = f[s.way_x + w], f[s.way_y + w], time - f[s.way_time + w]
+    if w + 1 == first + count or since <= 0.0:
+        return x, y
+    share = since / (f[s.way_time + w + 1] - f[s.way_time + w])
+    return x + share * (f[s.way_x + w + 1] - x), y + share * (f[s.way_y + w + 1] - y)
+
+
+@kernel
+def follow_record(f: Floats, k: Integers, s: Record, b: int, start: float, end: float) -> None:
+    """Bring body b to where it is at `start`, or where it appears, with the velocity to where it is at `end`.
+
+    It is there in this step if it is there at the step's end.
+    """
+    if is_there(f, k, s, b, end):
+        f[s.body_x + b], f[s.body_y + b] = recorded_place(f, k, s, b, start)
+        x, y = recorded_place(f, k, s, b, end)
+        f[s.body_vx + b] = (x - f[s.body_x + b]) / (end - start)
+        f[s.body_vy + b] = (y - f[s.body_y + b]) / (end - start)
+    else:
+        f[s.body_x + b], f[s.body_y + b] = AWAY, AWAY
+        f[s.body_vx + b], f[s.body_vy + b] = 0.0, 0.0
+
+
+# All three.
+
+
+@kernel
+def begin_steered(f: Floats, k: Integers, s: Record, b: int) -> None:
+    """Start the episode of a body that looks."""
+    f[s.body_event + b] = math.inf
+    f[s.body_vx + b], f[s.body_vy + b] = 0.0, 0.0
+    k[s.way_next + b] = 0
+    law = k[s.body_law + b]
+    if law == CROWD:
+        take_goal(f, k, s, b, 0.0)
+        dx, dy = f[s.body_goal_x + b] - f[s.body_x + b], f[s.body_goal_y + b] - f[s.body_y + b]
+        distance = length(dx, dy)
+        if distance > 0.0:
+            f[s.body_vx + b] = f[s.body_speed + b] * dx / distance
+            f[s.body_vy + b] = f[s.body_speed + b] * dy / distance
+    elif law == REPLAY:
+        if is_there(f, k, s, b, 0.0):
+            f[s.body_x + b], f[s.body_y + b] = recorded_place(f, k, s, b, 0.0)
+            x, y = recorded_place(f, k, s, b, s.step)
+            f[s.body_vx + b], f[s.body_vy + b] = (x - f[s.body_x + b]) / s.step, (y - f[s.body_y + b]) / s.step
+            k[s.way_next + b] = 0
+        else:
+            f[s.body_x + b], f[s.body_y + b] = AWAY, AWAY
+
+
+@kernel
+def steer_bodies(
+    f: Floats,
+    k: Integers,
+    s: Record,
+    footprint: Floats,
+    start: float,
+    end: float,
+    scratch: Floats,
+    scratch_int: Integers,
+) -> None:
+    """Give each body that looks its velocity from `start` to `end`; all of them look before the first one goes."""
+    count = 0
+    for b in range(s.bodies):
+        if k[s.body_law + b] >= CROWD:
+            scratch_int[count] = b
+            count += 1
+    chosen = scratch[: 2 * count]
+    room = (scratch.size - 2 * count) // 6 * 3
+    lines = scratch[2 * count : 2 * count + room]
+    spare = scratch[2 * count + room : 2 * count + 2 * room]
+    for i in range(count):
+        b = scratch_int[i]
+        law = k[s.body_law + b]
+        if law == REPLAY:
+            follow_record(f, k, s, b, start, end)
+            chosen[2 * i], chosen[2 * i + 1] = f[s.body_vx + b], f[s.body_vy + b]
+        elif law == EVADE:
+            chosen[2 * i], chosen[2 * i + 1] = evade_velocity(f, k, s, b, start, lines)
+        else:
+            go_on_from_goal(f, k, s, b, start)
+            chosen[2 * i], chosen[2 * i + 1] = crowd_velocity(
+                f, k, s, footprint, scratch_int, count, b, start, lines, spare
+            )
+    for i in range(count):
+        b = scratch_int[i]
+        f[s.body_vx + b], f[s.body_vy + b] = chosen[2 * i], chosen[2 * i + 1]
+
+
 # ---------------------------------------------------------------------------------------------- robots
 
 
@@ -1018,6 +1693,8 @@ def step_row(
     start = f[s.time]
     end = k[s.steps] * s.step
     f[s.time] = end
+    if k[s.steered_count] > 0:
+        steer_bodies(f, k, s, footprint, start, end, scratch, scratch_int)
     move_bodies(f, k, s, start, end)
     robots = s.robots
     for r in range(robots):
@@ -1914,7 +2591,7 @@ def begin_row(
     """Start the episode of a row whose obstacles, poses and goals have been placed."""
     f[s.time] = 0.0
     k[s.steps] = 0
-    fastest = 0.0
+    fastest, steered = 0.0, 0
     for b in range(s.bodies):
         f[s.body_turned + b] = -1.0
         law = k[s.body_law + b]
@@ -1922,10 +2599,15 @@ def begin_row(
             f[s.body_event + b] = math.inf
             continue
         fastest = max(fastest, f[s.body_speed + b])
+        if law >= CROWD:
+            steered += 1
+            begin_steered(f, k, s, b)
+            continue
         if law == RANDOM_WALK:
             f[s.body_event + b] = take_heading(f, k, s, b)
         plan_body(f, k, s, b, 0.0)
     f[s.fastest] = fastest
+    k[s.steered_count] = steered
     for r in range(s.robots):
         g = k[s.goal_body + r]
         k[s.outcome + r] = RUNNING
@@ -1969,7 +2651,7 @@ def begin_rows(
 
 TRIES = 1000  # for one obstacle
 ATTEMPTS = 20  # at a whole world
-BOUNCE_BIT, WALK_BIT = 1, 2  # of FIELD.laws
+BOUNCE_BIT, WALK_BIT, CROWD_BIT = 1, 2, 4  # of FIELD.laws
 
 
 @kernel
@@ -2034,16 +2716,34 @@ def is_free(f: Floats, k: Integers, s: Record, p: Record, x: float, y: float, ra
     )
 
 
+@inlined
+def is_pedestrian(p: Record, b: int) -> bool:
+    """Whether body b is one of the pedestrians, the last of the moving discs."""
+    return bool(p.moving_discs - p.pedestrians <= b < p.moving_discs)
+
+
+@kernel
+def is_crowded(f: Floats, s: Record, p: Record, b: int, x: float, y: float, radius: float) -> bool:
+    """Whether a mover of this bounding radius at (x, y) overlaps one of those placed before body b."""
+    return is_taken(f, s, 0, min(b, p.moving_discs), x, y, radius) or is_taken(f, s, s.discs, b, x, y, radius)
+
+
 @kernel
 def place_body(f: Floats, k: Integers, s: Record, p: Record, b: int, moves: bool, key: np.uint64, draw: int) -> int:
     """Draw size and place of body b; returns the next draw, or -1 where nothing is free."""
+    crowded = moves and (p.laws & CROWD_BIT != 0 or p.pedestrians > 0)
+    size_min, size_max = p.size_min, p.size_max
+    if is_pedestrian(p, b):
+        size_min, size_max = p.pedestrian_radius, p.pedestrian_radius
     for _ in range(TRIES):
-        radius = between(key, draw, p.size_min, p.size_max)
+        radius = between(key, draw, size_min, size_max)
         edge = radius if moves else radius + max(p.gap, 0.0)
         x = between(key, draw + 1, p.xmin + edge, p.xmax - edge)
         y = between(key, draw + 2, p.ymin + edge, p.ymax - edge)
         draw += 3
-        if p.xmax - p.xmin >= 2.0 * edge and p.ymax - p.ymin >= 2.0 * edge and is_free(f, k, s, p, x, y, radius, moves):
+        if p.xmax - p.xmin < 2.0 * edge or p.ymax - p.ymin < 2.0 * edge:
+            continue
+        if is_free(f, k, s, p, x, y, radius, moves) and not (crowded and is_crowded(f, s, p, b, x, y, radius)):
             f[s.body_x + b] = x
             f[s.body_y + b] = y
             f[s.body_radius + b] = radius
@@ -2053,19 +2753,35 @@ def place_body(f: Floats, k: Integers, s: Record, p: Record, b: int, moves: bool
 
 
 @kernel
+def law_in_turn(laws: int, number: int) -> int:
+    """The law of mover number `number`, where the laws of these bits take turns."""
+    bits = (laws & 1) + (laws >> 1 & 1) + (laws >> 2 & 1)
+    turn = number % bits
+    if laws & BOUNCE_BIT:
+        if turn == 0:
+            return BOUNCE
+        turn -= 1
+    return RANDOM_WALK if laws & WALK_BIT and turn == 0 else CROWD
+
+
+@kernel
 def set_motion(f: Floats, k: Integers, s: Record, p: Record, b: int, number: int, key: np.uint64, draw: int) -> int:
     """Give mover number `number` its law and speed; returns the next draw."""
-    both = p.laws == BOUNCE_BIT | WALK_BIT
-    walks = p.laws == WALK_BIT or (both and number % 2 == 1)
-    speed = between(key, draw, p.speed_min, p.speed_max)
+    if is_pedestrian(p, b):
+        k[s.body_law + b] = CROWD
+        speed = between(key, draw, p.pedestrian_speed_min, p.pedestrian_speed_max)
+    else:
+        k[s.body_law + b] = law_in_turn(p.laws, number)
+        speed = between(key, draw, p.speed_min, p.speed_max)
     sin, cos = sin_cos(between(key, draw + 1, -math.pi, math.pi))
-    k[s.body_law + b] = RANDOM_WALK if walks else BOUNCE
     k[s.body_leg + b] = 0
     f[s.body_speed + b] = speed
     f[s.body_vx + b] = speed * cos
     f[s.body_vy + b] = speed * sin
     f[s.leg_min + b] = p.leg_min
     f[s.leg_max + b] = p.leg_max
+    if k[s.body_law + b] == CROWD:
+        f[s.body_foresight + b] = p.horizon
     return draw + 2
 
 
@@ -2215,6 +2931,9 @@ def place_field(f: Floats, k: Integers, s: Record, p: Record) -> int:
         f[s.body_vy + goal] = p.target_speed * math.sin(angle)
     f[s.leg_min + goal] = p.leg_min
     f[s.leg_max + goal] = p.leg_max
+    if p.target_law >= CROWD:
+        f[s.body_foresight + goal] = p.target_foresight
+        f[s.body_calm + goal] = p.target_calm
     return best
 
 
@@ -2388,7 +3107,7 @@ def find_runs(
     free: Floats,
     contact: Integers,
     run: Integers,
-) -> int:
+) -> None:
     """The profile of free ways over a full circle of headings, cut into runs: neighbours that end at one obstacle.
 
     Args:
@@ -2402,9 +3121,6 @@ def find_runs(
         free: result (m,), free way along each heading [m].
         contact: result (m,), number of the point touched there, -1 for none.
         run: result (m,), number of the run that each heading belongs to, -1 for none.
-
-    Returns:
-        How many runs there are.
     """
     count = 0
     last = angles.size - 1
@@ -2427,12 +3143,11 @@ def find_runs(
         high = angles[last] + angles[1] - angles[0]
         ends, _, _ = find_border(px, py, piece, angles[last], high, contact[last], contact[0], radius, reach, gap)
         if not ends:
-            count -= 1
+            number = run[last]
             for j in range(last, -1, -1):
-                if run[j] != count:
+                if run[j] != number:
                     break
                 run[j] = run[0]
-    return count
 
 
 @kernel

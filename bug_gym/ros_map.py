@@ -203,12 +203,12 @@ def _read_other(file: Path) -> F64:
             _check_size(file, *image.size)
             if image.mode.startswith("I;16"):
                 return np.asarray(image, dtype=np.float64) / 65535.0
-            if image.mode not in ("L", "LA", "RGB", "RGBA"):
-                image = image.convert("RGBA" if "transparency" in image.info else "RGB")
-            pixels = np.asarray(image, dtype=np.float64) / 255.0
+            colours = "RGBA" if image.has_transparency_data else "RGB"
+            pixels = np.asarray(image.convert(colours), dtype=np.float64) / 255.0
     except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError) as error:
         raise ValueError(f"{file}: not a picture ({error})") from None
-    return pixels.mean(axis=2) if pixels.ndim == 3 else pixels
+    shades: F64 = pixels.mean(axis=2)
+    return shades
 
 
 # ---------------------------------------------------------------------------------------------- outlines

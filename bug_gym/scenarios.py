@@ -23,7 +23,9 @@ from bug_gym.config import (
     Bounce,
     CorridorWorld,
     CrossingWorld,
+    Crowd,
     EmptyWorld,
+    Evade,
     ExplicitWorld,
     FieldWorld,
     ForestWorld,
@@ -33,6 +35,8 @@ from bug_gym.config import (
     OniWangWorld,
     RandomWalk,
     Region,
+    Replay,
+    ReplayWorld,
     RingWorld,
     RoomsWorld,
     RosMapWorld,
@@ -57,6 +61,7 @@ from bug_gym.floor_plans import (
     scatter,
     streams,
 )
+from bug_gym.recordings import load_recording
 from bug_gym.ros_map import load_outlines, load_ros_map
 from bug_gym.shortest_path import free_space, reachable
 from bug_gym.world import F64, Layout, Mover, Rings, World, side_by_side
@@ -223,8 +228,11 @@ def robot_places(scenario: Scenario, start: Sequence[float], goal: tuple[float, 
 
 
 def goal_room(scenario: Scenario) -> float:
-    """Distance that a moving goal keeps from still obstacles [m]: the robot can always reach it."""
-    return max(scenario.goal.radius, scenario.robot.reach)
+    """Distance that a moving goal keeps from still obstacles [m]: unless told, the robot can always reach it."""
+    world, needed = scenario.world, max(scenario.goal.radius, scenario.robot.reach)
+    if not isinstance(world, (EmptyWorld, ExplicitWorld)) or world.target is None or world.target.room is None:
+        return needed
+    return world.target.room
 
 
 def check_spacing(scenario: Scenario) -> None:
@@ -250,7 +258,8 @@ def check_places(scenario: Scenario, layout: Layout) -> None:
 def obstacles_of(
     circles: F64, polygons: tuple[Rings, ...], movers: Sequence[Mover]
 ) -> tuple[F64, tuple[Rings, ...]]:
-    """Still obstacles and movers, where they begin, as circles (n, 3) and polygons."""
+    """Still obstacles and movers that are there, where they begin, as circles (n, 3) and polygons."""
+    movers = [mover for mover in movers if mover.is_there]
     round_ones = [(*mover.at, float(mover.outline)) for mover in movers if mover.is_circle]
     others = [(np.asarray(mover.outline) + mover.at,) for mover in movers if not mover.is_circle]
     return np.vstack([circles, np.array(round_ones).reshape(-1, 3)]), (*polygons, *others)
@@ -707,6 +716,63 @@ def barn(scenario: Scenario, world: BarnWorld, rng: Rng) -> Layout:
     return finish(scenario, chosen.start, chosen.goal, circles=chosen.circles)
 
 
+def replay(scenario: Scenario, world: ReplayWorld, rng: Rng) -> Layout:
+    """Pedestrians of a recording from a time on; the robot goes across their flow."""
+    recording, limit = load_recording(world.path), scenario.time.limit
+    since = world.start_time
+    if since is None:
+        first, last = world.window or recording.times
+        since = float(rng.uniform(first, max(first, last - limit)))
+    xmin, ymin, xmax, ymax = world.bounds
+    room = world.radius
+    inside = recording.within((xmin + room, ymin + room, xmax - room, ymax - room))
+    movers = []
+    for track in inside.tracks:
+        records = track.records - [since, 0.0, 0.0]
+        if records[-1, 0] >= 0.0 and records[0, 0] <= limit:
+            # The records have been checked as they were read; pydantic would take as long again for each episode.
+            motion = Replay.model_construct(law="replay", points=tuple(map(tuple, records.tolist())))
+            movers.append(Mover(world.radius, motion.place(0.0), motion))
+    border = border_of(world)
+    present = obstacles_of(np.zeros((0, 3)), (), movers)
+    start_free = is_clear(*present, border, scenario.robot.reach + CROSSING_ROOM)
+    if world.start is None:
+        start, goal = draw_crossing(scenario, world, recording.flow(), rng, start_free)
+    else:
+        goal_free = is_clear(np.zeros((0, 3)), (), border, scenario.robot.reach)
+        start, goal = draw_both(scenario, world.start, world.goal, rng, start_free, goal_free, 0.0)
+    return finish(scenario, start, goal, movers=tuple(movers))
+
+
+CROSSING_ROOM = 0.5
+"""Free space round a robot that starts among pedestrians, and between a goal and the border [m]."""
+
+
+def draw_crossing(
+    scenario: Scenario, world: ReplayWorld, flow: float, rng: Rng, start_free: Free
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    """A start and a goal at opposite sides of the bounds, straight across a direction of flow [rad].
+
+    Raises:
+        ValueError: no free start was found.
+    """
+    xmin, ymin, xmax, ymax = world.bounds
+    room = scenario.robot.reach + CROSSING_ROOM
+    low, high = np.array([xmin + room, ymin + room]), np.array([xmax - room, ymax - room])
+    for _ in range(TRIES):
+        heading = flow + float(rng.choice([-0.5, 0.5])) * math.pi
+        across = np.array([math.cos(heading), math.sin(heading)])
+        middle = rng.uniform(0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
+        with np.errstate(divide="ignore"):
+            ends = np.where(across > 0.0, high - middle, low - middle) / across
+            begins = np.where(across > 0.0, low - middle, high - middle) / across
+        start, goal = middle + begins.max() * across, middle + ends.min() * across
+        pose = float(start[0]), float(start[1]), heading
+        if start_free(*pose[:2]) and has_room_for_all(scenario, pose, start_free):
+            return pose, (float(goal[0]), float(goal[1]))
+    raise ValueError(f"no free start found among the pedestrians after {TRIES} tries")
+
+
 FAMILIES: dict[str, Callable[..., Layout]] = {
     "empty": empty,
     "explicit": explicit,
@@ -722,6 +788,7 @@ FAMILIES: dict[str, Callable[..., Layout]] = {
     "beach": beach,
     "oni_wang": oni_wang,
     "barn": barn,
+    "replay": replay,
     "ros_map": ros_map,
 }
 """Families made in Python, by their `family` key; `field` is compiled."""
@@ -741,6 +808,18 @@ def draw_layout(scenario: Scenario, seed: int, episode: int) -> Layout:
     return FAMILIES[scenario.world.family](scenario, scenario.world, rng)
 
 
+TARGET_LAWS = {
+    "bounce": kernels.BOUNCE,
+    "random_walk": kernels.RANDOM_WALK,
+    "crowd": kernels.CROWD,
+    "evade": kernels.EVADE,
+}
+"""Laws under which a field's goal may move."""
+
+HORIZON = float(Crowd.model_fields["horizon"].default)
+"""How far ahead the crowd of a field looks [s]."""
+
+
 def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
     """The parameters of a `field` world as the record (1,) that kernels.place_fields reads.
 
@@ -750,8 +829,12 @@ def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
     check_spacing(scenario)
     if scenario.robots.places:
         raise ValueError("a field draws the starts of its robots: give robots.count instead of a list of places")
-    if isinstance(world.target_motion, Waypoints):
-        raise ValueError("a field's target_motion can be bounce or random_walk, not waypoints: its free space is drawn")
+    target = world.target_motion
+    if isinstance(target, (Waypoints, Replay)) or (isinstance(target, Crowd) and target.goals is not None):
+        fault = "crowd with goals" if isinstance(target, Crowd) else target.law
+        raise ValueError(
+            f"a field's target_motion can be bounce, random_walk, crowd or evade, not {fault}: its free space is drawn"
+        )
     circles = {"circles": world.obstacles, "mixed": (world.obstacles + 1) // 2}.get(world.shapes, 0)
     moving = round(world.moving * world.obstacles)
     moving_circles = round(moving * circles / world.obstacles) if world.obstacles else 0
@@ -760,22 +843,20 @@ def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
     start_box = start.region if isinstance(start, StartRegion) else (start[0], start[1], start[0], start[1])
     heading = start.heading if isinstance(start, StartRegion) else start[2]
     goal_box = goal.region if isinstance(goal, Region) else (*goal, *goal)
-    bits = {"bounce": kernels.BOUNCE_BIT, "random_walk": kernels.WALK_BIT}
+    bits = {"bounce": kernels.BOUNCE_BIT, "random_walk": kernels.WALK_BIT, "crowd": kernels.CROWD_BIT}
     laws = sum(bits[law] for law in set(world.laws))
-    target = world.target_motion
     velocity = target.velocity if isinstance(target, Bounce) else None
     speed = math.hypot(*velocity) if velocity else getattr(target, "speed", 0.0)
     record = np.zeros(1, dtype=kernels.FIELD)
     values = {
-        "discs": circles,
-        "moving_discs": moving_circles,
+        "discs": circles + world.pedestrians,
+        "moving_discs": moving_circles + world.pedestrians,
+        "pedestrians": world.pedestrians,
         "polygons": world.obstacles - circles,
         "moving_polygons": moving - moving_circles,
         "squares": int(world.shapes == "squares"),
         "laws": laws,
-        "target_law": {None: kernels.STILL, "bounce": kernels.BOUNCE, "random_walk": kernels.RANDOM_WALK}[
-            None if target is None else target.law
-        ],
+        "target_law": kernels.STILL if target is None else TARGET_LAWS[target.law],
         "xmin": xmin,
         "ymin": ymin,
         "xmax": xmax,
@@ -794,6 +875,12 @@ def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
         "target_vy": velocity[1] if velocity else 0.0,
         "leg_min": getattr(target, "min_leg", 1.0),
         "leg_max": getattr(target, "max_leg", 3.0),
+        "pedestrian_radius": world.pedestrian_radius,
+        "pedestrian_speed_min": world.pedestrian_speeds[0],
+        "pedestrian_speed_max": world.pedestrian_speeds[1],
+        "horizon": HORIZON,
+        "target_foresight": target.sight if isinstance(target, Evade) else getattr(target, "horizon", HORIZON),
+        "target_calm": getattr(target, "wander", 0.0),
     }
     corners = ("xmin", "ymin", "xmax", "ymax")
     values |= {f"start_{name}": value for name, value in zip(corners, start_box, strict=True)}
@@ -840,7 +927,7 @@ def as_explicit(scenario: Scenario, layout: Layout) -> Scenario:
     if layout.target is None:
         world["goal"] = goals[0]
     else:
-        world["target"] = {"at": goals[0], "motion": layout.target}
+        world["target"] = {"at": goals[0], "motion": layout.target, "room": layout.goal_room}
     data = {**dump(scenario), "world": world}
     if scenario.robots.count > 1:
         places: list[dict[str, Any]] = [{"start": pose} for pose in layout.starts.tolist()]

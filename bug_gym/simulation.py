@@ -352,7 +352,9 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
     """Room for any world of a `field` scenario."""
     discs, polygons = int(record["discs"][0]), int(record["polygons"][0])
     corners = 4 if record["squares"][0] else kernels.MAX_VERTICES
-    return Capacity(discs=discs, polygons=polygons, walls=4 + corners * polygons)
+    has_crowd = record["laws"][0] & kernels.CROWD_BIT > 0 or record["pedestrians"][0] > 0
+    steered = int(has_crowd or record["target_law"][0] >= kernels.CROWD)
+    return Capacity(discs=discs, polygons=polygons, walls=4 + corners * polygons, steered=steered)
 
 
 def announce_compilation() -> None:

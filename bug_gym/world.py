@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.config import Bounce, Motion, RandomWalk, Scenario, Waypoints
+from bug_gym.config import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Scenario, Waypoints
 
 F64 = NDArray[np.float64]
 Rings = tuple[F64, ...]
@@ -37,6 +37,11 @@ class Mover:
     def is_circle(self) -> bool:
         """Whether the outline is a radius."""
         return np.ndim(self.outline) == 0
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it stands at `at`: one that follows a record may have yet to come, or have left."""
+        return not isinstance(self.motion, Replay) or self.motion.is_there(0.0)
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,16 @@ class Layout:
     """Distance that a moving goal keeps from still obstacles [m]."""
 
 
+Steered = Crowd | Evade | Replay
+
+
+def places_of(motion: Motion | None) -> tuple[tuple[float, ...], ...]:
+    """The points that a motion visits: x, y [m], in a record time [s], x, y."""
+    if isinstance(motion, Crowd):
+        return motion.goals or ()
+    return motion.points if isinstance(motion, (Waypoints, Replay)) else ()
+
+
 class Capacity(NamedTuple):
     """How much one world may hold; worlds of a World are padded to the largest."""
 
@@ -68,6 +83,8 @@ class Capacity(NamedTuple):
     polygons: int = 0
     walls: int = 4
     ways: int = 0
+    steered: int = 0
+    """1 where bodies choose a velocity in each step (crowd, evade, replay), else 0."""
 
     @classmethod
     def of(cls, layout: Layout) -> Capacity:
@@ -79,7 +96,8 @@ class Capacity(NamedTuple):
             discs=len(layout.circles) + len(layout.movers) - len(moving),
             polygons=len(layout.polygons) + len(moving),
             walls=len(layout.border) + sum(map(len, rings)) + sum(map(len, moving)),
-            ways=sum(len(motion.points) for motion in motions if isinstance(motion, Waypoints)),
+            ways=sum(len(places_of(motion)) for motion in motions),
+            steered=int(any(isinstance(motion, Steered) for motion in motions)),
         )
 
     def joined(self, other: Capacity) -> Capacity:
@@ -184,7 +202,8 @@ class World:
         sizes |= {"odometry": 3 * robots, "velocity": 2 * robots, "command": 2 * robots}
         sizes |= dict.fromkeys(("goal_distance", "path_length", "clearance", "min_clearance", "reward"), robots)
         sizes |= dict.fromkeys(("leg_min", "leg_max"), bodies)
-        sizes |= dict.fromkeys(("seed", "episode", "steps", "disc_count", "moving_disc_count"), 1)
+        sizes |= dict.fromkeys(kernels.STEERED_ARRAYS, bodies if capacity.steered else 0)
+        sizes |= dict.fromkeys(("seed", "episode", "steps", "disc_count", "moving_disc_count", "steered_count"), 1)
         sizes |= dict.fromkeys(("polygon_count", "moving_polygon_count", "wall_count", "moving_wall_count"), 1)
         sizes |= dict.fromkeys(("border_first", "border_walls"), 1)
         sizes |= dict.fromkeys(("polygon_first", "polygon_walls", "polygon_side"), polygons)
@@ -206,10 +225,10 @@ class World:
         self.floats: F64 = np.zeros((self.count, widths[0]))
         self.ints: NDArray[np.int64] = np.zeros((self.count, widths[1]), dtype=np.int64)
         beams = int(self.spec["beams"][0])
-        self.scratch_sizes = (
-            kernels.scratch_floats(beams) + robots + 4 * walls,
-            kernels.scratch_integers(max(discs, walls)) + robots,
-        )
+        floats = kernels.scratch_floats(beams) + robots + 4 * walls
+        steering = kernels.steering_floats(walls, bodies, robots * len(self.footprint)) if capacity.steered else 0
+        integers = kernels.scratch_integers(max(discs, walls)) + robots
+        self.scratch_sizes = (max(floats, steering), max(integers, bodies))
 
     def make_scratch(self) -> tuple[F64, NDArray[np.int64]]:
         """Working memory for the kernels; each thread needs its own."""
@@ -344,7 +363,8 @@ class World:
         new_index[discs + polygons :] += goal_shift - disc_shift
         for name, values in old.items():
             if name.startswith(PER_BODY):
-                self.array(name)[:, new_index] = values
+                if values.shape[1] > 0:  # else nothing has chosen its velocity so far
+                    self.array(name)[:, new_index] = values
             else:
                 self.array(name)[:, : values.shape[1]] = values
         self.array("goal_body")[:] += goal_shift
@@ -420,11 +440,9 @@ class World:
         moving_polygons = int(self.array("moving_polygon_count")[row, 0])
         position, radius = self.disc_position[row], self.disc_radius[row]
         first_polygon = int(self.spec["discs"][0])
-        movers = [Mover(float(radius[disc]), reader.place(disc), reader.motion(disc)) for disc in range(moving)]
+        movers = [reader.mover(float(radius[disc]), disc) for disc in range(moving)]
         rings = reader.rings()
-        for number in range(moving_polygons):
-            at = reader.place(first_polygon + number)
-            movers.append(Mover(rings[number][0], at, reader.motion(first_polygon + number)))
+        movers += [reader.mover(rings[number][0], first_polygon + number) for number in range(moving_polygons)]
         goal = first_polygon + self.capacity.polygons
         return Layout(
             border=rings[kernels.BORDER][0],
@@ -472,14 +490,25 @@ class _Writer:
             a["body_law"][body] = kernels.WAYPOINTS
             a["body_speed"][body] = motion.speed
             a["way_loops"][body] = int(not motion.stop)
-            self._ways(body, motion)
+        elif isinstance(motion, Crowd):
+            a["body_law"][body] = kernels.CROWD
+            a["body_speed"][body], a["body_foresight"][body] = motion.speed, motion.horizon
+        elif isinstance(motion, Evade):
+            a["body_law"][body] = kernels.EVADE
+            a["body_speed"][body], a["body_foresight"][body] = motion.speed, motion.sight
+            a["body_calm"][body] = motion.wander
+        elif isinstance(motion, Replay):
+            a["body_law"][body] = kernels.REPLAY
+            a["body_speed"][body] = motion.speed
+        self._ways(body, places_of(motion))
 
-    def _ways(self, body: int, motion: Waypoints) -> None:
-        end = self.ways + len(motion.points)
+    def _ways(self, body: int, places: tuple[tuple[float, ...], ...]) -> None:
+        end = self.ways + len(places)
         self.arrays["way_first"][body] = self.ways
-        self.arrays["way_count"][body] = len(motion.points)
-        self.arrays["way_x"][self.ways : end] = [x for x, _ in motion.points]
-        self.arrays["way_y"][self.ways : end] = [y for _, y in motion.points]
+        self.arrays["way_count"][body] = len(places)
+        for number, place in enumerate(places, start=self.ways):
+            self.arrays["way_x"][number], self.arrays["way_y"][number] = place[-2:]
+            self.arrays["way_time"][number] = place[0]  # of a record; nobody reads it for other laws
         self.ways = end
 
     def border(self, ring: F64) -> None:
@@ -531,13 +560,17 @@ class _Reader:
         """Place of a body [m]."""
         return float(self.arrays["body_x"][body]), float(self.arrays["body_y"][body])
 
+    def mover(self, outline: float | F64, body: int) -> Mover:
+        """An obstacle that moves; one that isn't there stands where it will come in, or where it left."""
+        motion = self.motion(body)
+        return Mover(outline, motion.place(0.0) if isinstance(motion, Replay) else self.place(body), motion)
+
     def motion(self, body: int) -> Motion:
         """Motion of a body from now on."""
         a = self.arrays
         law, speed = a["body_law"][body], float(a["body_speed"][body])
         if law == kernels.WAYPOINTS:
-            first, count, done = int(a["way_first"][body]), int(a["way_count"][body]), int(a["way_next"][body])
-            points = [(float(a["way_x"][first + i]), float(a["way_y"][first + i])) for i in range(count)]
+            points, done = self._points(body), int(a["way_next"][body])
             loops = bool(a["way_loops"][body])
             # The way-points still to come: all of them in turn where the body goes round.
             points = points[done:] + points[:done] if loops else points[done:] or points[-1:]
@@ -545,7 +578,24 @@ class _Reader:
         if law == kernels.RANDOM_WALK:
             low, high = float(a["leg_min"][body]), float(a["leg_max"][body])
             return RandomWalk(law="random_walk", speed=speed, min_leg=low, max_leg=high)
+        if law == kernels.CROWD:
+            points, done = self._points(body), int(a["way_next"][body])
+            goals = (*points[done:], *points[:done]) or None
+            return Crowd(law="crowd", speed=speed, horizon=float(a["body_foresight"][body]), goals=goals)
+        if law == kernels.EVADE:
+            sight, wander = float(a["body_foresight"][body]), float(a["body_calm"][body])
+            return Evade(law="evade", speed=speed, sight=sight, wander=wander)
+        if law == kernels.REPLAY:
+            first, points, done = int(a["way_first"][body]), self._points(body), int(a["way_next"][body])
+            times = a["way_time"][first : first + len(points)] - a["time"][0]
+            records = [(time, *point) for time, point in zip(times.tolist(), points, strict=True)]
+            return Replay(law="replay", points=tuple(records[done:]))
         return Bounce(law="bounce", velocity=(float(a["body_vx"][body]), float(a["body_vy"][body])))
+
+    def _points(self, body: int) -> list[tuple[float, float]]:
+        first, count = int(self.arrays["way_first"][body]), int(self.arrays["way_count"][body])
+        places = (self.arrays[name][first : first + count].tolist() for name in ("way_x", "way_y"))
+        return list(zip(*places, strict=True))
 
     def rings(self) -> dict[int, Rings]:
         """Rings (k, 2) of each polygon by its number, the border's under kernels.BORDER; a mover's about its place."""

@@ -17,6 +17,7 @@ from bug_gym.agents import policy_names
 from bug_gym.cli import main, make_parser
 from bug_gym.config import scenario_names
 from bug_gym.rollout import Rollout
+from bug_gym.simulation import Simulation
 from bug_gym.suites import suite_names
 
 OPEN = ["--set", "world.goal=[2, 0]", "--set", "lidar.beams=8"]
@@ -87,6 +88,15 @@ def test_show_draws_the_world_of_a_seed(tmp_path: Path, image: Callable[[Path], 
     first, second = (image(tmp_path / f"{seed}.png") for seed in (3, 4))
     assert max(first.shape) == 200
     assert (first != second).any()
+
+
+def test_show_saves_the_world_of_a_seed_as_a_scenario(tmp_path: Path) -> None:
+    saved = tmp_path / "saved.yaml"
+    assert main(["show", "dynamic", "--seed", "3", "--set", "lidar.beams=8", "--save", str(saved)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["saved.yaml"]
+    drawn, loaded = Simulation("dynamic", overrides={"lidar.beams": 8}), Simulation(saved)
+    assert (drawn.reset(seeds=[3]) == loaded.reset(seeds=[3])).all()
+    assert loaded.scenario.world.family == "explicit"
 
 
 def test_evaluate_prints_a_table_and_fills_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

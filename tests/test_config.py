@@ -40,6 +40,8 @@ from bug_gym.config import (
 )
 
 BARN_FILE = "worlds.jsonl"
+MAP_FILE = "plan.yaml"
+RECORDING_FILE = "walk.csv"
 PAPER_MAP = Path(__file__).parents[2] / "shared" / "data" / "oni_wang_fig1.yaml"
 
 SQUARE = [[4, -2], [5, -2], [5, 2], [4, 2]]
@@ -72,6 +74,21 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
                 "at": [7, 7],
                 "motion": {"law": "random_walk", "speed": 0.2, "min_leg": 0.5, "max_leg": 0.7},
             },
+            {
+                "shape": {"circle": 0.2},
+                "at": [-7, 7],
+                "motion": {"law": "crowd", "speed": 1.1, "horizon": 1.5, "goals": [[7, -7], [0, 7]]},
+            },
+            {
+                "shape": {"circle": 0.2},
+                "at": [-7, 5],
+                "motion": {"law": "evade", "speed": 0.9, "sight": 2.5, "wander": 0.1},
+            },
+            {
+                "shape": {"circle": 0.2},
+                "at": [-7, 3],
+                "motion": {"law": "replay", "points": [[0.5, -7, 3], [1.5, -6.5, 4]]},
+            },
         ],
         "start": [0, 0, 0.1],
         "goal": [8, 0],
@@ -84,6 +101,9 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
         "moving": 0.25,
         "speeds": [0.0, 0.2],
         "laws": ["random_walk"],
+        "pedestrians": 3,
+        "pedestrian_radius": 0.25,
+        "pedestrian_speeds": [0.5, 0.6],
         "solvable": 0.5,
         "separation": 3.0,
         "start_clearance": 0.7,
@@ -102,6 +122,17 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
         "start": {"region": [-1, -1, 1, 1]},
         "goal": [19, 1],
     },
+    "hook": {
+        "bounds": [[-20, -20], [40, -20], [45, 0], [40, 20], [-20, 20]],
+        "centre": [9, 1],
+        "half_side": 5.0,
+        "wall": 0.5,
+        "slit": 1.5,
+        "slit_at": 1.0,
+        "rotation": 0.3,
+        "start": [8, 0, 1],
+        "goal": {"region": [25, -5, 30, 5]},
+    },
     "ring": {
         "bounds": [-20, -20, 20, 20],
         "centre": [10, 0],
@@ -112,15 +143,102 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
         "goal": [0, 0],
     },
     "maze": {"bounds": [0, 0, 12, 9], "passage": 1.5, "wall": 0.1, "loops": 0.2, "separation": 4.0},
+    "corridor": {"bounds": [0, 0, 40, 20], "width": 1.5, "shifts": 5, "wall": 0.4},
+    "rooms": {
+        "bounds": [0, 0, 16, 20],
+        "columns": 2,
+        "rows": 4,
+        "door": 1.0,
+        "wall": 0.1,
+        "loops": 0.5,
+        "unevenness": 0.2,
+        "start": {"region": [0, 0, 8, 8]},
+        "goal": {"region": [8, 8, 16, 20]},
+        "separation": 5.0,
+    },
+    "crossing": {
+        "bounds": [0, 0, 16, 12],
+        "streams": 2,
+        "lane": 1.0,
+        "radius": 0.25,
+        "gap": 2.0,
+        "speeds": [0.1, 0.2],
+        "apron": 2.5,
+        "start": [1, 6, 0],
+        "goal": [15, 6],
+        "separation": 3.0,
+    },
+    "forest": {
+        "bounds": [[0, 0], [20, 0], [20, 12], [0, 20]],
+        "trees": 30,
+        "sizes": [0.2, 0.4],
+        "solvable": 0.4,
+        "start_clearance": 0.5,
+        "goal_clearance": 0.25,
+        "start": [2, 2, 0],
+        "goal": {"region": [10, 5, 20, 10]},
+        "separation": 4.0,
+    },
+    "urban": {
+        "bounds": [0, 0, 20, 30],
+        "columns": 2,
+        "rows": 3,
+        "street": 1.0,
+        "unevenness": 0.1,
+        "squares": 0.25,
+        "courtyards": 1.0,
+        "gateways": 0.5,
+        "gateway": 1.1,
+        "depth": 0.5,
+        "start": [0.5, 0.5, 0],
+        "goal": [19.5, 29.5],
+        "separation": 9.0,
+    },
+    "beach": {
+        "bounds": [0, 0, 30, 40],
+        "obstacles": 9,
+        "sizes": [0.5, 1.5],
+        "corners_each": [3, 4],
+        "pedestrians": 6,
+        "radius": 0.25,
+        "speeds": [0.2, 0.3],
+        "solvable": 0.4,
+        "start_clearance": 1.0,
+        "goal_clearance": 0.5,
+        "start": {"region": [0, 0, 30, 5]},
+        "goal": {"region": [0, 35, 30, 40]},
+        "separation": 20.0,
+    },
     "oni_wang": {"bounds": [-20, -30, 50, 30], "start": "C", "goal": "B"},
     "barn": {"bounds": [-7, -1, 3, 15], "path": BARN_FILE, "world": 3},
+    "replay": {
+        "bounds": [-6, -5, 6, 5],
+        "path": RECORDING_FILE,
+        "margin": 0.5,
+        "radius": 0.2,
+        "window": [0.1, 0.9],
+        "start": [-5, -4, 0],
+        "goal": [5, 4],
+    },
+    "ros_map": {
+        "bounds": [0, 0, 3, 2],
+        "path": MAP_FILE,
+        "unknown_is_wall": True,
+        "solvable": 0.25,
+        "start": [1, 1, 0],
+        "goal": [2, 1],
+        "separation": 0.5,
+    },
 }
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with a file of worlds in it."""
+    """The working directory, with a file of worlds, a map and a recording in it."""
     (tmp_path / BARN_FILE).write_text("{}\n")
+    (tmp_path / RECORDING_FILE).write_text("time_s,pedestrian,x_m,y_m\n0,1,0,0\n1,1,2,3\n")
+    (tmp_path / MAP_FILE).write_text("image: plan.pgm\nresolution: 1.0\norigin: [0, 0, 0]\n")
+    (tmp_path / "plan.pgm").write_text("P2 3 2 255 255 255 255 255 255 255\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -600,7 +718,7 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ({"world": {"family": "empty", "separation": 29}}, "world.separation", "got 29, expected at most 28.28"),
         ({"world": {"family": "empty", "start": [9.9, 0, 0]}}, "world.start", "in its way: the border"),
         ({"world": {"family": "field", "sizes": [2, 1]}}, "world.sizes", "expected [least, most]"),
-        ({"world": {"family": "field", "laws": ["fly"]}}, "world.laws.0", "expected 'bounce' or 'random_walk'"),
+        ({"world": {"family": "field", "laws": ["fly"]}}, "world.laws.0", "'random_walk' or 'crowd'"),
         ({"world": {"family": "field", "moving": 0.5, "laws": []}}, "world.laws", "at least one of"),
         ({"world": {"family": "field", "solvable": 0.1}}, "world.solvable", "at least the robot's reach (0.2)"),
         (

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,18 @@ def explicit(robot: dict[str, Any] | None = None, lidar: dict[str, Any] | None =
 def outcome(simulation: Simulation, robot: int = 0) -> str:
     """The present outcome of a robot, as the info names it."""
     return str(simulation.info()["outcome"][0, robot])
+
+
+# ------------------------------------------------------------------------------------------------ sine and cosine
+
+
+def test_sine_and_cosine_are_the_librarys_to_two_units_in_the_last_place() -> None:
+    quarters = 0.5 * math.pi * np.arange(-9, 10)
+    random = np.random.default_rng(1).uniform(-1.0, 1.0, 2000)
+    for angle in [*quarters, *(math.pi * random), *(6000.0 * random)]:
+        sin, cos = CONTACTS.sin_cos(angle)
+        assert abs(sin - math.sin(angle)) <= 3.0 * math.ulp(math.sin(angle))  # the library may be off by one
+        assert abs(cos - math.cos(angle)) <= 3.0 * math.ulp(math.cos(angle))
 
 
 # ------------------------------------------------------------------------------------------------ contact on chords
@@ -527,6 +540,33 @@ def test_a_corner_that_is_given_twice_does_not_disturb_the_scan(corner: list[flo
     assert plain.world.ranges.min() > 0.0
     clearances = [simulation.info()["min_clearance"][0, 0] for simulation in (plain, doubled)]
     assert clearances[0] == pytest.approx(clearances[1], abs=1e-8)
+
+
+SHELL = [[2.0, -2.0], [5.0, -1.5], [4.5, 2.5], [3.0, 0.5], [1.5, 2.0]]
+HOLE = [[2.5, -1.0], [3.5, -1.0], [3.5, 0.0], [2.5, 0.0]]
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0], [3.0, 1.2], [3.0, -0.5], [3.3, 4.0], [6.0, -3.0]])
+def test_a_polygon_looks_the_same_whichever_way_its_corners_run(start: list[float]) -> None:
+    """From afar, from its notch, from its hole: walls that face away are left out only where others hide them."""
+    scans = []
+    for shell, hole in product((SHELL, SHELL[::-1]), (HOLE, HOLE[::-1])):
+        polygon = {"shell": shell, "holes": [hole]}
+        simulation = explicit(
+            {"radius": 0.05}, {"beams": 90, "range": 8.0}, polygons=[polygon], start=[*start, 0.3], goal=[-5.0, 5.0]
+        )
+        simulation.reset(seeds=[0])
+        scans.append(simulation.world.ranges[0, 0].copy())
+    outline = shapely.Polygon(SHELL, [HOLE]).boundary
+    for beam, distance in enumerate(scans[0].tolist()):
+        angle = 0.3 + 2.0 * math.pi * beam / 90
+        ray = shapely.LineString([start, [start[0] + 8.0 * math.cos(angle), start[1] + 8.0 * math.sin(angle)]])
+        seen = shapely.Point(start).distance(ray.intersection(outline)) if ray.intersects(outline) else 8.0
+        assert distance <= seen + 1e-5  # the border may be nearer
+        if distance < seen - 1e-5:
+            end = np.array(start) + distance * np.array([math.cos(angle), math.sin(angle)])
+            assert np.abs(end).max() == pytest.approx(10.0, abs=1e-5)
+    assert all(np.array_equal(scan, scans[0]) for scan in scans)
 
 
 def test_robots_see_the_bodies_of_one_another() -> None:

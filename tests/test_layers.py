@@ -14,7 +14,7 @@ PACKAGE = ROOT / "bug_gym"
 
 # Row n is layer n. A module imports from its own layer and from those above it in this table, without a cycle.
 LAYERS = (
-    ("kernels", "kinematics", "config", "ros_map"),
+    ("kernels", "kinematics", "config", "recordings", "ros_map"),
     ("world", "scenarios", "floor_plans", "maps", "shortest_path"),
     ("observation", "task"),
     ("simulation", "policy"),

@@ -483,6 +483,7 @@ DIGESTS = {
     "BugGym/MovingTarget-v0": "3e388e00f59f6364902a990ee19c718305a419d89871a042c200f0c3307cebbd",
     "BugGym/Rush-v0": "d8a6390b47d7d11c925b2355dc457df0b65bc5fdcef7e933e4f672f15ab88203",
     "BugGym/Maze-v0": "d0f088f8ef9b8885872fc74f5075ae6ed40779429c7ef2cdfcc0d62760e6e0b8",
+    "BugGym/Crowd-v0": "2d2f96b3bc5cd54e0608adc99acdc1666d4459ed2b85b24f449d971b84099a97",
 }
 """SHA-256 of a seeded rollout of each id: the only values that come from a run. What changes them makes a new -v1."""
 

@@ -40,7 +40,8 @@ def wheel(built: Path) -> zipfile.ZipFile:
 
 def shipped_files() -> set[str]:
     """The files of the checkout that belong into a wheel."""
-    files = {f"bug_gym/{path.name}" for path in (ROOT / "bug_gym").glob("*.py")} | {"bug_gym/py.typed"}
+    own = [*(ROOT / "bug_gym").glob("*.py"), *(ROOT / "bug_gym" / "reproductions").glob("*.py")]
+    files = {path.relative_to(ROOT).as_posix() for path in own} | {"bug_gym/py.typed"}
     linked = [*ROOT.glob("agents/**/*.py"), *ROOT.glob("configs/**/*.yaml"), *ROOT.glob("agents/trained/**/*.*")]
     return files | {f"bug_gym/{path.relative_to(ROOT).as_posix()}" for path in linked}
 

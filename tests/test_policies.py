@@ -220,14 +220,14 @@ def test_bad_parameters_of_bugs_are_refused(name: str, parameters: dict[str, Any
 
 @pytest.mark.parametrize("source", ["scenario", "env", "vector", "parallel", "aec"])
 def test_a_policy_is_made_from_any_face(source: str) -> None:
-    made: Any = {
+    makers: dict[str, Any] = {
         "scenario": lambda: "static",
         "env": lambda: gym.make("BugGym/Static-v0"),
         "vector": lambda: gym.make_vec("BugGym/Static-v0", num_envs=2),
         "parallel": lambda: bug_gym.parallel_env("static", robots=2),
         "aec": lambda: bug_gym.env("static", robots=2),
-    }[source]()
-    policy = make_policy("bug2", made)
+    }
+    policy = make_policy("bug2", makers[source]())
     assert isinstance(policy, ScriptedPolicy) and len(policy.sensors.angles) == 64
 
 

@@ -65,7 +65,7 @@ def drive(simulation: Simulation, velocity: tuple[float, float], steps: int, can
 
 def color_at(canvas: Canvas, frame: Frame, x: float, y: float) -> tuple[int, int, int]:
     """The pixel of a place, from the rule of the picture: bounds centred, equal scales, y up."""
-    xmin, ymin, xmax, ymax = canvas.simulation.scenario.world.bounds
+    xmin, ymin, xmax, ymax = canvas.simulation.scenario.world.box
     height, width, _ = frame.shape
     scale = (max(width, height) - 2.0 * canvas.margin) / max(xmax - xmin, ymax - ymin)
     column = 0.5 * width + scale * (x - 0.5 * (xmin + xmax))

@@ -21,8 +21,8 @@ BLANK = EpisodeRow(
     "a", "box", 0, 0, "success", "", True, 8.0, 80, 8.0, 0.2, 8.0, 1.0, nan, 0.5, 0, 0.0, 0.004, 0.01, 0.1
 )
 ROWS = [
-    replace(BLANK, policy="bug2", seed=1, time=10.0, path_length=10.0, spl=0.8),
-    replace(BLANK, policy="bug2", seed=2, time=20.0, path_length=14.0, spl=8.0 / 14.0),
+    replace(BLANK, policy="bug2", seed=1, time=10.0, path_length=9.8, goal_distance=0.2, spl=0.8),
+    replace(BLANK, policy="bug2", seed=2, time=20.0, path_length=13.8, goal_distance=0.2, spl=8.0 / 14.0),
     replace(BLANK, policy="[red]pipe|d[/red]", seed=1, outcome="collision", success=False, spl=0.0),
     replace(BLANK, policy="[red]pipe|d[/red]", seed=2, outcome="gave_up", success=False, spl=0.0, verdict="stuck"),
 ]

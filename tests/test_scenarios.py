@@ -251,7 +251,7 @@ def test_a_field_of_few_obstacles_is_a_world_too(overrides: dict[str, Any]) -> N
 
 def test_a_field_refuses_what_it_cannot_have() -> None:
     way_points = {"law": "waypoints", "points": [[0, 0]], "speed": 1.0}
-    with pytest.raises(ValueError, match="bounce or random_walk, not waypoints"):
+    with pytest.raises(ValueError, match="crowd or evade, not waypoints"):
         field(1, target_motion=way_points)
     with pytest.raises(ValueError, match=r"give robots.count instead"):
         field(1, robots=[{"start": [0, 0, 0]}])
