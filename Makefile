@@ -15,6 +15,8 @@ run: .venv/run.stamp  ## set up once, then evaluate every policy on the quick su
 	$(BIN)/bug-gym evaluate --suite quick --workers 2 --out $(OUT)
 
 test: lint  ## set up once, then lint and test
+	# One process compiles the kernels first: several that do so together can spoil numba's cache.
+	$(BIN)/bug-gym evaluate --suite smoke > /dev/null
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: .venv/test.stamp  ## ruff and mypy --strict
