@@ -151,6 +151,8 @@ class Contour:
     """Total turning since the hit [rad]; a closed lap adds or takes 2 pi."""
     steps: int = 0
     """Steps with motion since the hit."""
+    aligned: int = 0
+    """Steps in a row on the contour without turning away from the wall."""
     gate: Gate | None = None
     """Door where the lap began; None until the robot goes along the wall."""
     is_lap_closed: bool = False
@@ -203,6 +205,8 @@ class Survey:
     """From that point to the goal [m]."""
     next_wall: float = math.inf
     """Distance to the goal at the end of the free way from there straight toward it [m]; infinite without one."""
+    before: float = math.inf
+    """Distance to the goal at the last decision [m]."""
     is_second_lap: bool = False
     """Whether the lap is closed, and the robot on its way to that point."""
 
@@ -395,8 +399,11 @@ class Boundary:
         # Where the step began: the next lap may turn back in a dead end up to a step before where it ended.
         gate = Gate(contour.before, heading, contour.odometer - length, contour.turned)
         if contour.gate is None:
-            # Aligned with the wall, or on a contour so tight that it never goes straight.
-            if (contour.steps > 1 and abs(change) < math.radians(10.0)) or contour.steps > 4:
+            # In a wedge the hit point lies deeper than a lap will lead, and next to a corner the way comes from behind.
+            is_lap = view.nearest()[0] >= self.clearance - self.touch
+            is_turning = contour.side * change > math.radians(10.0)
+            contour.aligned = contour.aligned + 1 if is_lap and not is_turning else 0
+            if contour.aligned > 2 or contour.steps > LONGEST_ALIGNING:
                 contour.gate = gate
             return
         if math.dist(view.goal_position, contour.goal) > TARGET_MOVED:
@@ -535,8 +542,9 @@ class Boundary:
             "leave": leave straight toward the goal, now; "unreachable": two laps or one have shown that there is no
             way; "": go on.
         """
-        distance = view.goal_distance
-        is_there = survey.is_second_lap and distance <= survey.distance + 0.5 * self.step
+        distance, before = view.goal_distance, survey.before
+        survey.before = distance
+        is_there = survey.is_second_lap and before <= distance <= survey.distance + 0.5 * self.step
         if is_there and self.free_way(view, view.goal_bearing, distance) > 0.0:
             return "leave"
         if contour.is_lap_closed:
@@ -649,6 +657,9 @@ class Boundary:
 
 TRIED = math.radians(3.0)
 """Angle between the headings that boundary following tries [rad]; the first open one is refined."""
+
+LONGEST_ALIGNING = 10
+"""Steps after which a lap begins where the robot is, aligned with the wall or not."""
 
 OUTWARD = math.radians(45.0)
 """How far from the wall's side a robot looks for the middle of a narrow gap [rad]."""

@@ -258,6 +258,36 @@ class Polygon(Part):
         return shapely.Polygon(moved(self.shell), [moved(hole) for hole in self.holes])
 
 
+class WeightedRegion(Part):
+    """Ground that is hard to cross: a robot whose centre is in it has its greatest speeds divided by the factor.
+
+    Nothing else minds it: no beam, no contact, no mover. Where regions overlap the largest factor counts.
+    """
+
+    polygon: Polygon | None = None
+    """Corners x, y [m], or `{shell, holes}`."""
+    circle: Disc | None = None
+    """x, y, radius [m], instead of `polygon`."""
+    factor: Annotated[float, Strict(), Field(ge=1.0)]
+    """What a metre in it costs, in metres of open ground."""
+
+    @model_validator(mode="after")
+    def _has_one_outline(self) -> Self:
+        if (self.polygon is None) == (self.circle is None):
+            raise _wrong("expected either polygon: [[x, y], ...] or circle: [x, y, radius]", "polygon")
+        return self
+
+    def geometry(self) -> BaseGeometry:
+        """The region as shapely's; a circle as a polygon of 256 corners."""
+        import shapely
+
+        if self.polygon is not None:
+            return self.polygon.geometry()
+        assert self.circle is not None
+        x, y, radius = self.circle
+        return shapely.Point(x, y).buffer(radius, quad_segs=64)
+
+
 def _tags(union: Any, discriminator: str) -> list[str]:
     """The names that a discriminated union of parts knows."""
     members = get_args(get_args(union)[0])
@@ -496,6 +526,8 @@ class Family(Part):
 
     bounds: Bounds = (-10.0, -10.0, 10.0, 10.0)
     """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall."""
+    regions: tuple[WeightedRegion, ...] = ()
+    """Ground that slows robots down, the same in each world: `{polygon: ..., factor: 2.5}`."""
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -1140,7 +1172,7 @@ class UrbanWorld(DrawnPlaces):
 
 
 class BeachWorld(DrawnPlaces):
-    """Irregular obstacles far apart on a long beach, and pedestrians who stroll among them.
+    """Irregular obstacles far apart on a long beach, and pedestrians who walk among them.
 
     After the beach of the D2T-eACO paper (section 7.3: 50 m x 100 m, 28 obstacles).
     """
@@ -1160,6 +1192,8 @@ class BeachWorld(DrawnPlaces):
     """Radius of a pedestrian [m]."""
     speeds: Interval = (0.5, 1.3)
     """Least and greatest speed of a pedestrian [m/s]."""
+    law: Literal["crowd", "random_walk"] = "crowd"
+    """Their motion law: to places that are drawn, making way for one another and for the robot, or at random."""
     solvable: Positive | None = 0.5
     """Clearance [m] at which a path is certain: gaps between obstacles, and to the border, are at least twice as wide.
     None: no such promise, and obstacles may overlap."""
@@ -1234,9 +1268,9 @@ class BarnWorld(Family):
 class RosMapWorld(DrawnPlaces):
     """An occupancy map as ROS's map_server reads it: a YAML file that names a picture, its scale and its place.
 
-    Its keys are `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh` and `mode: trinary`. The picture
-    is a .pgm, or what pillow reads (extra `maps`), of at most 16,000,000 pixels. Occupied cells become polygons, drawn
-    straighter than the cells by at most half a cell. Start and goal are drawn from free cells.
+    Its keys are `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh` and `mode: trinary`. The
+    picture is a .pgm, or what pillow reads (extra `maps`), of at most 16,000,000 pixels. Occupied cells become polygons,
+    drawn straighter than the cells by at most half a cell. Start and goal are drawn from free cells.
     """
 
     family: Literal["ros_map"]

@@ -64,6 +64,7 @@ TERMS = 6  # progress, goal, collision, step, clearance, smoothness
 BORDER = -1  # polygon number of the border's wall segments
 MAX_VERTICES = 7  # of a polygon made by place_field
 EVERY_GOAL = -1
+TERRAIN_HEADINGS, TERRAIN_RINGS, TERRAIN_STEP = 32, 16, 0.25  # samples of the ground: bearings, and distances [m]
 
 # Streams of the counter-based random numbers: one for each use, so that none shares numbers with another.
 STREAM_WORLD, STREAM_RANGES, STREAM_ODOMETRY, STREAM_WALK, STREAM_POLICY = 1, 2, 3, 4, 5
@@ -134,7 +135,7 @@ INT_ARRAYS = (
     "border_walls",
 )
 COUNTS = ("robots", "discs", "polygons", "goals", "bodies", "walls", "ways", "beams", "footprint", "width")
-INT_CONSTANTS = ("kinematics", "limit_steps", "goal_by_odometry")
+INT_CONSTANTS = ("kinematics", "limit_steps", "goal_by_odometry", "regions")
 FLOAT_CONSTANTS = (
     "step",
     "max_speed",
@@ -1296,17 +1297,95 @@ def steer_bodies(
         f[s.body_vx + b], f[s.body_vy + b] = chosen[2 * i], chosen[2 * i + 1]
 
 
+# ---------------------------------------------------------------------------------------------- ground
+# `regions` holds one after another, for each region: its factor, the centre and the radius of a disc that holds it, the
+# number of its edges, and their ends x1, y1, x2, y2. One without edges is that disc.
+
+REGION_HEAD = 5  # numbers before the edges
+
+
+@inlined
+def _samples_before(distance: float) -> np.int64:
+    """Bits of the samples at 0, TERRAIN_STEP ... TERRAIN_RINGS * TERRAIN_STEP that are nearer than a distance."""
+    count = min(max(math.ceil(distance / TERRAIN_STEP), 0), TERRAIN_RINGS + 1)
+    return (np.int64(1) << np.int64(count)) - np.int64(1)
+
+
+@kernel
+def samples_inside(regions: Floats, at: int, x: float, y: float, cos: float, sin: float) -> np.int64:
+    """Bits of the samples along a ray from (x, y) that lie in the region at `regions[at]`; bit 0 is (x, y) itself.
+
+    A point is inside where an odd number of edges crosses the ray beyond it. An end on the ray counts as below it.
+    """
+    edges = np.int64(regions[at + 4])
+    if edges == 0:
+        dx, dy, radius = regions[at + 1] - x, regions[at + 2] - y, regions[at + 3]
+        along, height = cos * dx + sin * dy, cos * dy - sin * dx
+        square = radius * radius - height * height
+        half = math.sqrt(max(square, 0.0))
+        return _samples_before(along + half) ^ _samples_before(along - half)
+    inside = np.int64(0)
+    for edge in range(edges):
+        first = at + REGION_HEAD + 4 * edge
+        ax, ay = regions[first] - x, regions[first + 1] - y
+        bx, by = regions[first + 2] - x, regions[first + 3] - y
+        a, b = cos * ay - sin * ax, cos * by - sin * bx
+        if (a > 0.0) != (b > 0.0):
+            near, far = cos * ax + sin * ay, cos * bx + sin * by
+            inside ^= _samples_before(near + a / (a - b) * (far - near))
+    return inside
+
+
+@inlined
+def factor_at(s: Record, regions: Floats, x: float, y: float) -> float:
+    """The largest factor of the regions that hold a point, 1 where none does."""
+    factor, at = 1.0, 0
+    for _ in range(s.regions):
+        dx, dy, radius = regions[at + 1] - x, regions[at + 2] - y, regions[at + 3]
+        if regions[at] > factor and dx * dx + dy * dy <= radius * radius:
+            if samples_inside(regions, at, x, y, 1.0, 0.0) & 1:
+                factor = regions[at]
+        at += REGION_HEAD + 4 * np.int64(regions[at + 4])
+    return factor
+
+
+@inlined
+def sample_ground(s: Record, regions: Floats, ground: Ranges, x: float, y: float, heading: float) -> None:
+    """Fill `ground` (TERRAIN_HEADINGS * TERRAIN_RINGS,) with the factors about a pose, ring by ring in each heading."""
+    ground[:] = 1.0
+    at = 0
+    for _ in range(s.regions):
+        factor = np.float32(regions[at])
+        dx, dy, reach = regions[at + 1] - x, regions[at + 2] - y, regions[at + 3] + TERRAIN_RINGS * TERRAIN_STEP
+        if dx * dx + dy * dy < reach * reach:
+            for i in range(TERRAIN_HEADINGS):
+                sin, cos = sin_cos(heading + i * (TWO_PI / TERRAIN_HEADINGS))
+                inside = samples_inside(regions, at, x, y, cos, sin) >> 1
+                for j in range(TERRAIN_RINGS):
+                    if inside >> j & 1:
+                        ground[TERRAIN_RINGS * i + j] = max(ground[TERRAIN_RINGS * i + j], factor)
+        at += REGION_HEAD + 4 * np.int64(regions[at + 4])
+
+
 # ---------------------------------------------------------------------------------------------- robots
 
 
 @inlined
-def drive(f: Floats, s: Record, r: int, first: float, second: float) -> None:
-    """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose)."""
+def drive(f: Floats, s: Record, regions: Floats, r: int, first: float, second: float) -> None:
+    """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose).
+
+    The ground where its centre is now divides its greatest speeds: it enters a region as slow as that lets it be.
+    """
     step = s.step
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    max_speed, max_reverse = s.max_speed, s.max_reverse
+    if s.regions > 0:
+        factor = factor_at(s, regions, x, y)
+        max_speed, max_reverse = max_speed / factor, max_reverse / factor
+        slow_down(f, s, r, max_speed, max_reverse)
     if s.kinematics == HOLONOMIC:
         norm = max(length(first, second), 1.0)
-        vx, vy = first / norm * s.max_speed, second / norm * s.max_speed
+        vx, vy = first / norm * max_speed, second / norm * max_speed
         dvx, dvy = vx - f[s.velocity + 2 * r], vy - f[s.velocity + 2 * r + 1]
         change = length(dvx, dvy)
         if change > s.max_acceleration * step:
@@ -1319,7 +1398,7 @@ def drive(f: Floats, s: Record, r: int, first: float, second: float) -> None:
         f[s.velocity + 2 * r] = vx
         f[s.velocity + 2 * r + 1] = vy
         return
-    speed = -s.max_reverse + 0.5 * (first + 1.0) * (s.max_speed + s.max_reverse)
+    speed = -max_reverse + 0.5 * (first + 1.0) * (max_speed + max_reverse)
     limit = s.max_acceleration * step
     speed = min(max(speed, f[s.velocity + 2 * r] - limit), f[s.velocity + 2 * r] + limit)
     rate = second * s.max_turn_rate
@@ -1334,6 +1413,18 @@ def drive(f: Floats, s: Record, r: int, first: float, second: float) -> None:
     f[s.next_pose + 3 * r + 2] = heading + 2.0 * half
     f[s.velocity + 2 * r] = speed
     f[s.velocity + 2 * r + 1] = rate
+
+
+@inlined
+def slow_down(f: Floats, s: Record, r: int, max_speed: float, max_reverse: float) -> None:
+    """Cut robot r's velocity of the last step to what the ground under it allows."""
+    if s.kinematics == HOLONOMIC:
+        speed = length(f[s.velocity + 2 * r], f[s.velocity + 2 * r + 1])
+        share = max_speed / speed if speed > max_speed else 1.0
+        f[s.velocity + 2 * r] *= share
+        f[s.velocity + 2 * r + 1] *= share
+    else:
+        f[s.velocity + 2 * r] = clip(f[s.velocity + 2 * r], -max_reverse, max_speed)
 
 
 @inlined
@@ -1684,6 +1775,7 @@ def step_row(
     s: Record,
     beams: Floats,
     footprint: Floats,
+    regions: Floats,
     scratch: Floats,
     scratch_int: Integers,
     actions: Floats,
@@ -1699,7 +1791,7 @@ def step_row(
     robots = s.robots
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
-            drive(f, s, r, clip(actions[r, 0], -1.0, 1.0), clip(actions[r, 1], -1.0, 1.0))
+            drive(f, s, regions, r, clip(actions[r, 0], -1.0, 1.0), clip(actions[r, 1], -1.0, 1.0))
         else:
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
@@ -1714,7 +1806,7 @@ def step_row(
             for i in range(TERMS):
                 f[s.terms + TERMS * r + i] = 0.0
     for r in range(robots):
-        observe(f, k, observation[r], s, beams, footprint, scratch, scratch_int, r)
+        observe(f, k, observation[r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 # Rows of many walls don't stay in the processor's cache, and which walls a step needs is known only when the places of
@@ -1753,6 +1845,7 @@ def step_rows(
     spec: Record,
     beams: Floats,
     footprint: Floats,
+    regions: Floats,
     scratch: Floats,
     scratch_int: Integers,
     actions: Floats,
@@ -1768,7 +1861,7 @@ def step_rows(
             fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, scratch_int)
         if i >= 0:
             n = rows[i]
-            step_row(floats[n], ints[n], observation[n], s, beams, footprint, scratch, scratch_int, actions[i])
+            step_row(floats[n], ints[n], observation[n], s, beams, footprint, regions, scratch, scratch_int, actions[i])
 
 
 # ---------------------------------------------------------------------------------------------- rays
@@ -2461,11 +2554,12 @@ def observe(
     s: Record,
     beams: Floats,
     footprint: Floats,
+    regions: Floats,
     scratch: Floats,
     scratch_int: Integers,
     r: int,
 ) -> None:
-    """Fill robot r's observation (D,): ranges, goal, pose, velocity, peers, in the order of observation.FIELDS."""
+    """Fill robot r's observation (D,): ranges, goal, pose, velocity, terrain, peers, as observation.fields says."""
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     sin, cos = sin_cos(heading)
     discs = k[s.disc_count]
@@ -2523,6 +2617,10 @@ def observe(
     observation[at + 5] = f[s.velocity + 2 * r]
     observation[at + 6] = f[s.velocity + 2 * r + 1]
     at += 7
+    if s.regions > 0:
+        samples = TERRAIN_HEADINGS * TERRAIN_RINGS
+        sample_ground(s, regions, observation[at : at + samples], x, y, heading)
+        at += samples
     for other in range(s.robots):
         if other != r:
             dx, dy = f[s.pose + 3 * other] - x, f[s.pose + 3 * other + 1] - y
@@ -2585,6 +2683,7 @@ def begin_row(
     s: Record,
     beams: Floats,
     footprint: Floats,
+    regions: Floats,
     scratch: Floats,
     scratch_int: Integers,
 ) -> None:
@@ -2625,7 +2724,7 @@ def begin_row(
         f[s.clearance + r] = clearance_at(f, k, s, footprint, r)
         f[s.min_clearance + r] = f[s.clearance + r]
     for r in range(s.robots):
-        observe(f, k, observation[r], s, beams, footprint, scratch, scratch_int, r)
+        observe(f, k, observation[r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 @kernel
@@ -2636,6 +2735,7 @@ def begin_rows(
     spec: Record,
     beams: Floats,
     footprint: Floats,
+    regions: Floats,
     scratch: Floats,
     scratch_int: Integers,
     rows: Integers,
@@ -2644,7 +2744,7 @@ def begin_rows(
     s = spec[0]
     for i in range(rows.size):
         n = rows[i]
-        begin_row(floats[n], ints[n], observation[n], s, beams, footprint, scratch, scratch_int)
+        begin_row(floats[n], ints[n], observation[n], s, beams, footprint, regions, scratch, scratch_int)
 
 
 # ---------------------------------------------------------------------------------------------- placing obstacles
@@ -2756,7 +2856,7 @@ def place_body(f: Floats, k: Integers, s: Record, p: Record, b: int, moves: bool
 def law_in_turn(laws: int, number: int) -> int:
     """The law of mover number `number`, where the laws of these bits take turns."""
     bits = (laws & 1) + (laws >> 1 & 1) + (laws >> 2 & 1)
-    turn = number % bits
+    turn = number % 3 if bits == 3 else number & (bits - 1)
     if laws & BOUNCE_BIT:
         if turn == 0:
             return BOUNCE

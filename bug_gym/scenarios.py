@@ -255,9 +255,7 @@ def check_places(scenario: Scenario, layout: Layout) -> None:
             raise ValueError(f"the goal {[x, y]} lies in an obstacle or outside")
 
 
-def obstacles_of(
-    circles: F64, polygons: tuple[Rings, ...], movers: Sequence[Mover]
-) -> tuple[F64, tuple[Rings, ...]]:
+def obstacles_of(circles: F64, polygons: tuple[Rings, ...], movers: Sequence[Mover]) -> tuple[F64, tuple[Rings, ...]]:
     """Still obstacles and movers that are there, where they begin, as circles (n, 3) and polygons."""
     movers = [mover for mover in movers if mover.is_there]
     round_ones = [(*mover.at, float(mover.outline)) for mover in movers if mover.is_circle]
@@ -524,7 +522,7 @@ def forest(scenario: Scenario, world: ForestWorld, rng: Rng) -> Layout:
 
 
 def beach(scenario: Scenario, world: BeachWorld, rng: Rng) -> Layout:
-    """Irregular obstacles and pedestrians who stroll among them."""
+    """Irregular obstacles and pedestrians who walk among them."""
 
     def furnish(start: Pose, goal: Place) -> Layout:
         discs = scattered(scenario, world, world.obstacles, start, goal, rng)
@@ -636,12 +634,17 @@ def pedestrians(
         raise ValueError(f"only {len(places)} of {world.pedestrians} pedestrians found a free place")
     least, most = PEDESTRIAN_LEGS
     speeds = rng.uniform(*world.speeds, len(places)).tolist()
-    motions = [RandomWalk(law="random_walk", speed=speed, min_leg=least, max_leg=most) for speed in speeds]
+    motions: list[Motion] = [
+        Crowd(law="crowd", speed=speed)
+        if world.law == "crowd"
+        else RandomWalk(law="random_walk", speed=speed, min_leg=least, max_leg=most)
+        for speed in speeds
+    ]
     return tuple(Mover(radius, (x, y), motion) for (x, y, _), motion in zip(places.tolist(), motions, strict=True))
 
 
 PEDESTRIAN_LEGS = (3.0, 10.0)
-"""Least and greatest time for which a pedestrian keeps a direction [s]."""
+"""Least and greatest time for which a pedestrian who walks at random keeps a direction [s]."""
 
 
 def ros_map(scenario: Scenario, world: RosMapWorld, rng: Rng) -> Layout:
@@ -919,6 +922,7 @@ def as_explicit(scenario: Scenario, layout: Layout) -> Scenario:
     world: dict[str, Any] = {
         "family": "explicit",
         "bounds": [xmin, ymin, xmax, ymax] if is_box else layout.border.tolist(),
+        "regions": scenario.world.regions,
         "circles": layout.circles.tolist(),
         "polygons": [polygon_data(rings) for rings in layout.polygons],
         "movers": [mover_data(mover) for mover in layout.movers],

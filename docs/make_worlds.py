@@ -44,21 +44,21 @@ PICTURES = {*EXAMPLES, "ros_map"}
 HEAD = """# Worlds
 
 A scenario's `world` is of one of these families. Each has its keys and their defaults here; a file holds only what
-differs from them. `bug-gym show SCENARIO --seed 3 --out world.png` draws a world,
-`bug-gym show SCENARIO --seed 3 --save world.yaml` writes it out with every obstacle as an `explicit` world. Lengths are in
-metres, angles in radians, times in seconds.
+differs from them. `bug-gym show SCENARIO --seed 3 --out world.png` draws a world, and
+`bug-gym show SCENARIO --seed 3 --save world.yaml` writes it out with every obstacle, as an `explicit` world. Lengths
+are in metres, angles in radians, times in seconds.
 
-`start` is `[x, y, heading]` or `{region: [xmin, ymin, xmax, ymax], heading: ...}`, `goal` is `[x, y]` or `{region: [...]}`. A
-world is a function of the seed and of the episode's number. Where a promise is made (a path at some clearance, gaps
-of some width) it holds by construction, or worlds are drawn until one keeps it.
+`start` is `[x, y, heading]` or `{region: [xmin, ymin, xmax, ymax], heading: ...}`, `goal` is `[x, y]` or
+`{region: [...]}`. A world is a function of the seed and of the episode's number. Where a promise is made (a path at
+some clearance, gaps of some width) it holds by construction, or worlds are drawn until one keeps it.
 
 This page and its pictures are made by `python docs/make_worlds.py` from the docstrings in `bug_gym/config.py`.
 """
 
 BORDERS = """## Borders that are polygons
 
-`bounds` may also be the corners of a simple polygon, which is then the wall of the world: in every family whose table says
-so. Observations are scaled, pictures cut and places drawn by the box around it. `configs/scenarios/hexagon.yaml`:
+`bounds` may also be the corners of a simple polygon, which is then the wall of the world: in every family whose table
+says so. Observations are scaled, pictures cut and places drawn by the box around it. `configs/scenarios/hexagon.yaml`:
 
 ![hexagon](worlds/hexagon.png)
 """

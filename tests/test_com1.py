@@ -168,6 +168,22 @@ def test_a_lap_that_leads_into_a_narrow_wedge_is_closed_all_the_same(
     assert contour.length - 0.5 <= lap <= 1.03 * contour.length + 0.2
 
 
+@pytest.mark.parametrize(
+    ("start", "goal", "turn", "opening"),
+    [((11.0, -2.2), (4, -3.5), "right", 16.0), ((12.06, 0.0), (4, -4), "right", 8.0), ((11.0, -2.2), (4, -3.5), "left", 34.0)],
+)
+@pytest.mark.parametrize("policy", ["bug1", "bug2", *CLOSER])
+def test_a_lap_that_begins_or_turns_in_the_end_of_a_wedge_is_closed(
+    policy: str, start: tuple[float, float], goal: tuple[float, float], turn: str, opening: float
+) -> None:
+    """Here a gate next to the corner was never passed again, or a turn was taken for one to the other side."""
+    polygons = [*ROOM, leaning_plate((8, -3), math.radians(opening))]
+    heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
+    scenario = explicit(polygons, [*start, heading], [*goal])
+    scenario["time"]["limit"] = 130.0
+    assert run_episode(policy, scenario, turn=turn, clearance=0.5).verdict == "unreachable"
+
+
 # Ideal lengths on the map of Oni and Wang at a clearance of 1 m, turning left, rounded contour. The record of Class1
 # and the hit point of Com1 are the same thing there.
 COM1_ROUTES = {"AB": 17.10, "AC": 128.98, "AD": 42.82, "BA": 130.68, "BC": 116.42, "BD": 31.68}

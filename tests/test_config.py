@@ -202,6 +202,7 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
         "pedestrians": 6,
         "radius": 0.25,
         "speeds": [0.2, 0.3],
+        "law": "random_walk",
         "solvable": 0.4,
         "start_clearance": 1.0,
         "goal_clearance": 0.5,

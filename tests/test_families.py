@@ -337,11 +337,12 @@ def test_a_beach_is_as_large_and_as_full_as_stated() -> None:
         assert gaps(still, [(border_of(layout).exterior, 0.0)]).min() >= 1.0 - 1e-9
         assert gaps(moving, still).min() >= 0.0
         for mover in layout.movers:
-            assert mover.motion.law == "random_walk" and 0.5 <= mover.motion.speed <= 1.3
+            assert mover.motion.law == "crowd" and 0.5 <= mover.motion.speed <= 1.3
 
 
-def test_pedestrians_never_leave_the_beach_whatever_its_border() -> None:
-    scenario = load(scenario_of("beach", bounds=ELL, obstacles=5, sizes=[0.5, 1.0], separation=8.0))
+@pytest.mark.parametrize("law", ["crowd", "random_walk"])
+def test_pedestrians_never_leave_the_beach_whatever_its_border(law: str) -> None:
+    scenario = load(scenario_of("beach", bounds=ELL, obstacles=5, sizes=[0.5, 1.0], separation=8.0, law=law))
     simulation = Simulation(scenario, count=5)
     simulation.reset(seeds=list(range(5)))
     border = shapely.Polygon(ELL)
@@ -565,7 +566,10 @@ def test_a_world_that_is_saved_and_loaded_is_the_same_bit_for_bit(name: str, tmp
         assert (observation == drawn.observations()).all()
 
 
-@pytest.mark.parametrize("name", ["rush", "crossing", "beach", "maze", "forest", "hexagon", "two_boxes", "moving goal"])
+GOING_ON = ("rush", "crossing", "beach", "maze", "forest", "hexagon", "two_boxes", "moving goal")
+
+
+@pytest.mark.parametrize("name", [*GOING_ON, "crowd", "evading_target", "replay"])
 def test_a_saved_world_goes_on_as_the_drawn_one_does(name: str) -> None:
     """Round movers: a drawn polygon's bounding circle may differ from the one of its corners in the last bit."""
     drawn = Simulation(SAVED[name])

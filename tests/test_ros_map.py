@@ -1,6 +1,7 @@
 """Maps of ROS's map_server: cells, outlines, worlds and scans against pictures that the tests draw, and bad files."""
 
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -492,6 +493,15 @@ def test_a_png_that_is_none_or_too_large_is_told_with_its_file(tmp_path: Path) -
     assert "plan.png: not a picture" in message(write_yaml(tmp_path, image="plan.png"))
     pillow.new("1", (4001, 4000)).save(tmp_path / "large.png")
     assert "large.png: got 4001 x 4000 pixels" in message(write_yaml(tmp_path, "large", image="large.png"))
+
+
+def test_without_pillow_another_picture_than_a_graymap_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "plan.png").write_bytes(b"")
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(ImportError, match=r"pip install 'bug-gym\[maps\]'"):
+        load(map_scenario(write_yaml(tmp_path, image="plan.png")))
 
 
 def test_a_missing_map_is_told_by_its_key(tmp_path: Path) -> None:

@@ -1,0 +1,163 @@
+"""DistBug against closed forms, the ring, the map of Oni and Wang and what its STEP promises."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from episodes import CLOSED_FORM_SENSORS, Disc, Slab, UTrap, run_episode, tolerance
+from test_bug0 import OTHER, canonical_world
+
+from bug_gym.agents import make_policy
+from bug_gym.config import load
+
+SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
+CASES = [
+    ("slab", SLAB.until_free),
+    ("disc", lambda turn: DISC.until_free()),
+    ("u_trap", lambda turn: TRAP.until_free()),
+]
+ROUTES = [a + b for a in "ABCD" for b in "ABCD" if a != b]
+
+
+@pytest.mark.parametrize("turn", ["left", "right"])
+@pytest.mark.parametrize("angle", [0.0, 0.83])
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(("world", "length"), CASES, ids=lambda case: case if isinstance(case, str) else "")
+def test_the_way_has_the_length_of_its_closed_form(
+    world: str, length: Any, turn: str, angle: float, mirrored: bool
+) -> None:
+    scenario = canonical_world(world, angle=angle, mirrored=mirrored)
+    episode = run_episode("dist_bug", scenario, turn=turn, clearance=0.5)
+    expected = length(OTHER[turn] if mirrored else turn)
+    assert episode.outcome == "success"
+    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize("leave_rule", ["any", "front"])
+@pytest.mark.parametrize("r_max", [0.5, 2.0, None])
+def test_where_the_goal_comes_into_sight_first_neither_range_nor_rule_matter(
+    leave_rule: str, r_max: float | None
+) -> None:
+    episode = run_episode("dist_bug", "u_trap", CLOSED_FORM_SENSORS, clearance=0.5, leave_rule=leave_rule, r_max=r_max)
+    assert episode.full_length == pytest.approx(TRAP.until_free(), abs=tolerance(TRAP.until_free()))
+
+
+@pytest.mark.parametrize("range_", [2.0, 10.0])
+def test_a_goal_shut_in_is_unreachable_after_one_lap(range_: float) -> None:
+    episode = run_episode("dist_bug", "ring", {**CLOSED_FORM_SENSORS, "lidar.range": range_}, clearance=0.5)
+    # Start to contour, then the rounded square of side 8 at the clearance; Pythagoras for the goal 0.2 m aside.
+    first = 5.5 * math.hypot(10.3, 0.2) / 10.3
+    lap = 4.0 * 8.0 + 2.0 * math.pi * 0.5
+    assert episode.verdict == "unreachable"
+    assert first + lap - 0.3 <= episode.length <= 1.03 * (first + lap)
+
+
+@pytest.mark.parametrize("turn", ["left", "right"])
+def test_shut_in_itself_it_says_so_after_one_lap(turn: str) -> None:
+    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+    world |= {"start": [10, 0, 0], "goal": [0, 0]}
+    episode = run_episode("dist_bug", "ring", {**CLOSED_FORM_SENSORS, "world": world}, clearance=0.5, turn=turn)
+    expected = 3.0 + 24.0
+    assert episode.verdict == "unreachable"
+    assert expected - 0.3 <= episode.length <= 1.03 * expected
+
+
+@pytest.mark.parametrize("range_", [2.0, 5.0])
+@pytest.mark.parametrize("route", ROUTES)
+def test_all_routes_of_oni_and_wang_are_found(route: str, range_: float) -> None:
+    settings = {**CLOSED_FORM_SENSORS, "lidar.range": range_, "world.start": route[0], "world.goal": route[1]}
+    episode = run_episode("dist_bug", "oni_wang", settings, clearance=1.0)
+    assert episode.outcome == "success"
+    assert episode.min_clearance >= 1.0 - 0.15 - 0.2  # of the body, within 5 % of the clearance and one step
+
+
+@pytest.mark.parametrize("step", [0.25, 0.5, 1.5])
+def test_each_hit_is_nearer_to_the_goal_than_the_one_before_by_step(step: float) -> None:
+    """From A to C with long sight it leaves the far wall several times for a place a little nearer on the next."""
+    places = {"world.start": "A", "world.goal": "C", "lidar.range": 50.0}
+    episode = run_episode("dist_bug", "oni_wang", {**CLOSED_FORM_SENSORS, **places}, clearance=1.0, step=step)
+    distances = [math.dist(hit, episode.memory.target) for hit in episode.memory.hits]
+    assert episode.outcome == "success" and len(distances) >= 2
+    assert all(after <= before - step + 0.1 for before, after in pairwise(distances))
+    assert len(distances) <= distances[0] / step
+
+
+@pytest.mark.parametrize(("angle", "side"), [(0.5, -1), (-0.5, 1)])
+def test_the_side_rule_goal_takes_the_way_that_turns_less(angle: float, side: int) -> None:
+    """A plate across the way whose upper end leans toward the start (angle above 0) turns the robot down, to the right."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    corners = [(-0.5, -3.0), (0.5, -3.0), (0.5, 3.0), (-0.5, 3.0)]
+    plate = [[8.0 + cos * x - sin * y, sin * x + cos * y] for x, y in corners]
+    world = {
+        "family": "explicit",
+        "bounds": [-5, -10, 25, 10],
+        "start": [0, 0, 0],
+        "goal": [16, 0],
+        "polygons": [plate],
+    }
+    for turn in ("left", "right"):
+        episode = run_episode("dist_bug", {"world": world}, turn=turn, side_rule="goal")
+        assert episode.outcome == "success"
+        assert episode.memory.hit_sides[0] == side
+
+
+def test_without_a_place_step_nearer_it_leaves_from_the_nearest_point_after_a_lap() -> None:
+    """Two plates, sight of 0.6 m and a STEP that nothing fulfils: each costs one lap and a half, as with Bug1."""
+    plates = [[[x, -2], [x + 1, -2], [x + 1, 2], [x, 2]] for x in (5, 9)]
+    world = {"family": "explicit", "bounds": [-9, -9, 19, 9], "start": [0, 0, 0], "goal": [14, 0], "polygons": plates}
+    scenario = {"lidar": {"beams": 360}, "time": {"limit": 200.0}, "world": world}
+    episode = run_episode("dist_bug", scenario, clearance=0.5, step=50.0, r_max=0.6)
+    lap = 2.0 * (1.0 + 4.0) + 2.0 * math.pi * 0.5
+    expected = 4.5 + 1.5 * lap + 2.0 + 1.5 * lap + 3.5
+    assert episode.outcome == "success"
+    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("seed", range(4))
+def test_random_worlds_are_solved(kinematics: str, seed: int) -> None:
+    settings = {"robot.kinematics": kinematics, "world.obstacles": 60, "lidar.beams": 180, "time.limit": 600.0}
+    episode = run_episode("dist_bug", "static", settings, seed=seed)
+    assert episode.outcome == "success"
+
+
+@pytest.mark.parametrize("seed", [6, 17, 32, 82])
+def test_a_robot_that_swerves_into_what_it_saw_a_way_past_still_arrives(seed: int) -> None:
+    """In these mazes a differential robot leaves in a curve, and meets a wall before the scan said so."""
+    settings = {"world.loops": 0.3, "lidar.beams": 180, "time.limit": 600.0}
+    assert run_episode("dist_bug", "maze", settings, seed=seed).outcome == "success"
+
+
+def test_a_target_that_walks_away_is_never_called_unreachable() -> None:
+    motion = {"law": "waypoints", "points": [[20.0, 0.0], [20.0, 9.0], [20.0, -9.0]], "speed": 0.3}
+    scenario = canonical_world("slab")
+    del scenario["world"]["goal"]
+    scenario["world"] |= {"target": {"at": [20.0, 0.0], "motion": motion}}
+    episode = run_episode("dist_bug", scenario, clearance=0.5)
+    assert (episode.outcome, episode.verdict) == ("success", "")
+
+
+@pytest.mark.parametrize("world", ["slab", "disc", "u_trap"])
+@pytest.mark.parametrize("seed", range(2))
+def test_noise_of_the_ranges_changes_no_outcome(world: str, seed: int) -> None:
+    scenario = canonical_world(world)
+    scenario["lidar"] |= {"noise": 0.02, "dropout": 0.01}
+    assert run_episode("dist_bug", scenario, seed=seed, clearance=0.5).outcome == "success"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"side_rule": "best"}, "'fixed', 'goal'"),
+        ({"step": 0.0}, "above 0 m, got 0.0"),
+        ({"step": math.nan}, "above 0 m, got nan"),
+        ({"r_max": -1.0}, "above 0 m, got -1.0"),
+        ({"leave_rule": "back"}, "'front', 'any'"),
+    ],
+)
+def test_bad_parameters_are_refused_with_what_is_allowed(parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_policy("dist_bug", load("slab"), **parameters)
