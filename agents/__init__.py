@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import importlib.util
 import inspect
+import os
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from bug_gym.observation import Sensors
@@ -26,6 +29,8 @@ class Agent(NamedTuple):
     """Where it comes from."""
     privileged: bool = False
     """Whether it reads the world's map."""
+    model: str = ""
+    """Folder of agents/trained that it plays, of a learned one."""
 
 
 AGENTS: dict[str, Agent] = {
@@ -50,13 +55,25 @@ AGENTS: dict[str, Agent] = {
     "point_bug": Agent("point_bug:PointBug", "bug", "Buniyamin et al. 2011"),
     "k_bug": Agent("k_bug:KBug", "bug", "Langer et al. 2007"),
     "e_bug": Agent("e_bug:EBug", "bug", "Meddah and Dib 2015"),
+    "hd_bug": Agent("hd_bug:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
     "critical_point_bug": Agent("critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
 }
+LEARNED = {
+    "ppo_dynamic": "Schulman et al. 2017",
+}
+"""Reference of each shipped model of agents/trained."""
+AGENTS |= {name: Agent("learned:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()}
 
 
 def policy_names() -> list[str]:
     """Names that `make_policy` takes."""
     return list(AGENTS)
+
+
+def playable_names() -> list[str]:
+    """Names of `policy_names()` whose packages are installed: learned ones need onnxruntime, of the extra `play`."""
+    can_play = importlib.util.find_spec("onnxruntime") is not None
+    return [name for name, line in AGENTS.items() if can_play or not line.model]
 
 
 def agent(name: str) -> Agent:
@@ -72,27 +89,46 @@ def agent(name: str) -> Agent:
     return AGENTS[name]
 
 
+def parameter_names(policy_class: type) -> list[str]:
+    """Names of an algorithm's own parameters: those of its `Parameters` dataclass, or of its constructor."""
+    own = getattr(policy_class, "Parameters", policy_class)
+    return [key for key in inspect.signature(own).parameters if key not in ("sensors", "discrete")]
+
+
 def make_policy(name: str, source: Any, **parameters: Any) -> Policy:
     """Make a policy for a robot.
 
     Args:
-        name: one of `policy_names()`.
+        name: one of `policy_names()`; or the path of a folder that `bug-gym train` wrote, or of a zip that
+            stable-baselines3 wrote, which takes `trust=True`: it is a pickle and can run any code.
         source: an env of any face, a Simulation, or a Scenario (or its name, path or dict). The policy learns what a
             driver of that robot would know (kinematics, body, limits, beams, range, step), never the world.
         **parameters: the algorithm's own, see its class.
 
     Raises:
-        ValueError: an unknown policy or parameter, or a parameter's value that cannot be.
+        ValueError: an unknown policy or parameter, a parameter's value that cannot be, or a learned policy that was
+            made for another robot.
+        ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """
-    line = agent(name)
-    module, class_name = line.entry_point.split(":")
+    entry_point, fixed = _entry(name)
+    module, class_name = entry_point.split(":")
     policy_class = getattr(importlib.import_module(f".{module}", __name__), class_name)
-    known = [key for key in inspect.signature(policy_class).parameters if key not in ("sensors", "discrete")]
+    known = [key for key in parameter_names(policy_class) if key not in fixed]
     for key in parameters:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
             hint = f", did you mean {near[0]!r}?" if near else ""
             raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
     sensors = Sensors.of(source_scenario(source))
-    policy: Policy = policy_class(sensors, discrete=is_discrete(source), **parameters)
+    policy: Policy = policy_class(sensors, discrete=is_discrete(source), **fixed, **parameters)
     return policy
+
+
+def _entry(name: str) -> tuple[str, dict[str, Any]]:
+    """The "module:Class" behind a name or path, and the parameters that are fixed by it."""
+    if name.endswith(".zip"):
+        return "learned:ZipPolicy", {"path": Path(name).expanduser()}
+    if "/" in name or os.sep in name:
+        return "learned:LearnedPolicy", {"model": Path(name).expanduser()}
+    line = agent(name)
+    return line.entry_point, {"model": line.model} if line.model else {}

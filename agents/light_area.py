@@ -1,0 +1,143 @@
+"""Light and shadow areas of a scan, and the candidates that the scan itself offers.
+
+Source: Hasibuzzaman, Jan and Wu, section 4.1 and Procedures 2 and 3; the reading of them is told in hd_bug.py.
+All coordinates are in the robot's frame [m].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels
+from bug_gym.kernels import Flags, Floats, kernel
+
+F64 = NDArray[np.float64]
+
+EDGE = 1e-6
+"""Tolerance of the tests for points [m]."""
+
+
+class LightArea:
+    """The light and the shadow area of one scan.
+
+    Args:
+        angles: (B,) bearing of each beam [rad], rising; over the full circle or a field of view.
+        ranges: (B,) [m].
+        sensor_range: range that means "nothing seen" [m].
+        radius: of the disc that is to go into the light [m].
+        reach: detection radius r' [m].
+        is_still: (B,) beams that count as obstacles here; None: all.
+    """
+
+    def __init__(
+        self,
+        angles: F64,
+        ranges: F64,
+        sensor_range: float,
+        radius: float,
+        reach: float,
+        is_still: NDArray[np.bool_] | None = None,
+    ) -> None:
+        self.angles, self.ranges, self.sensor_range = angles, ranges, sensor_range
+        self.radius, self.reach = radius, min(reach, sensor_range)
+        used = ranges < sensor_range
+        if is_still is not None:
+            used = used & is_still
+        self.x: F64 = ranges[used] * np.cos(angles[used])
+        """Scan points x (k,) and y (k,) that count."""
+        self.y: F64 = ranges[used] * np.sin(angles[used])
+        self._used = used
+
+    def free(self, bearings: F64) -> F64:
+        """How far the disc can go along each bearing (m,) [m], at most the sensor's range."""
+        result = np.empty(len(bearings))
+        kernels.free_distances(self.x, self.y, bearings, self.radius, self.sensor_range, result)
+        return result
+
+    def is_light(self, points: F64) -> NDArray[np.bool_]:
+        """Which of the points (m, 2) the disc can go to straight, within the detection radius."""
+        away = np.hypot(points[:, 0], points[:, 1])
+        bearings = np.arctan2(points[:, 1], points[:, 0])
+        near: NDArray[np.bool_] = away <= self.reach + EDGE
+        return near & (away <= self.free(bearings) + EDGE)
+
+    def is_shadow(self, points: F64) -> NDArray[np.bool_]:
+        """Which of the points (m, 2) lie within the detection radius but behind what the beams about them hit."""
+        away = np.hypot(points[:, 0], points[:, 1])
+        bearings = np.arctan2(points[:, 1], points[:, 0])
+        turn = 2.0 * math.pi
+        after = np.searchsorted(self.angles, self.angles[0] + (bearings - self.angles[0]) % turn, side="right")
+        beams = len(self.angles)
+        seen = np.maximum(self.ranges[(after - 1) % beams], self.ranges[after % beams])
+        behind: NDArray[np.bool_] = away > seen + EDGE
+        return behind & (away <= self.reach)
+
+    def density(self) -> float:
+        """Share of the beams that end within the detection radius, 0 to 1."""
+        return float(np.count_nonzero(self.ranges < self.reach)) / len(self.ranges)
+
+    def vertices_and_centres(self) -> tuple[F64, F64]:
+        """Vertex candidates (k, 2) beside the ends of clusters, and centre candidates (n, 2) of the gaps between them."""
+        vertices, centres = np.empty((2 * len(self.angles), 2)), np.empty((len(self.angles), 2))
+        k, n = _find_ends(self.angles, self.ranges, self._used, self.radius, vertices, centres)
+        return vertices[:k], centres[:n]
+
+    def light_ring(self) -> F64:
+        """Outline (B, 2) of what the beams light up within the detection radius."""
+        ways = np.minimum(self.ranges, self.reach)
+        return np.column_stack([ways * np.cos(self.angles), ways * np.sin(self.angles)])
+
+    def shadow_rings(self) -> list[F64]:
+        """Outlines (k, 2) of the shadows, one for each run of beams that end within the detection radius."""
+        dark = self.ranges < self.reach
+        if not dark.any():
+            return []
+        beams = len(dark)
+        first = int(np.argmin(dark)) if not dark.all() else 0
+        order = (np.arange(beams) + first) % beams
+        borders = np.flatnonzero(np.diff(np.concatenate([[False], dark[order], [False]]).astype(np.int8)))
+        half = 0.5 * (2.0 * math.pi / beams if beams < 2 else float(self.angles[1] - self.angles[0]))
+        rings = []
+        for begin, end in borders.reshape(-1, 2):
+            run = order[begin:end]
+            angles, ranges = self.angles[run], self.ranges[run]
+            edges = np.concatenate([[angles[0] - half], angles, [angles[-1] + half]])
+            near = np.concatenate([[ranges[0]], ranges, [ranges[-1]]])
+            ring_in = np.column_stack([near * np.cos(edges), near * np.sin(edges)])
+            ring_out = self.reach * np.column_stack([np.cos(edges), np.sin(edges)])
+            rings.append(np.concatenate([ring_in, ring_out[::-1]]))
+        return rings
+
+
+@kernel
+def _find_ends(
+    angles: Floats, ranges: Floats, used: Flags, radius: float, vertices: Floats, centres: Floats
+) -> tuple[int, int]:
+    """Where neighbouring beams see different things: the places where a disc just passes, and the gaps' middles."""
+    beams = len(angles)
+    k = n = 0
+    spacing = 2.0 * math.pi / beams if beams < 2 else angles[1] - angles[0]
+    is_round = spacing * beams > 2.0 * math.pi - 0.5 * spacing
+    for i in range(beams if is_round else beams - 1):
+        j = (i + 1) % beams
+        if not used[i] and not used[j]:
+            continue
+        if used[i] and used[j] and abs(ranges[i] - ranges[j]) <= 2.0 * radius:
+            continue
+        near, side = (i, 1.0) if used[i] and (not used[j] or ranges[i] < ranges[j]) else (j, -1.0)
+        away = ranges[near]
+        if away > radius:
+            bearing = angles[near] + side * math.asin(radius / away)
+            way = math.sqrt(away * away - radius * radius)
+            vertices[k, 0], vertices[k, 1] = way * math.cos(bearing), way * math.sin(bearing)
+            k += 1
+        if used[i] and used[j]:
+            ax, ay = ranges[i] * math.cos(angles[i]), ranges[i] * math.sin(angles[i])
+            bx, by = ranges[j] * math.cos(angles[j]), ranges[j] * math.sin(angles[j])
+            if (ax - bx) ** 2 + (ay - by) ** 2 >= 4.0 * radius * radius:
+                centres[n, 0], centres[n, 1] = 0.5 * (ax + bx), 0.5 * (ay + by)
+                n += 1
+    return k, n

@@ -1,0 +1,778 @@
+"""What a robot remembers of still obstacles: points of its scans on a grid, and the shortest way among them.
+
+The plane is cut into square cells. A cell remembers at most one scan point, with its place inside the cell; a cell is
+*blocked* when its centre lies nearer than the clearance to a remembered point. Everything else counts as open, seen or
+not ("free-space assumption"; Koenig, Tovey and Smirnov 2003). A beam that passes a remembered point twice takes it
+away. The way is found by Lazy Theta* (Nash, Koenig and Tovey 2010), which bends at cells but runs straight between
+them. As every cell is looked at before it gives up, no way is found only where the remembered points close the goal
+off, up to half a cell's diagonal.
+
+All coordinates are in the odometry frame [m].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.kernels import Flags, Floats, Integers, inlined, kernel
+
+Bytes = NDArray[np.uint8]
+Counts = NDArray[np.int16]
+Indices = NDArray[np.int32]
+Weights = NDArray[np.float32]
+
+BLOCK = 8
+"""Cells along the side of a block; empty blocks are skipped at once."""
+
+FORGET = 2
+"""Beams in a row that must pass a point before it is taken away."""
+
+ESCAPE = 1.5
+"""How far from a place nearer to a wall than the clearance the way out of there may lead, in clearances."""
+
+MARGIN = 3.0
+"""Open ground kept around everything known [m], so that a way round it is on the grid."""
+
+MOST_CELLS = 64_000_000
+"""Cells of the largest grid; points beyond are not remembered."""
+
+Point = tuple[float, float]
+
+
+class Search:
+    """Scratch memory of the search, shared by the maps of one policy."""
+
+    def __init__(self) -> None:
+        self.stamp = 0
+        self.resize(0)
+
+    def resize(self, cells: int) -> None:
+        """Make room for a grid of so many cells."""
+        self.cost = np.empty(cells + 1)
+        self.parent = np.empty(cells + 1, dtype=np.int32)
+        self.seen = np.zeros(cells + 1, dtype=np.int32)
+        self.place = np.empty(cells + 1, dtype=np.int32)
+        self.heap = np.empty(cells + 1, dtype=np.int32)
+        self.key = np.empty(cells + 1)
+        self.stamp = 0
+
+
+class Way:
+    """A way over places (k, 2) from the robot to the goal, and what is left to go from each.
+
+    Attributes:
+        places: (k, 2) the robot's place, the bends, the goal [m].
+        rest: (k,) cost from each place to the goal: length [m], weighted where terrain is.
+    """
+
+    __slots__ = ("places", "rest")
+
+    def __init__(self, places: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
+        self.places = places
+        self.rest = rest
+
+
+class PointMap:
+    """Remembered scan points and the ways among them.
+
+    Args:
+        center: place around which the grid begins [m].
+        span: half of its side [m]; it grows by itself.
+        cell: side of a cell [m].
+        clearance: distance that a way keeps from every remembered point [m].
+        search: scratch memory.
+        is_weighted: whether terrain is remembered too.
+    """
+
+    def __init__(
+        self, center: Point, span: float, cell: float, clearance: float, search: Search, *, is_weighted: bool = False
+    ) -> None:
+        self.cell = cell
+        self.clearance = clearance
+        self.search = search
+        self.is_weighted = is_weighted
+        self.removed = 0
+        """Points taken away so far because beams passed them."""
+        self.extent = np.array([center[0], center[1], center[0], center[1]])
+        """xmin, ymin, xmax, ymax of all points so far [m]."""
+        self._allocate(center[0] - span, center[1] - span, math.ceil(2.0 * span / cell), math.ceil(2.0 * span / cell))
+
+    def _allocate(self, x: float, y: float, columns: int, rows: int) -> None:
+        columns, rows = (-(-number // BLOCK) * BLOCK for number in (columns, rows))
+        # On a lattice, so that a grid that grows keeps its cells.
+        self.x = math.floor(x / (self.cell * BLOCK)) * self.cell * BLOCK
+        self.y = math.floor(y / (self.cell * BLOCK)) * self.cell * BLOCK
+        self.spot = np.zeros((rows, columns, 2), dtype=np.uint8)
+        """Place of the point inside its cell in 1/256 of the side."""
+        self.holds = np.zeros((rows, columns), dtype=np.uint8)
+        """1: a point; 1 + n: n beams in a row have passed it."""
+        self.blocked = np.zeros((rows, columns), dtype=np.int16)
+        """Points nearer to the cell's centre than the clearance."""
+        self.points_in_block = np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16)
+        self.blocked_in_block = np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16)
+        self.weight = np.ones((rows, columns) if self.is_weighted else (1, 1), dtype=np.float32)
+
+    def cover(self, x: float, y: float, margin: float) -> None:
+        """Grow the grid until it reaches `margin` [m] beyond a place, if it doesn't yet."""
+        rows, columns = self.holds.shape
+        right, top = self.x + columns * self.cell, self.y + rows * self.cell
+        if self.x <= x - margin and x + margin <= right and self.y <= y - margin and y + margin <= top:
+            return
+        # By half as much again, so that it seldom happens.
+        ahead = margin + 0.25 * max(right - self.x, top - self.y)
+        low_x, low_y = min(self.x, x - ahead), min(self.y, y - ahead)
+        high_x, high_y = max(right, x + ahead), max(top, y + ahead)
+        new_columns, new_rows = (math.ceil(span / self.cell) + BLOCK for span in (high_x - low_x, high_y - low_y))
+        if new_columns * new_rows > MOST_CELLS:
+            return
+        old = (self.x, self.y, self.spot, self.holds, self.blocked, self.points_in_block, self.blocked_in_block)
+        old_weight = self.weight
+        self._allocate(low_x, low_y, new_columns, new_rows)
+        column, row = (round((place - low) / self.cell) for place, low in ((old[0], self.x), (old[1], self.y)))
+        self.spot[row : row + rows, column : column + columns] = old[2]
+        self.holds[row : row + rows, column : column + columns] = old[3]
+        self.blocked[row : row + rows, column : column + columns] = old[4]
+        block_row, block_column = row // BLOCK, column // BLOCK
+        blocks = (slice(block_row, block_row + rows // BLOCK), slice(block_column, block_column + columns // BLOCK))
+        self.points_in_block[blocks] = old[5]
+        self.blocked_in_block[blocks] = old[6]
+        if self.is_weighted:
+            self.weight[row : row + rows, column : column + columns] = old_weight
+
+    def add_scan(
+        self,
+        position: Point,
+        heading: float,
+        angles: NDArray[np.float64],
+        ranges: NDArray[np.float64],
+        reach: float,
+        noise: float,
+        is_still: NDArray[np.bool_],
+    ) -> int:
+        """Remember the points of a scan, and forget those that its beams pass.
+
+        Args:
+            position: where the scan was taken.
+            heading: of the robot [rad].
+            angles: (B,) bearing of each beam [rad].
+            ranges: (B,) [m].
+            reach: range that means "nothing seen" [m].
+            noise: standard deviation of a range [m].
+            is_still: (B,) False where the beam hit something that moves: it is not remembered.
+
+        Returns:
+            How many points came new.
+        """
+        self.cover(*position, reach + MARGIN)
+        added, removed = _add_scan(
+            self.spot, self.holds, self.blocked, self.points_in_block, self.blocked_in_block,
+            self.x, self.y, self.cell, self.clearance,
+            position[0], position[1], heading, angles, ranges, reach, noise, is_still, self.extent,
+        )  # fmt: skip
+        self.removed += removed
+        return int(added)
+
+    def add_terrain(self, position: Point, heading: float, factors: NDArray[np.float32], spacing: float) -> None:
+        """Remember the cost factors (K, J) at K headings and J distances, `spacing` [m] apart."""
+        _add_terrain(self.weight, self.x, self.y, self.cell, position[0], position[1], heading, factors, spacing)
+
+    def forget(self, x: float, y: float, radius: float) -> None:
+        """Forget the points within a disc [m]."""
+        _forget_disc(
+            self.spot, self.holds, self.blocked, self.points_in_block, self.blocked_in_block,
+            self.x, self.y, self.cell, self.clearance, x, y, radius,
+        )  # fmt: skip
+
+    def forget_all(self) -> None:
+        """Forget every point."""
+        for array in (self.holds, self.blocked, self.points_in_block, self.blocked_in_block):
+            array[:] = 0
+
+    def set_clearance(self, clearance: float) -> None:
+        """Find ways at another clearance [m] from now on."""
+        self.clearance = clearance
+        self.blocked[:] = 0
+        self.blocked_in_block[:] = 0
+        for x, y in self.points():
+            _stamp(self.blocked, self.blocked_in_block, self.x, self.y, self.cell, clearance, x, y, 1)
+
+    def points(self) -> NDArray[np.float64]:
+        """The remembered points (k, 2)."""
+        rows, columns = np.nonzero(self.holds)
+        spot = (self.spot[rows, columns] + 0.5) / 256.0
+        return np.column_stack([self.x + (columns + spot[:, 0]) * self.cell, self.y + (rows + spot[:, 1]) * self.cell])
+
+    def is_open(self, a: Point, b: Point, tolerance: float = 0.0) -> bool:
+        """Whether the straight way from a to b keeps the clearance, but for its last `tolerance` metres."""
+        return bool(
+            _sight(
+                self.blocked, self.blocked_in_block, self.x, self.y, self.cell, a[0], a[1], b[0], b[1],
+                self._escape(a), tolerance,
+            )
+        )  # fmt: skip
+
+    def _escape(self, place: Point) -> float:
+        """How far from a place blocked cells don't count: 0 where it isn't in one."""
+        column, row = int((place[0] - self.x) / self.cell), int((place[1] - self.y) / self.cell)
+        rows, columns = self.blocked.shape
+        inside = 0 <= row < rows and 0 <= column < columns
+        return ESCAPE * self.clearance if inside and self.blocked[row, column] else 0.0
+
+    def find_way(self, start: Point, goal: Point, goal_radius: float) -> Way | None:
+        """The shortest way that keeps the clearance from all remembered points; None: they close the goal off.
+
+        Args:
+            start: where the robot is.
+            goal: where to.
+            goal_radius: within this distance of the goal [m] the clearance doesn't count.
+        """
+        self.cover(*start, MARGIN)
+        self.cover(*goal, MARGIN)
+        search = self.search
+        if len(search.cost) <= self.holds.size:
+            search.resize(self.holds.size)
+        search.stamp += 1
+        # A way that leaves the box about all that is known can as well go along its rim.
+        rim = self.clearance + 3.0 * self.cell
+        rows, columns = self.blocked.shape
+        box = np.array(
+            [
+                max(int((min(self.extent[1], start[1], goal[1]) - rim - self.y) / self.cell), 0),
+                max(int((min(self.extent[0], start[0], goal[0]) - rim - self.x) / self.cell), 0),
+                min(int((max(self.extent[3], start[1], goal[1]) + rim - self.y) / self.cell), rows - 1),
+                min(int((max(self.extent[2], start[0], goal[0]) + rim - self.x) / self.cell), columns - 1),
+            ]
+        )
+        places = np.empty((512, 2))
+        rest = np.empty(512)
+        count = _find_way(
+            self.blocked, self.blocked_in_block, self.weight, self.is_weighted, self.x, self.y, self.cell,
+            start[0], start[1], goal[0], goal[1], self._escape(start), goal_radius,
+            box, search.cost, search.parent, search.seen, search.place, search.heap, search.key, search.stamp, places,
+            rest,
+        )  # fmt: skip
+        return Way(places[:count].copy(), rest[:count].copy()) if count else None
+
+    def rest_distances(self, places: NDArray[np.float64], way: Way) -> NDArray[np.float64]:
+        """What is left to go from each of the places (m, 2): straight to the best place of a way, and on along it.
+
+        Infinite where no place of the way is in sight.
+        """
+        result = np.empty(len(places))
+        _rest_distances(
+            self.blocked, self.blocked_in_block, self.weight, self.is_weighted, self.x, self.y, self.cell,
+            places, way.places, way.rest, result,
+        )  # fmt: skip
+        return result
+
+
+# ------------------------------------------------------------------------------------------------------- kernels
+
+
+@kernel
+def _stamp(
+    blocked: Counts,
+    blocked_in_block: Counts,
+    x0: float,
+    y0: float,
+    cell: float,
+    clearance: float,
+    px: float,
+    py: float,
+    change: int,
+) -> None:
+    """Count a point in (change 1) or out (-1) of the cells whose centre is nearer than the clearance."""
+    rows, columns = blocked.shape
+    low_row = max(int(math.floor((py - clearance - y0) / cell)), 0)
+    high_row = min(int(math.floor((py + clearance - y0) / cell)), rows - 1)
+    low_column = max(int(math.floor((px - clearance - x0) / cell)), 0)
+    high_column = min(int(math.floor((px + clearance - x0) / cell)), columns - 1)
+    square = clearance * clearance
+    for row in range(low_row, high_row + 1):
+        dy = y0 + (row + 0.5) * cell - py
+        for column in range(low_column, high_column + 1):
+            dx = x0 + (column + 0.5) * cell - px
+            if dx * dx + dy * dy < square:
+                before = blocked[row, column]
+                blocked[row, column] = before + change
+                if before == 0:
+                    blocked_in_block[row // BLOCK, column // BLOCK] += 1
+                elif before + change == 0:
+                    blocked_in_block[row // BLOCK, column // BLOCK] -= 1
+
+
+@kernel
+def _remove(
+    spot: Bytes,
+    holds: Bytes,
+    blocked: Counts,
+    points_in_block: Counts,
+    blocked_in_block: Counts,
+    x0: float,
+    y0: float,
+    cell: float,
+    clearance: float,
+    row: int,
+    column: int,
+) -> None:
+    """Forget the point of a cell."""
+    px = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell
+    py = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell
+    holds[row, column] = 0
+    points_in_block[row // BLOCK, column // BLOCK] -= 1
+    _stamp(blocked, blocked_in_block, x0, y0, cell, clearance, px, py, -1)
+
+
+@kernel
+def _forget_disc(
+    spot: Bytes,
+    holds: Bytes,
+    blocked: Counts,
+    points_in_block: Counts,
+    blocked_in_block: Counts,
+    x0: float,
+    y0: float,
+    cell: float,
+    clearance: float,
+    x: float,
+    y: float,
+    radius: float,
+) -> None:
+    """Forget the points within a disc."""
+    rows, columns = holds.shape
+    for row in range(max(int((y - radius - y0) / cell), 0), min(int((y + radius - y0) / cell), rows - 1) + 1):
+        for column in range(max(int((x - radius - x0) / cell), 0), min(int((x + radius - x0) / cell), columns - 1) + 1):
+            if holds[row, column]:
+                dx = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell - x
+                dy = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell - y
+                if dx * dx + dy * dy <= radius * radius:
+                    _remove(
+                        spot, holds, blocked, points_in_block, blocked_in_block, x0, y0, cell, clearance, row, column
+                    )
+
+
+@kernel
+def _add_scan(
+    spot: Bytes,
+    holds: Bytes,
+    blocked: Counts,
+    points_in_block: Counts,
+    blocked_in_block: Counts,
+    x0: float,
+    y0: float,
+    cell: float,
+    clearance: float,
+    x: float,
+    y: float,
+    heading: float,
+    angles: Floats,
+    ranges: Floats,
+    reach: float,
+    noise: float,
+    is_still: Flags,
+    extent: Floats,
+) -> tuple[int, int]:
+    """Take away the points that beams pass, then add the points that they hit. Returns how many of both."""
+    rows, columns = holds.shape
+    beams = len(angles)
+    spacing = angles[1] - angles[0] if beams > 1 else 2.0 * math.pi
+    tube = 0.1 * cell + noise
+    short = cell + 3.0 * noise
+    cos, sin = math.cos(heading), math.sin(heading)
+    removed = 0
+    low_row, high_row = max(int((y - reach - y0) / (BLOCK * cell)), 0), int((y + reach - y0) / (BLOCK * cell)) + 1
+    low_column, high_column = max(int((x - reach - x0) / (BLOCK * cell)), 0), int((x + reach - x0) / (BLOCK * cell)) + 1
+    for block_row in range(low_row, min(high_row, rows // BLOCK)):
+        for block_column in range(low_column, min(high_column, columns // BLOCK)):
+            if points_in_block[block_row, block_column] == 0:
+                continue
+            for row in range(block_row * BLOCK, (block_row + 1) * BLOCK):
+                for column in range(block_column * BLOCK, (block_column + 1) * BLOCK):
+                    if holds[row, column] == 0:
+                        continue
+                    dx = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell - x
+                    dy = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell - y
+                    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+                    turn = (math.atan2(left, ahead) - angles[0]) / (2.0 * math.pi)
+                    i = int(round((turn - math.floor(turn)) * 2.0 * math.pi / spacing))
+                    if i >= beams:
+                        if i > beams or beams * spacing < 2.0 * math.pi - 0.5 * spacing:
+                            continue
+                        i = 0
+                    away = math.sqrt(dx * dx + dy * dy)
+                    if away > ranges[i] - short:
+                        continue
+                    if abs(ahead * math.sin(angles[i]) - left * math.cos(angles[i])) < tube:
+                        holds[row, column] += 1
+                        if holds[row, column] > FORGET:
+                            _remove(
+                                spot, holds, blocked, points_in_block, blocked_in_block, x0, y0, cell, clearance,
+                                row, column,
+                            )  # fmt: skip
+                            removed += 1
+    added = 0
+    for i in range(len(angles)):
+        if ranges[i] >= reach or not is_still[i]:
+            continue
+        px = x + ranges[i] * math.cos(heading + angles[i])
+        py = y + ranges[i] * math.sin(heading + angles[i])
+        column, row = int(math.floor((px - x0) / cell)), int(math.floor((py - y0) / cell))
+        if not (0 <= row < rows and 0 <= column < columns):
+            continue
+        if holds[row, column]:
+            holds[row, column] = 1
+            continue
+        holds[row, column] = 1
+        u, v = (px - x0) / cell - column, (py - y0) / cell - row
+        spot[row, column, 0] = min(int(u * 256.0), 255)
+        spot[row, column, 1] = min(int(v * 256.0), 255)
+        points_in_block[row // BLOCK, column // BLOCK] += 1
+        px = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell
+        py = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell
+        _stamp(blocked, blocked_in_block, x0, y0, cell, clearance, px, py, 1)
+        extent[0], extent[1] = min(extent[0], px), min(extent[1], py)
+        extent[2], extent[3] = max(extent[2], px), max(extent[3], py)
+        added += 1
+    return added, removed
+
+
+@kernel
+def _add_terrain(
+    weight: Weights,
+    x0: float,
+    y0: float,
+    cell: float,
+    x: float,
+    y: float,
+    heading: float,
+    factors: Weights,
+    spacing: float,
+) -> None:
+    """Write the factors seen around the robot into the cells nearest to where they were seen, and those about them."""
+    rows, columns = weight.shape
+    headings, rings = factors.shape
+    reach = rings * spacing
+    for row in range(max(int((y - reach - y0) / cell), 0), min(int((y + reach - y0) / cell), rows - 1) + 1):
+        dy = y0 + (row + 0.5) * cell - y
+        for column in range(max(int((x - reach - x0) / cell), 0), min(int((x + reach - x0) / cell), columns - 1) + 1):
+            dx = x0 + (column + 0.5) * cell - x
+            away = math.sqrt(dx * dx + dy * dy)
+            if away > reach:
+                continue
+            ring = min(max(int(round(away / spacing)) - 1, 0), rings - 1)
+            turn = (math.atan2(dy, dx) - heading) / (2.0 * math.pi)
+            k = int(round((turn - math.floor(turn)) * headings)) % headings
+            weight[row, column] = factors[k, ring]
+
+
+@inlined
+def _to_border(u: float, v: float, cos: float, sin: float, size: float) -> float:
+    """How far along a direction the square of a lattice of this size that holds (u, v) ends."""
+    along_x = along_y = np.inf
+    if cos > 0.0:
+        along_x = ((math.floor(u / size) + 1.0) * size - u) / cos
+    elif cos < 0.0:
+        along_x = (math.floor(u / size) * size - u) / cos
+    if sin > 0.0:
+        along_y = ((math.floor(v / size) + 1.0) * size - v) / sin
+    elif sin < 0.0:
+        along_y = (math.floor(v / size) * size - v) / sin
+    return max(min(along_x, along_y), 0.0)
+
+
+@kernel
+def _sight(
+    blocked: Counts,
+    blocked_in_block: Counts,
+    x0: float,
+    y0: float,
+    cell: float,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    escape: float,
+    tolerance: float,
+) -> bool:
+    """Whether the cells between a and b are open, but for the first `escape` and the last `tolerance` metres."""
+    rows, columns = blocked.shape
+    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+    if length == 0.0:
+        return True
+    cos, sin = (bx - ax) / length, (by - ay) / length
+    size = BLOCK * cell
+    t = min(escape, length)
+    end = length - tolerance
+    while t <= end:
+        u, v = ax + t * cos - x0, ay + t * sin - y0
+        if u < 0.0 or v < 0.0:
+            return True
+        column, row = int(u / cell), int(v / cell)
+        if row >= rows or column >= columns:
+            return True
+        if blocked_in_block[row // BLOCK, column // BLOCK] == 0:
+            t += _to_border(u, v, cos, sin, size) + 1e-6
+        else:
+            if blocked[row, column]:
+                return False
+            t += _to_border(u, v, cos, sin, cell) + 1e-6
+    return True
+
+
+@kernel
+def _cost_between(
+    weight: Weights, x0: float, y0: float, cell: float, ax: float, ay: float, bx: float, by: float
+) -> float:
+    """Integral of the weight along the segment from a to b."""
+    rows, columns = weight.shape
+    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+    pieces = max(int(math.ceil(length / (0.5 * cell))), 1)
+    total = 0.0
+    for i in range(pieces):
+        share = (i + 0.5) / pieces
+        column, row = int((ax + share * (bx - ax) - x0) / cell), int((ay + share * (by - ay) - y0) / cell)
+        total += weight[row, column] if 0 <= row < rows and 0 <= column < columns else 1.0
+    return total * length / pieces
+
+
+@kernel
+def _rise(heap: Indices, key: Floats, place: Indices, index: int) -> None:
+    """Restore the heap above position `index`."""
+    node = heap[index]
+    value = key[node]
+    while index > 0:
+        above = (index - 1) >> 1
+        if key[heap[above]] <= value:
+            break
+        heap[index] = heap[above]
+        place[heap[index]] = index
+        index = above
+    heap[index] = node
+    place[node] = index
+
+
+@kernel
+def _sink(heap: Indices, key: Floats, place: Indices, count: int) -> None:
+    """Restore the heap below its top."""
+    node = heap[0]
+    value = key[node]
+    index = 0
+    while True:
+        below = 2 * index + 1
+        if below >= count:
+            break
+        if below + 1 < count and key[heap[below + 1]] < key[heap[below]]:
+            below += 1
+        if key[heap[below]] >= value:
+            break
+        heap[index] = heap[below]
+        place[heap[index]] = index
+        index = below
+    heap[index] = node
+    place[node] = index
+
+
+@kernel
+def _find_way(
+    blocked: Counts,
+    blocked_in_block: Counts,
+    weight: Weights,
+    is_weighted: bool,
+    x0: float,
+    y0: float,
+    cell: float,
+    sx: float,
+    sy: float,
+    gx: float,
+    gy: float,
+    escape: float,
+    tolerance: float,
+    box: Integers,
+    cost: Floats,
+    parent: Indices,
+    seen: Indices,
+    place: Indices,
+    heap: Indices,
+    key: Floats,
+    stamp: int,
+    places: Floats,
+    rest: Floats,
+) -> int:
+    """Lazy Theta*. Returns the number of places of the way, 0 for none.
+
+    The goal is a node of its own (number rows * columns), in reach of every node that it is in sight of. A node is
+    open while place >= 0 and closed when place is -1.
+    """
+    rows, columns = blocked.shape
+    goal = rows * columns
+    start_column = min(max(int((sx - x0) / cell), 0), columns - 1)
+    start_row = min(max(int((sy - y0) / cell), 0), rows - 1)
+    start = start_row * columns + start_column
+    count = 0
+    seen[start] = stamp
+    cost[start] = 0.0
+    parent[start] = start
+    key[start] = math.sqrt((gx - sx) ** 2 + (gy - sy) ** 2)
+    heap[0] = start
+    place[start] = 0
+    count = 1
+    while count > 0:
+        node = heap[0]
+        count -= 1
+        if count > 0:
+            heap[0] = heap[count]
+            place[heap[0]] = 0
+            _sink(heap, key, place, count)
+        place[node] = -1
+        if node == goal:
+            break
+        row, column = node // columns, node % columns
+        nx, ny = x0 + (column + 0.5) * cell, y0 + (row + 0.5) * cell
+        if node == start:
+            nx, ny = sx, sy
+        else:
+            # The parent was taken on trust; where it is out of sight, the best closed neighbour stands in for it.
+            up = parent[node]
+            ux, uy = x0 + (up % columns + 0.5) * cell, y0 + (up // columns + 0.5) * cell
+            if up == start:
+                ux, uy = sx, sy
+            is_seen = _sight(
+                blocked, blocked_in_block, x0, y0, cell, ux, uy, nx, ny, escape if up == start else 0.0, 0.0
+            )
+            if is_seen and is_weighted:
+                cost[node] = cost[up] + _cost_between(weight, x0, y0, cell, ux, uy, nx, ny)
+            if not is_seen or is_weighted:
+                best = cost[node] if is_seen else np.inf
+                for k in range(8):
+                    dr, dc = _ROW[k], _COLUMN[k]
+                    r, c = row + dr, column + dc
+                    if not (0 <= r < rows and 0 <= c < columns):
+                        continue
+                    other = r * columns + c
+                    if seen[other] != stamp or place[other] != -1:
+                        continue
+                    ox, oy = x0 + (c + 0.5) * cell, y0 + (r + 0.5) * cell
+                    if other == start:
+                        ox, oy = sx, sy
+                    if is_weighted:
+                        via = cost[other] + _cost_between(weight, x0, y0, cell, ox, oy, nx, ny)
+                    else:
+                        via = cost[other] + math.sqrt((nx - ox) ** 2 + (ny - oy) ** 2)
+                    if via < best:
+                        best = via
+                        parent[node] = other
+                cost[node] = best
+        if _sight(blocked, blocked_in_block, x0, y0, cell, nx, ny, gx, gy, escape if node == start else 0.0, tolerance):
+            # From the node's parent, if it sees the goal too, the way is no longer; it was looked at before.
+            if is_weighted:
+                total = cost[node] + _cost_between(weight, x0, y0, cell, nx, ny, gx, gy)
+            else:
+                total = cost[node] + math.sqrt((gx - nx) ** 2 + (gy - ny) ** 2)
+            if seen[goal] != stamp or total < cost[goal]:
+                if seen[goal] != stamp:
+                    seen[goal] = stamp
+                    heap[count] = goal
+                    place[goal] = count
+                    count += 1
+                cost[goal] = total
+                key[goal] = total
+                parent[goal] = node
+                _rise(heap, key, place, place[goal])
+            if not is_weighted:
+                continue
+        up = parent[node]
+        ux, uy = x0 + (up % columns + 0.5) * cell, y0 + (up // columns + 0.5) * cell
+        if up == start:
+            ux, uy = sx, sy
+        if node == start:
+            ux, uy = nx, ny
+        reach = 1 if node != start or escape == 0.0 else int(math.ceil(escape / cell))
+        for r in range(max(row - reach, box[0]), min(row + reach, box[2]) + 1):
+            for c in range(max(column - reach, box[1]), min(column + reach, box[3]) + 1):
+                if blocked[r, c] or (r == row and c == column):
+                    continue
+                other = r * columns + c
+                if seen[other] == stamp and place[other] == -1:
+                    continue
+                ox, oy = x0 + (c + 0.5) * cell, y0 + (r + 0.5) * cell
+                if reach > 1 and (ox - nx) ** 2 + (oy - ny) ** 2 > escape * escape:
+                    continue
+                through = cost[up] + math.sqrt((ox - ux) ** 2 + (oy - uy) ** 2)
+                if seen[other] != stamp:
+                    seen[other] = stamp
+                    heap[count] = other
+                    place[other] = count
+                    count += 1
+                elif through >= cost[other]:
+                    continue
+                cost[other] = through
+                parent[other] = up
+                key[other] = through + math.sqrt((gx - ox) ** 2 + (gy - oy) ** 2)
+                _rise(heap, key, place, place[other])
+    if seen[goal] != stamp or place[goal] != -1:
+        return 0
+    # Backward from the goal: count, then write in order.
+    length = 1
+    node = parent[goal]
+    while True:
+        length += 1
+        if node == start:
+            break
+        node = parent[node]
+    # Of a longer way the first places are kept: the rest is planned again on the way.
+    kept = min(length, len(places))
+    total = cost[goal]
+    node = goal
+    for i in range(length - 1, -1, -1):
+        if i < kept:
+            if node == goal:
+                places[i, 0], places[i, 1] = gx, gy
+                rest[i] = 0.0
+            elif node == start:
+                places[i, 0], places[i, 1] = sx, sy
+                rest[i] = total
+            else:
+                places[i, 0] = x0 + (node % columns + 0.5) * cell
+                places[i, 1] = y0 + (node // columns + 0.5) * cell
+                rest[i] = total - cost[node]
+        node = parent[node]
+    return kept
+
+
+_ROW = (-1, -1, -1, 0, 0, 1, 1, 1)
+_COLUMN = (-1, 0, 1, -1, 1, -1, 0, 1)
+
+
+@kernel
+def _rest_distances(
+    blocked: Counts,
+    blocked_in_block: Counts,
+    weight: Weights,
+    is_weighted: bool,
+    x0: float,
+    y0: float,
+    cell: float,
+    points: Floats,
+    places: Floats,
+    rest: Floats,
+    result: Floats,
+) -> None:
+    """For each point the least of: straight to a place of the way, and on along it."""
+    for i in range(len(points)):
+        best = np.inf
+        px, py = points[i, 0], points[i, 1]
+        for k in range(len(places)):
+            qx, qy = places[k, 0], places[k, 1]
+            away = math.sqrt((px - qx) ** 2 + (py - qy) ** 2)
+            if away + rest[k] >= best:
+                continue
+            if is_weighted:
+                away = _cost_between(weight, x0, y0, cell, px, py, qx, qy)
+                if away + rest[k] >= best:
+                    continue
+            if _sight(blocked, blocked_in_block, x0, y0, cell, px, py, qx, qy, 0.0, cell):
+                best = away + rest[k]
+        result[i] = best
