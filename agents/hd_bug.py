@@ -105,6 +105,8 @@ class HDBugParameters:
     """A predicted contact sooner than this starts the second phase of avoidance [s]."""
     patience: int = 20
     """Decisions in a row without any way before the goal counts as unreachable."""
+    lead: bool = True
+    """Whether a moving goal is met where it will be; else the robot heads for where it is: pure pursuit."""
     use_shadow: bool = True
     """Whether movers are expected to come out of the shadow."""
     adapt_radius: bool = True
@@ -156,6 +158,66 @@ class Ladder:
 
 
 @dataclass
+class Target:
+    """A goal that may move: its velocity, and how far ahead it has kept its velocity so far."""
+
+    places: deque[Point] = field(default_factory=deque)
+    """Its last places, odometry frame [m]."""
+    step: float = 0.1
+    """Time between them [s]."""
+    velocity: Point = (0.0, 0.0)
+    """Over the last LOOK_BACK seconds [m/s]."""
+    errors: dict[float, tuple[float, float]] = field(default_factory=dict)
+    """Lead [s] -> by how much a prediction of that lead failed, and how far the goal had moved [m]; fading means."""
+
+    LEADS = (0.5, 1.0, 2.0, 4.0, 8.0)
+    LOOK_BACK = 0.5
+    KEEP = 0.95
+
+    def update(self, place: Point, step: float) -> None:
+        """Take in where it is now, `step` seconds after the last place."""
+        self.step = step
+        self.places.append(place)
+        look_back = max(round(self.LOOK_BACK / step), 1)
+        while len(self.places) > round(self.LEADS[-1] / step) + look_back + 1:
+            self.places.popleft()
+        newest = len(self.places) - 1
+        self.velocity = self._velocity_at(newest, look_back)
+        for lead in self.LEADS:
+            then = newest - round(lead / step)
+            if then < look_back:
+                break
+            vx, vy = self._velocity_at(then, look_back)
+            x, y = self.places[then]
+            failed = math.dist(place, (x + vx * lead, y + vy * lead))
+            before = self.errors.get(lead, (failed, math.dist(place, (x, y))))
+            keep = self.KEEP
+            self.errors[lead] = (
+                keep * before[0] + (1.0 - keep) * failed,
+                keep * before[1] + (1.0 - keep) * math.dist(place, (x, y)),
+            )
+
+    def _velocity_at(self, index: int, look_back: int) -> Point:
+        """Velocity [m/s] when it was at one of the places."""
+        first = max(index - look_back, 0)
+        if first == index:
+            return 0.0, 0.0
+        elapsed = (index - first) * self.step
+        (x0, y0), (x1, y1) = self.places[first], self.places[index]
+        return (x1 - x0) / elapsed, (y1 - y0) / elapsed
+
+    def trusted_lead(self) -> float:
+        """The longest time [s] for which its velocity has foretold where it goes; leads not yet tried are trusted."""
+        trusted = 0.5 * self.LEADS[0]
+        for lead in self.LEADS:
+            failed, moved = self.errors.get(lead, (0.0, 1.0))
+            if failed > SKILL * moved:
+                return trusted
+            trusted = lead
+        return LONGEST_LEAD
+
+
+@dataclass
 class HDBugMemory(Memory):
     """Memory of HD-BUG."""
 
@@ -185,8 +247,8 @@ class HDBugMemory(Memory):
     """Decision at which something was last seen moving or gone."""
     backtracking_to: Point | None = None
     """Node of the path list that it returns to, odometry frame [m]."""
-    goals: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=11))
-    """The goal's last places, odometry frame [m]."""
+    target: Target = field(default_factory=Target)
+    """How the goal moves."""
     goal: Point = (0.0, 0.0)
     """Where to: the goal or where it can be met, odometry frame [m]."""
     goal_radius: float = 0.0
@@ -235,7 +297,7 @@ class HDBug(ScriptedPolicy):
         """The least clearance that a way is tried at [m]."""
         self.cell = min(max(self.radius / 2.0, 0.05), 0.4)
         self.search = Search()
-        self.headings: F64 = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
+        self.headings: F64 = np.linspace(0.0, 2.0 * math.pi, HEADINGS, endpoint=False)
         self.rings: F64 = np.tile(np.arange(1.0, RINGS + 1.0) / RINGS, HEADINGS)
         turned = np.repeat(self.headings, RINGS)
         self.grid: F64 = self.rings[:, None] * np.column_stack([np.cos(turned), np.sin(turned)])
@@ -339,23 +401,21 @@ class HDBug(ScriptedPolicy):
     def _aim(self, view: View, memory: HDBugMemory) -> None:
         """Where to: the goal, or where a moving one can be met."""
         goal = view.goal_position
-        memory.goals.append(goal)
-        step = self.sensors.drive.step
         radius = max(self.sensors.goal_radius, 1e-3)
         memory.goal, memory.goal_radius = goal, 0.8 * radius
-        places = memory.goals
-        first = places[0]
-        moved = math.dist(first, goal)
-        elapsed = (len(places) - 1) * step
-        if len(places) < 3 or moved < GOAL_STANDS * elapsed:
+        memory.target.update(goal, self.sensors.drive.step)
+        velocity = memory.target.velocity
+        if not self.parameters.lead or math.hypot(*velocity) < GOAL_STANDS:
             return
-        velocity = ((goal[0] - first[0]) / elapsed, (goal[1] - first[1]) / elapsed)
-        time = meeting_time(view.position, goal, velocity, self.top, 0.5 * radius)
-        time = min(time, LONGEST_LEAD)
-        place = goal[0] + velocity[0] * time, goal[1] + velocity[1] * time
-        speed = math.hypot(*velocity)
-        memory.goal_radius = max(0.8 * radius, 2.0 * speed * step)
-        memory.goal = place
+        time = min(meeting_time(view.position, goal, velocity, self.top, 0.5 * radius), memory.target.trusted_lead())
+        assert memory.map is not None
+        for _ in range(LEADS_TRIED):
+            memory.goal = goal[0] + velocity[0] * time, goal[1] + velocity[1] * time
+            if memory.map.is_open(goal, memory.goal):
+                break
+            # It will have to turn before it gets there.
+            time *= 0.5
+        memory.goal_radius = max(0.8 * radius, 2.0 * math.hypot(*velocity) * self.sensors.drive.step)
 
     # ------------------------------------------------------------------------------------------- global path
 
@@ -648,6 +708,12 @@ STILL_FOR = 10.0
 
 GOAL_STANDS = 0.02
 """A goal slower than this stands [m/s]."""
+
+LEADS_TRIED = 5
+"""How often the lead is halved until nothing stands in the goal's way."""
+
+SKILL = 0.5
+"""A prediction is trusted where it fails by less than this share of what the goal has moved."""
 
 LONGEST_LEAD = 10.0
 """A goal is never led by more than this [s]."""

@@ -97,7 +97,7 @@ class PointMap:
         self.removed = 0
         """Points taken away so far because beams passed them."""
         self.extent = np.array([center[0], center[1], center[0], center[1]])
-        """xmin, ymin, xmax, ymax of all points so far [m]."""
+        """xmin, ymin, xmax, ymax of all points and all dear terrain so far [m]."""
         self._allocate(center[0] - span, center[1] - span, math.ceil(2.0 * span / cell), math.ceil(2.0 * span / cell))
 
     def _allocate(self, x: float, y: float, columns: int, rows: int) -> None:
@@ -178,6 +178,11 @@ class PointMap:
     def add_terrain(self, position: Point, heading: float, factors: NDArray[np.float32], spacing: float) -> None:
         """Remember the cost factors (K, J) at K headings and J distances, `spacing` [m] apart."""
         _add_terrain(self.weight, self.x, self.y, self.cell, position[0], position[1], heading, factors, spacing)
+        if factors.max() > 1.0:
+            # What is dear may be worth going round: its surroundings belong to the box that is searched.
+            reach = factors.shape[1] * spacing
+            self.extent[:2] = np.minimum(self.extent[:2], (position[0] - reach, position[1] - reach))
+            self.extent[2:] = np.maximum(self.extent[2:], (position[0] + reach, position[1] + reach))
 
     def forget(self, x: float, y: float, radius: float) -> None:
         """Forget the points within a disc [m]."""
@@ -218,8 +223,11 @@ class PointMap:
         """How far from a place blocked cells don't count: 0 where it isn't in one."""
         column, row = int((place[0] - self.x) / self.cell), int((place[1] - self.y) / self.cell)
         rows, columns = self.blocked.shape
-        inside = 0 <= row < rows and 0 <= column < columns
-        return ESCAPE * self.clearance if inside and self.blocked[row, column] else 0.0
+        if not (0 <= row < rows and 0 <= column < columns and self.blocked[row, column]):
+            return 0.0
+        nearest = _nearest(self.spot, self.holds, self.x, self.y, self.cell, *place, self.clearance)
+        # Beyond a wall, open cells begin a clearance behind it: no farther, or the way out could lead through the wall.
+        return float(min(ESCAPE * self.clearance, nearest + self.clearance - self.cell))
 
     def find_way(self, start: Point, goal: Point, goal_radius: float) -> Way | None:
         """The shortest way that keeps the clearance from all remembered points; None: they close the goal off.
@@ -327,6 +335,22 @@ def _remove(
 
 
 @kernel
+def _nearest(
+    spot: Bytes, holds: Bytes, x0: float, y0: float, cell: float, x: float, y: float, reach: float
+) -> float:
+    """Distance from a place to the nearest remembered point, at most `reach`."""
+    rows, columns = holds.shape
+    square = reach * reach
+    for row in range(max(int((y - reach - y0) / cell), 0), min(int((y + reach - y0) / cell), rows - 1) + 1):
+        for column in range(max(int((x - reach - x0) / cell), 0), min(int((x + reach - x0) / cell), columns - 1) + 1):
+            if holds[row, column]:
+                dx = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell - x
+                dy = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell - y
+                square = min(square, dx * dx + dy * dy)
+    return math.sqrt(square)
+
+
+@kernel
 def _forget_disc(
     spot: Bytes,
     holds: Bytes,
@@ -379,6 +403,7 @@ def _add_scan(
     rows, columns = holds.shape
     beams = len(angles)
     spacing = angles[1] - angles[0] if beams > 1 else 2.0 * math.pi
+    is_round = beams * spacing > 2.0 * math.pi - 0.5 * spacing
     tube = 0.1 * cell + noise
     short = cell + 3.0 * noise
     cos, sin = math.cos(heading), math.sin(heading)
@@ -399,11 +424,18 @@ def _add_scan(
                     turn = (math.atan2(left, ahead) - angles[0]) / (2.0 * math.pi)
                     i = int(round((turn - math.floor(turn)) * 2.0 * math.pi / spacing))
                     if i >= beams:
-                        if i > beams or beams * spacing < 2.0 * math.pi - 0.5 * spacing:
+                        if i > beams or not is_round:
                             continue
                         i = 0
                     away = math.sqrt(dx * dx + dy * dy)
-                    if away > ranges[i] - short:
+                    # The beams on both sides must pass too: along a wall one passes close to points that are there.
+                    if away > min(ranges[i - 1], ranges[i], ranges[(i + 1) % beams]) - short:
+                        continue
+                    # The rim of a round thing is passed closely by beams whose neighbours hit it.
+                    before, after = (i - 1, i + 1) if not is_round else ((i - 1) % beams, (i + 1) % beams)
+                    if before >= 0 and away > ranges[before] - short:
+                        continue
+                    if after < beams and away > ranges[after] - short:
                         continue
                     if abs(ahead * math.sin(angles[i]) - left * math.cos(angles[i])) < tube:
                         holds[row, column] += 1

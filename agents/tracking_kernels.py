@@ -17,7 +17,7 @@ from bug_gym.kernels import Flags, Floats, Integers, inlined, kernel
 
 TRACKS = 96
 """Places for tracks in a memory."""
-HISTORY = 16
+HISTORY = 32
 """Measured centres kept for each track."""
 SCANS = 16
 """Past scans kept, for the space seen free."""
@@ -45,8 +45,8 @@ FIT = 11
 NEW_RADIUS, NEW_RADIUS_SPREAD = 0.5, 0.3  # of a thing not seen before [m]
 LEAST_RADIUS, MOST_RADIUS = 0.1, 1.2  # of a thing that is tracked [m]
 WALL_EXTENT = 2.4  # a cluster longer than this is a wall [m]
-NEW_SHAPE, LEAST_SHAPE = 0.03, 0.015  # how far the outline of a thing departs from a circle: at first, and at least [m]
-ACCELERATION = 0.5  # of a mover, one standard deviation [m/s^2]
+NEW_SHAPE, LEAST_SHAPE = 0.03, 0.012  # how far the outline of a thing departs from a circle: at first, and at least [m]
+ACCELERATION = 0.4  # of a mover, one standard deviation [m/s^2]
 NEW_SPEED = 1.0  # of a thing not seen before, one standard deviation [m/s]
 GATE = 9.21  # chi-square of two degrees of freedom, 99 %
 LOST = 0.35  # what is farther than this from a mover's course, and far out of the gate, is another thing [m]
@@ -645,7 +645,9 @@ def is_mover(s: Floats, n: Integers) -> bool:
     if n[IS_MOVING] > 0:
         return s[EVIDENCE] > 0.0 and speed > 0.5 * LEAST_SPEED
     significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
-    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significance > GATE and s[EVIDENCE] >= 1.0
+    # the more there is of the one, the less is needed of the other
+    needed = GATE - s[EVIDENCE] + 1.0
+    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significance > needed and s[EVIDENCE] >= 1.0
 
 
 @inlined

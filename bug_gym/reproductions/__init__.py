@@ -15,9 +15,19 @@ from bug_gym.reproductions.result import Reproduction, Settings
 REPRODUCTIONS: dict[str, str] = {
     "oni-wang-table-1": "oni_wang_table_1",
     "bug-bounds": "bug_bounds",
+    "bug-no-way": "bug_no_way",
     "barn": "barn",
     "lidar-density": "lidar_density",
     "odometry-drift": "odometry_drift",
+    "hd-bug-tables": "hd_bug_tables",
+    "hd-bug-dynamic": "hd_bug_dynamic",
+    "hd-bug-targets": "hd_bug_targets",
+    "hd-bug-traps": "hd_bug_traps",
+    "hd-bug-real": "hd_bug_real",
+    "hd-bug-ablation": "hd_bug_ablation",
+    "learned": "learned",
+    "ppo-curve": "ppo_curve",
+    "scripted-and-learned": "scripted_and_learned",
 }
 """Name on the command line -> module here."""
 

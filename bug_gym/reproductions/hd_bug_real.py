@@ -1,0 +1,86 @@
+"""HD-BUG on real data: the BARN benchmark's worlds, and streets of recorded pedestrians to be crossed.
+
+Needs a folder (`--data`) with `barn_worlds.jsonl`, `pedestrians_eth.csv` and `pedestrians_hotel.csv`. Recorded pedestrians
+don't make way and don't see the robot. A collision is the robot's fault where it could have been avoided, by the rule of
+`avoidable`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bug_gym.maps import load_barn
+from bug_gym.reproductions import barn
+from bug_gym.reproductions.avoidable import is_avoidable
+from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
+from bug_gym.reproductions.result import Reproduction, Settings, Table
+
+SCENES = ("pedestrians_eth.csv", "pedestrians_hotel.csv")
+CROSSINGS = 100
+"""Of each scene."""
+SUCCESS_ASKED, SCORE_ASKED, FAULTLESS_ASKED = 0.98, 0.24, 0.98
+PREDICTORS = ("kalman",)
+
+
+def crossing(path: Path) -> dict[str, Any]:
+    """The scenario of a recorded scene."""
+    return {
+        "robot": {"kinematics": "holonomic", "radius": 0.25, "max_speed": 1.5},
+        "lidar": {"beams": 180, "range": 10.0, "noise": 0.01},
+        "time": {"limit": 90.0},
+        "world": {"family": "replay", "path": str(path)},
+    }
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Drive in the benchmark's worlds and across the recorded streets.
+
+    Raises:
+        ValueError: no data given, or a folder without the files.
+    """
+    if settings.data is None or not settings.data.is_dir():
+        raise ValueError(f"expected with --data a folder that holds barn_worlds.jsonl and {', '.join(SCENES)}")
+    tables, data, holds = [], {}, True
+    worlds = drive_barn(settings, settings.data / "barn_worlds.jsonl")
+    tables.append(worlds[0])
+    data["barn"] = worlds[1]
+    holds = worlds[1]["success"] >= SUCCESS_ASKED and worlds[1]["score"] >= SCORE_ASKED
+    lines = []
+    predictors = settings.policies or PREDICTORS
+    entries = [{"name": "hd_bug", "label": one, "parameters": {"predictor": one}} for one in predictors]
+    faults, crossings = dict.fromkeys(predictors, 0), 0
+    for scene in SCENES:
+        scenario = crossing(settings.data / scene)
+        rows = run(
+            entries, [{"scenario": scenario, "label": scene}], settings.seeds or CROSSINGS, settings, name="hd-bug-real"
+        )
+        crossings += settings.seeds or CROSSINGS
+        for described in entries:
+            predictor = str(described["label"])
+            mine = of(rows, policy=predictor)
+            hits = of(mine, outcome="collision")
+            avoidable = sum(is_avoidable(described, scenario, row) for row in hits)
+            faults[predictor] += avoidable
+            time = f"{mean([row.time for row in mine if row.success]):.2f}"
+            lines.append([scene, predictor, as_percent(mine), str(len(hits)), str(avoidable), time])
+            data[f"{scene}, {predictor}"] = {**numbers(mine), "avoidable_collisions": avoidable}
+    holds = holds and all(number <= (1.0 - FAULTLESS_ASKED) * crossings for number in faults.values())
+    header = ["scene", "predictor", "reached [%]", "collisions", "of them avoidable", "time [s]"]
+    tables.append(Table(f"Crossings of recorded pedestrians, {crossings} in all", header, lines))
+    return Reproduction("hd-bug-real", tables, [barn.DWA], {"results": data}, holds)
+
+
+def drive_barn(settings: Settings, path: Path) -> tuple[Table, dict[str, Any]]:
+    """The benchmark's worlds with its differential robot: a table and its numbers."""
+    maps = load_barn(str(path))
+    numbered = sorted(maps)[: settings.seeds]
+    scenarios = [barn.scenario("jackal", str(path), number) for number in numbered]
+    rows = run(["hd_bug"], scenarios, 1, settings, name="hd-bug-barn", first=0)
+    total = mean([barn.score(row, maps[number].reference_length) for row, number in zip(rows, numbered, strict=True)])
+    hits = sum(row.outcome == "collision" for row in rows)
+    header = ["policy", "reached [%]", "collisions", "score", "time [s]"]
+    time = f"{mean([row.time for row in rows if row.success]):.2f}"
+    table = Table(f"{len(rows)} worlds of the BARN benchmark, the differential robot", header,
+                  [["hd_bug", as_percent(rows), str(hits), f"{total:.4f}", time]])  # fmt: skip
+    return table, {**numbers(rows), "score": total}

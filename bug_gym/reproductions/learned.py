@@ -1,0 +1,58 @@
+"""The shipped models in 2,000 worlds each that neither training nor validation saw."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bug_gym.evaluation import progress_bar
+from bug_gym.held_out import TEST_SEEDS, play
+from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.simulation import Simulation
+
+WORLDS = 2000
+TARGETS = {"ppo_static": 0.99, "ppo_dynamic": 0.985, "ppo_moving_target": 0.995, "ppo_rush": 0.88}
+"""Least success in the scenario that a model is named after, by the plan of the project."""
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Play each model in the scenarios that it was trained in; `seeds` is the number of worlds."""
+    from bug_gym.agents import make_policy
+    from bug_gym.agents.model_folder import TRAINED_FOLDER, read_config, trained_names
+
+    worlds = settings.seeds or WORLDS
+    names = settings.policies or trained_names()
+    tasks = [
+        (name, scenario) for name in names for scenario in read_config(TRAINED_FOLDER / name)["settings"]["scenarios"]
+    ]
+    found: dict[str, dict[str, Any]] = {name: {} for name in names}
+    with progress_bar(shown=settings.progress) as track:
+        for name, scenario in track(tasks, "models", len(tasks)):
+            simulation = Simulation(scenario)
+            seeds = range(TEST_SEEDS, TEST_SEEDS + worlds)
+            found[name][scenario] = play(make_policy(name, simulation), simulation.scenario, seeds).summary()
+    missed = [name for name in found if name in TARGETS and _only(found[name])["success"] < TARGETS[name]]
+    return Reproduction(
+        "learned",
+        [
+            Table(
+                f"Learned policies in {worlds:,} held-out worlds",
+                ["policy", "scenario", "success [%]", "95 %", "collision [%]", "timeout [%]", "time [s]"],
+                [_row(name, scenario, held) for name in found for scenario, held in found[name].items()],
+            )
+        ],
+        [f"below its target of {100 * TARGETS[name]:g} %: {name}" for name in missed],
+        {"worlds": worlds, "models": found, "targets": TARGETS},
+        not missed,
+    )
+
+
+def _only(results: dict[str, Any]) -> dict[str, Any]:
+    (result,) = results.values()
+    return dict(result)
+
+
+def _row(name: str, scenario: str, held: dict[str, Any]) -> list[str]:
+    shares = [f"{100 * held[outcome]:.1f}" for outcome in ("collision", "timeout")]
+    interval = f"{100 * held['low']:.1f} - {100 * held['high']:.1f}"
+    time = "-" if held["time"] is None else f"{held['time']:.1f}"
+    return [name, scenario, f"{100 * held['success']:.1f}", interval, *shares, time]

@@ -1,0 +1,202 @@
+"""Does a learned predictor beat the Kalman filter? What HD-BUG's authors leave as future work.
+
+All predictors are asked at the same times about the same tracks of a robot's tracker, in worlds that no training saw:
+under each motion law, and among recorded pedestrians where their folder is given (`--data`). The errors are distances
+of predicted from true places, at a time ahead (final) and in the mean over the times up to it, 0.8 s apart (mean).
+A mover turns where the ways of its first and its last 0.8 s differ by more than 30 degrees. Intervals are of 95 %, by
+resampling worlds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from bug_gym.config import Scenario, load
+from bug_gym.evaluation import progress_bar
+from bug_gym.held_out import TEST_SEEDS
+from bug_gym.reproductions.result import Reproduction, Settings, Table
+
+F64 = NDArray[np.float64]
+
+WORLDS = 60
+"""Of each law."""
+CROSSINGS = 100
+"""Of each recorded scene."""
+SCENES = {"ETH": "pedestrians_eth.csv", "hotel": "pedestrians_hotel.csv"}
+TIMES = 0.8 * np.arange(1, 7)
+ASKED = (0, 1, 3, 5)
+"""Which of TIMES are reported: 0.8, 1.6, 3.2 and 4.8 s."""
+EVERY = 5
+"""Steps between two questions about the same track."""
+TURN = math.radians(30.0)
+RESAMPLES = 2000
+SHORTFALL = 0.9
+"""Of the Kalman filter's mean error at 4.8 s, which a learned one is to stay below in a crowd and where movers turn."""
+TO_BEAT = ("crowd", "bounce, turning", "waypoints, turning")
+NO_WORSE = ("ETH", "hotel")
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Ask every predictor; `seeds` is the number of worlds of each law and of each scene.
+
+    Raises:
+        ValueError: a data folder without the recorded scenes.
+    """
+    from bug_gym.agents.prediction import predictor_names
+    from bug_gym.agents.prediction_data import LAWS
+
+    names = settings.policies or tuple(predictor_names())
+    tasks = [(law, seed, None) for law in LAWS for seed in _seeds(settings.seeds or WORLDS)]
+    scenes = _scenes(settings.data)
+    tasks += [(scene, seed, path) for scene, path in scenes.items() for seed in _seeds(settings.seeds or CROSSINGS)]
+    asked: dict[str, list[F64]] = {}
+    with progress_bar(shown=settings.progress) as track:
+        runs = Parallel(n_jobs=settings.workers, return_as="generator")(delayed(ask)(*task, names) for task in tasks)
+        for (label, _, _), (errors, turns) in zip(tasks, track(runs, "worlds", len(tasks)), strict=True):
+            asked.setdefault(label, []).append(errors)
+            if label in ("bounce", "waypoints"):
+                asked.setdefault(f"{label}, turning", []).append(errors[:, turns])
+    found = {label: summary(worlds, names) for label, worlds in asked.items()}
+    claims = list(check(found, names))
+    return Reproduction(
+        "predictors",
+        [*(_table(kind, found, names) for kind in ("mean", "final")), _ratios(found, names)],
+        [text for text, holds in claims if not holds]
+        + ([] if scenes else ["no recorded pedestrians: give their folder with --data"]),
+        {
+            "worlds": settings.seeds or WORLDS,
+            "crossings": (settings.seeds or CROSSINGS) if scenes else 0,
+            "times": [round(float(TIMES[index]), 1) for index in ASKED],
+            "errors": found,
+            "claims": dict(claims),
+        },
+        all(holds for _, holds in claims) if claims else None,
+    )
+
+
+def _seeds(count: int) -> range:
+    return range(TEST_SEEDS, TEST_SEEDS + count)
+
+
+def _scenes(data: Path | None) -> dict[str, Path]:
+    """The recorded scenes of a folder."""
+    if data is None:
+        return {}
+    paths = {scene: data / name for scene, name in SCENES.items()}
+    if missing := [str(path) for path in paths.values() if not path.is_file()]:
+        raise ValueError(f"expected with --data a folder of recorded pedestrians; it lacks {', '.join(missing)}")
+    return paths
+
+
+def crossing(path: Path) -> Scenario:
+    """A street of recorded pedestrians that a robot has to cross."""
+    return load(
+        {
+            "name": path.stem,
+            "robot": {"kinematics": "holonomic", "radius": 0.25, "max_speed": 1.5},
+            "lidar": {"beams": 180, "range": 10.0, "noise": 0.01},
+            "world": {"family": "replay", "path": str(path.absolute())},
+        }
+    )
+
+
+def ask(label: str, seed: int, path: Path | None, names: Sequence[str]) -> tuple[F64, NDArray[np.bool_]]:
+    """Errors (predictors, n, TIMES) [m] of n questions in one world, and whether the mover then turned (n,)."""
+    from bug_gym.agents.prediction import make_predictor
+    from bug_gym.agents.prediction_data import displacement_errors, law_world, moments
+    from bug_gym.observation import Sensors
+
+    scenario = crossing(path) if path else law_world(label, seed)
+    predictors = [make_predictor(name, Sensors.of(scenario)) for name in names]
+    errors, turns = [np.zeros((len(names), 0, len(TIMES)))], [np.zeros(0, dtype=np.bool_)]
+    for tracks, places in moments(scenario, seed, every=EVERY, times=TIMES):
+        found = [displacement_errors(predictor.predict(tracks, TIMES).places, places) for predictor in predictors]
+        errors.append(np.stack(found))
+        turns.append(has_turned(tracks.position, places))
+    return np.concatenate(errors, axis=1), np.concatenate(turns)
+
+
+def has_turned(begin: F64, places: F64) -> NDArray[np.bool_]:
+    """Whether movers at `begin` (T, 2) that came to places (T, K, 2) went there by a turn (T,)."""
+    first, last = places[:, 0] - begin, places[:, -1] - places[:, -2]
+    along = np.einsum("tx,tx->t", first, last)
+    sizes = np.hypot(*first.T) * np.hypot(*last.T)
+    turned: NDArray[np.bool_] = along < math.cos(TURN) * sizes
+    return turned
+
+
+def summary(worlds: Sequence[F64], names: Sequence[str]) -> dict[str, Any]:
+    """Errors of each predictor, and their ratios to the Kalman filter's, out of those of some worlds."""
+    asked = [errors for errors in worlds if errors.shape[1]]
+    counts = np.array([errors.shape[1] for errors in asked])
+    # (worlds, predictors, TIMES): sums, so that a resampled mean is a quotient of sums
+    final = np.array([errors.sum(axis=1) for errors in asked])
+    mean = np.cumsum(final, axis=2) / np.arange(1, len(TIMES) + 1)
+    result: dict[str, Any] = {"tracks": int(counts.sum()), "worlds": len(counts)}
+    draws = np.random.default_rng(0).integers(len(counts), size=(RESAMPLES, len(counts)))
+    for kind, sums in (("mean", mean[:, :, ASKED]), ("final", final[:, :, ASKED])):
+        value = sums.sum(axis=0) / counts.sum()
+        drawn = sums[draws].sum(axis=1) / counts[draws].sum(axis=1)[:, None, None]
+        result[kind] = {name: _with_interval(value[k], drawn[:, k]) for k, name in enumerate(names)}
+        if "kalman" in names:
+            base = list(names).index("kalman")
+            result[f"{kind}_ratio"] = {
+                name: _with_interval(value[k] / value[base], drawn[:, k] / drawn[:, base])
+                for k, name in enumerate(names)
+                if k != base
+            }
+    return result
+
+
+def _with_interval(value: F64, drawn: F64) -> list[dict[str, float]]:
+    low, high = np.percentile(drawn, [2.5, 97.5], axis=0)
+    return [
+        {"value": round(float(v), 4), "low": round(float(a), 4), "high": round(float(b), 4)}
+        for v, a, b in zip(value, low, high, strict=True)
+    ]
+
+
+def check(found: dict[str, Any], names: Sequence[str]) -> Iterator[tuple[str, bool]]:
+    """What the project set out to show of "rl", and whether it holds."""
+    if not {"rl", "kalman"} <= set(names):
+        return
+    for label in TO_BEAT:
+        ratio = found[label]["mean_ratio"]["rl"][-1]
+        yield f"{label}: rl's mean error at 4.8 s is at least 10 % below kalman's", ratio["value"] <= SHORTFALL
+    for label in NO_WORSE:
+        if label in found:
+            ratio = found[label]["mean_ratio"]["rl"][-1]
+            yield f"{label}: rl's mean error at 4.8 s is no worse than kalman's (95 %)", ratio["low"] <= 1.0
+
+
+def _header() -> list[str]:
+    return ["movers", "predictor", "tracks", "worlds", *(f"{TIMES[index]:.1f} s" for index in ASKED)]
+
+
+def _table(kind: str, found: dict[str, Any], names: Sequence[str]) -> Table:
+    rows = [
+        [label, name, str(one["tracks"]), str(one["worlds"]), *map(_cell, one[kind][name])]
+        for label, one in found.items()
+        for name in names
+    ]
+    return Table(f"{kind.capitalize()} displacement error [m]", _header(), rows)
+
+
+def _ratios(found: dict[str, Any], names: Sequence[str]) -> Table:
+    rows = [
+        [label, name, str(one["tracks"]), str(one["worlds"]), *map(_cell, one["mean_ratio"][name])]
+        for label, one in found.items()
+        for name in one.get("mean_ratio", {})
+    ]
+    return Table("Mean displacement error over the Kalman filter's", _header(), rows)
+
+
+def _cell(one: dict[str, float]) -> str:
+    return f"{one['value']:.2f} ({one['low']:.2f} - {one['high']:.2f})"
