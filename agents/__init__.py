@@ -60,6 +60,10 @@ AGENTS: dict[str, Agent] = {
 }
 LEARNED = {
     "ppo_dynamic": "Schulman et al. 2017",
+    "sac_dynamic": "Haarnoja et al. 2018",
+    "ppo_moving_target": "Schulman et al. 2017",
+    "ppo_static": "Schulman et al. 2017",
+    "ppo_rush": "Schulman et al. 2017",
 }
 """Reference of each shipped model of agents/trained."""
 AGENTS |= {name: Agent("learned:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()}

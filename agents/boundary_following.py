@@ -20,6 +20,8 @@ from bug_gym import kernels
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, Memory, Velocity
 
+from .scan_motion import has_moved
+
 Point = tuple[float, float]
 Turn = Literal["left", "right"]
 LeaveRule = Literal["front", "any"]
@@ -156,7 +158,9 @@ class Contour:
     gate: Gate | None = None
     """Door where the lap began; None until the robot goes along the wall."""
     is_lap_closed: bool = False
-    """Whether the last step passed the gate."""
+    """Whether the last step passed the gate, after a lap among still obstacles."""
+    is_disturbed: bool = False
+    """Whether something near has been seen to move in this lap, which proves nothing then."""
     waited: float = 0.0
     """Time without an open heading [s]."""
 
@@ -179,6 +183,10 @@ class BugMemory(Memory):
     """Length of the way so far by odometry [m]."""
     position: Point | None = None
     """Own place at the last decision, odometry frame [m]."""
+    glances: list[View] = field(default_factory=list)
+    """Earlier observations, the oldest first, to see what has moved since."""
+    glance_age: float = 0.0
+    """How long ago the last one was [s]."""
 
 
 @dataclass
@@ -203,12 +211,16 @@ class Survey:
 
     distance: float = math.inf
     """From that point to the goal [m]."""
+    is_open: bool = False
+    """Whether the goal lies away from the wall there."""
     next_wall: float = math.inf
     """Distance to the goal at the end of the free way from there straight toward it [m]; infinite without one."""
     before: float = math.inf
     """Distance to the goal at the last decision [m]."""
     is_second_lap: bool = False
     """Whether the lap is closed, and the robot on its way to that point."""
+    gate: Gate | None = None
+    """Where the lap began."""
 
 
 class Boundary:
@@ -257,7 +269,22 @@ class Boundary:
     # ------------------------------------------------------------------------------------------ motion to goal
 
     def advance(self, view: View, memory: BugMemory) -> None:
-        """Bring the memory's odometer, and its contour, up to the present place. Call once a decision, first."""
+        """Bring the memory's odometer, and its contour, up to the present. Call once a decision, first."""
+        if self.sees_motion(view, memory) and memory.contour is not None:
+            memory.contour.is_disturbed = True
+        self.move_on(view, memory)
+
+    def sees_motion(self, view: View, memory: BugMemory) -> bool:
+        """Whether something near has moved since a while ago; it looks now and then."""
+        memory.glance_age += self.sensors.drive.step
+        if memory.glances and memory.glance_age < GLANCE:
+            return False
+        memory.glance_age = 0.0
+        memory.glances.append(view)
+        return len(memory.glances) > GLANCES and has_moved(memory.glances.pop(0), view, NEAR)
+
+    def move_on(self, view: View, memory: BugMemory) -> None:
+        """Bring the memory's odometer, and its contour, up to the present place."""
         if memory.position is not None:
             memory.odometer += math.dist(memory.position, view.position)
         memory.position = view.position
@@ -346,6 +373,11 @@ class Boundary:
         x, y = view.to_robot(*contour.wall)
         return math.cos(bearing - math.atan2(y, x)) < -0.1
 
+    def is_open(self, view: View, contour: Contour) -> bool:
+        """The test of reachability: from a nearest point the goal lies straight away from the wall or behind it."""
+        bearing = view.goal_bearing
+        return self.points_away(view, bearing, contour) or self.can_reach_goal(view, bearing, view.goal_distance)
+
     # ------------------------------------------------------------------------------------------ boundary following
 
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
@@ -406,11 +438,14 @@ class Boundary:
             if contour.aligned > 2 or contour.steps > LONGEST_ALIGNING:
                 contour.gate = gate
             return
-        if math.dist(view.goal_position, contour.goal) > TARGET_MOVED:
+        has_target_moved = math.dist(view.goal_position, contour.goal) > TARGET_MOVED
+        is_closed = not has_target_moved and self.closes_lap(contour, contour.gate)
+        if has_target_moved or (is_closed and contour.is_disturbed):
             contour.goal = view.goal_position
             contour.gate = gate
+            contour.is_disturbed = False
             return
-        contour.is_lap_closed = self.closes_lap(contour, contour.gate)
+        contour.is_lap_closed = is_closed
 
     def closes_lap(self, contour: Contour, gate: Gate) -> bool:
         """Whether the last step passed a gate after a lap: far enough, in its direction, with a full turn made."""
@@ -481,8 +516,8 @@ class Boundary:
         turned = self._turn_from(view, wall_bearing, side, self.clearance)
         if turned is None or abs(wrap(turned - travel)) > TURNED_ASIDE:
             inner = self._turn_from(view, wall_bearing, side, self.inner)
-            if inner is not None and self._is_gap(view, travel, turned, inner):
-                angles = [inner + side * share * OUTWARD / 8.0 for share in range(9)]
+            if inner is not None and self._is_gap(view, travel, turned, inner, side):
+                angles = self._through(inner, side)
                 gaps = [kernels.gap_after_step(*view.points, angle, self.step) for angle in angles]
                 return float(angles[max(range(9), key=gaps.__getitem__)])
         if turned is None:
@@ -496,14 +531,19 @@ class Boundary:
                 turned = self._widest_heading(view, wall_bearing, side, nearest)
         return turned
 
-    def _is_gap(self, view: View, travel: float, turned: float | None, inner: float) -> bool:
+    def _through(self, inner: float, side: int) -> list[float]:
+        """Bearings among which that of the middle of a narrow gap is, from the first open one on [rad]."""
+        return [inner + side * share * OUTWARD / 8.0 for share in range(9)]
+
+    def _is_gap(self, view: View, travel: float, turned: float | None, inner: float, side: int) -> bool:
         """Whether a gap that is just too narrow, and no corner, turns the robot away from the bearing `inner`."""
         if abs(wrap(inner - travel)) >= 0.5 * math.pi:
             return False
         if turned is None or abs(wrap(turned - travel)) > TURNED_BACK:
             return True
-        is_aside = abs(wrap(turned - inner)) > TURNED_ASIDE
-        return is_aside and view.free_distance(inner, self.safe_radius) >= self.leave_length
+        if abs(wrap(turned - inner)) <= TURNED_ASIDE:
+            return False
+        return any(view.free_distance(way, self.safe_radius) >= self.leave_length for way in self._through(inner, side))
 
     def _widest_heading(self, view: View, wall_bearing: float, side: int, nearest: float) -> float | None:
         """Bearing along which a step ends furthest from everything; None: no further than `nearest` [m], here.
@@ -529,30 +569,34 @@ class Boundary:
         """The last resort of bugs with a range sensor: to leave straight from the nearest point of a lap, as Bug1 does.
 
         A lap without any place to leave means that there is no way. But a scan may take two obstacles for one, or an
-        obstacle may stand so near to the next that no leave point is seen: the nearest point tells for sure. From there
-        the way to the goal is free at least a little, unless the obstacle shuts the goal or the robot in.
+        obstacle may stand so near to the next that no leave point is seen: the nearest point tells for sure. There the
+        goal lies away from the wall, unless the obstacle shuts the goal or the robot in. In an acute corner one of two
+        walls may let it pass for open; then the lap that begins there finds no place nearer.
 
         Args:
             view: the observation.
             contour: the boundary followed.
             survey: what is known of the lap, changed in place.
-            hit_distance: distance to the goal at the hit point [m]; to leave, the next wall must be nearer.
+            hit_distance: distance to the goal at the hit point [m]; to leave, the nearest point must be nearer.
 
         Returns:
             "leave": leave straight toward the goal, now; "unreachable": two laps or one have shown that there is no
             way; "": go on.
         """
+        if survey.gate is not contour.gate:  # something moved, and the lap begins anew
+            survey.gate, survey.distance, survey.is_second_lap = contour.gate, math.inf, False
         distance, before = view.goal_distance, survey.before
         survey.before = distance
         is_there = survey.is_second_lap and before <= distance <= survey.distance + 0.5 * self.step
         if is_there and self.free_way(view, view.goal_bearing, distance) > 0.0:
             return "leave"
         if contour.is_lap_closed:
-            if survey.is_second_lap or survey.next_wall > hit_distance - 0.1 * self.step:
+            is_nearer = survey.distance < hit_distance - CLOSER * self.step
+            if survey.is_second_lap or not (survey.is_open and is_nearer):
                 return "unreachable"
             survey.is_second_lap = True
         elif distance < survey.distance and contour.gate is not None and not survey.is_second_lap:
-            survey.distance = distance
+            survey.distance, survey.is_open = distance, self.is_open(view, contour)
             way = self.free_way(view, view.goal_bearing, distance)
             survey.next_wall = distance - way if way > 0.0 else math.inf
         return ""
@@ -657,6 +701,18 @@ class Boundary:
 
 TRIED = math.radians(3.0)
 """Angle between the headings that boundary following tries [rad]; the first open one is refined."""
+
+CLOSER = 0.1
+"""How much nearer to the goal than a hit point is nearer, in steps."""
+
+GLANCE = 0.5
+"""How often a robot compares its scan with an earlier one [s]."""
+
+GLANCES = 4
+"""How many glances earlier: after 2 s a mover at 0.1 m/s has left the noise behind."""
+
+NEAR = 3.0
+"""How far from a robot what moves makes its lap worthless [m]."""
 
 LONGEST_ALIGNING = 10
 """Steps after which a lap begins where the robot is, aligned with the wall or not."""

@@ -16,14 +16,11 @@ from typing import Literal
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 
-from .boundary_following import TARGET_MOVED, WAIT, Boundary, BugMemory, Contour, Point, Turn, side_of
+from .boundary_following import CLOSER, TARGET_MOVED, WAIT, Boundary, BugMemory, Contour, Gate, Point, Turn, side_of
 
 ReturnRule = Literal["shortest", "same"]
 
 RETURN_RULES = ("shortest", "same")
-
-CLOSER = 0.1
-"""How much nearer to the goal than the hit point is nearer, in steps."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +45,8 @@ class Bug1Memory(BugMemory):
 
     goal: Point = (0.0, 0.0)
     """Where the target was at the last hit, odometry frame [m]."""
+    gate: Gate | None = None
+    """Where this lap began."""
     closest: ClosestPoint | None = None
     """The nearest point of this lap; None before the lap has begun."""
     trace: list[Point] = field(default_factory=list)
@@ -119,8 +118,7 @@ class Bug1(ScriptedPolicy):
         memory.mode = "boundary_following"
         memory.goal = view.goal_position
         memory.hit_distance = view.goal_distance
-        memory.trace = []
-        memory.closest = None
+        memory.gate, memory.trace, memory.closest = None, [], None
 
     def _leave(self, view: View, memory: Bug1Memory) -> None:
         """Go to the goal from here."""
@@ -129,7 +127,9 @@ class Bug1(ScriptedPolicy):
 
     def _survey(self, view: View, memory: Bug1Memory, contour: Contour) -> None:
         """Add the present place to the lap, which begins at the contour's gate; decide when it is closed."""
-        if contour.gate is None:
+        if memory.gate is not contour.gate:
+            self._begin_anew(memory, contour)
+        if contour.gate is None or memory.mode == "return_to_closest":
             return
         if not memory.trace or memory.trace[-1] != contour.position:
             memory.trace.append(contour.position)
@@ -139,30 +139,30 @@ class Bug1(ScriptedPolicy):
                 distance=view.goal_distance,
                 way=contour.odometer - contour.gate.odometer,
                 index=len(memory.trace) - 1,
-                is_open=self._is_open(view, contour),
+                is_open=self.boundary.is_open(view, contour),
             )
-        if contour.is_lap_closed:
-            self._decide(memory, memory.closest, contour.odometer - contour.gate.odometer)
+        if contour.is_lap_closed and not self._return(memory, contour):
+            memory.verdict = "unreachable"
 
-    def _is_open(self, view: View, contour: Contour) -> bool:
-        """The test of reachability: from a nearest point the goal lies straight away from the wall or behind it."""
-        bearing = view.goal_bearing
-        return self.boundary.points_away(view, bearing, contour) or self.boundary.can_reach_goal(
-            view, bearing, view.goal_distance
-        )
+    def _begin_anew(self, memory: Bug1Memory, contour: Contour) -> None:
+        """A lap begins, the first one or the next after one in which something moved; that one may do all the same."""
+        if not self._return(memory, contour):
+            memory.gate, memory.trace, memory.closest = contour.gate, [], None
 
-    def _decide(self, memory: Bug1Memory, closest: ClosestPoint, lap: float) -> None:
-        """After a lap [m]: give up, or choose the way to the nearest point."""
+    def _return(self, memory: Bug1Memory, contour: Contour) -> bool:
+        """After a lap: choose the way to the nearest point, if one can leave from there."""
+        closest, gate = memory.closest, memory.gate
+        if closest is None or gate is None or not closest.is_open:
+            return False
         # In an acute corner one of two walls may let the goal pass for open; then the next lap begins at the nearest
         # point and finds none nearer.
-        is_nearer = closest.distance < memory.hit_distance - CLOSER * self.boundary.step
-        if not (closest.is_open and is_nearer):
-            memory.verdict = "unreachable"
-            return
-        is_ahead = self.return_rule == "same" or closest.way <= 0.5 * lap
+        if closest.distance >= memory.hit_distance - CLOSER * self.boundary.step:
+            return False
+        is_ahead = self.return_rule == "same" or closest.way <= 0.5 * (contour.odometer - gate.odometer)
         ahead, back = memory.trace[: closest.index + 1], memory.trace[closest.index :]
         memory.way_back = ahead[::-1] if is_ahead else back
         memory.mode = "return_to_closest"
+        return True
 
     def _go_back(self, view: View, memory: Bug1Memory, contour: Contour) -> Velocity | None:
         """Velocity along the trace to the nearest point; None once it has left from there."""

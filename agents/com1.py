@@ -14,10 +14,7 @@ from dataclasses import dataclass
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 
-from .boundary_following import TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Turn, side_of
-
-CLOSER = 0.1
-"""How much nearer to the goal than the hit point is nearer, in steps."""
+from .boundary_following import CLOSER, TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Turn, side_of
 
 
 @dataclass

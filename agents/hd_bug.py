@@ -44,11 +44,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.kinematics import differential_action
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 
@@ -56,7 +58,7 @@ from .light_area import LightArea
 from .path_list import PathList
 from .point_map import PointMap, Search, Way
 from .prediction import Predictor, make_predictor
-from .roll_out import roll_out
+from .roll_out import RollOut, roll_out
 from .tracking import Tracker, TrackerMemory, Tracks
 
 Point = tuple[float, float]
@@ -68,8 +70,8 @@ HEADINGS, RINGS = 32, 4
 CONFIRM = 5
 """Where there was no way, every how many decisions one is looked for again."""
 
-REPLAN, REPLAN_FREED = 50, 10
-"""Steps after which the way is planned again in any case, and where remembered points were taken away."""
+REPLAN, REPLAN_FREED, REPLAN_TERRAIN = 50, 10, 5
+"""Steps after which the way is planned again in any case, where remembered points were taken away, and over terrain."""
 
 LEFT_NODE = 0.05
 """Nearer than this to a node of the way it is passed, in robot radii."""
@@ -265,6 +267,8 @@ class HDBugMemory(Memory):
     """The one that was chosen."""
     direction: float = 0.0
     """Direction of the last velocity, odometry frame [rad]."""
+    is_backing: bool = False
+    """Whether it drives straight back."""
     forecast: F64 = field(default_factory=lambda: np.empty((0, 0, 2)))
     """Predicted places (T, K, 2) of the movers, odometry frame [m]."""
 
@@ -319,8 +323,9 @@ class HDBug(ScriptedPolicy):
         if not self._plan(view, memory):
             return 0.0, 0.0
         assert memory.tracks is not None and memory.light is not None
+        memory.is_backing = False
         near = self._near_movers(memory)
-        if len(near) or self._fears_shadow(memory):
+        if len(near):
             direction, speed = self._avoid(view, memory, near)
         else:
             direction, speed = self._choose(view, memory)
@@ -393,7 +398,7 @@ class HDBug(ScriptedPolicy):
     def _body(self, view: View) -> float:
         """Radius of the disc that looks for free ways [m]: never more than what is free about the robot now."""
         nearest = float(view.ranges.min())
-        margin = 0.05 * self.radius + 2.0 * self.sensors.range_noise
+        margin = BODY_MARGIN + 2.0 * self.sensors.range_noise
         return min(self.radius + margin, max(nearest - 1e-3, 0.9 * self.radius))
 
     # --------------------------------------------------------------------------------------------- the goal
@@ -427,13 +432,15 @@ class HDBug(ScriptedPolicy):
             way.places[0] = position
             while len(way.places) > 2 and (
                 math.dist(position, way.places[1]) < LEFT_NODE * self.radius
-                or grid.is_open(position, (float(way.places[2, 0]), float(way.places[2, 1])))
+                or (not self.has_terrain and grid.is_open(position, (float(way.places[2, 0]), float(way.places[2, 1]))))
             ):
                 way.places, way.rest = way.places[1:], way.rest[1:]
                 way.places[0] = position
             moved = math.dist(memory.goal, way.places[-1])
             since = memory.steps - memory.planned_at
             stale = since >= REPLAN or (since >= REPLAN_FREED and grid.removed != memory.removed_then)
+            # New ground is seen with every step.
+            stale = stale or (self.has_terrain and since >= REPLAN_TERRAIN)
             if moved <= 0.1 and not stale and self._is_way_open(memory, way):
                 return True
         elif memory.closed_off % CONFIRM:
@@ -506,12 +513,13 @@ class HDBug(ScriptedPolicy):
         memory.mode = "direct" if is_last else "candidates"
         if memory.backtracking_to is not None:
             memory.mode = "backtracking"
-        cost = float(way.rest[1]) + gap
+        cost = float(way.rest[1]) + float(grid.costs_to(view.position, node[None])[0])
         found = self._candidates(view, memory, cost) if not is_last else np.empty((0, 2))
         if len(found):
             away = np.hypot(*(found - position).T)
-            total = self.parameters.alpha * (away + grid.rest_distances(found, way))
+            total = self.parameters.alpha * (grid.costs_to(view.position, found) + grid.rest_distances(found, way))
             total += self.parameters.beta * self._risk(light, view, found)
+            total[np.hypot(*(found - np.array(memory.chosen)).T) < 1e-6] -= HOLD
             memory.candidates, memory.costs = found, total
             best = int(total.argmin())
             if total[best] < self.parameters.alpha * cost - 1e-9:
@@ -528,16 +536,19 @@ class HDBug(ScriptedPolicy):
         light, way = memory.light, memory.way
         assert light is not None and way is not None
         goal = np.array(view.goal)
-        grid = self.grid * light.reach
+        cos, sin = math.cos(view.heading), math.sin(view.heading)
+        # The grid doesn't turn with the robot: what looked best before it turned still does afterwards.
+        grid = light.reach * (self.grid @ np.array([[cos, -sin], [sin, cos]]))
         used = np.hypot(*(grid - goal).T) <= most - self.rings * light.reach
         grid = grid[used]
         if len(grid):
             # Grid candidates are in the light where their heading is free as far as they lie.
             index = np.flatnonzero(used) // RINGS
-            free = light.free(self.headings)
+            free = light.free(self.headings - view.heading)
             grid = grid[self.rings[used] * light.reach <= np.minimum(free[index], light.reach)]
         vertices, centres = light.vertices_and_centres()
-        others = np.concatenate([vertices, centres])
+        others = np.concatenate([vertices, centres, [view.to_robot(*memory.chosen)]])
+        others = others[np.hypot(*others.T) > self.radius]
         others = others[np.hypot(*others.T) + np.hypot(*(others - goal).T) <= most]
         if len(others):
             others = others[light.is_light(others)]
@@ -545,7 +556,6 @@ class HDBug(ScriptedPolicy):
         # Half-plane filter about the next node.
         ahead = view.to_robot(*way.places[1].tolist())
         points = points[points @ np.array(ahead) > 0.0]
-        cos, sin = math.cos(view.heading), math.sin(view.heading)
         placed: F64 = points @ np.array([[cos, sin], [-sin, cos]]) + np.array(view.position)
         return placed
 
@@ -609,15 +619,11 @@ class HDBug(ScriptedPolicy):
         closing = (np.hypot(*tracks.velocity.T) + self.top) * self.parameters.horizon + self.parameters.margin
         return np.flatnonzero(tracks.moving & (gaps < closing))
 
-    def _fears_shadow(self, memory: HDBugMemory) -> bool:
-        """Whether a shadow may hide movers."""
-        return False
-
     def _avoid(self, view: View, memory: HDBugMemory, near: NDArray[np.int64]) -> tuple[float, float]:
         """Direction [rad] and speed [m/s] of the candidate velocity that costs least among movers."""
         way, light, grid, tracks = memory.way, memory.light, memory.map, memory.tracks
         assert way is not None and light is not None and grid is not None and tracks is not None
-        chosen = tracks._replace(**{name: getattr(tracks, name)[near] for name in PER_TRACK})
+        chosen = tracks.select(near)
         forecast = self.predictor.predict(chosen, self.times)
         memory.forecast = forecast.places
         radii = chosen.radius[:, None] + self.parameters.spread * self.times[None, :]
@@ -645,6 +651,12 @@ class HDBug(ScriptedPolicy):
             FADING,
             compare,
         )
+        back = self._back_out(view, light, forecast.places, radii, compare)
+        if back is not None:
+            result = RollOut(*(np.concatenate(pair) for pair in zip(result, back, strict=True)))
+            all_directions = np.append(all_directions, view.heading + math.pi)
+            all_speeds = np.append(all_speeds, self.sensors.drive.max_reverse)
+            all_free = np.append(all_free, np.inf)
         rest = np.minimum(
             grid.rest_distances(result.end, way), np.hypot(*(result.end - position).T) + float(way.rest[0])
         )
@@ -652,16 +664,61 @@ class HDBug(ScriptedPolicy):
         cost = self.parameters.alpha * rest + self.parameters.beta * (RISK * result.nearness + HABIT * turned)
         soon = np.where(np.isfinite(result.contact), self.parameters.horizon - result.contact, 0.0)
         cost += CONTACT * soon
+        if self.parameters.use_shadow:
+            cost += (
+                self.parameters.beta
+                * SHADOW_RISK
+                * self._shadow_risk(view, light, all_directions, all_speeds, all_free)
+            )
         best = int(cost.argmin())
         memory.mode = "avoidance"
         if result.contact[best] < self.parameters.reaction:
             # Phase 2: whatever is met last.
             late = np.minimum(result.contact, self.parameters.horizon)
             best = int(np.lexsort((cost, -late))[0])
+        memory.is_backing = back is not None and best == len(cost) - 1
         memory.candidates, memory.costs = result.end, cost
         memory.chosen = float(result.end[best, 0]), float(result.end[best, 1])
         speed = min(float(all_speeds[best]), float(all_free[best]) / self.sensors.drive.step)
         return float(all_directions[best]), max(speed, 1e-6)
+
+    def _back_out(self, view: View, light: LightArea, places: F64, radii: F64, compare: int) -> RollOut | None:
+        """What comes of driving straight back; None for a robot that doesn't, or has no room to."""
+        drive = self.sensors.drive
+        if drive.kinematics == "holonomic" or drive.max_reverse <= 0.0:
+            return None
+        direction = np.array([view.heading + math.pi])
+        free = light.free(direction - view.heading)
+        if free[0] < drive.max_reverse * drive.step:
+            return None
+        straight = replace(drive, kinematics="holonomic")
+        return roll_out(
+            straight, view.pose, direction, np.array([drive.max_reverse]), free, self.radius, self.times, places, radii,
+            self.parameters.margin, FADING, compare,
+        )  # fmt: skip
+
+    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+        action = super()._action(flat, memory)
+        if isinstance(memory, HDBugMemory) and memory.is_backing and not memory.verdict and not self.discrete:
+            return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
+        return action
+
+    def _shadow_risk(self, view: View, light: LightArea, directions: F64, speeds: F64, free: F64) -> F64:
+        """Nearness (m,) to movers that could come out of the shadow beside the ends of what is seen."""
+        edges, _ = light.vertices_and_centres()
+        edges = edges[np.hypot(*edges.T) < light.reach]
+        if len(edges) == 0:
+            return np.zeros(len(directions))
+        cos, sin = math.cos(view.heading), math.sin(view.heading)
+        places = edges @ np.array([[cos, sin], [-sin, cos]]) + np.array(view.position)
+        times = self.times[:SHADOW_STEPS]
+        radii = np.tile(SHADOW_SPEED * times, (len(edges), 1))
+        held = np.repeat(places[:, None], len(times), axis=1)
+        found = roll_out(
+            self.sensors.drive, view.pose, directions, speeds, free, self.radius, times, held, radii,
+            self.parameters.margin, FADING, 0,
+        )  # fmt: skip
+        return found.nearness
 
     # ----------------------------------------------------------------------------------------------- drawing
 
@@ -694,9 +751,6 @@ class HDBug(ScriptedPolicy):
         return Drawing(points=points, segments=segments, areas=areas)
 
 
-PER_TRACK = tuple(name for name in Tracks._fields if name not in ("beam_track", "ranges", "pose"))
-"""Fields of Tracks with one entry a track."""
-
 OFFSETS: F64 = np.radians(np.stack([np.arange(3.0, 177.0, 3.0), -np.arange(3.0, 177.0, 3.0)], axis=1).ravel())
 """Turns away from a direction that are tried, the smallest first [rad]."""
 
@@ -712,6 +766,12 @@ GOAL_STANDS = 0.02
 LEADS_TRIED = 5
 """How often the lead is halved until nothing stands in the goal's way."""
 
+HOLD = 0.02
+"""How much cheaper another candidate must be than the one chosen last [m]."""
+
+BODY_MARGIN = 0.025
+"""Kept about the body beside twice the range noise [m]: a little more than the last brake asks for (policy.brake)."""
+
 SKILL = 0.5
 """A prediction is trusted where it fails by less than this share of what the goal has moved."""
 
@@ -720,6 +780,9 @@ LONGEST_LEAD = 10.0
 
 FADING = 1.5
 """Time constant with which a near miss ahead fades [s]."""
+
+SHADOW_RISK, SHADOW_SPEED, SHADOW_STEPS = 0.5, 0.3, 10
+"""Weight of what may come out of the shadow [m], how fast it comes [m/s], and for how many steps it is feared."""
 
 RISK, HABIT, CONTACT = 6.0, 0.1, 2.0
 """Weights of a near miss [m], of a turn [m/rad], and of a contact, for each second that it comes sooner [m/s]."""

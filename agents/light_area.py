@@ -86,9 +86,10 @@ class LightArea:
         return vertices[:k], centres[:n]
 
     def light_ring(self) -> F64:
-        """Outline (B, 2) of what the beams light up within the detection radius."""
+        """Outline (k, 2) of what the beams light up within the detection radius; k is B, or B + 1 with the robot's place."""
         ways = np.minimum(self.ranges, self.reach)
-        return np.column_stack([ways * np.cos(self.angles), ways * np.sin(self.angles)])
+        ring = np.column_stack([ways * np.cos(self.angles), ways * np.sin(self.angles)])
+        return ring if _is_round(self.angles) else np.concatenate([np.zeros((1, 2)), ring])
 
     def shadow_rings(self) -> list[F64]:
         """Outlines (k, 2) of the shadows, one for each run of beams that end within the detection radius."""
@@ -96,9 +97,13 @@ class LightArea:
         if not dark.any():
             return []
         beams = len(dark)
-        first = int(np.argmin(dark)) if not dark.all() else 0
+        is_round = _is_round(self.angles)
+        # A run goes on past the last beam where the beams go all round; all round in the dark it is cut in two.
+        first = int(np.argmin(dark)) if is_round and not dark.all() else 0
         order = (np.arange(beams) + first) % beams
         borders = np.flatnonzero(np.diff(np.concatenate([[False], dark[order], [False]]).astype(np.int8)))
+        if is_round and dark.all() and beams > 1:
+            borders = np.array([0, beams // 2, beams // 2, beams])
         half = 0.5 * (2.0 * math.pi / beams if beams < 2 else float(self.angles[1] - self.angles[0]))
         rings = []
         for begin, end in borders.reshape(-1, 2):
@@ -113,15 +118,21 @@ class LightArea:
 
 
 @kernel
+def _is_round(angles: Floats) -> bool:
+    """Whether beams go all round."""
+    beams = len(angles)
+    spacing = 2.0 * math.pi if beams < 2 else angles[1] - angles[0]
+    return bool(spacing * beams > 2.0 * math.pi - 0.5 * spacing)
+
+
+@kernel
 def _find_ends(
     angles: Floats, ranges: Floats, used: Flags, radius: float, vertices: Floats, centres: Floats
 ) -> tuple[int, int]:
     """Where neighbouring beams see different things: the places where a disc just passes, and the gaps' middles."""
     beams = len(angles)
     k = n = 0
-    spacing = 2.0 * math.pi / beams if beams < 2 else angles[1] - angles[0]
-    is_round = spacing * beams > 2.0 * math.pi - 0.5 * spacing
-    for i in range(beams if is_round else beams - 1):
+    for i in range(beams if _is_round(angles) else beams - 1):
         j = (i + 1) % beams
         if not used[i] and not used[j]:
             continue

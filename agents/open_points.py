@@ -108,6 +108,10 @@ class SubGoalMemory(BugMemory):
     """Where the target was when all this was remembered, odometry frame [m]."""
     waited: float = 0.0
     """Time without anywhere to go [s]."""
+    seen: list[Point] | None = None
+    """Corners in sight at the last decision but this; None at the first. Odometry frame [m]."""
+    sees: list[Point] | None = None
+    """Corners in sight now, odometry frame [m]."""
 
 
 class SubGoals:
@@ -177,15 +181,30 @@ class SubGoals:
         place = view.to_odometry(*point.corner)
         return any(math.dist(place, corner) <= self.same for corner in corners)
 
+    def _seen_twice(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
+        """The open points that were in sight at the last decision too: a beam without a return opens a wall for once."""
+        if memory.seen is None:
+            return profile.open_points
+        seen, found = memory.seen, []
+        for point in profile.open_points:
+            place, drift = view.to_odometry(*point.corner), self._drift(point)
+            if any(math.dist(place, corner) <= drift for corner in seen):
+                found.append(point)
+        return found
+
+    def _drift(self, point: OpenPoint) -> float:
+        """How far from where it is seen now a corner may turn out to be [m]."""
+        return max(self.same, 1.5 * self._spacing * math.hypot(*point.corner))
+
     def new_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points in sight whose corners are neither visited nor out of reach."""
         known = [*(visit.corner for visit in memory.visits), *memory.blocked]
-        return [point for point in profile.open_points if not self.is_known(view, point, known)]
+        return [point for point in self._seen_twice(view, memory, profile) if not self.is_known(view, point, known)]
 
     def other_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points in sight that are not out of reach, nor the corner that the robot is at."""
         known = [*(visit.corner for visit in memory.visits[-1:]), *memory.blocked]
-        return [point for point in profile.open_points if not self.is_known(view, point, known)]
+        return [point for point in self._seen_twice(view, memory, profile) if not self.is_known(view, point, known)]
 
     # ------------------------------------------------------------------------------------------ going there
 
@@ -193,6 +212,7 @@ class SubGoals:
         """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
         self.boundary.advance(view, memory)
         self._follow_target(view, memory)
+        memory.seen, memory.sees = memory.sees, [view.to_odometry(*point.corner) for point in profile.open_points]
         if not self._sees_goal(view, memory, profile):
             velocity = self._approach(view, memory, profile) if memory.corner is not None else None
             if velocity is not None:
@@ -210,7 +230,7 @@ class SubGoals:
         """First velocity to the sub-goal of an open point."""
         memory.corner = memory.first_seen = view.to_odometry(*point.corner)
         memory.side = point.side
-        memory.drift = max(self.same, 1.5 * self._spacing * math.hypot(*point.corner))
+        memory.drift = self._drift(point)
         memory.came_from = view.position
         memory.contour = None
         memory.waited = 0.0

@@ -30,6 +30,9 @@ BLOCK = 8
 FORGET = 2
 """Beams in a row that must pass a point before it is taken away."""
 
+SUPPOSED = 2.0
+"""Up to how many times the reach of the terrain field ground is supposed to go on as it is seen."""
+
 ESCAPE = 1.5
 """How far from a place nearer to a wall than the clearance the way out of there may lead, in clearances."""
 
@@ -113,7 +116,7 @@ class PointMap:
         """Points nearer to the cell's centre than the clearance."""
         self.points_in_block = np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16)
         self.blocked_in_block = np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16)
-        self.weight = np.ones((rows, columns) if self.is_weighted else (1, 1), dtype=np.float32)
+        self.weight = np.full((rows, columns) if self.is_weighted else (1, 1), -1.0, dtype=np.float32)
 
     def cover(self, x: float, y: float, margin: float) -> None:
         """Grow the grid until it reaches `margin` [m] beyond a place, if it doesn't yet."""
@@ -180,7 +183,7 @@ class PointMap:
         _add_terrain(self.weight, self.x, self.y, self.cell, position[0], position[1], heading, factors, spacing)
         if factors.max() > 1.0:
             # What is dear may be worth going round: its surroundings belong to the box that is searched.
-            reach = factors.shape[1] * spacing
+            reach = SUPPOSED * factors.shape[1] * spacing
             self.extent[:2] = np.minimum(self.extent[:2], (position[0] - reach, position[1] - reach))
             self.extent[2:] = np.maximum(self.extent[2:], (position[0] + reach, position[1] + reach))
 
@@ -264,6 +267,15 @@ class PointMap:
         )  # fmt: skip
         return Way(places[:count].copy(), rest[:count].copy()) if count else None
 
+    def costs_to(self, start: Point, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost of the straight ways from a place to each of the places (m, 2): length [m], weighted where terrain is."""
+        if not self.is_weighted:
+            away: NDArray[np.float64] = np.hypot(places[:, 0] - start[0], places[:, 1] - start[1])
+            return away
+        return np.array(
+            [_cost_between(self.weight, self.x, self.y, self.cell, start[0], start[1], x, y) for x, y in places]
+        )
+
     def rest_distances(self, places: NDArray[np.float64], way: Way) -> NDArray[np.float64]:
         """What is left to go from each of the places (m, 2): straight to the best place of a way, and on along it.
 
@@ -335,9 +347,7 @@ def _remove(
 
 
 @kernel
-def _nearest(
-    spot: Bytes, holds: Bytes, x0: float, y0: float, cell: float, x: float, y: float, reach: float
-) -> float:
+def _nearest(spot: Bytes, holds: Bytes, x0: float, y0: float, cell: float, x: float, y: float, reach: float) -> float:
     """Distance from a place to the nearest remembered point, at most `reach`."""
     rows, columns = holds.shape
     square = reach * reach
@@ -483,36 +493,45 @@ def _add_terrain(
     factors: Weights,
     spacing: float,
 ) -> None:
-    """Write the factors seen around the robot into the cells nearest to where they were seen, and those about them."""
+    """Write the factors seen around the robot into the cells; ground beyond, not yet seen, is taken for what lies before.
+
+    A factor that is only supposed is written negative.
+    """
     rows, columns = weight.shape
     headings, rings = factors.shape
     reach = rings * spacing
-    for row in range(max(int((y - reach - y0) / cell), 0), min(int((y + reach - y0) / cell), rows - 1) + 1):
+    far = SUPPOSED * reach
+    for row in range(max(int((y - far - y0) / cell), 0), min(int((y + far - y0) / cell), rows - 1) + 1):
         dy = y0 + (row + 0.5) * cell - y
-        for column in range(max(int((x - reach - x0) / cell), 0), min(int((x + reach - x0) / cell), columns - 1) + 1):
+        for column in range(max(int((x - far - x0) / cell), 0), min(int((x + far - x0) / cell), columns - 1) + 1):
             dx = x0 + (column + 0.5) * cell - x
             away = math.sqrt(dx * dx + dy * dy)
-            if away > reach:
+            if away > far or (away > reach and weight[row, column] > 0.0):
                 continue
             ring = min(max(int(round(away / spacing)) - 1, 0), rings - 1)
             turn = (math.atan2(dy, dx) - heading) / (2.0 * math.pi)
             k = int(round((turn - math.floor(turn)) * headings)) % headings
-            weight[row, column] = factors[k, ring]
+            weight[row, column] = factors[k, ring] if away <= reach else -factors[k, ring]
+
+
+@inlined
+def _along(u: float, cos: float, size: float) -> float:
+    """How far along a direction the next line of a lattice of this size is crossed, the lines across one axis alone."""
+    if cos == 0.0:
+        return np.inf
+    gap = u - math.floor(u / size) * size
+    if cos > 0.0:
+        gap = size - gap
+    # On a line already, up to rounding: without this, a way along a line would be followed by tiny steps.
+    if gap < 1e-9:
+        gap += size
+    return gap / abs(cos)
 
 
 @inlined
 def _to_border(u: float, v: float, cos: float, sin: float, size: float) -> float:
     """How far along a direction the square of a lattice of this size that holds (u, v) ends."""
-    along_x = along_y = np.inf
-    if cos > 0.0:
-        along_x = ((math.floor(u / size) + 1.0) * size - u) / cos
-    elif cos < 0.0:
-        along_x = (math.floor(u / size) * size - u) / cos
-    if sin > 0.0:
-        along_y = ((math.floor(v / size) + 1.0) * size - v) / sin
-    elif sin < 0.0:
-        along_y = (math.floor(v / size) * size - v) / sin
-    return max(min(along_x, along_y), 0.0)
+    return min(_along(u, cos, size), _along(v, sin, size))
 
 
 @kernel
@@ -566,7 +585,7 @@ def _cost_between(
     for i in range(pieces):
         share = (i + 0.5) / pieces
         column, row = int((ax + share * (bx - ax) - x0) / cell), int((ay + share * (by - ay) - y0) / cell)
-        total += weight[row, column] if 0 <= row < rows and 0 <= column < columns else 1.0
+        total += abs(weight[row, column]) if 0 <= row < rows and 0 <= column < columns else 1.0
     return total * length / pieces
 
 

@@ -117,6 +117,8 @@ PREDICTORS: dict[str, str] = {
     "none": "prediction:NoPrediction",
     "constant_velocity": "prediction:ConstantVelocity",
     "kalman": "prediction:Kalman",
+    "supervised": "learned_prediction:SupervisedPredictor",
+    "rl": "learned_prediction:RLPredictor",
 }
 """Name -> module here : class."""
 

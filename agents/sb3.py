@@ -24,6 +24,7 @@ from bug_gym.navigation_env import (
     require_one_robot,
 )
 from bug_gym.simulation import Simulation
+from bug_gym.world import Capacity, Snapshot
 
 try:
     from stable_baselines3.common.monitor import Monitor
@@ -32,6 +33,10 @@ except ModuleNotFoundError as error:
     raise ImportError(
         "bug_gym.agents.sb3 needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'"
     ) from error
+
+
+Saved = dict[str, Any]
+"""A state of an env as plain numbers and arrays."""
 
 
 def make_vec_env(
@@ -138,6 +143,18 @@ class NavigationVecEnv(VecEnv):
                 self.reset_infos[row] = simulation.robot_step(row).info
         self._pictures.record()
         return self.spaces.present_batch(flat), reward.astype(np.float32), done, infos
+
+    def save(self) -> Saved:
+        """Copy all that the future depends on, but for the actions: plain numbers and arrays."""
+        (capacity, *arrays), seeded = self.simulation.save()
+        return {"capacity": list(capacity), "arrays": arrays, "seeded": seeded, "returns": self._returns.copy()}
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to what `save` of an env of the same scenario and size gave; it goes on bit for bit."""
+        floats, ints, observation = saved["arrays"]
+        snapshot = Snapshot(Capacity(*saved["capacity"]), floats, ints, observation)
+        self.simulation.restore((snapshot, saved["seeded"]))
+        self._returns[:] = saved["returns"]
 
     def _final_info(self, row: int, flat: NDArray[np.float32]) -> dict[str, Any]:
         last = self.simulation.robot_step(row)

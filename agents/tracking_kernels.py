@@ -44,6 +44,10 @@ FIT = 11
 
 NEW_RADIUS, NEW_RADIUS_SPREAD = 0.5, 0.3  # of a thing not seen before [m]
 LEAST_RADIUS, MOST_RADIUS = 0.1, 1.2  # of a thing that is tracked [m]
+LEAST_SPREAD = 0.05  # of a radius that is known [m]: things aren't round
+JUMP = 0.1  # ranges that differ by more, for their noise and spacing, are of two surfaces [m]
+OPEN_END = 0.3  # a cluster that ends this near to the end of what is in range may go on there [m]
+CLAIM, MOST_CLAIM = 0.1, 0.3  # how far from a mover's predicted outline a hit may be its: at least, and at most [m]
 WALL_EXTENT = 2.4  # a cluster longer than this is a wall [m]
 NEW_SHAPE, LEAST_SHAPE = 0.03, 0.012  # how far the outline of a thing departs from a circle: at first, and at least [m]
 ACCELERATION = 0.4  # of a mover, one standard deviation [m/s^2]
@@ -52,6 +56,7 @@ GATE = 9.21  # chi-square of two degrees of freedom, 99 %
 LOST = 0.35  # what is farther than this from a mover's course, and far out of the gate, is another thing [m]
 NEAR_GATE = 1.5  # no cluster farther than this from a track's place is its next measurement [m]
 SWERVE = 0.6  # velocity that a mover may have changed by where it departs from its course [m/s]
+SWERVE_PLACE = 0.05  # and place [m]
 OUT_OF_ROUND = 0.1  # how far a hit of one thing lies from its circle [m]
 ENOUGH_HITS = 6  # to tell one disc from two
 SAME_COURSE = 0.4  # velocities of two pieces of one thing differ by no more [m/s]
@@ -91,16 +96,14 @@ def predict_tracks(state: Floats, numbers: Integers, dt: float) -> None:
 
 
 @kernel
-def claim_beams(
-    state: Floats, numbers: Integers, wx: Floats, wy: Floats, is_hit: Flags, owner: Integers
-) -> None:
+def claim_beams(state: Floats, numbers: Integers, wx: Floats, wy: Floats, is_hit: Flags, owner: Integers) -> None:
     """Give hits at the predicted outline of a mover to it: near a wall its points can't be told by their ranges."""
     beams = len(wx)
     for m in range(TRACKS):
         if numbers[m, ID] == 0 or numbers[m, IS_MOVING] == 0:
             continue
         s = state[m]
-        slack = min(0.1 + 1.5 * math.sqrt(max(s[PXX], s[PYY])), 0.3)
+        slack = min(CLAIM + 1.5 * math.sqrt(max(s[PXX], s[PYY])), MOST_CLAIM)
         reach = s[RADIUS] + slack
         for i in range(beams):
             if not is_hit[i]:
@@ -111,7 +114,9 @@ def claim_beams(
                 continue
             if owner[i] >= 0:
                 other = state[owner[i]]
-                if abs(math.hypot(wx[i] - other[X], wy[i] - other[Y]) - other[RADIUS]) <= abs(math.sqrt(square) - s[RADIUS]):
+                if abs(math.hypot(wx[i] - other[X], wy[i] - other[Y]) - other[RADIUS]) <= abs(
+                    math.sqrt(square) - s[RADIUS]
+                ):
                     continue
             owner[i] = m
 
@@ -151,9 +156,9 @@ def is_one_surface(ranges: Floats, is_hit: Flags, i: int, settings: Floats) -> b
         return False
     near = min(ranges[i], ranges[h])
     spacing = near * settings[ANGLE_STEP]
-    if abs(ranges[i] - ranges[h]) <= 0.1 + 3.0 * settings[NOISE] + spacing:
+    if abs(ranges[i] - ranges[h]) <= JUMP + 3.0 * settings[NOISE] + spacing:
         return True
-    slack = 0.1 + 3.0 * settings[NOISE] + 0.5 * spacing
+    slack = JUMP + 3.0 * settings[NOISE] + 0.5 * spacing
     g = h - 1 if h > 0 else beams - 1
     j = i + 1 if i + 1 < beams else 0
     twice = 2.0 * math.cos(settings[ANGLE_STEP])
@@ -229,8 +234,8 @@ def edge_kind(ranges: Floats, beam: int, step: int, settings: Floats) -> int:
             return -1
         after = after % beams
     if ranges[after] >= settings[RANGE]:
-        return 1 if ranges[beam] < settings[RANGE] - 0.3 else -1
-    return 1 if ranges[after] > ranges[beam] + 0.1 else 0
+        return 1 if ranges[beam] < settings[RANGE] - OPEN_END else -1
+    return 1 if ranges[after] > ranges[beam] + JUMP else 0
 
 
 @kernel
@@ -385,8 +390,20 @@ def join_claims(
             continue
         left, right = edge_kind(ranges, last, 1, settings), edge_kind(ranges, first, -1, settings)
         fit_disc(
-            x, y, bearings, members, begin, end, left, right, settings, state[main, RADIUS],
-            math.sqrt(state[main, RADIUS_VARIANCE]), NEW_SHAPE**2, False, fit,
+            x,
+            y,
+            bearings,
+            members,
+            begin,
+            end,
+            left,
+            right,
+            settings,
+            state[main, RADIUS],
+            math.sqrt(state[main, RADIUS_VARIANCE]),
+            NEW_SHAPE**2,
+            False,
+            fit,
         )
         is_disc = fit[FR] <= state[main, RADIUS] + 2.0 * math.sqrt(state[main, RADIUS_VARIANCE])
         for k in range(begin, end):
@@ -459,7 +476,7 @@ def is_free(x: float, y: float, ranges: Floats, pose: Floats, settings: Floats) 
     """
     beams = len(ranges)
     distance, number = place_in_scan(x, y, pose, settings)
-    far = distance + 0.1 + 3.0 * settings[NOISE] + 0.5 * distance * settings[ANGLE_STEP]
+    far = distance + JUMP + 3.0 * settings[NOISE] + 0.5 * distance * settings[ANGLE_STEP]
     if far >= settings[RANGE]:
         return False
     low = int(math.floor(number))
@@ -551,8 +568,8 @@ def measure(s: Floats, n: Integers, fit: Floats, history: Floats, px: float, py:
     excess = 1.0
     if square > GATE:
         if n[IS_MOVING] > 0:  # it has turned
-            s[PXX] += 0.0025
-            s[PYY] += 0.0025
+            s[PXX] += SWERVE_PLACE * SWERVE_PLACE
+            s[PYY] += SWERVE_PLACE * SWERVE_PLACE
             s[VXX] += SWERVE * SWERVE
             s[VYY] += SWERVE * SWERVE
         else:  # another side of it has come into view
@@ -607,7 +624,7 @@ def refit(
     fit_disc(x, y, bearings, members, begin, end, left, right, settings, radius, spread, shape, True, fit)
     s[X] += fit[FX] - bx
     s[Y] += fit[FY] - by
-    s[RADIUS], s[RADIUS_VARIANCE] = radius, max(variance, 0.0025)
+    s[RADIUS], s[RADIUS_VARIANCE] = radius, max(variance, LEAST_SPREAD * LEAST_SPREAD)
 
 
 @inlined
@@ -803,9 +820,7 @@ def update_tracks(
     owner[:] = -1
     clusters = cut_clusters(ranges, is_hit, owner, settings, members, begins)
     claim_beams(state, numbers, wx, wy, is_hit, owner)
-    join_claims(
-        state, numbers, x, y, bearings, ranges, settings, members, begins, clusters, owner, counts, fits[0]
-    )
+    join_claims(state, numbers, x, y, bearings, ranges, settings, members, begins, clusters, owner, counts, fits[0])
     for m in range(TRACKS):
         if numbers[m, ID] == 0 or numbers[m, IS_MOVING] == 0:
             continue
@@ -815,7 +830,19 @@ def update_tracks(
         left = edge_kind(ranges, members[count - 1], 1, settings)
         right = edge_kind(ranges, members[0], -1, settings)
         fit_disc(
-            x, y, bearings, members, 0, count, left, right, settings, state[m, RADIUS], 1.0, NEW_SHAPE**2, True,
+            x,
+            y,
+            bearings,
+            members,
+            0,
+            count,
+            left,
+            right,
+            settings,
+            state[m, RADIUS],
+            1.0,
+            NEW_SHAPE**2,
+            True,
             fits[0],
         )
         dx, dy = fits[0, FX] + px - state[m, X], fits[0, FY] + py - state[m, Y]
@@ -835,8 +862,20 @@ def update_tracks(
         is_thing[c] = (left == 1 or right == 1) and extent_of(x, y, members, begin, end) <= WALL_EXTENT
         if is_thing[c]:
             fit_disc(
-                x, y, bearings, members, begin, end, left, right, settings, NEW_RADIUS, NEW_RADIUS_SPREAD,
-                NEW_SHAPE**2, False, fits[c],
+                x,
+                y,
+                bearings,
+                members,
+                begin,
+                end,
+                left,
+                right,
+                settings,
+                NEW_RADIUS,
+                NEW_RADIUS_SPREAD,
+                NEW_SHAPE**2,
+                False,
+                fits[c],
             )
             # A disc about the scanner is a recess of the walls.
             is_thing[c] = math.hypot(fits[c, FX], fits[c, FY]) > fits[c, FR]
@@ -856,14 +895,38 @@ def update_tracks(
                 continue
             counters[0] += 1
             fit_disc(
-                x, y, bearings, members, begin, end, left, right, settings, fits[c, FR],
-                math.sqrt(fits[c, FR_VARIANCE]), fits[c, SHAPE], True, fits[c],
+                x,
+                y,
+                bearings,
+                members,
+                begin,
+                end,
+                left,
+                right,
+                settings,
+                fits[c, FR],
+                math.sqrt(fits[c, FR_VARIANCE]),
+                fits[c, SHAPE],
+                True,
+                fits[c],
             )
             begin_track(state[m], numbers[m], fits[c], history[m], px, py, now, counters[0])
         for k in range(begin, end):
             owner[members[k]] = m
     weigh_evidence(
-        state, numbers, wx, wy, ranges, pose, owner, angles, scans, scan_poses, scan_owners, settings, counts,
+        state,
+        numbers,
+        wx,
+        wy,
+        ranges,
+        pose,
+        owner,
+        angles,
+        scans,
+        scan_poses,
+        scan_owners,
+        settings,
+        counts,
         lists[4],
     )
     close_update(state, numbers, ranges, pose, settings, owner)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import Drawing, Velocity, braking_radius
 
 from .boundary_following import STANDING, TARGET_MOVED, Boundary, BugMemory, Contour, MLine, Point, go_along, side_of
 
@@ -151,7 +151,7 @@ class Scan:
         else:
             radius = max(boundary.safe_radius, boundary.hit_radius - 2.0 * view.sensors.range_noise)
         # A robot that came too near to a wall can still go along it.
-        radius = max(min(radius, 0.98 * self.nearest), view.sensors.radius)
+        radius = max(min(radius, 0.98 * self.nearest), braking_radius(view.sensors))
         return view.free_distance(bearing, radius) >= min(distance, view.sensors.range)
 
     def seen_from(self, place: Point) -> Elsewhere:
@@ -217,9 +217,11 @@ class Vision:
     def look(self, view: View, memory: VisionMemory) -> Scan:
         """The present scan, with the memory brought up to it. Call once a decision, first."""
         boundary, scan = self.boundary, Scan(view, self.boundary)
-        boundary.advance(view, memory)
+        boundary.move_on(view, memory)
         if not memory.trail:
             self._begin(view, memory)
+        if boundary.sees_motion(view, memory):
+            self._disturb(memory)
         self._follow_target(view, memory)
         if math.dist(view.position, memory.scout.place) <= boundary.step:
             memory.trail = [memory.scout]
@@ -244,6 +246,13 @@ class Vision:
         memory.way = []
         memory.blind_until = 0.0
         memory.restart_distance = view.goal_distance
+
+    def _disturb(self, memory: VisionMemory) -> None:
+        """Something near has moved: the lap on which the scout is proves nothing, wherever on it the scout stands."""
+        memory.trail = [scout.copy() for scout in memory.trail]
+        for scout in memory.trail:
+            if scout.contour is not None:
+                scout.contour.is_disturbed = True
 
     def _follow_target(self, view: View, memory: VisionMemory) -> None:
         """Draw the M-line anew where the target has moved away from its end."""
@@ -311,6 +320,8 @@ class Vision:
         view, step = scan.view, self.boundary.step
         for _ in range(MOST_STEPS):
             scout = memory.scout
+            if math.dist(scout.place, view.goal_position) <= self.boundary.sensors.goal_radius - self.on_line:
+                return  # Bug2 has arrived there
             ahead = self._step(scan, scout)
             memory.verdict = ahead.verdict
             gap = math.dist(view.position, scout.place)
@@ -350,7 +361,7 @@ class Vision:
                 ahead.hit_distance = ahead.crossing_distance = math.dist(view.position, ahead.m_line.goal)
             velocity = boundary.follow(view, ahead)
         drive = view.sensors.drive
-        boundary.advance(scan.seen_from(view.to_odometry(velocity[0] * drive.step, velocity[1] * drive.step)), ahead)
+        boundary.move_on(scan.seen_from(view.to_odometry(velocity[0] * drive.step, velocity[1] * drive.step)), ahead)
         return ahead
 
     def _may_leave(self, view: View, scout: Scout, contour: Contour) -> bool:
@@ -383,7 +394,7 @@ class Vision:
         view, ahead = scan.seen_from(place), scout.copy()
         if ahead.contour is not None:
             self.boundary.leave(view, ahead)
-        self.boundary.advance(view, ahead)
+        self.boundary.move_on(view, ahead)
         memory.trail.append(ahead)
         return True
 

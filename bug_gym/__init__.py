@@ -31,6 +31,9 @@ SCENARIOS_BY_ID = {
 """The scenario that each of the registered ids binds."""
 
 
+PREDICTION_ID = "BugGym/Prediction-v0"
+"""The id of the task to say where a tracked mover will be."""
+
 ROBOTS_ID = "BugGym/Robots-v0"
 """The id in PettingZoo's registries."""
 
@@ -45,6 +48,8 @@ def register_envs() -> None:
                 vector_entry_point="bug_gym.vector_env:NavigationVectorEnv",
                 kwargs={"scenario": scenario},
             )
+    if PREDICTION_ID not in gym.registry:
+        gym.register(PREDICTION_ID, entry_point="bug_gym.agents.prediction_env:PredictionEnv")
     if hasattr(pettingzoo, "register") and ROBOTS_ID not in pettingzoo.parallel_registry:  # PettingZoo 1.27 and later
         pettingzoo.register("parallel", ROBOTS_ID, "bug_gym.robots_env:parallel_env")
         pettingzoo.register("aec", ROBOTS_ID, "bug_gym.robots_env:env")

@@ -26,8 +26,8 @@ import numpy as np
 from gymnasium.utils.performance import benchmark_step
 
 import bug_gym
+from bug_gym.clips import replaced_when_done
 from bug_gym.evaluation import evaluate, progress_bar
-from bug_gym.rendering import replaced_when_done
 from bug_gym.simulation import Simulation
 
 WORLDS = 1024
@@ -210,6 +210,8 @@ def part_tasks(worlds: int, seconds: float) -> Iterator[Task]:
     yield "step (100 circles, 1 beam): core", "us", partial(part_time, "core", blind, worlds, seconds)
     yield f"{title}: infos", "us", partial(part_time, "reading", scenario, worlds, seconds)
     yield f"{title}: resets", "us", partial(part_time, "new worlds", scenario, worlds, seconds)
+    if find_spec("pygame"):
+        yield "frame of 600 x 600 pixels: 500 moving squares", "ms", partial(frame_time, seconds)
     for obstacles, beams in CASES:
         scenario = busy_world("circles", obstacles, beams)
         yield f"new world: {obstacles} circles, {beams} beams", "us", partial(new_world_time, scenario, worlds, seconds)
@@ -237,6 +239,25 @@ def part_time(part: str, scenario: dict[str, Any], worlds: int, seconds: float) 
             spent[name] += duration
         number += 1
     return 1e6 * spent[part] / (number * worlds)
+
+
+def frame_time(seconds: float) -> float:
+    """Time of a picture [ms]."""
+    from bug_gym.rendering import Canvas
+
+    scenario = busy_world("squares", 500, 180)
+    scenario["world"] |= {"bounds": [-20, -20, 20, 20], "sizes": [0.15, 0.35]}
+    simulation = Simulation(scenario)
+    simulation.reset(seeds=[0])
+    canvas, number, spent = Canvas(simulation, size=600), 0, 0.0
+    canvas.draw()  # what stands is painted once an episode
+    while spent < seconds:
+        simulation.advance(np.zeros((1, 1, 2)))
+        begin = perf_counter()
+        canvas.draw()
+        spent += perf_counter() - begin
+        number += 1
+    return 1000.0 * spent / number
 
 
 def new_world_time(scenario: dict[str, Any], worlds: int, seconds: float) -> float:
@@ -270,9 +291,9 @@ def fresh_time(code: str) -> float:
 
 def decision_tasks() -> Iterator[Task]:
     """Microseconds of a decision of each policy."""
-    from bug_gym.agents import policy_names
+    from bug_gym.agents import playable_names
 
-    for name in policy_names():
+    for name in playable_names():
         yield f"decision: {name}", "us", partial(decision_time, name)
 
 

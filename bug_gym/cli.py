@@ -1,4 +1,4 @@
-"""The command line, `bug-gym`: list, show, evaluate, render, benchmark.
+"""The command line, `bug-gym`: list, show, evaluate, train, render, reproduce, benchmark.
 
 Exit codes: 0 done, 2 bad input (one line on stderr says what), 130 interrupted. What a command needs is imported when
 it runs, so that `--help` is quick.
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(BAD_INPUT, f"error: {error}")
     except KeyboardInterrupt:
         out = getattr(options, "out", None)
-        hint = f"; {out} keeps what is done, the same command goes on" if out and command is evaluate else ""
+        hint = f"; {out} keeps what is done, the same command goes on" if out and command in (evaluate, train) else ""
         return _complain(INTERRUPTED, f"interrupted{hint}")
     return DONE
 
@@ -89,13 +89,29 @@ def make_parser() -> Parser:
     evaluating.add_argument("--episodes", type=int, help="worlds of each scenario (default: the suite's, or 50)")
     evaluating.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
     evaluating.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
+    evaluating.add_argument("--baseline", help="policy that the others are compared with (default: the first)")
+    evaluating.add_argument("--data", type=Path, help="somebody else's data that a suite needs")
     evaluating.add_argument(
         "--out", type=Path, help="folder for rows, summary and pictures; goes on with a run cut off"
     )
     _add_overrides(evaluating)
 
-    rendering = add("render", render, "bug-gym render bug2 dynamic --seed 3 --out bug2.gif")
-    rendering.add_argument("policy", metavar="POLICY", help="NAME[:PARAMETER=VALUE...]")
+    training = add("train", train, "bug-gym train ppo_dynamic --out results/ppo_dynamic")
+    training.add_argument("name", metavar="NAME", help="a training (bug-gym list trainings), or the path of a YAML file")
+    training.add_argument("--out", type=Path, help="folder of the model (default: results/train/NAME)")
+    training.add_argument("--seed", type=int, default=0, help="seed of the first model (default: 0)")
+    training.add_argument("--seeds", type=at_least_one, default=1, help="how many models, a seed each (default: 1)")
+    training.add_argument("--steps", type=at_least_one, help="environment steps (default: the training's)")
+    training.add_argument("--minutes", type=float, help="end after so many minutes of training (default: all steps)")
+    training.add_argument("--threads", type=at_least_one, help="threads of torch (default: one for each core)")
+    training.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
+    training.add_argument(
+        "--set", dest="overrides", metavar="KEY=VALUE", action="append", default=[],
+        help="replace a value of the training, such as gamma=0.98; may come several times",
+    )
+
+    rendering = add("render", render, "bug-gym render bug2 tangent_bug dynamic --seed 3 --out both.gif")
+    rendering.add_argument("policies", metavar="POLICY", nargs="+", help="NAME[:PARAMETER=VALUE...]; several: side by side")
     _add_scenario(rendering)
     rendering.add_argument("--out", type=Path, required=True, help="a .gif, a .mp4, or a .png of the whole path")
     rendering.add_argument(
@@ -226,7 +242,19 @@ def _reproductions() -> list[tuple[str, str]]:
     return [(name, str(module.__doc__).partition("\n")[0]) for name, module in modules.items()]
 
 
-LISTS = {"scenarios": _scenarios, "policies": _policies, "suites": _suites, "reproductions": _reproductions}
+def _trainings() -> list[tuple[str, str]]:
+    from bug_gym.agents.training_settings import TRAIN_FOLDER, training_names
+
+    return [(name, _first_comment(TRAIN_FOLDER / f"{name}.yaml")) for name in training_names()]
+
+
+LISTS = {
+    "scenarios": _scenarios,
+    "policies": _policies,
+    "suites": _suites,
+    "trainings": _trainings,
+    "reproductions": _reproductions,
+}
 
 
 def _first_comment(path: Path) -> str:
@@ -249,7 +277,8 @@ def show(options: argparse.Namespace) -> None:
         _save_world(save, simulation)
         print(f"{save}: {name}, seed {options.seed}, as an explicit world")
     if out:
-        from bug_gym.rendering import Canvas, save_png
+        from bug_gym.clips import save_png
+        from bug_gym.rendering import Canvas
 
         save_png(out, Canvas(simulation, size=options.size).draw(scan=False))
         length = simulation.shortest_path().length
@@ -257,8 +286,8 @@ def show(options: argparse.Namespace) -> None:
 
 
 def _save_world(path: Path, simulation: Simulation) -> None:
+    from bug_gym.clips import replaced_when_done
     from bug_gym.config import to_yaml
-    from bug_gym.rendering import replaced_when_done
     from bug_gym.scenarios import as_explicit
 
     explicit = as_explicit(simulation.scenario, simulation.world.layout(0))
@@ -268,12 +297,12 @@ def _save_world(path: Path, simulation: Simulation) -> None:
 
 
 def evaluate(options: argparse.Namespace) -> None:
-    """Drive policies through the same worlds; a table, and with --out a folder of rows, summary and pictures."""
+    """Drive policies through the same worlds; tables, and with --out a folder of rows, summary and pictures."""
     from rich.console import Console
 
     from bug_gym.evaluation import evaluate
-    from bug_gym.intervals import summarise
-    from bug_gym.report import print_table
+    from bug_gym.intervals import compare, summarise
+    from bug_gym.report import print_differences, print_table
     from bug_gym.suites import load_suite
 
     rows = evaluate(
@@ -285,17 +314,45 @@ def evaluate(options: argparse.Namespace) -> None:
         out=options.out,
         overrides=_assignments(options.overrides),
         progress=True,
+        data=options.data,
+        baseline=options.baseline,
     )
-    print_table(summarise(rows), Console())
+    console = Console()
+    print_table(summarise(rows), console)
+    print_differences(compare(rows, options.baseline or rows[0].policy), console)
     if options.out:
         print(f"rows, summary and pictures: {options.out}")
 
 
+def train(options: argparse.Namespace) -> None:
+    """Train a policy, or go on with a training that was cut off; the folder it writes is a policy for `evaluate`."""
+    try:
+        from bug_gym.agents.training import train_seeds
+    except ModuleNotFoundError as error:
+        raise ImportError("training needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'") from error
+    from bug_gym.agents.training_settings import load_settings
+
+    overrides = _assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
+    settings = load_settings(options.name, overrides)
+    options.out = options.out or Path("results", "train", settings.name)
+    best = train_seeds(
+        settings,
+        options.out,
+        seeds=range(options.seed, options.seed + options.seeds),
+        minutes=options.minutes,
+        threads=options.threads,
+        start_from=options.start_from,
+        progress=True,
+    )
+    print(f"{best}: play it with --policies {best}/")
+
+
 def render(options: argparse.Namespace) -> None:
-    """Draw an episode of a policy: a film, or one picture of its whole path."""
+    """Draw an episode of a policy, or of several side by side: a film, or one picture of the whole path."""
+    from bug_gym.clips import grid, save_gif, save_mp4, save_png, together
     from bug_gym.config import load
     from bug_gym.evaluation import progress_bar
-    from bug_gym.rendering import Canvas, save_gif, save_mp4, save_png
+    from bug_gym.rendering import Canvas
     from bug_gym.rollout import Rollout, film, portrait
     from bug_gym.suites import ScenarioEntry
 
@@ -303,20 +360,22 @@ def render(options: argparse.Namespace) -> None:
     save = {".gif": save_gif, ".mp4": save_mp4}.get(out.suffix)
     if save is None and out.suffix != ".png":
         raise ValueError(f"got {out} to write to, expected a name that ends in .gif, .mp4 or .png")
-    scenario, entry = load(options.scenario, _assignments(options.overrides)), _policy(options.policy)
+    scenario, entries = load(options.scenario, _assignments(options.overrides)), map(_policy, options.policies)
     seeds = range(options.seed, options.seed + 1)
-    rollout = Rollout(entry, ScenarioEntry(scenario.name, scenario, seeds), seeds)
-    canvas = Canvas(rollout.simulation, size=options.size, title=entry.label)
+    rollouts = [Rollout(entry, ScenarioEntry(scenario.name, scenario, seeds), seeds) for entry in entries]
+    scenes = [(one, Canvas(one.simulation, size=options.size, title=one.entry.label)) for one in rollouts]
     if save is None:
-        save_png(out, portrait(rollout, canvas))
+        save_png(out, grid([portrait(*scene) for scene in scenes]))
     else:
-        frames = film(rollout, canvas, every=options.every)
+        frames = together([film(*scene, every=options.every) for scene in scenes])
         with progress_bar(shown=True) as track:
             most = scenario.time.steps // options.every + 1
             save(out, track(frames, "frames, at most", most), 1.0 / (scenario.time.step * options.every))
-    info = rollout.simulation.info()
-    outcome = rollout.verdict() or info["outcome"][0, 0]
-    print(f"{out}: {outcome} after {info['time'][0, 0]:.1f} s and {info['path_length'][0, 0]:.2f} m")
+    print(out)
+    for one in rollouts:
+        info = one.simulation.info()
+        outcome, time, length = (info[name][0, 0] for name in ("outcome", "time", "path_length"))
+        print(f"  {one.entry.label}: {one.verdict() or outcome} after {time:.1f} s and {length:.2f} m")
 
 
 def gallery(options: argparse.Namespace) -> None:
@@ -340,7 +399,7 @@ def reproduce(options: argparse.Namespace) -> None:
 
     from rich.console import Console
 
-    from bug_gym.rendering import replaced_when_done
+    from bug_gym.clips import replaced_when_done
     from bug_gym.report import draw_curves, print_text_table
     from bug_gym.reproductions import reproduction
     from bug_gym.reproductions.result import Settings

@@ -269,7 +269,7 @@ class WeightedRegion(Part):
     circle: Disc | None = None
     """x, y, radius [m], instead of `polygon`."""
     factor: Annotated[float, Strict(), Field(ge=1.0)]
-    """What a metre in it costs, in metres of open ground."""
+    """What a metre in it costs, in metres of open ground [1]."""
 
     @model_validator(mode="after")
     def _has_one_outline(self) -> Self:
@@ -1411,7 +1411,8 @@ class Robot(Part):
     radius: Positive = 0.2
     """Radius of a round body [m]."""
     circles: Annotated[tuple[Disc, ...], Field(min_length=1)] | None = None
-    """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`."""
+    """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`. While it turns they
+    are tested along their arcs: no contact is missed, and none comes more than 0.01 mm too early."""
     max_speed: Positive = 1.0
     """Maximum speed, of a differential robot ahead [m/s]."""
     max_reverse: NotNegative = 0.3

@@ -18,10 +18,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from bug_gym.config import load
-from bug_gym.intervals import summarise
+from bug_gym.clips import load_pillow, replaced_when_done, save_png
+from bug_gym.config import ScenarioError, load
+from bug_gym.intervals import compare, summarise
 from bug_gym.metrics import EpisodeRow
-from bug_gym.rendering import Canvas, load_pillow, load_pygame, replaced_when_done, save_png
+from bug_gym.painting import load_pygame
+from bug_gym.policy import MisfitError
+from bug_gym.rendering import Canvas
 from bug_gym.report import write_summary
 from bug_gym.rollout import Lengths, Rollout, World, is_privileged, portrait, shortest_lengths
 from bug_gym.suites import Plan, PolicyEntry, ScenarioEntry, as_suite
@@ -46,25 +49,32 @@ def make_plan(
     episodes: int | None = None,
     seed: int | None = None,
     overrides: Mapping[str, Any] | None = None,
+    data: str | os.PathLike[str] | None = None,
 ) -> Plan:
     """What to evaluate, from the arguments of `evaluate`, each policy tried once in each scenario.
 
     Raises:
-        ValueError: an unknown name, a label that comes twice, or a policy that does not fit a scenario.
+        ValueError: an unknown name, a label that comes twice, or a policy that fits none of the scenarios.
     """
     suite, name = as_suite(scenario_or_suite)
-    scenarios = []
-    for item in suite.scenarios:
-        scenario = load(item.scenario, {**item.overrides, **(overrides or {})})
+    scenarios, found = [], suite.overrides(data)
+    for number, item in enumerate(suite.scenarios):
+        try:
+            scenario = load(item.scenario, {**item.overrides, **found, **(overrides or {})})
+        except ScenarioError as error:
+            raise ScenarioError(f"{name}: scenarios.{number}: {error}" if name else str(error)) from None
         seeds = item.seeds or suite.seeds
         first, count = seeds.first if seed is None else seed, seeds.count if episodes is None else episodes
         if first < 0 or count < 1:
             raise ValueError(f"expected a seed from 0 on and at least one episode, got {first} and {count}")
         scenarios.append(ScenarioEntry(item.label or scenario.name, scenario, range(first, first + count)))
-    if policies is None:
-        from bug_gym.agents import policy_names
+    by_default = policies is None and not suite.policies
+    if by_default:
+        from bug_gym.agents import playable_names
 
-        policies = suite.policies or policy_names()
+        policies = playable_names()
+    elif policies is None:
+        policies = suite.policies
     elif isinstance(policies, (str, Mapping)) or hasattr(policies, "predict"):
         policies = [policies]
     entries = [PolicyEntry.of(policy) for policy in policies]
@@ -72,7 +82,12 @@ def make_plan(
         raise ValueError("no policies to evaluate")
     _require_distinct("scenarios", [entry.label for entry in scenarios])
     _require_distinct("policies", [entry.label for entry in entries])
-    return Plan(name, tuple(_rehearse(entries, scenarios)), tuple(scenarios))
+    labelled, left_out = _rehearse(entries, scenarios)
+    lost = [entry for entry in labelled if all((entry.label, scenario.label) in left_out for scenario in scenarios)]
+    if lost and not by_default:
+        raise MisfitError(left_out[lost[0].label, scenarios[0].label])
+    kept = tuple(entry for entry in labelled if entry not in lost)
+    return Plan(name, kept, tuple(scenarios), frozenset(left_out))
 
 
 def _require_distinct(what: str, labels: Sequence[str]) -> None:
@@ -81,19 +96,29 @@ def _require_distinct(what: str, labels: Sequence[str]) -> None:
         raise ValueError(f"two {what} are called {twice[0]!r}: give them labels")
 
 
-def _rehearse(entries: Sequence[PolicyEntry], scenarios: Sequence[ScenarioEntry]) -> list[PolicyEntry]:
-    """One step of each policy in each scenario, before anything is written: what does not fit fails here.
+def _rehearse(
+    entries: Sequence[PolicyEntry], scenarios: Sequence[ScenarioEntry]
+) -> tuple[list[PolicyEntry], dict[tuple[str, str], str]]:
+    """One step of each policy in each scenario, before anything is written: what is wrong fails here.
 
-    It also leaves compiled code in numba's cache, where workers find it. Policies that read the map are labelled so.
+    It also leaves compiled code in numba's cache, where workers find it. Policies that read the map are labelled so. A
+    learned policy that was made for another robot is left out of the scenario: why, by label of policy and scenario.
     """
     labelled = list(entries)
+    left_out = {}
     for scenario in scenarios:
         for number, entry in enumerate(entries):
-            rollout = Rollout(entry, scenario, scenario.seeds[:1])
+            try:
+                rollout = Rollout(entry, scenario, scenario.seeds[:1])
+            except MisfitError as error:
+                left_out[entry.label, scenario.label] = str(error)
+                continue
             rollout.advance()
             if is_privileged(rollout.policy):
                 labelled[number] = replace(entry, label=f"{entry.label} (privileged)")
-    return labelled
+        if misfits := [policy for policy, label in left_out if label == scenario.label]:
+            logger.warning("%s is not for the robot of: %s", scenario.label, ", ".join(misfits))
+    return labelled, left_out
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -243,6 +268,8 @@ def evaluate(
     out: str | os.PathLike[str] | None = None,
     overrides: Mapping[str, Any] | None = None,
     progress: bool = False,
+    data: str | os.PathLike[str] | None = None,
+    baseline: str | None = None,
 ) -> list[EpisodeRow]:
     """Drive policies through the same worlds and measure each episode.
 
@@ -256,6 +283,8 @@ def evaluate(
         out: a folder for the rows as they come, the summary and pictures. A run that was cut off goes on from it.
         overrides: values by dotted key that replace those of every scenario.
         progress: whether to show a bar on the terminal.
+        data: path of the data that a suite needs and that is not part of this package.
+        baseline: label of the policy that the summary compares the others with; None: the first one.
 
     Returns:
         One row an episode and robot, by scenario, policy, seed and robot.
@@ -265,7 +294,10 @@ def evaluate(
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
-    plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides)
+    plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides, data=data)
+    labels = [policy.label for policy in plan.policies]
+    if baseline is not None and baseline not in labels:
+        raise ValueError(f"baseline must be one of {', '.join(labels)}, came {baseline!r}")
     folder = None if out is None else ResultFolder(out, plan)
     rows = [] if folder is None else list(folder.rows)
     with progress_bar(shown=progress) as track:
@@ -277,7 +309,7 @@ def evaluate(
             rows.extend(world)
         rows = _in_order(plan, rows)
         if folder is not None:
-            write_summary(folder.path, rows, summarise(rows))
+            write_summary(folder.path, rows, summarise(rows), compare(rows, baseline or rows[0].policy))
             _draw_typical(plan, rows, folder.path / "pictures", workers, track)
     return rows
 
@@ -289,12 +321,11 @@ def _in_order(plan: Plan, rows: Sequence[EpisodeRow]) -> list[EpisodeRow]:
 
 
 def _missing(plan: Plan, rows: Sequence[EpisodeRow]) -> list[tuple[PolicyEntry, ScenarioEntry, list[int]]]:
-    """Seeds without rows, by scenario and policy."""
+    """Seeds without rows, by scenario and policy that fits it."""
     done = {(row.policy, row.scenario, row.seed) for row in rows}
     return [
         (policy, scenario, [seed for seed in scenario.seeds if (policy.label, scenario.label, seed) not in done])
-        for scenario in plan.scenarios
-        for policy in plan.policies
+        for scenario, policy in plan.pairs()
     ]
 
 
@@ -408,7 +439,7 @@ def _draw_typical(plan: Plan, rows: Sequence[EpisodeRow], folder: Path, workers:
         return
     folder.mkdir(exist_ok=True)
     wanted = []
-    for scenario, policy in itertools.product(plan.scenarios, plan.policies):
+    for scenario, policy in plan.pairs():
         mine = [row for row in rows if (row.scenario, row.policy) == (scenario.label, policy.label)]
         path = folder / (re.sub(r"[^\w.-]+", "_", f"{scenario.label}-{policy.label}") + ".png")
         if not path.exists():

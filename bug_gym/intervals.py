@@ -178,7 +178,10 @@ def exact_mcnemar(only_a: int, only_b: int) -> float:
 
 
 def summarise(rows: Sequence[EpisodeRow], *, resamples: int = 2000, seed: int = 0) -> list[Summary]:
-    """Summaries by scenario and policy in order of first appearance, then of each policy over all its scenarios."""
+    """Summaries by scenario and policy in order of first appearance, then over all scenarios.
+
+    Over all there is none of a policy that did not drive in each of them: it could not be compared.
+    """
     groups: dict[tuple[str, str], list[EpisodeRow]] = {}
     for row in rows:
         groups.setdefault((row.scenario, row.policy), []).append(row)
@@ -190,8 +193,10 @@ def summarise(rows: Sequence[EpisodeRow], *, resamples: int = 2000, seed: int = 
         raise ValueError(f"no scenario may be named {OVERALL!r}")
     for policy in policies:
         _by_world(groups[OVERALL, policy])
-    keys = [(scenario, policy) for scenario in (*scenarios, OVERALL) for policy in policies]
-    return [_summary(key, groups[key], resamples=resamples, seed=seed) for key in keys if key in groups]
+    everywhere = [policy for policy in policies if all((scenario, policy) in groups for scenario in scenarios)]
+    keys = [(scenario, policy) for scenario in scenarios for policy in policies if (scenario, policy) in groups]
+    keys += [(OVERALL, policy) for policy in everywhere]
+    return [_summary(key, groups[key], resamples=resamples, seed=seed) for key in keys]
 
 
 def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int, seed: int) -> Summary:
@@ -258,16 +263,18 @@ def paired_difference(
 def compare(
     rows: Sequence[EpisodeRow], baseline: str, *, resamples: int = 2000, seed: int = 0
 ) -> list[PairedDifference]:
-    """Differences of each other policy to the baseline, in each of COMPARED, over all scenarios."""
+    """Differences to the baseline in each of COMPARED, of each other policy that has a world in common with it."""
     by_policy: dict[str, list[EpisodeRow]] = {}
     for row in rows:
         by_policy.setdefault(row.policy, []).append(row)
     if baseline not in by_policy:
         raise ValueError(f"baseline must be one of {', '.join(by_policy) or 'no policies'}, came {baseline!r}")
     reference = by_policy.pop(baseline)
+    worlds = _by_world(reference).keys()
     return [
         paired_difference(others, reference, field, resamples=resamples, seed=seed)
         for others in by_policy.values()
+        if worlds & _by_world(others).keys()
         for field in COMPARED
     ]
 

@@ -1317,7 +1317,7 @@ def samples_inside(regions: Floats, at: int, x: float, y: float, cos: float, sin
 
     A point is inside where an odd number of edges crosses the ray beyond it. An end on the ray counts as below it.
     """
-    edges = np.int64(regions[at + 4])
+    edges = int(regions[at + 4])
     if edges == 0:
         dx, dy, radius = regions[at + 1] - x, regions[at + 2] - y, regions[at + 3]
         along, height = cos * dx + sin * dy, cos * dy - sin * dx
@@ -1342,10 +1342,10 @@ def factor_at(s: Record, regions: Floats, x: float, y: float) -> float:
     factor, at = 1.0, 0
     for _ in range(s.regions):
         dx, dy, radius = regions[at + 1] - x, regions[at + 2] - y, regions[at + 3]
-        if regions[at] > factor and dx * dx + dy * dy <= radius * radius:
-            if samples_inside(regions, at, x, y, 1.0, 0.0) & 1:
-                factor = regions[at]
-        at += REGION_HEAD + 4 * np.int64(regions[at + 4])
+        is_near = regions[at] > factor and dx * dx + dy * dy <= radius * radius
+        if is_near and samples_inside(regions, at, x, y, 1.0, 0.0) & 1:
+            factor = regions[at]
+        at += REGION_HEAD + 4 * int(regions[at + 4])
     return factor
 
 
@@ -1364,7 +1364,7 @@ def sample_ground(s: Record, regions: Floats, ground: Ranges, x: float, y: float
                 for j in range(TERRAIN_RINGS):
                     if inside >> j & 1:
                         ground[TERRAIN_RINGS * i + j] = max(ground[TERRAIN_RINGS * i + j], factor)
-        at += REGION_HEAD + 4 * np.int64(regions[at + 4])
+        at += REGION_HEAD + 4 * int(regions[at + 4])
 
 
 # ---------------------------------------------------------------------------------------------- robots
@@ -1439,6 +1439,117 @@ def body_circle(f: Floats, s: Record, footprint: Floats, at: int, r: int, c: int
 
 
 @inlined
+def is_beside(footprint: Floats, c: int) -> bool:
+    """Whether circle c of the body lies beside the robot's origin: a turn moves it."""
+    return bool(footprint[c, 0] != 0.0 or footprint[c, 1] != 0.0)
+
+
+SWING = 1e-5  # a circle beside the robot's origin leaves the chords that stand for its way by no more than this [m]
+
+
+@inlined
+def swing(f: Floats, s: Record, footprint: Floats, r: int, c: int) -> tuple[int, float]:
+    """How many chords stand for the way of circle c of robot r's body in this step, and how far it leaves them [m].
+
+    While the robot goes straight and turns evenly, a circle beside its origin runs along an arc of a cycloid. Contact is
+    tested on the chords with that much more radius: none is missed, and none comes more than SWING too early.
+    """
+    offset = length(footprint[c, 0], footprint[c, 1])
+    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+    pieces = max(1, math.ceil(turn * math.sqrt(0.125 * offset / SWING)))
+    turn /= pieces
+    return pieces, 0.125 * offset * turn * turn
+
+
+@inlined
+def swung_circle(f: Floats, s: Record, footprint: Floats, r: int, c: int, share: float) -> tuple[float, float]:
+    """Centre of circle c of robot r's body after a share of this step's motion."""
+    if share == 0.0:
+        return body_circle(f, s, footprint, s.pose, r, c)
+    if share == 1.0:
+        return body_circle(f, s, footprint, s.next_pose, r, c)
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    x += share * (f[s.next_pose + 3 * r] - x)
+    y += share * (f[s.next_pose + 3 * r + 1] - y)
+    sin, cos = sin_cos(heading + share * (f[s.next_pose + 3 * r + 2] - heading))
+    ox, oy = footprint[c, 0], footprint[c, 1]
+    return x + cos * ox - sin * oy, y + sin * ox + cos * oy
+
+
+@kernel
+def swing_to_disc(
+    f: Floats,
+    s: Record,
+    footprint: Floats,
+    r: int,
+    c: int,
+    x: float,
+    y: float,
+    mx: float,
+    my: float,
+    reach: float,
+    end: float,
+) -> tuple[float, float]:
+    """First contact of circle c of robot r's body with a disc that comes to (x, y) from (x - mx, y - my).
+
+    They touch at a distance of `reach`. Returns (fraction or NEVER, clearance [m]), both up to the fraction `end`.
+    """
+    first, clearance = NEVER, math.inf
+    pieces, margin = swing(f, s, footprint, r, c)
+    x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
+    for piece in range(pieces):
+        finish = min(end * pieces - piece, 1.0)
+        if finish < 0.0:
+            break
+        x1, y1 = swung_circle(f, s, footprint, r, c, (piece + 1) / pieces)
+        left = 1.0 - piece / pieces
+        px, py = x0 - x + mx * left, y0 - y + my * left
+        ex, ey = x1 - x0 - mx / pieces, y1 - y0 - my / pieces
+        fraction = disc_contact(px, py, ex, ey, reach + margin)
+        if fraction <= finish:
+            first = min(first, (piece + fraction) / pieces)
+        clearance = min(clearance, nearest_on_chord(px, py, ex, ey, finish) - reach)
+        x0, y0 = x1, y1
+    return first, clearance
+
+
+@kernel
+def swing_to_wall(
+    f: Floats,
+    s: Record,
+    footprint: Floats,
+    r: int,
+    c: int,
+    bx: float,
+    by: float,
+    mx: float,
+    my: float,
+    w: int,
+    end: float,
+) -> tuple[float, float]:
+    """First contact of circle c of robot r's body with wall w, which stands at (bx, by), as `swing_to_disc` has it."""
+    first, clearance = NEVER, math.inf
+    x1, y1, x2, y2 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+    radius = footprint[c, 2]
+    pieces, margin = swing(f, s, footprint, r, c)
+    cx0, cy0 = body_circle(f, s, footprint, s.pose, r, c)
+    for piece in range(pieces):
+        finish = min(end * pieces - piece, 1.0)
+        if finish < 0.0:
+            break
+        cx1, cy1 = swung_circle(f, s, footprint, r, c, (piece + 1) / pieces)
+        left = 1.0 - piece / pieces
+        px, py = cx0 - bx + mx * left, cy0 - by + my * left
+        ex, ey = cx1 - cx0 - mx / pieces, cy1 - cy0 - my / pieces
+        fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius + margin)
+        if fraction <= finish:
+            first = min(first, (piece + fraction) / pieces)
+        clearance = min(clearance, nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, finish) - radius)
+        cx0, cy0 = cx1, cy1
+    return first, clearance
+
+
+@inlined
 def goal_contact(f: Floats, k: Integers, s: Record, r: int) -> float:
     """Fraction of the step at which robot r's centre comes within the goal radius of its goal, or NEVER."""
     g = k[s.goal_body + r]
@@ -1457,6 +1568,7 @@ def disc_contacts(
     f: Floats, k: Integers, s: Record, footprint: Floats, r: int, need: float, end: float, index: Integers
 ) -> tuple[float, float]:
     """First contact of robot r with discs on its chord up to `end`, and the smallest clearance to them."""
+    x0, y0 = f[s.pose + 3 * r], f[s.pose + 3 * r + 1]
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
     moving, count = k[s.moving_disc_count], k[s.disc_count]
     first, clearance = NEVER, math.inf
@@ -1477,11 +1589,12 @@ def disc_contacts(
         if m < moving:
             mx, my = body_motion(f, s, m)
         for c in range(s.footprint):
-            x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
-            x1, y1 = body_circle(f, s, footprint, s.next_pose, r, c)
             reach = f[s.body_radius + m] + footprint[c, 2]
-            px, py = x0 - x + mx, y0 - y + my
-            ex, ey = x1 - x0 - mx, y1 - y0 - my
+            if is_beside(footprint, c):
+                fraction, gap = swing_to_disc(f, s, footprint, r, c, x, y, mx, my, reach, end)
+                first, clearance = min(first, fraction), min(clearance, gap)
+                continue
+            px, py, ex, ey = x0 - x + mx, y0 - y + my, nx - x0 - mx, ny - y0 - my
             fraction = disc_contact(px, py, ex, ey, reach)
             if fraction <= end:
                 first = min(first, fraction)
@@ -1508,7 +1621,10 @@ def wall_contacts(
 
     Returns (fraction or NEVER, clearance [m]) as `obstacle_contact` does.
     """
-    nx, ny = f[s.next_pose + 3 * r] - bx, f[s.next_pose + 3 * r + 1] - by
+    x0, y0 = f[s.pose + 3 * r], f[s.pose + 3 * r + 1]
+    x3, y3 = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+    nx, ny = x3 - bx, y3 - by
+    px, py, ex, ey = x0 - bx + mx, y0 - by + my, x3 - x0 - mx, y3 - y0 - my
     first, clearance = NEVER, math.inf
     for w in range(begin, begin + count):
         x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
@@ -1518,10 +1634,10 @@ def wall_contacts(
         if gap_x * gap_x + gap_y * gap_y >= need * need:
             continue
         for c in range(s.footprint):
-            cx0, cy0 = body_circle(f, s, footprint, s.pose, r, c)
-            cx1, cy1 = body_circle(f, s, footprint, s.next_pose, r, c)
-            px, py = cx0 - bx + mx, cy0 - by + my
-            ex, ey = cx1 - cx0 - mx, cy1 - cy0 - my
+            if is_beside(footprint, c):
+                fraction, gap = swing_to_wall(f, s, footprint, r, c, bx, by, mx, my, w, end)
+                first, clearance = min(first, fraction), min(clearance, gap)
+                continue
             radius = footprint[c, 2]
             fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius)
             if fraction <= end:
@@ -1598,29 +1714,30 @@ def robots_contact(
     first = NEVER
     clearance = math.inf
     for ca in range(s.footprint):
-        ax0, ay0 = body_circle(f, s, footprint, s.pose, a, ca)
-        ax1, ay1 = body_circle(f, s, footprint, s.next_pose, a, ca)
+        a_pieces, a_margin = swing(f, s, footprint, a, ca)
         for cb in range(s.footprint):
-            bx0, by0 = body_circle(f, s, footprint, s.pose, b, cb)
-            bx1, by1 = body_circle(f, s, footprint, s.next_pose, b, cb)
-            reach = footprint[ca, 2] + footprint[cb, 2]
-            # Up to three straight pieces: both move, one has stopped, both have.
+            b_pieces, b_margin = swing(f, s, footprint, b, cb)
+            pieces, reach = max(a_pieces, b_pieces), footprint[ca, 2] + footprint[cb, 2]
+            ax, ay = body_circle(f, s, footprint, s.pose, a, ca)
+            bx, by = body_circle(f, s, footprint, s.pose, b, cb)
+            px, py = ax - bx, ay - by
+            # Both move until one has stopped, then the other one does.
             begin = 0.0
-            px, py = ax0 - bx0, ay0 - by0
-            for piece in range(2):
-                finish = min(end, min(stops[a], stops[b])) if piece == 0 else min(end, max(stops[a], stops[b]))
-                if finish <= begin and piece == 1:
+            for stretch in range(2):
+                finish = min(end, min(stops[a], stops[b])) if stretch == 0 else min(end, max(stops[a], stops[b]))
+                if finish <= begin and stretch == 1:
                     continue
-                a_moves = 1.0 if stops[a] >= finish and finish > begin else 0.0
-                b_moves = 1.0 if stops[b] >= finish and finish > begin else 0.0
-                share = finish - begin
-                ex = share * (a_moves * (ax1 - ax0) - b_moves * (bx1 - bx0))
-                ey = share * (a_moves * (ay1 - ay0) - b_moves * (by1 - by0))
-                fraction = disc_contact(px, py, ex, ey, reach)
-                if fraction <= 1.0:
-                    first = min(first, begin + fraction * share)
-                clearance = min(clearance, nearest_on_chord(px, py, ex, ey, 1.0) - reach)
-                px, py = px + ex, py + ey
+                share = (finish - begin) / pieces
+                for piece in range(pieces):
+                    now = finish if piece == pieces - 1 else begin + (piece + 1) * share
+                    ax, ay = swung_circle(f, s, footprint, a, ca, min(now, stops[a]))
+                    bx, by = swung_circle(f, s, footprint, b, cb, min(now, stops[b]))
+                    ex, ey = ax - bx - px, ay - by - py
+                    fraction = disc_contact(px, py, ex, ey, reach + a_margin + b_margin)
+                    if fraction <= 1.0:
+                        first = min(first, begin + (piece + fraction) * share)
+                    clearance = min(clearance, nearest_on_chord(px, py, ex, ey, 1.0) - reach)
+                    px, py = ax - bx, ay - by
                 begin = finish
     return first, clearance
 
@@ -2676,6 +2793,26 @@ def clearance_at(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -
 
 
 @kernel
+def begin_robot(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> None:
+    """Start the run of robot r at the pose that it has."""
+    g = k[s.goal_body + r]
+    k[s.outcome + r] = RUNNING
+    for i in range(3):
+        f[s.origin + 3 * r + i] = f[s.pose + 3 * r + i]
+        f[s.odometry + 3 * r + i] = 0.0
+    for i in range(2):
+        f[s.velocity + 2 * r + i] = 0.0
+        f[s.command + 2 * r + i] = 0.0
+    f[s.path_length + r] = 0.0
+    f[s.reward + r] = 0.0
+    for i in range(TERMS):
+        f[s.terms + TERMS * r + i] = 0.0
+    f[s.goal_distance + r] = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
+    f[s.clearance + r] = clearance_at(f, k, s, footprint, r)
+    f[s.min_clearance + r] = f[s.clearance + r]
+
+
+@kernel
 def begin_row(
     f: Floats,
     k: Integers,
@@ -2708,21 +2845,7 @@ def begin_row(
     f[s.fastest] = fastest
     k[s.steered_count] = steered
     for r in range(s.robots):
-        g = k[s.goal_body + r]
-        k[s.outcome + r] = RUNNING
-        for i in range(3):
-            f[s.origin + 3 * r + i] = f[s.pose + 3 * r + i]
-            f[s.odometry + 3 * r + i] = 0.0
-        for i in range(2):
-            f[s.velocity + 2 * r + i] = 0.0
-            f[s.command + 2 * r + i] = 0.0
-        f[s.path_length + r] = 0.0
-        f[s.reward + r] = 0.0
-        for i in range(TERMS):
-            f[s.terms + TERMS * r + i] = 0.0
-        f[s.goal_distance + r] = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
-        f[s.clearance + r] = clearance_at(f, k, s, footprint, r)
-        f[s.min_clearance + r] = f[s.clearance + r]
+        begin_robot(f, k, s, footprint, r)
     for r in range(s.robots):
         observe(f, k, observation[r], s, beams, footprint, regions, scratch, scratch_int, r)
 
@@ -2745,6 +2868,39 @@ def begin_rows(
     for i in range(rows.size):
         n = rows[i]
         begin_row(floats[n], ints[n], observation[n], s, beams, footprint, regions, scratch, scratch_int)
+
+
+@kernel
+def restart_robots(
+    floats: Floats,
+    ints: Integers,
+    observation: Ranges,
+    spec: Record,
+    beams: Floats,
+    footprint: Floats,
+    regions: Floats,
+    scratch: Floats,
+    scratch_int: Integers,
+    starts: Floats,
+    rows: Integers,
+) -> None:
+    """Put robots of the worlds `rows` (n,) whose runs have ended back to `starts` (n, R, 3), where those are free."""
+    s = spec[0]
+    for i in range(rows.size):
+        n = rows[i]
+        f, k = floats[n], ints[n]
+        for r in range(s.robots):
+            if k[s.outcome + r] == RUNNING:
+                continue
+            x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+            for j in range(3):
+                f[s.pose + 3 * r + j] = starts[i, r, j]
+            if clearance_at(f, k, s, footprint, r) > 0.0:
+                begin_robot(f, k, s, footprint, r)
+            else:
+                f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2] = x, y, heading
+        for r in range(s.robots):
+            observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 # ---------------------------------------------------------------------------------------------- placing obstacles

@@ -16,7 +16,8 @@ from bug_gym.observation import Sensors, as_dict, dict_space, flat_space
 from bug_gym.simulation import Simulation
 
 if TYPE_CHECKING:
-    from bug_gym.rendering import Canvas, Frame, Window
+    from bug_gym.clips import Frame
+    from bug_gym.rendering import Canvas, Window
 
 F32 = NDArray[np.float32]
 ObservationForm = Literal["dict", "flat"]
@@ -156,10 +157,12 @@ class NavigationEnv(gym.Env[Any, Any]):
     | goal | (2,) | -span | span | the goal in the robot's frame [m] |
     | pose | (3,) | -2 span, -pi | 2 span, pi | odometry: x, y [m], heading [rad] in the frame of the start |
     | velocity | (2,) | -max_reverse, -max_turn_rate | max_speed, max_turn_rate | body velocity [m/s, rad/s] |
+    | terrain | (32, 16) | 1 | largest factor | cost of the ground, only in scenarios with `regions` |
 
     B is the number of beams; span is the diagonal of the bounds. A beam without return reads `range`; over a narrower
     field of view the beams go from -fov/2 to fov/2. The velocity of a holonomic robot is ahead and to the left [m/s],
-    within +-max_speed.
+    within +-max_speed. `terrain` has a row for each of 32 bearings, counter-clockwise from the heading, with the cost factor
+    every 0.25 m up to 4 m: ground of factor 2.5 divides the speed of a robot whose centre is on it by 2.5.
 
     ## Rewards
     The sum of weighted terms: `progress` [m toward the goal], `goal` and `collision` (once), `step` (each step),

@@ -57,6 +57,7 @@ def fields(scenario: Scenario) -> tuple[Field, ...]:
     | goal | (2,) | the goal in the robot's frame [m] |
     | pose | (3,) | odometry x, y [m], heading [rad] in the frame of the start |
     | velocity | (2,) | forward speed [m/s] and turn rate [rad/s], or velocity ahead and to the left [m/s] |
+    | terrain | (32, 16) | only with regions: cost factor at 32 bearings, heading first, every 0.25 m up to 4 m |
     | peers | (R - 1, 4) | only with several robots: position [m] and velocity [m/s] in the robot's frame |
     """
     robot, lidar, span = scenario.robot, scenario.lidar, world_span(scenario)
@@ -70,6 +71,10 @@ def fields(scenario: Scenario) -> tuple[Field, ...]:
         ("pose", (3,), [-2.0 * span, -2.0 * span, -np.pi], [2.0 * span, 2.0 * span, np.pi]),
         ("velocity", (2,), slow, fast),
     ]
+    regions = scenario.world.regions
+    if regions:
+        samples = (kernels.TERRAIN_HEADINGS, kernels.TERRAIN_RINGS)
+        table.append(("terrain", samples, 1.0, max(region.factor for region in regions)))
     peers = scenario.robots.count - 1
     if peers > 0:
         top = max(robot.max_speed, robot.max_reverse)
@@ -203,6 +208,14 @@ class View:
         self.pose: tuple[float, float, float] = (numbers[2], numbers[3], numbers[4])
         self.velocity: tuple[float, float] = (numbers[5], numbers[6])
         self._trig = (math.cos(numbers[4]), math.sin(numbers[4]))
+
+    @property
+    def terrain(self) -> F32 | None:
+        """What a metre of ground costs (32, 16), 1 or more: row k at bearing 2 pi k / 32, column j at (j + 1) / 4 m.
+
+        None in a scenario without regions.
+        """
+        return self.field("terrain") if any(field.name == "terrain" for field in self.sensors.fields) else None
 
     def field(self, name: str) -> F32:
         """A field of the observation by name, in its shape.

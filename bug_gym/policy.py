@@ -89,6 +89,31 @@ def is_discrete(source: Any) -> bool:
     return False
 
 
+class MisfitError(ValueError):
+    """A policy was made for another robot than the one it is to drive."""
+
+
+def flat_observation(observation: Observation, sensors: Sensors) -> NDArray[np.float32]:
+    """An observation, Dict or flat, one or a batch, as flat numbers (..., D).
+
+    Raises:
+        ValueError: an observation of another size than the robot's that a policy was made for.
+    """
+    beams = len(sensors.angles)
+    if isinstance(observation, Mapping):
+        came = np.shape(observation["ranges"])[-1] if "ranges" in observation else 0
+        if came != beams:
+            raise ValueError(f"this policy was made for {beams} beams, the observation has {came}")
+        return as_flat(observation, sensors.fields)
+    flat = np.asarray(observation, dtype=np.float32)
+    length = width(sensors.fields)
+    if flat.ndim not in (1, 2) or flat.shape[-1] != length:
+        raise ValueError(
+            f"the observation has shape {flat.shape}; this policy was made for {beams} beams, so for (..., {length})"
+        )
+    return flat
+
+
 class ScriptedPolicy(ABC):
     """A policy written by hand. It sees its observation and its own memory, nothing else.
 
@@ -99,11 +124,12 @@ class ScriptedPolicy(ABC):
 
     privileged: ClassVar[bool] = False
     """Whether it reads the world's map (a map planner does, and says so)."""
+    one_by_one: ClassVar[bool] = True
+    """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False) -> None:
         self.sensors = sensors
         self.discrete = discrete
-        self._width = width(sensors.fields)
         self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
 
     @abstractmethod
@@ -139,7 +165,7 @@ class ScriptedPolicy(ABC):
         Raises:
             ValueError: an observation of another size than the robot's this policy was made for.
         """
-        flat = self._flat(observation)
+        flat = flat_observation(observation, self.sensors)
         rows = flat[None] if flat.ndim == 1 else flat
         memories = list(state) if state is not None else [self.start() for _ in rows]
         if len(memories) != len(rows):
@@ -150,22 +176,6 @@ class ScriptedPolicy(ABC):
         actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
         return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
 
-    def _flat(self, observation: Observation) -> NDArray[np.float32]:
-        if isinstance(observation, Mapping):
-            beams = np.shape(observation["ranges"])[-1] if "ranges" in observation else 0
-            if beams != len(self.sensors.angles):
-                raise ValueError(
-                    f"this policy was made for {len(self.sensors.angles)} beams, the observation has {beams}"
-                )
-            return as_flat(observation, self.sensors.fields)
-        flat = np.asarray(observation, dtype=np.float32)
-        if flat.ndim not in (1, 2) or flat.shape[-1] != self._width:
-            raise ValueError(
-                f"the observation has shape {flat.shape}; this policy was made for {len(self.sensors.angles)} beams, "
-                f"so for (..., {self._width})"
-            )
-        return flat
-
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         if not np.isfinite(flat).all():
             raise ValueError("the observation holds a number that is not finite")
@@ -174,6 +184,17 @@ class ScriptedPolicy(ABC):
         if self._velocities is not None:
             return nearest_discrete(self._velocities, velocity)
         return kinematics.steering(self.sensors.drive, brake(view, velocity))
+
+
+def braking_radius(sensors: Sensors) -> float:
+    """Radius of the disc that must not meet anything ahead [m]: the body, and what the scan may hide."""
+    if sensors.drive.kinematics == "holonomic":
+        return sensors.radius
+    return sensors.radius + 2.0 * sensors.range_noise + 0.02
+
+
+PASSING = 0.001
+"""How much smaller than the free disc about the robot the disc is that drives past things within the margin [m]."""
 
 
 def brake(view: View, velocity: Velocity) -> Velocity:
@@ -189,8 +210,8 @@ def brake(view: View, velocity: Velocity) -> Velocity:
     error = abs(math.atan2(velocity[1], velocity[0])) if speed > 0.0 else 0.0
     if error > kinematics.TURN_IN_PLACE:
         return velocity
-    margin = 2.0 * view.sensors.range_noise + 0.02
-    free = max(view.free_distance(0.0, view.sensors.radius + margin) - margin, 0.0)
+    radius = braking_radius(view.sensors)
+    free = max(view.free_distance(0.0, radius) - (radius - view.sensors.radius), 0.0)
     limit = free / drive.step
     if math.isfinite(drive.max_acceleration):
         limit = min(limit, math.sqrt(2.0 * drive.max_acceleration * free))

@@ -1,7 +1,8 @@
 """Tables for people and files for programs from the summaries of an evaluation.
 
-On screen and in Markdown: one table a scenario, and one over all scenarios where there are several. On disk:
-summary.json, summary.csv and summary.md, each replaced as a whole, so that a reader never meets half a file.
+On screen and in Markdown: one table a scenario, one over all scenarios where there are several, and one of the paired
+differences between policies. On disk: summary.json, summary.csv, differences.csv and summary.md, each replaced as a
+whole, so that a reader never meets half a file.
 """
 
 import csv
@@ -12,9 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from bug_gym.intervals import OVERALL, Summary
+from bug_gym.intervals import OVERALL, PairedDifference, Summary
 from bug_gym.metrics import EpisodeRow
 
 if TYPE_CHECKING:
@@ -63,6 +64,26 @@ _COLUMNS = (
 )
 
 
+class _Measure(NamedTuple):
+    """A field of the rows in which policies are compared, as a column of the table of differences."""
+
+    field: str
+    name: str
+    scale: float
+    digits: int
+    on_screen: bool = True
+
+
+_MEASURES = (
+    _Measure("success", "success [%]", 100.0, 1),
+    _Measure("spl", "SPL", 1.0, 2),
+    _Measure("time_ratio", "earliest / time", 1.0, 2),
+    _Measure("time", "time [s]", 1.0, 1),
+    _Measure("path_length", "path [m]", 1.0, 2, on_screen=False),
+    _Measure("min_clearance", "clearance [m]", 1.0, 3, on_screen=False),
+)
+
+
 def print_table(summaries: Sequence[Summary], console: "Console") -> None:
     """Print a table a scenario, and one over all of them where there are several; 80 columns are enough."""
     from rich.box import SIMPLE_HEAD
@@ -80,6 +101,12 @@ def print_table(summaries: Sequence[Summary], console: "Console") -> None:
         for line in lines:
             table.add_row(*(Text(cell) for cell in line))
         console.print(table)
+
+
+def print_differences(differences: Sequence[PairedDifference], console: "Console") -> None:
+    """Print a table of the differences to the baseline, see `intervals.compare`; nothing where there are none."""
+    for title, header, lines in _difference_tables(differences, [measure for measure in _MEASURES if measure.on_screen]):
+        print_text_table(title, header, lines, console)
 
 
 def print_text_table(title: str, header: Sequence[str], lines: Sequence[Sequence[str]], console: "Console") -> None:
@@ -150,16 +177,22 @@ def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
     partial.replace(path)
 
 
-def write_summary(folder: str | os.PathLike[str], rows: Sequence[EpisodeRow], summaries: Sequence[Summary]) -> None:
-    """Write summary.json (summaries and the rows behind them), summary.csv and summary.md into a folder.
+def write_summary(
+    folder: str | os.PathLike[str],
+    rows: Sequence[EpisodeRow],
+    summaries: Sequence[Summary],
+    differences: Sequence[PairedDifference] = (),
+) -> None:
+    """Write summary.json (with the rows behind it), summary.csv, differences.csv and summary.md into a folder.
 
     The folder is made where it is missing. The JSON is strict: NaN is null, infinity the string "inf"; the CSV leaves a
     cell empty for NaN.
     """
     contents = {
-        "summary.json": _json(rows, summaries),
-        "summary.csv": _csv(summaries),
-        "summary.md": _markdown(summaries),
+        "summary.json": _json(rows, summaries, differences),
+        "summary.csv": _csv(Summary, [_flat(summary) for summary in summaries]),
+        "differences.csv": _csv(PairedDifference, [difference.as_dict() for difference in differences]),
+        "summary.md": _markdown(summaries, differences),
     }
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
@@ -185,26 +218,66 @@ def _tables(summaries: Sequence[Summary], columns: Sequence[_Column]) -> list[tu
     return tables
 
 
-def _json(rows: Sequence[EpisodeRow], summaries: Sequence[Summary]) -> str:
-    data = {"summaries": [summary.as_dict() for summary in summaries], "rows": [row.as_dict() for row in rows]}
+def _difference_tables(
+    differences: Sequence[PairedDifference], measures: Sequence[_Measure]
+) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Title, header and lines of the table of differences, one or none; a column without a value is left out."""
+    policies = list(dict.fromkeys(difference.policy for difference in differences))
+    if not policies:
+        return []
+    by_key = {(difference.policy, difference.field): difference for difference in differences}
+    shares = [by_key[policy, "success"] for policy in policies]
+    filled = [
+        ["policy", *policies],
+        ["pairs", *(str(share.n) for share in shares)],
+        *([one.name, *(_difference(by_key[policy, one.field], one) for policy in policies)] for one in measures),
+    ]
+    filled.insert(3, ["p", *(f"{share.p_value:.2g}" for share in shares)])
+    measured = [texts for texts in filled if any(text != _NOTHING for text in texts[1:])]
+    header, *lines = (list(line) for line in zip(*measured, strict=True))
+    return [(f"difference to {differences[0].baseline} in the same worlds", header, lines)]
+
+
+def _difference(difference: PairedDifference, measure: _Measure) -> str:
+    mean, low, high = (
+        f"{measure.scale * value:+.{measure.digits}f}" for value in (difference.mean, difference.low, difference.high)
+    )
+    if isnan(difference.mean):
+        return _NOTHING
+    return mean if isnan(difference.low) else f"{mean} [{low}, {high}]"
+
+
+def _json(rows: Sequence[EpisodeRow], summaries: Sequence[Summary], differences: Sequence[PairedDifference]) -> str:
+    data = {
+        "summaries": [summary.as_dict() for summary in summaries],
+        "differences": [difference.as_dict() for difference in differences],
+        "rows": [row.as_dict() for row in rows],
+    }
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
-def _csv(summaries: Sequence[Summary]) -> str:
-    """One line a summary; verdicts as "unreachable:3 stuck:1"."""
-    records = [summary.as_dict() for summary in summaries]
-    for record in records:
-        record["verdicts"] = " ".join(f"{verdict}:{count}" for verdict, count in record["verdicts"].items())
+def _flat(summary: Summary) -> dict[str, Any]:
+    """A summary as one line of a CSV; verdicts as "unreachable:3 stuck:1"."""
+    verdicts = " ".join(f"{verdict}:{count}" for verdict, count in summary.verdicts.items())
+    return {**summary.as_dict(), "verdicts": verdicts}
+
+
+def _csv(kind: type[Summary] | type[PairedDifference], records: Sequence[Mapping[str, Any]]) -> str:
+    """One line a record, under the names of the fields."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=[field.name for field in fields(Summary)], lineterminator="\n")
+    writer = csv.DictWriter(text, fieldnames=[field.name for field in fields(kind)], lineterminator="\n")
     writer.writeheader()
     writer.writerows(records)
     return text.getvalue()
 
 
-def _markdown(summaries: Sequence[Summary]) -> str:
-    parts = ["# Summary", "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval."]
-    for title, header, lines in _tables(summaries, _COLUMNS):
+def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifference]) -> str:
+    parts = [
+        "# Summary",
+        "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
+        "over pairs with a bootstrap interval; p is of the exact McNemar test on success.",
+    ]
+    for title, header, lines in [*_tables(summaries, _COLUMNS), *_difference_tables(differences, _MEASURES)]:
         rule = [":--", *("--:" for _ in header[1:])]
         table = "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, rule, *lines))
         parts += [f"## {title}", table]

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels, kinematics
+from bug_gym.clips import Frame
 from bug_gym.metrics import EpisodeRow, earliest_intercept, spl, turns_and_turning
 from bug_gym.observation import Field as ObservationField
 from bug_gym.observation import Sensors, as_dict, width
-from bug_gym.policy import Drawing, Policy, ScriptedPolicy
-from bug_gym.rendering import Canvas, Frame
+from bug_gym.policy import Drawing, Policy
+from bug_gym.rendering import Canvas
 from bug_gym.simulation import Simulation
 from bug_gym.suites import PolicyEntry, ScenarioEntry
 from bug_gym.task import OUTCOMES
@@ -38,7 +39,7 @@ def is_privileged(policy: Policy) -> bool:
 
 
 class _OneByOne:
-    """Asks a scripted policy robot by robot, so that each decision has a time of its own."""
+    """Asks a policy robot by robot, so that each decision has a time of its own."""
 
     def __init__(self, policy: Policy, robots: int) -> None:
         self._policy = policy
@@ -134,7 +135,7 @@ class Rollout:
             self.simulation = Simulation(scenario.scenario)
             self.policy = entry.make(self.simulation)
         count, robots = self.simulation.count, self.simulation.robots
-        one_by_one = isinstance(self.policy, ScriptedPolicy) and not is_privileged(self.policy)
+        one_by_one = getattr(self.policy, "one_by_one", False) and not is_privileged(self.policy)
         self._driver: _OneByOne | _AllAtOnce = (
             _OneByOne(self.policy, count * robots)
             if one_by_one
@@ -305,18 +306,24 @@ def portrait(rollout: Rollout, canvas: Canvas) -> Frame:
     return canvas.draw(rollout.drawings(), scan=False, note=rollout.verdict())
 
 
-def film(rollout: Rollout, canvas: Canvas, *, every: int = 1) -> Iterator[Frame]:
+def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True) -> Iterator[Frame]:
     """Drive the rollout's first world to its end; a frame of the start, of every so many steps, and of the end.
+
+    Args:
+        rollout: what to film.
+        canvas: where to draw it.
+        every: steps between two frames.
+        scan: whether to draw the beams, too.
 
     Raises:
         ValueError: `every` below 1.
     """
     if every < 1:
         raise ValueError(f"every must be at least 1, got {every}")
-    yield canvas.draw(rollout.drawings(), note=rollout.verdict())
+    yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())
     while not rollout.is_over:
         for _ in range(every):
             if not rollout.is_over:
                 rollout.advance()
                 canvas.record()
-        yield canvas.draw(rollout.drawings(), note=rollout.verdict())
+        yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())

@@ -8,6 +8,8 @@ The path is the exact shortest one among polygons whose chords stand for arcs an
 0.99 times its radius (see `free_space`). So its length lies between the true shortest for 0.99 times the radius and
 that for the radius. As long as the same gaps are open, lengths grow at most in proportion to the radius: the path is at
 most 1 % too short. A gap of exactly two radii is open; one between 1.98 and 2 radii may be.
+
+Short is meant in metres: what weighted regions cost a robot that crosses them doesn't count.
 """
 
 from __future__ import annotations

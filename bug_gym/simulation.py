@@ -142,6 +142,19 @@ class Simulation:
         self._run(kernels.begin_rows, rows)
         return self.observations(rows)
 
+    def restart_robots(self, rows: Rows, starts: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Put robots whose runs have ended back to a start, while their worlds go on; not where something stands there.
+
+        Args:
+            rows: numbers of the rows (n,).
+            starts: poses (n, R, 3) of all their robots: x, y [m], heading [rad].
+
+        Returns:
+            Flat observations (n, R, D), a copy.
+        """
+        self._run(kernels.restart_robots, rows, np.ascontiguousarray(starts, dtype=np.float64))
+        return self.observations(rows)
+
     def _seed(self, rows: Rows, seeds: Sequence[int | None] | None) -> None:
         seed, episode = self.world.seed, self.world.episode
         if seeds is None:
@@ -239,7 +252,8 @@ class Simulation:
         world = self.world
         self._scratch = [world.make_scratch() for _ in range(self._threads)]
         self._bound_world = world.floats
-        self._arrays = (world.floats, world.ints, world.observation, world.spec, world.beams, world.footprint)
+        constants = (world.spec, world.beams, world.footprint, world.regions)
+        self._arrays = (world.floats, world.ints, world.observation, *constants)
         self._begins = {name: int(world.spec[name][0]) for name in REPORTED}
         numbers = {name: begin for name, begin in self._begins.items() if name != "outcome"}
         self._report_end = max(numbers.values()) + kernels.TERMS * self.robots
@@ -302,7 +316,7 @@ class Simulation:
     def shortest_path(self, row: int = 0, robot: int = 0) -> ShortestPath:
         """The shortest path among the still obstacles for a robot of a row from where it stands to its goal.
 
-        A body that is no disc counts as the disc about it.
+        A body that is no disc counts as the disc about it. It is short in metres: what regions cost doesn't count.
         """
         from bug_gym.shortest_path import shortest_path
 

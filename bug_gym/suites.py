@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
+import os
 import platform
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
 import bug_gym
-from bug_gym.config import AtLeastOne, Count, Part, Scenario, ScenarioError, dump, explain, nearest_hint, read_yaml
+from bug_gym.config import (
+    AtLeastOne,
+    Count,
+    Part,
+    Scenario,
+    ScenarioError,
+    dump,
+    explain,
+    nearest_hint,
+    read_yaml,
+    scenario_names,
+)
 from bug_gym.policy import Policy
 from bug_gym.simulation import Simulation
 
@@ -69,6 +82,15 @@ class SuitePolicy(Part):
         return {"name": data} if isinstance(data, str) else data
 
 
+class SuiteData(Part):
+    """Somebody else's data that a suite drives in, which is not part of this package."""
+
+    key: str
+    """Key of each scenario that takes the path of the data, such as `world.path`."""
+    what: Annotated[str, Field(min_length=1)]
+    """What the data is, for the one who is asked for it."""
+
+
 class Suite(Part):
     """Scenarios, seeds and policies that are always evaluated together."""
 
@@ -82,6 +104,20 @@ class Suite(Part):
     """Policies where the caller names none; empty: all that are registered."""
     seeds: Seeds = Seeds()
     """Seeds of each scenario that has none of its own."""
+    data: SuiteData | None = None
+    """Data that it needs; none: all is here."""
+
+    def overrides(self, data: str | os.PathLike[str] | None) -> dict[str, Any]:
+        """Where the scenarios find the data at a path, as values by dotted key.
+
+        Raises:
+            ValueError: no path where data is needed, or one where none is.
+        """
+        if self.data is None and data is not None:
+            raise ValueError(f"suite {self.name!r} needs no data, got {str(data)!r}")
+        if self.data is not None and data is None:
+            raise ValueError(f"suite {self.name!r} needs data that is not part of this package: {self.data.what}")
+        return {} if self.data is None else {self.data.key: str(Path(str(data)).expanduser().absolute())}
 
 
 def suite_names() -> list[str]:
@@ -196,6 +232,14 @@ class Plan:
     """Name and version of the suite, "" where there is none."""
     policies: tuple[PolicyEntry, ...]
     scenarios: tuple[ScenarioEntry, ...]
+    left_out: frozenset[tuple[str, str]] = frozenset()
+    """Labels of policies and of scenarios that they do not fit: a learned policy drives the robot it was made for."""
+
+    def pairs(self) -> Iterator[tuple[ScenarioEntry, PolicyEntry]]:
+        """Each scenario with each policy that fits it."""
+        for scenario, policy in itertools.product(self.scenarios, self.policies):
+            if (policy.label, scenario.label) not in self.left_out:
+                yield scenario, policy
 
     def manifest(self) -> dict[str, Any]:
         """The plan as data: runs with the same one make the same rows, but for the times of decisions.
@@ -228,7 +272,10 @@ def _digest(scenario: Scenario) -> str:
 
 
 def as_suite(source: Any) -> tuple[Suite, str]:
-    """A suite and its name for the manifest; one without a name for bare scenarios."""
+    """A suite and its name for the manifest; one without a name for bare scenarios.
+
+    A bare name that a scenario and a suite share is the scenario's: `load_suite(name)` gives the suite.
+    """
     if isinstance(source, Path):
         source = str(source)
     if _is_suite(source):
@@ -243,5 +290,7 @@ def as_suite(source: Any) -> tuple[Suite, str]:
 
 def _is_suite(source: Any) -> bool:
     if isinstance(source, str):
-        return "scenarios" in read_yaml(Path(source).expanduser()) if _is_path(source) else source in suite_names()
+        if _is_path(source):
+            return "scenarios" in read_yaml(Path(source).expanduser())
+        return source in suite_names() and source not in scenario_names()
     return isinstance(source, Suite) or (isinstance(source, Mapping) and "scenarios" in source)

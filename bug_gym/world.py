@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.config import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Scenario, Waypoints
+from bug_gym.config import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Scenario, Waypoints, WeightedRegion
 
 F64 = NDArray[np.float64]
 Rings = tuple[F64, ...]
@@ -143,6 +143,7 @@ class World:
         self.robots = scenario.robots.count
         self.goals = self.robots if any(place.goal for place in scenario.robots.places) else 1
         self.footprint = np.array(scenario.robot.footprint, dtype=np.float64)
+        self.regions = region_table(scenario.world.regions)
         angles = beam_angles(scenario)
         step = angles[1] - angles[0] if len(angles) > 1 else 2.0 * math.pi
         self.beams = np.stack(kernels.beam_table(len(angles), float(angles[0]), float(step)))
@@ -163,6 +164,7 @@ class World:
             "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
             "limit_steps": self.scenario.time.steps,
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
+            "regions": len(self.scenario.world.regions),
             "step": self.scenario.time.step,
             "max_speed": robot.max_speed,
             "max_reverse": robot.max_reverse,
@@ -605,6 +607,22 @@ class _Reader:
             spans[number] = int(a["polygon_first"][number]), int(a["polygon_walls"][number])
         walls = a["wall"].reshape(-1, 4)
         return {number: cut_into_rings(walls[first : first + count]) for number, (first, count) in spans.items()}
+
+
+def region_table(regions: Sequence[WeightedRegion]) -> F64:
+    """Weighted regions as the kernels read them, see kernels.REGION_HEAD: all in one row of numbers."""
+    parts = [np.zeros(0)]
+    for region in regions:
+        if region.polygon is None:
+            assert region.circle is not None
+            parts.append(np.array([region.factor, *region.circle, 0.0]))
+            continue
+        rings = [np.array(ring) for ring in (region.polygon.shell, *region.polygon.holes)]
+        edges = np.concatenate([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings])
+        centre = 0.5 * (rings[0].min(axis=0) + rings[0].max(axis=0))
+        radius = np.hypot(*(rings[0] - centre).T).max() * (1.0 + SAME_POINT)  # a corner lies in it, whatever the rounding
+        parts.append(np.concatenate([[region.factor, *centre, radius, len(edges)], edges.ravel()]))
+    return np.concatenate(parts)
 
 
 def is_full_circle(scenario: Scenario) -> bool:

@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from bug_gym.config import Motion, Mover, Part, Target, WorldFamily, load
+from bug_gym.config import Motion, Mover, Part, Target, WeightedRegion, WorldFamily, load
 from bug_gym.floor_plans import Rng
 
 DOCS = Path(__file__).parent
@@ -41,6 +41,9 @@ EXAMPLES: dict[str, tuple[Any, int]] = {
 
 PICTURES = {*EXAMPLES, "ros_map"}
 
+EXTRAS = ("hexagon", "terrain")
+"""Scenarios whose pictures show what every family may have."""
+
 HEAD = """# Worlds
 
 A scenario's `world` is of one of these families. Each has its keys and their defaults here; a file holds only what
@@ -63,6 +66,14 @@ says so. Observations are scaled, pictures cut and places drawn by the box aroun
 ![hexagon](worlds/hexagon.png)
 """
 
+
+GROUND = """## Ground that slows robots down
+
+Every family has `regions`. They lie where they are written, in the coordinates of the world, the same for each seed. What
+is observed of them is the field `terrain`. `configs/scenarios/terrain.yaml`:
+
+![terrain](worlds/terrain.png)
+"""
 
 MOTION = """## What moves
 
@@ -114,7 +125,8 @@ def page() -> str:
     families = [section(tag(part, "family"), part) for part in members(WorldFamily)]
     bodies = [section(part.__name__.lower(), part, "###") for part in (Mover, Target)]
     laws = [section(f"law: {tag(part, 'law')}", part, "###") for part in members(Motion)]
-    return "\n".join([HEAD, *families, BORDERS, MOTION, *bodies, *laws])
+    ground = section("region", WeightedRegion, "###")
+    return "\n".join([HEAD, *families, BORDERS, GROUND, ground, MOTION, *bodies, *laws])
 
 
 def write_example_map(folder: Path) -> str:
@@ -135,13 +147,14 @@ def write_example_map(folder: Path) -> str:
 
 def draw_all(folder: Path) -> None:
     """The picture of each family."""
-    from bug_gym.rendering import Canvas, save_png
+    from bug_gym.clips import save_png
+    from bug_gym.rendering import Canvas
     from bug_gym.simulation import Simulation
 
     folder.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         ros_map = {"name": "ros_map", "world": {"family": "ros_map", "path": write_example_map(Path(scratch))}}
-        for name, (source, seed) in {**EXAMPLES, "ros_map": (ros_map, 1), "hexagon": ("hexagon", 1)}.items():
+        for name, (source, seed) in {**EXAMPLES, "ros_map": (ros_map, 1), **{name: (name, 1) for name in EXTRAS}}.items():
             simulation = Simulation(load(source))
             simulation.reset(seeds=[seed])
             save_png(folder / f"{name}.png", Canvas(simulation, size=SIZE).draw(scan=False))

@@ -90,6 +90,32 @@ CLOSED_FORM_SENSORS = {"lidar.beams": 360, "lidar.range": 10.0, "time.limit": 60
 """A point bug's world as a robot of radius 0.2 m sees it: 360 beams, steps of 0.1 m."""
 
 
+OTHER = {"left": "right", "right": "left"}
+"""The other turn."""
+
+CANONICAL_POLYGONS: dict[str, list[list[float]]] = {
+    "slab": [[8, -3], [12, -3], [12, 5], [8, 5]],
+    "u_trap": [[5, -4], [12, -4], [12, 4], [5, 4], [5, 3], [11, 3], [11, -3], [5, -3]],
+}
+
+
+def canonical_world(world: str, *, angle: float = 0.0, mirrored: bool = False) -> dict[str, Any]:
+    """A canonical world, mirrored about the line from start to goal, then turned about the start."""
+    mirror = np.array([1.0, -1.0 if mirrored else 1.0])
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, sin], [-sin, cos]])
+
+    def place(points: Any) -> Any:
+        return ((np.asarray(points, dtype=float) * mirror) @ turn).tolist()
+
+    shapes: dict[str, Any] = {"circles": [[*place([10.0, 0.0]), 3.0]]} if world == "disc" else {}
+    if world in CANONICAL_POLYGONS:
+        shapes = {"polygons": [place(CANONICAL_POLYGONS[world])]}
+    bounds = [-35, -35, 35, 35]
+    explicit = {"family": "explicit", "bounds": bounds, "start": [0, 0, angle], "goal": place([20, 0]), **shapes}
+    return {"lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 600.0}, "world": explicit}
+
+
 def tolerance(expected: float, step_length: float = 0.1) -> float:
     """How far a robot may be from the closed form [m]: 1.5 % or three steps."""
     return max(0.015 * expected, 3.0 * step_length)

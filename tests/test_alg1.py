@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, run_episode, tolerance
+from episodes import CLOSED_FORM_SENSORS, OTHER, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
 from numpy.typing import NDArray
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.polygon import orient
-from test_bug0 import OTHER, canonical_world
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.alg1 import Alg1

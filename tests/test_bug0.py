@@ -5,16 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 import pytest
-from episodes import CLOSED_FORM_SENSORS, Disc, Slab, UTrap, run_episode, tolerance
+from episodes import CLOSED_FORM_SENSORS, OTHER, Disc, Slab, UTrap, canonical_world, run_episode, tolerance
 
 SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
-POLYGONS: dict[str, list[list[float]]] = {
-    "slab": [[8, -3], [12, -3], [12, 5], [8, 5]],
-    "u_trap": [[5, -4], [12, -4], [12, 4], [5, 4], [5, 3], [11, 3], [11, -3], [5, -3]],
-}
-OTHER = {"left": "right", "right": "left"}
 
 CASES = [
     ("bug0", "slab", SLAB.until_free),
@@ -24,23 +18,6 @@ CASES = [
     ("bug0", "u_trap", lambda turn: TRAP.until_free()),
     ("bug2", "u_trap", lambda turn: TRAP.until_line()),
 ]
-
-
-def canonical_world(world: str, *, angle: float = 0.0, mirrored: bool = False) -> dict[str, Any]:
-    """A canonical world, mirrored about the line from start to goal, then turned about the start."""
-    mirror = np.array([1.0, -1.0 if mirrored else 1.0])
-    cos, sin = math.cos(angle), math.sin(angle)
-    turn = np.array([[cos, sin], [-sin, cos]])
-
-    def place(points: Any) -> Any:
-        return ((np.asarray(points, dtype=float) * mirror) @ turn).tolist()
-
-    shapes: dict[str, Any] = {"circles": [[*place([10.0, 0.0]), 3.0]]} if world == "disc" else {}
-    if world in POLYGONS:
-        shapes = {"polygons": [place(POLYGONS[world])]}
-    bounds = [-35, -35, 35, 35]
-    explicit = {"family": "explicit", "bounds": bounds, "start": [0, 0, angle], "goal": place([20, 0]), **shapes}
-    return {"lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 600.0}, "world": explicit}
 
 
 @pytest.mark.parametrize("turn", ["left", "right"])

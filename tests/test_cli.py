@@ -135,6 +135,22 @@ def test_render_draws_the_whole_path(tmp_path: Path, image: Callable[[Path], np.
     assert left.shape == right.shape and (left != right).any()
 
 
+def test_render_shows_several_policies_side_by_side_until_the_last_has_arrived(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pillow = pytest.importorskip("PIL.Image")
+    alone, both, picture = (tmp_path / name for name in ("alone.gif", "both.gif", "both.png"))
+    common = ["disc", "--every", "10", "--size", "150"]
+    assert main(["render", "bug2", *common, "--out", str(alone)]) == 0
+    assert main(["render", "go_to_goal", "bug2", *common, "--set", "time.limit=60", "--out", str(both)]) == 0
+    assert main(["render", "go_to_goal", "bug2", "disc", "--size", "150", "--out", str(picture)]) == 0
+    width, height = pillow.open(alone).size
+    assert pillow.open(both).size == pillow.open(picture).size == (2 * width, height)
+    assert pillow.open(both).n_frames >= pillow.open(alone).n_frames
+    said = capsys.readouterr().out
+    assert "go_to_goal: timeout" in said and "bug2: success" in said
+
+
 def test_render_writes_mp4(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     out = tmp_path / "film.mp4"
@@ -185,6 +201,9 @@ def test_benchmark_measures_something_everywhere(
         ("render bug2 static --out nowhere/film.gif", "no folder nowhere"),
         ("render bug2 static --every 0 --out film.gif", "invalid at_least_one value: '0'"),
         ("render bug3 static --out film.gif", "'bug2'"),
+        ("render bug2 bug3 static --out film.gif", "'bug2'"),
+        ("evaluate --suite barn --policies bug2", "suite 'barn' needs data"),
+        ("evaluate --scenario static --policies bug2 --baseline bug1", "baseline must be one of bug2, came 'bug1'"),
         ("benchmark --repeats 0", "repeats"),
         ("lst", "invalid choice"),
         ("", "required"),

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, run_episode, tolerance
-from test_bug0 import BUG0_ROUTES, OTHER, canonical_world
+from episodes import CLOSED_FORM_SENSORS, OTHER, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
+from test_bug0 import BUG0_ROUTES
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load
@@ -148,12 +148,22 @@ ROOM += [[[6, -4], [7, -4], [7, 4], [6, 4]], [[13, -4], [14, -4], [14, 4], [13, 
 @pytest.mark.parametrize("turn", ["left", "right"])
 @pytest.mark.parametrize(
     ("start", "goal", "foot"),
-    [((0, 1), (10, 1), (7, 4)), ((9.03, 1), (20, 1), (7, -3)), ((11, -2.2), (4, -3.5), (8, -3)), ((3, -1), (10, 1), (7, 4))],
+    [
+        ((0, 1), (10, 1), (7, 4)),
+        ((9.03, 1), (20, 1), (7, -3)),
+        ((11, -2.2), (4, -3.5), (8, -3)),
+        ((3, -1), (10, 1), (7, 4)),
+    ],
     ids=["outside", "inside", "inside, hit in the wedge", "outside, from below"],
 )
 @pytest.mark.parametrize("policy", ["bug1", "bug2", *CLOSER])
 def test_a_lap_that_leads_into_a_narrow_wedge_is_closed_all_the_same(
-    policy: str, start: tuple[float, float], goal: tuple[float, float], foot: tuple[float, float], turn: str, opening: float
+    policy: str,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    foot: tuple[float, float],
+    turn: str,
+    opening: float,
 ) -> None:
     """In the wedge's end the robot turns by nearly half a turn, which must not count as one to the other side."""
     polygons = [*ROOM, leaning_plate(foot, math.radians(opening))]
@@ -170,7 +180,11 @@ def test_a_lap_that_leads_into_a_narrow_wedge_is_closed_all_the_same(
 
 @pytest.mark.parametrize(
     ("start", "goal", "turn", "opening"),
-    [((11.0, -2.2), (4, -3.5), "right", 16.0), ((12.06, 0.0), (4, -4), "right", 8.0), ((11.0, -2.2), (4, -3.5), "left", 34.0)],
+    [
+        ((11.0, -2.2), (4, -3.5), "right", 16.0),
+        ((12.06, 0.0), (4, -4), "right", 8.0),
+        ((11.0, -2.2), (4, -3.5), "left", 34.0),
+    ],
 )
 @pytest.mark.parametrize("policy", ["bug1", "bug2", *CLOSER])
 def test_a_lap_that_begins_or_turns_in_the_end_of_a_wedge_is_closed(

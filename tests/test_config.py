@@ -231,6 +231,9 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
         "separation": 0.5,
     },
 }
+RING_OF_MUD = {"shell": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "holes": [[[-1, -1], [1, -1], [1, 1], [-1, 1]]]}
+for example in FAMILY_EXAMPLES.values():
+    example["regions"] = [{"polygon": RING_OF_MUD, "factor": 1.5}, {"circle": [1, 1, 0.5], "factor": 3}]
 
 
 @pytest.fixture

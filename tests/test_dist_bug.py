@@ -7,8 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from episodes import CLOSED_FORM_SENSORS, Disc, Slab, UTrap, run_episode, tolerance
-from test_bug0 import OTHER, canonical_world
+from episodes import CLOSED_FORM_SENSORS, OTHER, Disc, Slab, UTrap, canonical_world, run_episode, tolerance
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load

@@ -61,6 +61,13 @@ class GivesUp(ScriptedPolicy):
         return 1.0, 0.0
 
 
+class Standing:
+    """Never moves."""
+
+    def predict(self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True) -> Any:
+        return np.zeros((len(observation), 2), dtype=np.float32), None
+
+
 class Recurrent:
     """Stands for three steps, then goes ahead; its state is arrays for all robots, as SB3's recurrent policies have it.
 
@@ -277,15 +284,78 @@ def test_bad_arguments_are_told(arguments: dict[str, Any], message: str) -> None
 # ---------------------------------------------------------------------------------------------- suites
 
 
+BARN_WORLD = {
+    "world": 7,
+    "start": [-2.0, 3.0, 1.57],
+    "goal": [-2.0, 13.0],
+    "cylinder_radius": 0.075,
+    "cylinders": [[-3.0, 5.0], [-1.0, 8.0]],
+}
+
+
+@pytest.fixture
+def barn_file(tmp_path: Path) -> Path:
+    """A file of one world in the form of the BARN benchmark's."""
+    path = tmp_path / "worlds.jsonl"
+    path.write_text(json.dumps(BARN_WORLD) + "\n")
+    return path
+
+
 @pytest.mark.parametrize("name", suite_names())
-def test_every_suite_names_scenarios_and_policies_that_are_there(name: str) -> None:
-    plan = make_plan(None, name)
-    assert plan.suite.startswith(f"{name} v")
-    assert {entry.name for entry in plan.policies} <= set(policy_names())
+def test_every_suite_can_be_driven(name: str, barn_file: Path) -> None:
+    suite = load_suite(name)
+    plan = make_plan("go_to_goal", suite, episodes=1, data=barn_file if suite.data else None)
+    assert plan.suite == f"{name} v{suite.version}"
+    assert {policy.name for policy in suite.policies} <= set(policy_names())
 
 
-def test_no_suite_has_the_name_of_a_scenario() -> None:
-    assert not set(suite_names()) & set(scenario_names())
+def test_the_promised_suites_are_there() -> None:
+    promised = ["barn", "dynamic", "moving_target", "noise", "quick", "smoke", "static", "traps"]
+    assert suite_names() == promised
+
+
+def test_a_name_that_a_suite_shares_with_a_scenario_is_the_scenarios() -> None:
+    assert "static" in suite_names() and "static" in scenario_names()
+    plan = make_plan("go_to_goal", "static", episodes=1)
+    assert plan.suite == "" and [entry.label for entry in plan.scenarios] == ["static"]
+
+
+def test_a_suite_that_needs_data_asks_for_it() -> None:
+    with pytest.raises(ValueError, match="suite 'barn' needs data .*: the worlds of the BARN benchmark"):
+        make_plan("go_to_goal", load_suite("barn"))
+
+
+def test_data_that_no_suite_asked_for_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="needs no data, got"):
+        make_plan("go_to_goal", "smoke", data=tmp_path)
+
+
+def test_data_that_is_not_there_is_told_by_its_path(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"barn v1: scenarios\.0: .*world\.path: got .*nowhere.*exists"):
+        make_plan("go_to_goal", "barn", data=tmp_path / "nowhere")
+
+
+def test_a_missing_scenario_of_a_suite_is_told_with_its_place_in_the_suite(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("scenarios: [static, dynamik]\n")
+    with pytest.raises(ValueError, match=r"mine v1: scenarios\.1: no scenario 'dynamik', did you mean 'dynamic'"):
+        make_plan("go_to_goal", path)
+
+
+def test_the_summary_on_disk_compares_each_policy_with_the_baseline(tmp_path: Path) -> None:
+    world = {"world": {"family": "empty", "start": [0, 0, 0], "goal": {"region": [4, -1, 6, 1]}}}
+    policies = ["bug0", ("standing", Standing()), "go_to_goal"]
+    evaluate(policies, world, episodes=4, out=tmp_path, baseline="go_to_goal", overrides={"time.limit": 12.0})
+    stored = json.loads((tmp_path / "summary.json").read_text())["differences"]
+    assert {(one["policy"], one["baseline"]) for one in stored} == {("bug0", "go_to_goal"), ("standing", "go_to_goal")}
+    success = {one["policy"]: one["mean"] for one in stored if one["field"] == "success"}
+    assert success == {"bug0": 0.0, "standing": -1.0}
+    assert (tmp_path / "differences.csv").read_text().count("\n") == 1 + len(stored)
+
+
+def test_a_baseline_that_does_not_drive_is_told() -> None:
+    with pytest.raises(ValueError, match="baseline must be one of bug0, came 'bug2'"):
+        evaluate("bug0", "static", episodes=1, baseline="bug2")
 
 
 def test_the_quick_suite_is_driven_by_every_policy() -> None:

@@ -71,12 +71,12 @@ DRAWN: dict[str, tuple[Any, int, float]] = {
     "many rooms": (scenario_of("rooms", columns=5, rows=6, door=0.8, loops=0.0, unevenness=0.3), 30, 0.2),
     "one room": (scenario_of("rooms", columns=1, rows=1), 10, 0.2),
     "crossing": (scenario_of("crossing"), 200, 0.2),
-    "forest": (scenario_of("forest"), 30, 0.3),
+    "forest": (scenario_of("forest"), 200, 0.3),
     "thin forest": (scenario_of("forest", trees=40, sizes=[0.5, 0.5], solvable=0.4), 50, 0.4),
-    "urban": (scenario_of("urban"), 100, 0.2),
+    "urban": (scenario_of("urban"), 200, 0.2),
     "all courtyards": (scenario_of("urban", courtyards=1.0, squares=0.0, street=1.0, gateways=1.0), 30, 0.2),
-    "beach": (scenario_of("beach"), 50, 0.5),
-    "hexagon": ("hexagon", 100, 0.3),
+    "beach": (scenario_of("beach"), 200, 0.5),
+    "hexagon": ("hexagon", 200, 0.3),
     "beach in an L": (scenario_of("beach", bounds=ELL, obstacles=6, sizes=[0.5, 1.0], separation=10.0), 20, 0.5),
 }
 """Scenario, seeds, and a radius of a robot that has to get through, by name."""
@@ -614,5 +614,5 @@ def test_the_page_of_worlds_is_what_the_docstrings_say_and_its_pictures_are_ther
     make_worlds = runpy.run_path(str(ROOT / "docs" / "make_worlds.py"))
     assert (ROOT / "docs" / "worlds.md").read_text(encoding="utf-8") == make_worlds["page"]()
     pictures = {path.stem for path in (ROOT / "docs" / "worlds").glob("*.png")}
-    assert pictures == {*make_worlds["PICTURES"], "hexagon"}
+    assert pictures == {*make_worlds["PICTURES"], *make_worlds["EXTRAS"]}
     assert set(make_worlds["PICTURES"]) >= set(FAMILIES) - {"barn", "replay"}

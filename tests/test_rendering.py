@@ -1,4 +1,4 @@
-"""Pictures: what is where in a frame, that drawing changes nothing, windows and files."""
+"""Pictures: what is where in a frame, that drawing changes nothing, and windows."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym import rendering
+from bug_gym import painting, rendering
+from bug_gym.clips import Frame
 from bug_gym.policy import Drawing
-from bug_gym.rendering import Canvas, Frame, Window, episode_picture, save_gif, save_mp4, save_png, side_by_side
+from bug_gym.rendering import Canvas, Window, episode_picture
 from bug_gym.simulation import Simulation
 
 WORLD: dict[str, Any] = {
@@ -95,15 +96,15 @@ def test_a_square_world_fills_a_square_frame() -> None:
 @pytest.mark.parametrize(
     ("place", "color"),
     [
-        ((-4.0, 2.0), rendering.STILL),
-        ((6.5, 2.5), rendering.STILL),
-        ((4.5, -2.5), rendering.STILL),
-        ((6.0, -2.5), rendering.FLOOR),  # in the hole
-        ((-8.0, -3.0), rendering.MOVING),
-        ((1.0, -4.0), rendering.MOVING),
-        (OUT_OF_REACH, rendering.FLOOR),
-        (BEHIND_THE_CIRCLE, rendering.FLOOR),
-        ((-10.25, 0.0), rendering.PAGE),
+        ((-4.0, 2.0), painting.STILL),
+        ((6.5, 2.5), painting.STILL),
+        ((4.5, -2.5), painting.STILL),
+        ((6.0, -2.5), painting.FLOOR),  # in the hole
+        ((-8.0, -3.0), painting.MOVING),
+        ((1.0, -4.0), painting.MOVING),
+        (OUT_OF_REACH, painting.FLOOR),
+        (BEHIND_THE_CIRCLE, painting.FLOOR),
+        ((-10.25, 0.0), painting.PAGE),
     ],
 )
 def test_a_place_has_the_colour_of_what_is_there(
@@ -116,43 +117,43 @@ def test_a_place_has_the_colour_of_what_is_there(
 def test_the_view_puts_places_where_they_are_drawn() -> None:
     canvas = Canvas(yard())
     column, row = canvas.view.pixel(-4.0, 2.0)
-    assert canvas.draw()[int(row), int(column)].tolist() == list(rendering.STILL)
+    assert canvas.draw()[int(row), int(column)].tolist() == list(painting.STILL)
 
 
 def test_the_scan_tints_what_it_sees() -> None:
     canvas = Canvas(yard())
-    assert color_at(canvas, canvas.draw(), *IN_SIGHT) != rendering.FLOOR
-    assert color_at(canvas, canvas.draw(scan=False), *IN_SIGHT) == rendering.FLOOR
+    assert color_at(canvas, canvas.draw(), *IN_SIGHT) != painting.FLOOR
+    assert color_at(canvas, canvas.draw(scan=False), *IN_SIGHT) == painting.FLOOR
 
 
 def test_a_narrow_scan_begins_at_the_robot() -> None:
     canvas = Canvas(yard(lidar__fov=1.0))
     frame = canvas.draw()
-    assert color_at(canvas, frame, -6.0, 2.2) != rendering.FLOOR
-    assert color_at(canvas, frame, *IN_SIGHT) == rendering.FLOOR
+    assert color_at(canvas, frame, -6.0, 2.2) != painting.FLOOR
+    assert color_at(canvas, frame, *IN_SIGHT) == painting.FLOOR
 
 
 def test_a_few_beams_are_drawn_as_rays() -> None:
     canvas = Canvas(yard(lidar__beams=4))
     frame = canvas.draw()
-    assert color_at(canvas, frame, -7.0, 4.0) != rendering.FLOOR
-    assert color_at(canvas, frame, *IN_SIGHT) == rendering.FLOOR
+    assert color_at(canvas, frame, -7.0, 4.0) != painting.FLOOR
+    assert color_at(canvas, frame, *IN_SIGHT) == painting.FLOOR
 
 
 def test_the_robot_stands_at_its_pose() -> None:
     simulation = yard()
     canvas = Canvas(simulation)
-    assert color_at(canvas, canvas.draw(), -7.0, 2.0) == rendering.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(), -7.0, 2.0) == painting.ROBOTS[0]
     drive(simulation, (0.0, -1.0), steps=20)
     x, y, _ = simulation.world.pose[0, 0]
-    assert color_at(canvas, canvas.draw(), x, y) == rendering.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(), x, y) == painting.ROBOTS[0]
 
 
 def test_each_circle_of_a_body_is_drawn() -> None:
     canvas = Canvas(yard(robot__circles=[[0.0, 0.0, 0.3], [-0.8, 0.0, 0.3]]))
     frame = canvas.draw()
-    assert color_at(canvas, frame, -7.0, 2.0) == rendering.ROBOTS[0]
-    assert color_at(canvas, frame, -7.8, 2.0) == rendering.ROBOTS[0]
+    assert color_at(canvas, frame, -7.0, 2.0) == painting.ROBOTS[0]
+    assert color_at(canvas, frame, -7.8, 2.0) == painting.ROBOTS[0]
 
 
 def test_robots_have_different_colours() -> None:
@@ -168,7 +169,7 @@ def test_nothing_sticks_out_of_the_border() -> None:
     for seed in range(5):
         simulation.reset(seeds=[seed])
         canvas = Canvas(simulation)
-        assert (canvas.draw()[:, : int(canvas.margin) - 4] == rendering.PAGE).all()
+        assert (canvas.draw()[:, : int(canvas.margin) - 4] == painting.PAGE).all()
 
 
 def test_a_goal_that_moves_looks_different_from_one_that_stands() -> None:
@@ -177,8 +178,8 @@ def test_a_goal_that_moves_looks_different_from_one_that_stands() -> None:
     # The flag hangs beside the upper end of its pole.
     column, row = still.view.pixel(2.0, 3.0)
     flag = (int(row) - 11, int(column) + 4)
-    assert still.draw()[flag].tolist() == list(rendering.GOAL)
-    assert moving.draw()[flag].tolist() != list(rendering.GOAL)
+    assert still.draw()[flag].tolist() == list(painting.GOAL)
+    assert moving.draw()[flag].tolist() != list(painting.GOAL)
 
 
 @pytest.mark.parametrize(
@@ -239,6 +240,36 @@ def test_a_frame_is_not_painted_over_by_the_next() -> None:
     np.testing.assert_array_equal(frame, kept)
 
 
+@pytest.mark.parametrize("mover", [0, 1])
+def test_movers_are_where_they_have_gone(mover: int) -> None:
+    simulation = yard()
+    canvas = Canvas(simulation)
+    canvas.draw(scan=False)
+    before = simulation.world.layout(0).movers[mover].at
+    drive(simulation, (0.0, 0.0), steps=15)  # 1.5 m to the right
+    frame = canvas.draw(scan=False)
+    assert color_at(canvas, frame, before[0] + 1.5, before[1]) == painting.MOVING
+    assert color_at(canvas, frame, *before) == painting.FLOOR
+
+
+def test_movers_of_the_next_episode_have_their_own_shapes() -> None:
+    simulation = Simulation({"world": {"family": "field", "moving": 1.0, "sizes": [0.2, 1.5], "obstacles": 8}})
+    simulation.reset(seeds=[1])
+    canvas = Canvas(simulation)
+    canvas.draw()
+    simulation.reset()
+    np.testing.assert_array_equal(canvas.draw(), Canvas(simulation).draw())
+
+
+def test_a_dart_points_where_its_mover_goes() -> None:
+    simulation = yard()
+    canvas = Canvas(simulation)
+    ahead, behind = -8.0 + 0.5 + 1.3, -8.0 - 0.5 - 0.2  # the mover of radius 0.5 m goes to the right at 1 m/s
+    frame = canvas.draw(scan=False)
+    assert color_at(canvas, frame, ahead, -3.0) == painting.MOVING_RIM
+    assert color_at(canvas, frame, behind, -3.0) == painting.FLOOR
+
+
 def test_a_canvas_follows_its_row_into_the_next_episode() -> None:
     simulation = Simulation("static")
     simulation.reset(seeds=[1])
@@ -258,7 +289,7 @@ def test_a_pickled_canvas_draws_the_same() -> None:
 
 
 def test_drawing_survives_that_somebody_shuts_pygame_down() -> None:
-    pygame = rendering.load_pygame()
+    pygame = painting.load_pygame()
     canvas = Canvas(yard())
     frame = canvas.draw()
     pygame.quit()
@@ -276,8 +307,8 @@ def test_the_path_so_far_is_drawn_unless_switched_off() -> None:
     canvas = Canvas(simulation)
     canvas.draw()
     drive(simulation, (0.0, -1.0), steps=30)
-    assert color_at(canvas, canvas.draw(), *ON_THE_WAY) == rendering.ROBOTS[0]
-    assert color_at(canvas, canvas.draw(trail=False), *ON_THE_WAY) != rendering.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(), *ON_THE_WAY) == painting.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(trail=False), *ON_THE_WAY) != painting.ROBOTS[0]
 
 
 def test_the_path_goes_through_every_recorded_pose() -> None:
@@ -286,8 +317,8 @@ def test_the_path_goes_through_every_recorded_pose() -> None:
     drive(simulation, (0.0, -1.0), steps=20, canvas=canvas)
     drive(simulation, (1.0, 0.0), steps=20, canvas=canvas)
     frame = canvas.draw()
-    assert color_at(canvas, frame, *ON_THE_WAY) == rendering.ROBOTS[0]
-    assert color_at(canvas, frame, -6.0, 0.0) == rendering.ROBOTS[0]
+    assert color_at(canvas, frame, *ON_THE_WAY) == painting.ROBOTS[0]
+    assert color_at(canvas, frame, -6.0, 0.0) == painting.ROBOTS[0]
 
 
 def test_a_new_episode_begins_a_new_path() -> None:
@@ -338,22 +369,22 @@ def test_a_policy_draws_in_the_frame_of_its_start(heading: float) -> None:
     frame = canvas.draw(Drawing(points=[(1.5, 0.5, "hit")]))
     x = -6.0 + 1.5 * math.cos(heading) - 0.5 * math.sin(heading)
     y = -1.0 + 1.5 * math.sin(heading) + 0.5 * math.cos(heading)
-    assert color_at(canvas, frame, x, y) == rendering.LABEL_COLORS["hit"]
+    assert color_at(canvas, frame, x, y) == painting.LABEL_COLORS["hit"]
 
 
 def test_segments_and_areas_of_a_policy_are_drawn() -> None:
     canvas = Canvas(yard())
     ring = np.array([[7.5, -1.5], [8.5, -1.5], [8.5, -2.5], [7.5, -2.5]])
     frame = canvas.draw(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "path")], areas=[(ring, "light")]))
-    assert color_at(canvas, frame, 0.0, -1.0) == rendering.LABEL_COLORS["path"]
-    assert color_at(canvas, frame, 1.0, 0.0) not in (rendering.FLOOR, rendering.LABEL_COLORS["light"])
+    assert color_at(canvas, frame, 0.0, -1.0) == painting.LABEL_COLORS["path"]
+    assert color_at(canvas, frame, 1.0, 0.0) not in (painting.FLOOR, painting.LABEL_COLORS["light"])
 
 
 def test_a_dashed_segment_has_gaps() -> None:
     canvas = Canvas(yard())
     frame = canvas.draw(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "m_line")]))
     brightness = np.array([sum(color_at(canvas, frame, x, -1.0)) for x in np.linspace(-0.9, 1.9, 200)])
-    on_floor = brightness == sum(rendering.FLOOR)
+    on_floor = brightness == sum(painting.FLOOR)
     assert 0.2 < on_floor.mean() < 0.8
 
 
@@ -362,16 +393,16 @@ def test_a_drawing_may_reach_beyond_the_picture() -> None:
     ring = np.array([[-1e4, -1e4], [1e4, -1e4], [1e4, 1e4], [-1e4, 1e4]])
     far = Drawing(points=[(1e4, 0.0, "hit")], segments=[(-1e4, -3.0, 1e4, -3.0, "path")], areas=[(ring, "light")])
     frame = canvas.draw(far)
-    assert color_at(canvas, frame, 0.0, -1.0) == rendering.LABEL_COLORS["path"]
-    assert color_at(canvas, frame, *OUT_OF_REACH) != rendering.FLOOR
+    assert color_at(canvas, frame, 0.0, -1.0) == painting.LABEL_COLORS["path"]
+    assert color_at(canvas, frame, *OUT_OF_REACH) != painting.FLOOR
 
 
 def test_the_labels_of_a_drawing_are_listed_below_the_world() -> None:
     canvas = Canvas(yard())
     edge = int(canvas.height - canvas.margin) + 4
     plain, listed = canvas.draw()[edge:], canvas.draw(Drawing(points=[(1.0, 0.0, "hit")]))[edge:]
-    assert (plain == rendering.LABEL_COLORS["hit"]).all(axis=2).sum() == 0
-    assert (listed == rendering.LABEL_COLORS["hit"]).all(axis=2).sum() > 0
+    assert (plain == painting.LABEL_COLORS["hit"]).all(axis=2).sum() == 0
+    assert (listed == painting.LABEL_COLORS["hit"]).all(axis=2).sum() > 0
 
 
 def test_each_robot_may_have_a_drawing() -> None:
@@ -379,7 +410,7 @@ def test_each_robot_may_have_a_drawing() -> None:
     simulation.reset(seeds=[0])
     canvas = Canvas(simulation)
     frame = canvas.draw([None, Drawing(points=[(2.0, 0.0, "leave")])])
-    assert color_at(canvas, frame, 0.0, -3.0) == rendering.LABEL_COLORS["leave"]
+    assert color_at(canvas, frame, 0.0, -3.0) == painting.LABEL_COLORS["leave"]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
@@ -440,7 +471,7 @@ def test_the_bar_for_scale_is_a_round_length_that_fits(length: float) -> None:
 def screen(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """Pygame on the driver that shows nothing."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pygame = rendering.load_pygame()
+    pygame = painting.load_pygame()
     pygame.display.quit()
     yield pygame
     pygame.display.quit()
@@ -520,102 +551,3 @@ def test_frames_need_no_display() -> None:
         [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stderr
-
-
-# ---------------------------------------------------------------------------------------------- files
-
-
-@pytest.fixture(scope="module")
-def clip() -> list[Frame]:
-    """Seven frames that all differ."""
-    simulation = yard()
-    canvas = Canvas(simulation, size=200)
-    frames = []
-    for _ in range(7):
-        frames.append(canvas.draw())
-        drive(simulation, (0.0, -1.0), steps=1)
-    return frames
-
-
-def test_a_png_holds_the_frame(clip: list[Frame], tmp_path: Path) -> None:
-    from PIL import Image
-
-    save_png(tmp_path / "frame.png", clip[0])
-    with Image.open(tmp_path / "frame.png") as image:
-        np.testing.assert_array_equal(np.asarray(image), clip[0])
-
-
-def test_a_gif_has_all_frames_and_runs_at_the_rate(clip: list[Frame], tmp_path: Path) -> None:
-    from PIL import Image
-
-    save_gif(tmp_path / "clip.gif", clip, fps=10.0)
-    with Image.open(tmp_path / "clip.gif") as image:
-        assert getattr(image, "n_frames", 1) == len(clip)
-        assert image.info["duration"] == 100
-        assert image.info["loop"] == 0
-        for number, frame in enumerate(clip):
-            image.seek(number)
-            same = (np.asarray(image.convert("RGB")) == frame).all(axis=2)
-            assert same.mean() > 0.99
-
-
-@pytest.mark.parametrize("odd", [0, 1])
-def test_an_mp4_has_all_frames_and_runs_at_the_rate(clip: list[Frame], tmp_path: Path, odd: int) -> None:
-    import imageio_ffmpeg  # type: ignore[import-untyped]  # publishes no types
-
-    path = tmp_path / "clip.mp4"
-    save_mp4(path, [frame[odd:, odd:] for frame in clip], fps=10.0)
-    height, width, _ = clip[0].shape
-    reader = imageio_ffmpeg.read_frames(str(path))
-    facts = next(reader)
-    frames = [np.frombuffer(data, dtype=np.uint8).reshape(height, width, 3) for data in reader]
-    assert facts["size"] == (width, height)
-    assert facts["fps"] == 10.0
-    assert len(frames) == len(clip)
-    # The codec loses a little; a frame still looks most like its own original.
-    for number, frame in enumerate(frames):
-        errors = [np.abs(frame[: height - odd, : width - odd].astype(float) - own[odd:, odd:]).mean() for own in clip]
-        assert int(np.argmin(errors)) == number
-
-
-@pytest.mark.parametrize("save", [save_gif, save_mp4])
-def test_a_clip_that_breaks_off_leaves_the_old_file(save: Any, clip: list[Frame], tmp_path: Path) -> None:
-    def broken() -> Iterator[Frame]:
-        yield from clip[:2]
-        raise RuntimeError("the episode broke")
-
-    path = tmp_path / f"clip.{save.__name__[-3:]}"
-    path.write_text("old")
-    with pytest.raises(RuntimeError, match="broke"):
-        save(path, broken(), 10.0)
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]
-    assert path.read_text() == "old"
-
-
-@pytest.mark.parametrize("save", [save_gif, save_mp4])
-@pytest.mark.parametrize(
-    ("lengths", "fps", "message"),
-    [([], 10.0, "at least one frame"), ([10, 12], 10.0, "frame 1 has shape"), ([10], 0.0, "fps must be positive")],
-)
-def test_a_clip_that_cannot_be_is_refused(
-    save: Any, lengths: list[int], fps: float, message: str, tmp_path: Path
-) -> None:
-    frames = [np.zeros((length, 16, 3), dtype=np.uint8) for length in lengths]
-    with pytest.raises(ValueError, match=message):
-        save(tmp_path / f"clip.{save.__name__[-3:]}", frames, fps)
-    assert not list(tmp_path.iterdir())
-
-
-def test_frames_side_by_side_keep_their_pixels(clip: list[Frame]) -> None:
-    small = np.zeros((10, 20, 3), dtype=np.uint8)
-    both = side_by_side([clip[0], small])
-    height, width, _ = clip[0].shape
-    assert both.shape == (height, width + 20, 3)
-    np.testing.assert_array_equal(both[:, :width], clip[0])
-    np.testing.assert_array_equal(both[:10, width:], small)
-    assert (both[10:, width:] == 255).all()
-
-
-def test_no_frames_side_by_side_are_refused() -> None:
-    with pytest.raises(ValueError, match="at least one frame"):
-        side_by_side([])

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bug_gym.intervals import Summary, summarise
+from bug_gym.intervals import Summary, compare, summarise
 from bug_gym.metrics import EpisodeRow
-from bug_gym.report import print_table, write_summary
+from bug_gym.report import print_differences, print_table, write_summary
 
 BLANK = EpisodeRow(
     "a", "box", 0, 0, "success", "", True, 8.0, 80, 8.0, 0.2, 8.0, 1.0, nan, 0.5, 0, 0.0, 0.004, 0.01, 0.1
@@ -26,7 +26,7 @@ ROWS = [
     replace(BLANK, policy="[red]pipe|d[/red]", seed=1, outcome="collision", success=False, spl=0.0),
     replace(BLANK, policy="[red]pipe|d[/red]", seed=2, outcome="gave_up", success=False, spl=0.0, verdict="stuck"),
 ]
-FILES = {"summary.json", "summary.csv", "summary.md"}
+FILES = {"summary.json", "summary.csv", "differences.csv", "summary.md"}
 
 
 def printed(summaries: list[Summary], width: int = 240) -> str:
@@ -121,6 +121,38 @@ def test_each_markdown_table_is_as_wide_as_its_header(tmp_path: Path) -> None:
     header, rule, *lines = [line.replace("\\|", "") for line in text.splitlines() if line.startswith("|")]
     assert len(lines) == 2 and "pipe" in lines[1]
     assert {line.count("|") for line in (header, rule, *lines)} == {header.count("|")}
+
+
+PAIRED = [
+    *(replace(BLANK, policy="bug1", seed=seed, time=time) for seed, time in ((1, 12.0), (2, 20.0))),
+    *(replace(BLANK, policy="bug2", seed=seed, time=time) for seed, time in ((1, 10.0), (2, 17.0))),
+]
+
+
+def test_differences_are_printed_with_their_interval_beside_the_baselines_name() -> None:
+    console = Console(file=io.StringIO(), width=60)
+    print_differences(compare(PAIRED, "bug2"), console)
+    assert isinstance(console.file, io.StringIO)
+    title, *_, line = [line for line in console.file.getvalue().splitlines() if line.strip()]
+    assert "difference to bug2" in title
+    # 2 s and 3 s more: their mean is 2.5, and the mean of two drawn of them lies between them.
+    assert "bug1" in line and "+2.5 [+2.0, +3.0]" in line
+
+
+def test_without_differences_none_are_printed() -> None:
+    console = Console(file=io.StringIO())
+    print_differences(compare(PAIRED[:2], "bug1"), console)
+    assert isinstance(console.file, io.StringIO) and console.file.getvalue() == ""
+
+
+def test_differences_come_back_from_the_json_and_the_csv(tmp_path: Path) -> None:
+    differences = compare(PAIRED, "bug2")
+    write_summary(tmp_path, PAIRED, summarise(PAIRED), differences)
+    assert load(tmp_path / "summary.json")["differences"] == [one.as_dict() for one in differences]
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "differences.csv").read_text(encoding="utf-8"))))
+    assert [(line["policy"], line["field"]) for line in lines] == [(one.policy, one.field) for one in differences]
+    assert [float(line["mean"]) for line in lines if line["field"] == "time"] == [2.5]
+    assert "difference to bug2" in (tmp_path / "summary.md").read_text(encoding="utf-8")
 
 
 def test_a_folder_is_made_and_holds_nothing_else(tmp_path: Path) -> None:

@@ -6,11 +6,15 @@ import json
 from pathlib import Path
 
 import pytest
+import shapely
+from episodes import run_episode
 
 from bug_gym.cli import main
 from bug_gym.report import draw_curves
-from bug_gym.reproductions import REPRODUCTIONS, reproduction
+from bug_gym.reproductions import REPRODUCTIONS, barn, bug_no_way, reproduction
 from bug_gym.reproductions.result import Settings
+from bug_gym.scenarios import draw_layout
+from bug_gym.shortest_path import free_space
 
 
 def test_all_72_cells_of_oni_and_wangs_table_come_out_as_they_should() -> None:
@@ -50,6 +54,30 @@ def test_the_bounds_and_guarantees_of_the_bugs_hold_on_their_first_seeds() -> No
     assert result.holds
 
 
+def test_complete_bugs_say_unreachable_exactly_where_the_configuration_space_has_no_way() -> None:
+    result = reproduction("bug-no-way")(Settings(seeds=18, workers=2, policies=bug_no_way.PROVEN))
+    assert result.data["wrong"] == []
+    for policy, counts in result.data["policies"].items():
+        assert counts["reached"] == counts["with a way"] == 9, policy
+        assert counts["unreachable"] == counts["without"] == 9, policy
+
+
+def test_incomplete_bugs_end_by_themselves_and_call_no_open_goal_unreachable() -> None:
+    result = reproduction("bug-no-way")(Settings(seeds=6, workers=2, policies=bug_no_way.INCOMPLETE))
+    assert result.data["wrong"] == []
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_drawn_world_has_a_way_exactly_where_its_answer_says_so(seed: int) -> None:
+    """The same question, put to the free space in which shortest paths are searched, for a body between the two."""
+    one = bug_no_way.problem(seed)
+    layout = draw_layout(one.scenario, seed, 0)
+    space = free_space(layout.circles, layout.polygons, layout.border, radius=0.25)
+    start, goal = shapely.Point(layout.starts[0, :2]), shapely.Point(layout.goals[0])
+    room = next(part for part in shapely.get_parts(space) if part.intersects(start))
+    assert one.has_way == (room.distance(goal) <= 0.3)
+
+
 def test_barn_is_passed_on_its_first_worlds(shared_data: Path) -> None:
     settings = Settings(seeds=4, workers=2, data=shared_data / "barn_worlds.jsonl", policies=("bug2", "com1"))
     results = reproduction("barn")(settings).data["results"]
@@ -57,6 +85,21 @@ def test_barn_is_passed_on_its_first_worlds(shared_data: Path) -> None:
         assert results[name]["success"] == 1.0 and results[name]["collisions"] == 0
     # The score is at most 0.25 by its definition.
     assert all(0.0 < one["score"] <= 0.25 for one in results.values())
+
+
+# What once defeated them: a gap that counted as one or not by the side from which it was come to; a robot that braked
+# before what its eyes called open.
+DEFEATED = [("bug2", "holonomic", 117, 0.3), ("alg1", "jackal", 117, 0.33), ("vis_bug_21", "jackal", 171, 0.299)]
+
+
+@pytest.mark.parametrize(("policy", "robot", "world", "clearance"), DEFEATED)
+def test_worlds_of_barn_that_defeated_a_bug_are_passed(
+    policy: str, robot: str, world: int, clearance: float, shared_data: Path
+) -> None:
+    places = {"family": "barn", "path": str(shared_data / "barn_worlds.jsonl"), "world": world}
+    overrides = {**barn.COMMON, "time.step": barn.STEPS[robot], "time.limit": 200.0}
+    episode = run_episode(policy, {"robot": barn.ROBOTS[robot], "world": places}, overrides, clearance=clearance)
+    assert episode.outcome == "success"
 
 
 def test_barn_without_its_worlds_says_what_is_missing() -> None:

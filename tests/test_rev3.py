@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, run_episode, tolerance
-from test_bug0 import OTHER, canonical_world
+from episodes import CLOSED_FORM_SENSORS, OTHER, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
 
 from bug_gym.agents import make_policy
 

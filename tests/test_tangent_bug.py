@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, run_episode, tolerance
-from test_bug0 import canonical_world
+from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.tangent_graph import TangentGraph

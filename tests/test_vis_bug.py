@@ -8,7 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, run_episode, tolerance
+from episodes import (
+    CANONICAL_POLYGONS,
+    CLOSED_FORM_SENSORS,
+    OTHER,
+    Disc,
+    Episode,
+    Slab,
+    UTrap,
+    canonical_world,
+    run_episode,
+    tolerance,
+)
 from numpy.typing import NDArray
 from shapely.geometry import LineString, Polygon
 
@@ -18,11 +29,6 @@ from bug_gym.simulation import Simulation
 
 POLICIES = ["vis_bug_21", "vis_bug_22"]
 SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
-SHAPES: dict[str, dict[str, Any]] = {
-    "slab": {"polygons": [[[8, -3], [12, -3], [12, 5], [8, 5]]]},
-    "disc": {"circles": [[10.0, 0.0, 3.0]]},
-    "u_trap": {"polygons": [[[5, -4], [12, -4], [12, 4], [5, 4], [5, 3], [11, 3], [11, -3], [5, -3]]]},
-}
 WITH_EYES: dict[str, Callable[[str], float]] = {
     "slab": SLAB.shortest,
     "disc": lambda turn: DISC.shortest(),
@@ -34,26 +40,12 @@ AS_BUG2: dict[str, Callable[[str], float]] = {
     "disc": lambda turn: DISC.until_line(),
     "u_trap": lambda turn: TRAP.until_line(),
 }
-OTHER = {"left": "right", "right": "left"}
 SEES_ALL = {"beams": 720, "range": 30.0}
 
 
-def canonical_world(
-    world: str, *, angle: float = 0.0, mirrored: bool = False, lidar: dict[str, Any] = SEES_ALL
-) -> dict[str, Any]:
-    """A canonical world, mirrored about the line from start to goal, then turned about the start."""
-    mirror = np.array([1.0, -1.0 if mirrored else 1.0])
-    cos, sin = math.cos(angle), math.sin(angle)
-    turn = np.array([[cos, sin], [-sin, cos]])
-
-    def place(points: Any) -> Any:
-        return ((np.asarray(points, dtype=float) * mirror) @ turn).tolist()
-
-    circles = [[*place([x, y]), radius] for x, y, radius in SHAPES[world].get("circles", [])]
-    polygons = [place(ring) for ring in SHAPES[world].get("polygons", [])]
-    explicit = {"family": "explicit", "bounds": [-35, -35, 35, 35], "circles": circles, "polygons": polygons}
-    explicit |= {"start": [0, 0, angle], "goal": place([20, 0])}
-    return {"lidar": lidar, "time": {"limit": 600.0}, "world": explicit}
+def seen_world(world: str, *, lidar: dict[str, Any] = SEES_ALL, **placing: Any) -> dict[str, Any]:
+    """A canonical world with another scanner."""
+    return canonical_world(world, **placing) | {"lidar": lidar}
 
 
 # ---------------------------------------------------------------------------------------------- closed forms
@@ -61,42 +53,42 @@ def canonical_world(
 
 @pytest.mark.parametrize("turn", ["left", "right"])
 @pytest.mark.parametrize(("angle", "mirrored"), [(0.0, False), (0.0, True), (0.83, False), (0.83, True)])
-@pytest.mark.parametrize("world", SHAPES)
+@pytest.mark.parametrize("world", WITH_EYES)
 @pytest.mark.parametrize("policy", POLICIES)
 def test_with_unlimited_sight_the_way_is_the_taut_string(
     policy: str, world: str, turn: str, angle: float, mirrored: bool
 ) -> None:
-    episode = run_episode(policy, canonical_world(world, angle=angle, mirrored=mirrored), turn=turn, clearance=0.5)
+    episode = run_episode(policy, seen_world(world, angle=angle, mirrored=mirrored), turn=turn, clearance=0.5)
     expected = WITH_EYES[world](OTHER[turn] if mirrored else turn)
     assert episode.outcome == "success"
     assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
 
 
 @pytest.mark.parametrize("turn", ["left", "right"])
-@pytest.mark.parametrize("world", SHAPES)
+@pytest.mark.parametrize("world", WITH_EYES)
 @pytest.mark.parametrize("policy", POLICIES)
 def test_with_a_vision_range_of_the_clearance_the_way_is_bug2s(policy: str, world: str, turn: str) -> None:
-    episode = run_episode(policy, canonical_world(world), turn=turn, clearance=0.5, vision_range=0.5)
+    episode = run_episode(policy, seen_world(world), turn=turn, clearance=0.5, vision_range=0.5)
     expected = AS_BUG2[world](turn)
     assert episode.outcome == "success"
     assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
 
 
 @pytest.mark.parametrize("vision_range", [0.8, 2.0, 5.0])
-@pytest.mark.parametrize("world", SHAPES)
+@pytest.mark.parametrize("world", WITH_EYES)
 @pytest.mark.parametrize("policy", POLICIES)
 def test_some_sight_gives_a_way_between_bug2s_and_the_taut_string(policy: str, world: str, vision_range: float) -> None:
-    episode = run_episode(policy, canonical_world(world), clearance=0.5, vision_range=vision_range)
+    episode = run_episode(policy, seen_world(world), clearance=0.5, vision_range=vision_range)
     shortest, bug2 = WITH_EYES[world]("left"), AS_BUG2[world]("left")
     assert episode.outcome == "success"
     assert shortest - tolerance(shortest) <= episode.full_length <= bug2 + tolerance(bug2)
 
 
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("world", SHAPES)
+@pytest.mark.parametrize("world", WITH_EYES)
 @pytest.mark.parametrize("policy", POLICIES)
 def test_noise_of_the_ranges_changes_no_outcome(policy: str, world: str, seed: int) -> None:
-    scenario = canonical_world(world, lidar={"beams": 360, "range": 10.0, "noise": 0.02, "dropout": 0.01})
+    scenario = seen_world(world, lidar={"beams": 360, "range": 10.0, "noise": 0.02, "dropout": 0.01})
     assert run_episode(policy, scenario, seed=seed, clearance=0.5).outcome == "success"
 
 
@@ -280,9 +272,9 @@ def test_visbug_22_takes_a_short_cut_that_visbug_21_must_not() -> None:
 @pytest.mark.parametrize("vision_range", [2.0, 6.0])
 @pytest.mark.parametrize("policy", POLICIES)
 def test_t_i_is_in_sight_and_within_the_vision_range(policy: str, vision_range: float) -> None:
-    simulation = Simulation(canonical_world("u_trap"))
+    simulation = Simulation(seen_world("u_trap"))
     agent = make_policy(policy, simulation, clearance=0.5, vision_range=vision_range)
-    obstacle, step = Polygon(SHAPES["u_trap"]["polygons"][0]), 0.1
+    obstacle, step = Polygon(CANONICAL_POLYGONS["u_trap"]), 0.1
     observation, state = simulation.reset(seeds=[0]), None
     for _ in range(600):
         action, state = agent.predict(observation[:, 0], state)

@@ -27,6 +27,7 @@ REPRODUCTIONS: dict[str, str] = {
     "hd-bug-ablation": "hd_bug_ablation",
     "learned": "learned",
     "ppo-curve": "ppo_curve",
+    "predictors": "predictors",
     "scripted-and-learned": "scripted_and_learned",
 }
 """Name on the command line -> module here."""

@@ -29,9 +29,10 @@ POLICIES = (
     "vis_bug_22",
     "rev3",
 )
-PARAMETERS: dict[str, dict[str, Any]] = {"holonomic": {"clearance": 0.295}, "jackal": {"clearance": 0.299}}
+PARAMETERS: dict[str, dict[str, Any]] = {"holonomic": {"clearance": 0.295}, "jackal": {"clearance": 0.345}}
 """All of the worlds are open at a clearance of 0.35 m, not all at 0.40. Cylinders of 0.075 m on a grid of 0.15 m leave
-gaps of 0.52 and 0.60 m and none between: with these clearances each gap is clearly open or clearly shut."""
+gaps of 0.52, 0.60, 0.61, 0.66 and 0.70 m and none between. A gap of a little less than twice the clearance may count
+either way: none is of that kind for the holonomic robot; for the other one, which needs more room to brake, 0.66 is."""
 
 COMMON = {"lidar.beams": 720, "lidar.range": 10.0, "goal.radius": 1.0, "time.limit": 1000.0}
 SCORED = 100.0

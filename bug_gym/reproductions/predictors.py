@@ -25,12 +25,12 @@ from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 F64 = NDArray[np.float64]
 
-WORLDS = 60
+WORLDS = 50
 """Of each law."""
 CROSSINGS = 100
 """Of each recorded scene."""
 SCENES = {"ETH": "pedestrians_eth.csv", "hotel": "pedestrians_hotel.csv"}
-TIMES = 0.8 * np.arange(1, 7)
+TIMES: F64 = np.array([0.8, 1.6, 2.4, 3.2, 4.0, 4.8])
 ASKED = (0, 1, 3, 5)
 """Which of TIMES are reported: 0.8, 1.6, 3.2 and 4.8 s."""
 EVERY = 5
@@ -53,7 +53,9 @@ def reproduce(settings: Settings) -> Reproduction:
     from bug_gym.agents.prediction_data import LAWS
 
     names = settings.policies or tuple(predictor_names())
-    tasks = [(law, seed, None) for law in LAWS for seed in _seeds(settings.seeds or WORLDS)]
+    tasks: list[tuple[str, int, Path | None]] = [
+        (law, seed, None) for law in LAWS for seed in _seeds(settings.seeds or WORLDS)
+    ]
     scenes = _scenes(settings.data)
     tasks += [(scene, seed, path) for scene, path in scenes.items() for seed in _seeds(settings.seeds or CROSSINGS)]
     asked: dict[str, list[F64]] = {}
@@ -63,7 +65,7 @@ def reproduce(settings: Settings) -> Reproduction:
             asked.setdefault(label, []).append(errors)
             if label in ("bounce", "waypoints"):
                 asked.setdefault(f"{label}, turning", []).append(errors[:, turns])
-    found = {label: summary(worlds, names) for label, worlds in asked.items()}
+    found = {label: summary(worlds, names) for label, worlds in asked.items() if any(map(np.size, worlds))}
     claims = list(check(found, names))
     return Reproduction(
         "predictors",
@@ -167,12 +169,13 @@ def check(found: dict[str, Any], names: Sequence[str]) -> Iterator[tuple[str, bo
     """What the project set out to show of "rl", and whether it holds."""
     if not {"rl", "kalman"} <= set(names):
         return
-    for label in TO_BEAT:
+    for label in (*TO_BEAT, *NO_WORSE):
+        if label not in found:
+            continue
         ratio = found[label]["mean_ratio"]["rl"][-1]
-        yield f"{label}: rl's mean error at 4.8 s is at least 10 % below kalman's", ratio["value"] <= SHORTFALL
-    for label in NO_WORSE:
-        if label in found:
-            ratio = found[label]["mean_ratio"]["rl"][-1]
+        if label in TO_BEAT:
+            yield f"{label}: rl's mean error at 4.8 s is at least 10 % below kalman's", ratio["value"] <= SHORTFALL
+        else:
             yield f"{label}: rl's mean error at 4.8 s is no worse than kalman's (95 %)", ratio["low"] <= 1.0
 
 

@@ -1,0 +1,105 @@
+"""What a learned policy was trained for: the robot, its scanner and the layout of its observation, as plain data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from bug_gym.observation import Sensors
+
+LAYOUT = ("ranges", "goal", "pose", "velocity", "peers")
+"""Fields of the observation that a learned policy knows, in their order."""
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """The part of `Sensors` that a network depends on."""
+
+    kinematics: str
+    """ "holonomic" or "differential"."""
+    radius: float
+    """Radius of the disc that holds the body [m]."""
+    max_speed: float
+    """Largest forward speed [m/s]."""
+    max_reverse: float
+    """Largest backward speed [m/s]."""
+    max_turn_rate: float
+    """Largest turn rate [rad/s]."""
+    max_acceleration: float | None
+    """Largest change of speed [m/s^2]; None: no limit."""
+    step: float
+    """Time between two actions [s]."""
+    beams: int
+    """Beams of the scanner, B."""
+    first_angle: float
+    """Bearing of the first beam [rad]."""
+    angle_step: float
+    """Angle from one beam to the next [rad]."""
+    range: float
+    """Range that means "nothing seen" [m]."""
+    peers: int = 0
+    """Other robots that the observation tells of."""
+
+    @classmethod
+    def of(cls, sensors: Sensors) -> RobotModel:
+        """The model of a robot.
+
+        Raises:
+            ValueError: the observation has a field that learned policies do not know.
+        """
+        names = [field.name for field in sensors.fields]
+        if strange := [name for name in names if name not in LAYOUT]:
+            raise ValueError(
+                f"learned policies know the fields {', '.join(LAYOUT)}, the observation has {strange[0]!r}"
+            )
+        drive, angles = sensors.drive, sensors.angles
+        return cls(
+            kinematics=drive.kinematics,
+            radius=sensors.radius,
+            max_speed=drive.max_speed,
+            max_reverse=drive.max_reverse,
+            max_turn_rate=drive.max_turn_rate,
+            max_acceleration=drive.max_acceleration if math.isfinite(drive.max_acceleration) else None,
+            step=drive.step,
+            beams=len(angles),
+            first_angle=float(angles[0]),
+            angle_step=float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi,
+            range=sensors.range,
+            peers=sum(field.shape[0] for field in sensors.fields if field.name == "peers"),
+        )
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> RobotModel:
+        """The model that `as_dict` gave.
+
+        Raises:
+            ValueError: a key is missing or unknown.
+        """
+        try:
+            return cls(**data)
+        except TypeError as error:
+            raise ValueError(f"this describes no robot: {error}") from None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fields as plain data."""
+        return asdict(self)
+
+    def differences(self, other: RobotModel) -> Iterator[str]:
+        """Each field in which another robot differs, as "field 64, not 32"."""
+        for field in fields(self):
+            mine, theirs = getattr(self, field.name), getattr(other, field.name)
+            same = math.isclose(mine, theirs, abs_tol=1e-9) if isinstance(mine, float) and theirs else mine == theirs
+            if not same:
+                yield f"{field.name} {mine}, not {theirs}"
+
+    @property
+    def is_full_circle(self) -> bool:
+        """Whether the beams go all around."""
+        return math.isclose(self.beams * self.angle_step, 2.0 * math.pi, rel_tol=1e-6)
+
+    @property
+    def width(self) -> int:
+        """Length D of the flat observation."""
+        return self.beams + 7 + 4 * self.peers

@@ -1,0 +1,216 @@
+"""What a training is, as data: configs/train/*.yaml with the key names of rl-baselines3-zoo."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from bug_gym.config import (
+    SCENARIO_FOLDER,
+    AtLeastOne,
+    Count,
+    NotNegative,
+    Number,
+    Part,
+    Positive,
+    Scenario,
+    ScenarioError,
+    Share,
+    explain,
+    load,
+    nearest_hint,
+    read_yaml,
+)
+
+TRAIN_FOLDER = SCENARIO_FOLDER.parent / "train"
+
+LearningRate = Positive | str
+"""A number, or "lin_NUMBER": from there straight down to 0 at the end, as rl-zoo writes it."""
+
+
+class PolicyKwargs(Part):
+    """The network behind the encoding of the observation."""
+
+    net_arch: tuple[AtLeastOne, ...] = (128, 128)
+    """Widths of the hidden layers; actor and critic have their own."""
+    activation_fn: Literal["relu", "tanh"] = "relu"
+    """Between the layers."""
+    log_std_init: Number = -0.5
+    """Logarithm of the standard deviation of PPO's actions at the start."""
+
+
+class Settings(Part):
+    """What all trainings have. Keys that rl-zoo has too are named as there."""
+
+    name: str = "custom"
+    """What the model is called; a file's stem where the file gives none."""
+    scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1)
+    """Scenarios to train in, each with the same share of the worlds; they need the same robot."""
+    overrides: dict[str, Any] = {}
+    """Values by dotted key that replace those of every scenario: most of all the weights of the reward."""
+    action: Literal["continuous", "discrete"] = "continuous"
+    """Which actions the robot takes."""
+    policy: Literal["MlpPolicy"] = "MlpPolicy"
+    """Class of the policy in stable-baselines3; observations are flat."""
+    n_envs: AtLeastOne
+    """Worlds side by side."""
+    n_timesteps: AtLeastOne
+    """Environment steps of the whole training."""
+    gamma: Share = 0.99
+    """Discount of a step."""
+    learning_rate: LearningRate = "lin_1e-3"
+    """Step size of the optimiser."""
+    batch_size: AtLeastOne
+    """Samples of a gradient step."""
+    policy_kwargs: PolicyKwargs = PolicyKwargs()
+    """The network."""
+    encoding: Literal["clearance", "linear"] = "clearance"
+    """How ranges are encoded."""
+    history: tuple[AtLeastOne, ...] = ()
+    """How many steps ago a History looks; empty: the policy has no memory."""
+    eval_freq: AtLeastOne = 500_000
+    """Environment steps from one validation to the next."""
+    eval_episodes: AtLeastOne = 1000
+    """Validation worlds of each scenario."""
+    test_episodes: AtLeastOne = 2000
+    """Held-out worlds of each scenario in which the best model is judged at the end."""
+    save_freq: AtLeastOne = 250_000
+    """Environment steps from one checkpoint to the next."""
+
+    @property
+    def loaded(self) -> tuple[Scenario, ...]:
+        """The scenarios with their overrides."""
+        return tuple(load(source, self.overrides) for source in self.scenarios)
+
+    def rate(self, remaining: float) -> float:
+        """The step size where a share `remaining` of the training is left."""
+        if isinstance(self.learning_rate, str):
+            return remaining * _linear_start(self.learning_rate)
+        return self.learning_rate
+
+
+def _linear_start(text: str) -> float:
+    match = re.fullmatch(r"lin_(\d+(?:\.\d*)?(?:e-?\d+)?)", text)
+    if match is None or float(match[1]) <= 0.0:
+        raise ValueError(f"learning_rate: got {text!r}, expected a number, or lin_ and a number, such as lin_1e-3")
+    return float(match[1])
+
+
+class PPOSettings(Settings):
+    """Proximal policy optimisation, Schulman et al. 2017."""
+
+    algo: Literal["ppo"]
+    n_envs: AtLeastOne = 1024
+    batch_size: AtLeastOne = 8192
+    n_steps: AtLeastOne = 32
+    """Steps of each world from one update to the next."""
+    n_epochs: AtLeastOne = 4
+    """Times that an update goes through its samples."""
+    gae_lambda: Share = 0.95
+    """Of generalised advantage estimation."""
+    clip_range: Positive = 0.2
+    """How far an update may change the probability of an action, as a share."""
+    ent_coef: NotNegative = 0.0
+    """Weight of the entropy."""
+    vf_coef: NotNegative = 0.5
+    """Weight of the value's error."""
+    max_grad_norm: Positive = 0.5
+    """Gradients are cut to this length."""
+
+
+class OffPolicySettings(Settings):
+    """What algorithms with a replay buffer have."""
+
+    n_envs: AtLeastOne = 64
+    batch_size: AtLeastOne = 512
+    learning_rate: LearningRate = 1e-3
+    buffer_size: AtLeastOne = 300_000
+    """Steps that are kept."""
+    learning_starts: Count = 10_000
+    """Steps before the first update."""
+    train_freq: AtLeastOne = 1
+    """Steps of each world from one update to the next."""
+    gradient_steps: AtLeastOne = 4
+    """Gradient steps of an update."""
+    tau: Share = 0.005
+    """Share by which the target network follows."""
+
+
+class SACSettings(OffPolicySettings):
+    """Soft actor-critic, Haarnoja et al. 2018."""
+
+    algo: Literal["sac"]
+    ent_coef: str | Positive = "auto_0.05"
+    """Weight of the entropy; "auto_X" learns it from X on."""
+    target_entropy: Number = -2.0
+    """Entropy that "auto" keeps."""
+
+
+class DQNSettings(OffPolicySettings):
+    """Deep Q-learning, Mnih et al. 2015, over the discrete actions."""
+
+    algo: Literal["dqn"]
+    action: Literal["continuous", "discrete"] = "discrete"
+    target_update_interval: AtLeastOne = 64
+    """Steps of the worlds from one update of the target network to the next."""
+    exploration_fraction: Share = 0.3
+    """Share of the training over which random actions grow rare."""
+    exploration_final_eps: Share = 0.05
+    """Share of random actions from then on."""
+
+
+ALGORITHMS: dict[str, type[PPOSettings] | type[SACSettings] | type[DQNSettings]] = {
+    "ppo": PPOSettings,
+    "sac": SACSettings,
+    "dqn": DQNSettings,
+}
+"""Settings by `algo`."""
+
+AnySettings = PPOSettings | SACSettings | DQNSettings
+
+
+def training_names() -> list[str]:
+    """Names of the trainings that come with the package, sorted."""
+    return sorted(path.stem for path in TRAIN_FOLDER.glob("*.yaml"))
+
+
+def load_settings(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None) -> AnySettings:
+    """The settings of a training.
+
+    Args:
+        source: a name from `training_names()`, the path of a YAML file, or a mapping that says the same.
+        overrides: values by key that replace the file's.
+
+    Raises:
+        ScenarioError: where something is unknown, missing or not allowed.
+    """
+    label, data = _read(source)
+    data |= overrides or {}
+    algo = data.get("algo")
+    if algo not in ALGORITHMS:
+        raise ScenarioError(f"{label}: algo: got {algo!r}, expected one of {', '.join(map(repr, ALGORITHMS))}")
+    try:
+        settings = ALGORITHMS[algo].model_validate(data)
+        settings.rate(1.0)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, label)) from None
+    except ValueError as error:
+        raise ScenarioError(f"{label}: {error}") from None
+    _ = settings.loaded
+    return settings
+
+
+def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    if isinstance(source, Mapping):
+        return "training", dict(source)
+    if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
+        if source not in training_names():
+            known = ", ".join(training_names())
+            raise ScenarioError(f"no training {source!r}{nearest_hint(source, training_names())} (known: {known})")
+        source = TRAIN_FOLDER / f"{source}.yaml"
+    path = Path(source).expanduser()
+    return path.name, read_yaml(path)

@@ -1,0 +1,102 @@
+"""One episode in each of many worlds, a few hundred at a time: how policies are measured that decide in batches.
+
+Where the worlds come from is fixed here: no model is trained or chosen on a world that it is judged by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.config import Scenario
+from bug_gym.intervals import wilson_interval
+from bug_gym.kinematics import discrete_actions
+from bug_gym.observation import Sensors
+from bug_gym.policy import Policy
+from bug_gym.simulation import Simulation
+from bug_gym.task import OUTCOMES
+
+TRAINING_SEEDS = 2**40
+"""First seed of the worlds that policies are trained in; far above those of suites and evaluations, which begin at 0."""
+
+VALIDATION_SEEDS = 2**41
+"""First seed of the worlds by which the best model of a training is chosen."""
+
+TEST_SEEDS = 0
+"""First seed of the worlds by which a model is judged, those of `bug-gym evaluate` too."""
+
+ENDS = ("success", "collision", "timeout")
+"""Outcomes with which an episode ends."""
+
+SLOTS = 256
+"""Worlds side by side."""
+
+
+class Played(NamedTuple):
+    """How n episodes of R robots each went, in the order of their seeds."""
+
+    outcome: NDArray[np.int64]
+    """Outcomes (n, R), as numbers of task.OUTCOMES."""
+    time: NDArray[np.float64]
+    """Times (n, R) [s]."""
+    path_length: NDArray[np.float64]
+    """Lengths (n, R) of the paths [m]."""
+
+    def ended(self, outcome: str) -> NDArray[np.bool_]:
+        """Which runs (n, R) ended with an outcome of task.OUTCOMES."""
+        which: NDArray[np.bool_] = self.outcome == OUTCOMES.index(outcome)
+        return which
+
+    def summary(self) -> dict[str, Any]:
+        """Number of runs, shares of the outcomes, the Wilson interval of success, and the mean time of one [s]."""
+        won = self.ended("success")
+        interval = wilson_interval(int(won.sum()), won.size)
+        return {
+            "n": won.size,
+            **{outcome: round(float(self.ended(outcome).mean()), 6) for outcome in ENDS},
+            "low": round(interval.low, 6),
+            "high": round(interval.high, 6),
+            "time": round(float(self.time[won].mean()), 3) if won.any() else None,
+        }
+
+
+def play(policy: Policy, scenario: Scenario, seeds: Sequence[int], *, slots: int = SLOTS) -> Played:
+    """Drive a policy through the first episode of each seed; where there are several robots it drives each of them.
+
+    Args:
+        policy: asked with the flat observations (slots * R, D) of all robots at once.
+        scenario: the scenario.
+        seeds: of the worlds (n,).
+        slots: worlds side by side; a row whose episode has ended for all its robots takes the next seed.
+    """
+    simulation = Simulation(scenario, min(slots, len(seeds)))
+    table = discrete_actions(Sensors.of(scenario).drive)
+    count, robots, world = simulation.count, simulation.robots, simulation.world
+    shape = (len(seeds), robots)
+    played = Played(np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape))
+    episode, next_episode = np.arange(count), count
+    flat = simulation.reset(seeds=seeds[:count])
+    going, starts = np.ones(count, dtype=bool), np.ones((count, robots), dtype=bool)
+    state = None
+    while going.any():
+        actions, state = policy.predict(flat.reshape(count * robots, -1), state, starts.ravel(), deterministic=True)
+        starts[:] = False
+        chosen = table[actions] if actions.dtype.kind in "iu" else actions
+        rows, active = np.flatnonzero(going), world.active
+        flat[rows] = simulation.step(chosen.reshape(count, robots, 2)[rows], rows).observation
+        for row, robot in np.argwhere(active & ~world.active & going[:, None]).tolist():
+            played.outcome[episode[row], robot] = world.outcome[row, robot]
+            played.time[episode[row], robot] = world.time[row]
+            played.path_length[episode[row], robot] = world.array("path_length")[row, robot]
+        ended = rows[~world.active[rows].any(axis=1)]
+        fresh = ended[: len(seeds) - next_episode]
+        going[ended[len(fresh) :]] = False
+        if len(fresh):
+            episode[fresh] = np.arange(next_episode, next_episode + len(fresh))
+            flat[fresh] = simulation.reset(fresh, [seeds[number] for number in episode[fresh]])
+            starts[fresh] = True
+            next_episode += len(fresh)
+    return played

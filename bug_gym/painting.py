@@ -1,0 +1,521 @@
+"""A brush, and the parts of a picture of a world that it paints: what stands, what moves, what a robot sees, its mind."""
+
+from __future__ import annotations
+
+import math
+import os
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bug_gym import kernels
+from bug_gym.config import WeightedRegion
+from bug_gym.policy import Drawing
+from bug_gym.task import OUTCOMES
+from bug_gym.world import World, is_full_circle
+
+if TYPE_CHECKING:
+    import pygame
+
+Color = tuple[int, int, int]
+Pixel = tuple[float, float]
+
+VELOCITY_HORIZON = 1.5
+"""A dart reaches from the rim of a mover as far as it comes in this time [s]."""
+
+SPARSE_BEAMS = math.radians(12.0)
+"""Angle between two beams from which on a scan is drawn as rays: an area would claim what lies between them."""
+
+# ---------------------------------------------------------------------------------------------- colours
+
+PAGE: Color = (255, 255, 255)
+FLOOR: Color = (250, 250, 247)
+INK: Color = (45, 52, 64)
+FAINT: Color = (138, 145, 156)
+STILL, STILL_RIM = (128, 139, 154), (84, 94, 110)
+MOVING, MOVING_RIM = (243, 167, 83), (178, 98, 22)
+GOAL: Color = (28, 150, 92)
+GROUND: Color = (139, 94, 44)  # of a region that can hardly be crossed
+KEY: Color = (255, 0, 255)  # stands for "nothing here" on the surface of still things
+
+ROBOTS: tuple[Color, ...] = (
+    (32, 96, 200),
+    (193, 42, 120),
+    (16, 140, 150),
+    (120, 72, 190),
+    (150, 110, 20),
+    (70, 110, 50),
+)
+"""Colours of the robots, in turn."""
+
+OUTCOME_COLORS: dict[str, Color] = {
+    "running": FAINT,
+    "success": GOAL,
+    "collision": (208, 44, 44),
+    "timeout": (196, 128, 0),
+}
+
+LABEL_COLORS: dict[str, Color] = {
+    "hit": (208, 44, 44),
+    "leave": (28, 150, 92),
+    "candidate": (120, 72, 190),
+    "target": (193, 42, 120),
+    "waypoint": (16, 140, 150),
+    "nearest": (196, 128, 0),
+    "m_line": (120, 120, 130),
+    "path": (120, 72, 190),
+    "plan": (120, 72, 190),
+    "light": (245, 205, 60),
+    "shadow": (70, 80, 110),
+}
+"""Colours of the labels in a policy's Drawing; other labels take one of the robots' colours, always the same."""
+
+DASHED = {"m_line"}
+"""Labels whose segments are drawn dashed."""
+
+
+def mixed(color: Color, ground: Color, share: float) -> Color:
+    """A colour laid over a ground, with this share of its own."""
+    red, green, blue = (round(share * c + (1.0 - share) * g) for c, g in zip(color, ground, strict=True))
+    return red, green, blue
+
+
+def label_color(label: str) -> Color:
+    """The colour of a label in a Drawing."""
+    return LABEL_COLORS.get(label) or ROBOTS[zlib.crc32(label.encode()) % len(ROBOTS)]
+
+
+def load_pygame() -> ModuleType:
+    """Import pygame, without its greeting.
+
+    Raises:
+        ImportError: it is not installed; the message names the extra.
+    """
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    try:
+        import pygame
+        import pygame.font
+    except ImportError as error:
+        raise ImportError("drawing needs pygame-ce: pip install 'bug-gym[render]'") from error
+    return pygame
+
+
+# ---------------------------------------------------------------------------------------------- brush
+
+
+@dataclass(frozen=True)
+class Projection:
+    """From places in the world [m] to pixels: x to the right, y up."""
+
+    scale: float
+    """Pixels a metre."""
+    left: float
+    """Column of x = 0."""
+    top: float
+    """Row of y = 0."""
+
+    def pixel(self, x: float, y: float) -> Pixel:
+        """Column and row of a place."""
+        return self.left + self.scale * x, self.top - self.scale * y
+
+    def pixels(self, places: NDArray[np.float64]) -> list[Pixel]:
+        """Columns and rows of places (k, 2)."""
+        columns = self.left + self.scale * places[:, 0]
+        rows = self.top - self.scale * places[:, 1]
+        return list(zip(columns.tolist(), rows.tolist(), strict=True))
+
+    def enlarged(self, factor: int) -> Projection:
+        """The same view with `factor` times as many pixels along each side."""
+        return Projection(factor * self.scale, factor * self.left, factor * self.top)
+
+
+class Brush:
+    """Paints shapes on a surface.
+
+    Args:
+        surface: what to paint on.
+        view: where places of the world are on it.
+        unit: width of a fine line [pixels].
+    """
+
+    def __init__(self, surface: pygame.Surface, view: Projection, unit: float) -> None:
+        self.pygame = load_pygame()
+        self.surface = surface
+        self.view = view
+        self.unit = unit
+
+    def width(self, units: float) -> int:
+        """Units as whole pixels, at least one."""
+        return max(1, round(units * self.unit))
+
+    def disc(self, at: Pixel, radius: float, color: Color, rim: Color | None = None, rim_units: float = 1.0) -> None:
+        """A filled circle, with a rim inside its edge."""
+        self.discs([at], [radius], color, rim, rim_units)
+
+    def discs(
+        self,
+        centers: Sequence[Pixel],
+        radii: Sequence[float],
+        color: Color,
+        rim: Color | None = None,
+        rim_units: float = 1.0,
+    ) -> None:
+        """Filled circles, with a rim inside their edges; each is at least a dot."""
+        surface, circle, width = self.surface, self.pygame.draw.circle, self.width(rim_units)
+        for at, radius in zip(centers, radii, strict=True):
+            if rim is None:
+                circle(surface, color, at, max(radius, 1.0))
+            else:
+                circle(surface, rim, at, max(radius, 1.0))
+                circle(surface, color, at, max(radius - width, 1.0))
+
+    def ring(self, at: Pixel, radius: float, color: Color, units: float) -> None:
+        """A circle that is not filled."""
+        self.pygame.draw.circle(self.surface, color, at, radius, self.width(units))
+
+    def area(self, pixels: Sequence[Pixel], color: Color, rim: Color | None = None, rim_units: float = 1.0) -> None:
+        """A filled polygon, with a rim along its edge."""
+        self.pygame.draw.polygon(self.surface, color, pixels)
+        if rim is not None:
+            self.line([*pixels, pixels[0]], rim, rim_units)
+
+    def line(self, pixels: Sequence[Pixel], color: Color, units: float) -> None:
+        """A line through pixels, round at its corners where it is wide."""
+        width = self.width(units)
+        self.pygame.draw.lines(self.surface, color, False, pixels, width)
+        if width > 3:
+            for at in pixels:
+                self.pygame.draw.circle(self.surface, color, at, 0.5 * width)
+
+    def veil(self, pixels: Sequence[Pixel], tint: Color) -> None:
+        """A filled polygon of coloured glass: what lies beneath it is multiplied by the tint."""
+        corners = np.array(pixels)
+        low = np.maximum(np.floor(corners.min(axis=0)), 0.0).astype(int)
+        high = np.minimum(np.ceil(corners.max(axis=0)) + 1.0, self.surface.get_size()).astype(int)
+        if len(pixels) < 3 or (high <= low).any():
+            return
+        glass = self.pygame.Surface((high - low).tolist(), 0, 32)
+        glass.fill(PAGE)
+        self.pygame.draw.polygon(glass, tint, (corners - low).tolist())
+        self.surface.blit(glass, low.tolist(), special_flags=self.pygame.BLEND_RGB_MULT)
+
+    def dashes(self, start: Pixel, end: Pixel, color: Color, units: float) -> None:
+        """A dashed line."""
+        length, dash = math.dist(start, end), 5.0 * self.unit
+        count = max(1, math.ceil(length / (2.0 * dash)))
+        for number in range(count):
+            first = min(2.0 * number * dash / max(length, 1e-9), 1.0)
+            last = min((2.0 * number + 1.0) * dash / max(length, 1e-9), 1.0)
+            self.line([between(start, end, first), between(start, end, last)], color, units)
+
+
+def between(start: Pixel, end: Pixel, share: float) -> Pixel:
+    """The pixel at a share of the way."""
+    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+
+
+# ---------------------------------------------------------------------------------------------- parts of a picture
+
+
+def paint_still(brush: Brush, world: World, row: int) -> None:
+    """Page, border and still obstacles; the floor is left in KEY."""
+    layout = world.layout(row)
+    border = brush.view.pixels(layout.border)
+    brush.surface.fill(KEY)
+    # The larger first: what stands in the hole of a polygon has a smaller shell than that polygon.
+    for rings in sorted(layout.polygons, key=lambda rings: -shell_extent(rings[0])):
+        brush.area(brush.view.pixels(rings[0]), STILL, STILL_RIM)
+        for hole in rings[1:]:
+            brush.area(brush.view.pixels(hole), KEY, STILL_RIM)
+    radii = (brush.view.scale * layout.circles[:, 2]).tolist()
+    brush.discs(brush.view.pixels(layout.circles), radii, STILL, STILL_RIM)
+    page = brush.surface.copy()  # over what sticks out of the border
+    page.fill(PAGE)
+    brush.pygame.draw.polygon(page, KEY, border)
+    page.set_colorkey(KEY)
+    brush.surface.blit(page, (0, 0))
+    brush.line([*border, border[0]], INK, 2.5)
+
+
+def shell_extent(ring: NDArray[np.float64]) -> float:
+    """Area of the box around a ring (k, 2) [m^2]."""
+    width, height = np.ptp(ring, axis=0)
+    return float(width * height)
+
+
+def ground_tint(factor: float) -> Color:
+    """The glass over ground of this factor: the larger it is, the darker in every colour."""
+    return mixed(GROUND, PAGE, 0.55 * (1.0 - 1.0 / factor))
+
+
+def paint_ground(brush: Brush, regions: Sequence[WeightedRegion]) -> None:
+    """Weighted regions as coloured glass that covers the surface, each with its factor; the darkest pane counts."""
+    pane = brush.surface.copy()
+    brush.surface.fill(PAGE)
+    for region in regions:
+        pane.fill(PAGE)
+        paint_region(Brush(pane, brush.view, brush.unit), region, ground_tint(region.factor))
+        brush.surface.blit(pane, (0, 0), special_flags=brush.pygame.BLEND_RGB_MIN)
+    brush.pygame.font.init()
+    font = brush.pygame.font.Font(None, round(17.0 * brush.unit))
+    for region in regions:
+        place = label_place(region, regions)
+        if place is not None:
+            text = font.render(f"× {region.factor:g}", True, mixed(GROUND, INK, 0.7))
+            column, line = brush.view.pixel(*place)
+            brush.surface.blit(text, (column - 0.5 * text.get_width(), line - 0.5 * text.get_height()))
+
+
+def paint_region(brush: Brush, region: WeightedRegion, tint: Color) -> None:
+    """One region, its rim a little darker."""
+    outline, rim = region.geometry(), mixed(GROUND, tint, 0.35)
+    brush.area(brush.view.pixels(np.array(outline.exterior.coords)), tint, rim)
+    for hole in outline.interiors:
+        brush.area(brush.view.pixels(np.array(hole.coords)), PAGE, rim)
+
+
+def label_place(region: WeightedRegion, regions: Sequence[WeightedRegion]) -> tuple[float, float] | None:
+    """Where a region's factor is written: amid the widest part where no larger one counts, None where there is none."""
+    import shapely
+
+    above = [other.geometry() for other in regions if other.factor > region.factor]
+    seen = region.geometry().difference(shapely.union_all(above))
+    if seen.area == 0.0:
+        return None
+    x, y = shapely.maximum_inscribed_circle(seen).coords[0]
+    return x, y
+
+
+def scan_ends(view: Projection, world: World, row: int, robot: int) -> list[Pixel]:
+    """Where the beams of a robot's last scan end (B)."""
+    x, y, heading = world.pose[row, robot].tolist()
+    cos, sin = math.cos(heading), math.sin(heading)
+    ahead, left = world.beams[:, : world.ranges.shape[2]] * world.ranges[row, robot].astype(np.float64)
+    return view.pixels(np.column_stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left]))
+
+
+def paint_free_area(brush: Brush, world: World, row: int, robot: int, ends: list[Pixel], floor: Color) -> None:
+    """What a robot's LIDAR sees to be free: an area, or rays where the beams are few."""
+    x, y, _ = world.pose[row, robot].tolist()
+    color, at = ROBOTS[robot % len(ROBOTS)], brush.view.pixel(x, y)
+    if float(world.spec["angle_step"][0]) > SPARSE_BEAMS or len(ends) < 3:
+        for end in ends:
+            brush.line([at, end], mixed(color, floor, 0.5), 0.5)
+        return
+    corners = ends if is_full_circle(world.scenario) else [at, *ends]
+    if robot == 0:  # only floor lies below the first, and glass is slow
+        brush.area(corners, mixed(color, floor, 0.13))
+    else:
+        brush.veil(corners, mixed(color, PAGE, 0.13))
+    brush.line([*corners, corners[0]], mixed(color, floor, 0.3), 0.5)
+
+
+def paint_returns(brush: Brush, world: World, row: int, robot: int, ends: list[Pixel]) -> None:
+    """A dot where a beam ended on something."""
+    color = mixed(ROBOTS[robot % len(ROBOTS)], PAGE, 0.8)
+    seen = [ends[index] for index in np.flatnonzero(world.ranges[row, robot] < world.scenario.lidar.range)]
+    brush.discs(seen, [1.25 * brush.unit] * len(seen), color)
+
+
+class Sprites(NamedTuple):
+    """Movers on surfaces of their own: they don't turn, so they are painted once an episode. First circles, then polygons."""
+
+    surfaces: list[pygame.Surface]
+    places: NDArray[np.float64]
+    """Column and line (k, 2) of each mover's place on its surface."""
+
+
+def mover_sprites(brush: Brush, world: World, row: int) -> Sprites:
+    """A sprite of each mover of a row."""
+    sprites = [mover_sprite(brush, mover.outline) for mover in world.layout(row).movers]
+    return Sprites([surface for surface, _ in sprites], np.array([place for _, place in sprites]).reshape(-1, 2))
+
+
+def mover_sprite(brush: Brush, outline: float | NDArray[np.float64]) -> tuple[pygame.Surface, Pixel]:
+    """A circle of a radius [m], or a polygon with corners (k, 2) about its place [m], and where its place is."""
+    scale, edge = brush.view.scale, 2.0 * brush.unit
+    corners = np.asarray(outline) if np.ndim(outline) else np.array([[-outline, -outline], [outline, outline]])
+    left, top = edge - scale * float(corners[:, 0].min()), edge + scale * float(corners[:, 1].max())
+    size = np.ceil(scale * np.ptp(corners, axis=0) + 2.0 * edge).tolist()
+    surface = brush.pygame.Surface(size, 0, 32)
+    surface.fill(KEY)
+    own = Brush(surface, Projection(scale, left, top), brush.unit)
+    if np.ndim(outline):
+        own.area(own.view.pixels(corners), MOVING, MOVING_RIM)
+    else:
+        own.disc((left, top), scale * float(outline), MOVING, MOVING_RIM)
+    surface.set_colorkey(KEY, brush.pygame.RLEACCEL)
+    return surface, (left, top)
+
+
+def paint_movers(brush: Brush, world: World, row: int, sprites: Sprites) -> None:
+    """Moving circles and polygons, each with a dart along its velocity."""
+    discs, polygons = (int(world.array(name)[row, 0]) for name in ("moving_disc_count", "moving_polygon_count"))
+    bodies = np.concatenate([np.arange(discs), int(world.spec["discs"][0]) + np.arange(polygons)])
+    paint_velocities(brush, world, row, bodies, MOVING_RIM)
+    x, y = (world.array(name)[row, bodies] for name in ("body_x", "body_y"))
+    pixels = np.column_stack([brush.view.left + brush.view.scale * x, brush.view.top - brush.view.scale * y])
+    corners = np.rint(pixels - sprites.places).astype(np.int64).tolist()
+    brush.surface.fblits(list(zip(sprites.surfaces, corners, strict=True)))
+
+
+def paint_velocities(
+    brush: Brush, world: World, row: int, bodies: NDArray[np.int64], color: Color, radius: float | None = None
+) -> None:
+    """Darts along the velocities of bodies (k,), to be painted over by the bodies.
+
+    Each begins in the body's centre and reaches over its radius, or over one in pixels, as far as VELOCITY_HORIZON says:
+
+    ```
+                 .1.
+    0 ......-----'   2
+             -----.3'
+    ```
+    """
+    names = ("body_x", "body_y", "body_vx", "body_vy", "body_radius")
+    x, y, vx, vy, own = (world.array(name)[row, bodies] for name in names)
+    speed = np.hypot(vx, vy)
+    moving = speed > 0.0
+    x, y, vx, vy, own, speed = (values[moving] for values in (x, y, vx, vy, own, speed))
+    scale, unit = brush.view.scale, brush.unit
+    rim = scale * own if radius is None else radius
+    tip = rim + VELOCITY_HORIZON * scale * speed
+    root, neck = np.zeros(len(x)), np.maximum(tip - 6.0 * unit, rim)
+    cos, sin = vx / speed, -vy / speed  # lines count downward
+    column, line = brush.view.left + scale * x, brush.view.top - scale * y
+    darts = np.empty((len(x), 4, 2))
+    for corner, (ahead, side) in enumerate(((root, 0.0), (neck, 2.5 * unit), (tip, 0.0), (neck, -2.5 * unit))):
+        darts[:, corner, 0] = column + ahead * cos - side * sin
+        darts[:, corner, 1] = line + ahead * sin + side * cos
+    draw, surface = brush.pygame.draw.polygon, brush.surface
+    for dart in darts.tolist():
+        draw(surface, color, dart)
+
+
+def goal_color(world: World, robot: int) -> Color:
+    """Robots that share a goal see it in green, a goal of one's own has the robot's colour."""
+    return GOAL if world.goals == 1 else ROBOTS[robot % len(ROBOTS)]
+
+
+def paint_goal_areas(brush: Brush, world: World, row: int, floor: Color) -> None:
+    """The discs within which the goals are reached."""
+    radius = world.scenario.goal.radius * brush.view.scale
+    for robot, (x, y) in enumerate(world.goal[row, : world.goals].tolist()):
+        color = goal_color(world, robot)
+        brush.disc(brush.view.pixel(x, y), radius, mixed(color, floor, 0.35), color)
+
+
+def paint_goals(brush: Brush, world: World, row: int) -> None:
+    """A flag on each goal that stands; a bull's eye and a dart on each that moves."""
+    for robot, (x, y) in enumerate(world.goal[row, : world.goals].tolist()):
+        at, color, body = brush.view.pixel(x, y), goal_color(world, robot), int(world.array("goal_body")[row, robot])
+        if world.array("body_law")[row, body] == kernels.STILL:
+            paint_flag(brush, at, color)
+            continue
+        paint_velocities(brush, world, row, np.array([body]), color, radius=6.5 * brush.unit)
+        for units, ring_color in ((6.5, PAGE), (5.5, color), (3.5, PAGE), (1.8, color)):
+            brush.disc(at, units * brush.unit, ring_color)
+
+
+def paint_flag(brush: Brush, at: Pixel, color: Color) -> None:
+    """A flag whose pole stands on a place."""
+    (x, y), u = at, brush.unit
+    brush.line([(x, y), (x, y - 15.0 * u)], PAGE, 3.0)
+    brush.area([(x, y - 16.0 * u), (x + 12.0 * u, y - 11.5 * u), (x, y - 7.0 * u)], color, PAGE)
+    brush.line([(x, y), (x, y - 15.5 * u)], color, 1.5)
+    brush.disc(at, 1.8 * u, color)
+
+
+def paint_trail(brush: Brush, trail: Sequence[Pixel], color: Color) -> None:
+    """The way so far, with a light edge that lifts it off the scan."""
+    if len(trail) < 2:
+        return
+    pygame = brush.pygame
+    pygame.draw.lines(brush.surface, PAGE, False, trail, brush.width(3.5))
+    pygame.draw.lines(brush.surface, color, False, trail, brush.width(1.75))
+
+
+def paint_robot(brush: Brush, world: World, row: int, robot: int) -> None:
+    """Footprint with heading; a ring in the outcome's colour when it is out of play, a burst where it hit something."""
+    x, y, heading = world.pose[row, robot].tolist()
+    cos, sin, scale, unit = math.cos(heading), math.sin(heading), brush.view.scale, brush.unit
+    color, at = ROBOTS[robot % len(ROBOTS)], brush.view.pixel(x, y)
+    reach = max(world.scenario.robot.reach * scale, 4.0 * unit)
+    outcome = OUTCOMES[int(world.outcome[row, robot])]
+    if outcome == "collision":
+        brush.area(star(at, reach + 8.0 * unit), OUTCOME_COLORS[outcome], PAGE)
+    elif outcome != "running":
+        brush.ring(at, reach + 5.0 * unit, OUTCOME_COLORS[outcome], 2.5)
+
+    body = world.footprint
+    places = np.column_stack([x + cos * body[:, 0] - sin * body[:, 1], y + sin * body[:, 0] + cos * body[:, 1]])
+    centers, radii = brush.view.pixels(places), np.maximum(scale * body[:, 2], 3.0 * unit).tolist()
+    rim = mixed(color, INK, 0.6)
+    front = int((body[:, 0] + body[:, 2]).argmax())  # the nose is that of the foremost circle
+    (left, top), own = centers[front], max(scale * float(body[front, 2]), 4.0 * unit)
+    nose = [(own + 5.0 * unit, 0.0), (0.3 * own, 0.75 * own), (0.3 * own, -0.75 * own)]
+    corners = [(left + cos * ahead + sin * side, top - sin * ahead + cos * side) for ahead, side in nose]
+    brush.discs(centers, [radius + 1.5 * unit for radius in radii], PAGE)
+    brush.area(corners, rim, PAGE, 1.25)
+    brush.discs(centers, radii, rim)
+    brush.discs(centers, [radius - unit for radius in radii], color)
+
+
+def star(at: Pixel, radius: float) -> list[Pixel]:
+    """A star with ten rays."""
+    result = []
+    for index in range(20):
+        angle, reach = math.pi * index / 10.0, radius if index % 2 == 0 else 0.6 * radius
+        result.append((at[0] + reach * math.cos(angle), at[1] + reach * math.sin(angle)))
+    return result
+
+
+# ---------------------------------------------------------------------------------------------- a policy's own drawing
+
+
+def from_odometry(places: ArrayLike, origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places (k, 2) in the frame of a start pose `origin` (3,), in the world's frame [m].
+
+    Raises:
+        ValueError: not (k, 2), or not finite.
+    """
+    array = np.asarray(places, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 2 or not np.isfinite(array).all():
+        raise ValueError(f"a drawing takes finite places (k, 2), got {array.tolist()}")
+    cos, sin = math.cos(origin[2]), math.sin(origin[2])
+    return np.asarray(origin[:2] + array @ np.array([[cos, sin], [-sin, cos]]))
+
+
+def paint_areas(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
+    """The areas of a drawing; what lies beneath them shows through."""
+    for ring, label in drawing.areas:
+        brush.veil(brush.view.pixels(from_odometry(ring, origin)), mixed(label_color(label), PAGE, 0.3))
+
+
+def paint_segments(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
+    """The segments of a drawing."""
+    for x1, y1, x2, y2, label in drawing.segments:
+        start, end = brush.view.pixels(from_odometry([(x1, y1), (x2, y2)], origin))
+        if label in DASHED:
+            brush.dashes(start, end, label_color(label), 1.25)
+        else:
+            brush.line([start, end], label_color(label), 1.5)
+
+
+def paint_points(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
+    """The points of a drawing."""
+    for x, y, label in drawing.points:
+        (at,) = brush.view.pixels(from_odometry([(x, y)], origin))
+        brush.disc(at, 4.5 * brush.unit, PAGE)
+        brush.disc(at, 3.5 * brush.unit, label_color(label))
+
+
+def labels_of(drawings: Iterable[Drawing]) -> list[str]:
+    """The labels that occur, each once, in order."""
+    parts = [part for drawing in drawings for part in (drawing.areas, drawing.segments, drawing.points)]
+    return list(dict.fromkeys(str(item[-1]) for part in parts for item in part))

@@ -1,0 +1,325 @@
+"""HD-BUG: interception, the ladder of detection radii, closed forms, traps, movers, moving targets."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
+
+from bug_gym.agents import make_policy
+from bug_gym.agents.hd_bug import Ladder, meeting_time
+from bug_gym.agents.prediction import predictor_names
+from bug_gym.shortest_path import shortest_path
+from bug_gym.simulation import Simulation
+
+MODES = {"direct", "candidates", "backtracking", "avoidance", "emergency", "waiting"}
+LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "closed", "way", "forecast"}
+
+# ------------------------------------------------------------------------------------------------------ interception
+
+
+@pytest.mark.parametrize(
+    ("velocity", "time"),
+    [
+        ((0.0, 0.5), 10.0 / math.sqrt(0.75)),
+        ((0.5, 0.0), 20.0),
+        ((-0.5, 0.0), 20.0 / 3.0),
+        ((0.0, 1.0), math.inf),
+        ((1.0, 0.0), math.inf),
+        ((-1.0, 0.0), 5.0),
+    ],
+)
+def test_a_goal_is_met_at_the_time_of_the_closed_form(velocity: tuple[float, float], time: float) -> None:
+    assert meeting_time((0.0, 0.0), (10.0, 0.0), velocity, 1.0, 0.0) == pytest.approx(time)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_at_the_meeting_time_the_goal_is_as_far_as_the_robot_comes_and_never_before(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    met = 0
+    for _ in range(300):
+        robot, goal = rng.uniform(-10.0, 10.0, (2, 2))
+        velocity = rng.uniform(-1.2, 1.2, 2)
+        radius = float(rng.choice([0.0, 0.3, 1.0]))
+        time = meeting_time(tuple(robot), tuple(goal), tuple(velocity), 0.8, radius)
+        moments = np.linspace(0.0, min(time, 200.0), 2000, endpoint=False)
+        gaps = np.hypot(*(goal + moments[:, None] * velocity - robot).T) - 0.8 * moments - radius
+        assert time == 0.0 or (gaps > -1e-6).all()
+        if math.isfinite(time) and time > 0.0:
+            met += 1
+            assert math.dist(goal + time * velocity, robot) == pytest.approx(0.8 * time + radius)
+    assert met > 100
+
+
+def test_a_goal_within_the_radius_is_met_at_once() -> None:
+    assert meeting_time((1.0, 1.0), (1.2, 1.0), (5.0, 0.0), 0.1, 0.3) == 0.0
+
+
+@pytest.mark.parametrize("difference", [1e-4, 1e-7, 1e-10, -1e-7, -1e-10])
+def test_a_goal_nearly_as_fast_as_the_robot_is_met_when_one_as_fast_is(difference: float) -> None:
+    equal = meeting_time((0.0, 0.0), (10.0, 0.0), (-0.6, 0.8), 1.0, 0.2)
+    near = meeting_time((0.0, 0.0), (10.0, 0.0), (-0.6, 0.8), 1.0 + difference, 0.2)
+    assert near == pytest.approx(equal, rel=1e-3)
+
+
+# -------------------------------------------------------------------------------------------------------- the ladder
+
+
+def test_three_dense_steps_enlarge_the_detection_radius_and_two_do_not() -> None:
+    ladder = Ladder()
+    climbed = []
+    for density in (0.9, 0.9, 0.2, 0.9, 0.9, 0.9):
+        ladder.update(density)
+        climbed.append(ladder.k)
+    assert climbed == [2, 2, 2, 2, 2, 3] and ladder.enlargements == 1
+
+
+def test_ten_sparse_steps_reduce_the_detection_radius() -> None:
+    ladder = Ladder()
+    ks = []
+    for _ in range(20):
+        ladder.update(0.0)
+        ks.append(ladder.k)
+    assert ks == [2] * 9 + [1] * 10 + [0] and ladder.reductions == 2
+
+
+def test_the_ladder_has_four_rungs() -> None:
+    for density, end in ((1.0, 3), (0.0, 0)):
+        ladder = Ladder()
+        for _ in range(100):
+            ladder.update(density)
+        assert ladder.k == end
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_counters_tell_the_rung(seed: int) -> None:
+    ladder = Ladder()
+    rung = set()
+    for density in np.repeat(np.random.default_rng(seed).choice([0.05, 0.3, 0.9], 200), 7):
+        ladder.update(float(density))
+        assert 0 <= ladder.k <= 3 and ladder.k == 2 + ladder.enlargements - ladder.reductions
+        rung.add(ladder.k)
+    assert len(rung) >= 3
+
+
+# -------------------------------------------------------------------------------------------------------- parameters
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"predictor": "kalmann"}, "unknown predictor 'kalmann', did you mean 'kalman'"),
+        ({"predictor": "oracle"}, "known: none, constant_velocity, kalman"),
+        ({"beta": -0.1}, "beta must not be negative, got -0.1"),
+        ({"alpha": 0.0}, "alpha must be positive, got 0.0"),
+        ({"clearance": 0.1}, "clearance must be above the robot's radius of 0.2 m, got 0.1"),
+        ({"clearance": math.nan}, "clearance must be above"),
+        ({"v_base": 1.5}, "v_base is a share of the top speed, at most 1, got 1.5"),
+        ({"horizon": math.inf}, "horizon must be positive, got inf"),
+        ({"patience": 0}, "patience must be at least 1, got 0"),
+    ],
+)
+def test_parameters_that_cannot_be_are_refused(parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_policy("hd_bug", Simulation("static"), **parameters)
+
+
+@pytest.mark.parametrize("predictor", ["none", "constant_velocity", "kalman"])
+def test_each_plain_predictor_is_taken(predictor: str) -> None:
+    assert predictor in predictor_names()
+    episode = run_episode("hd_bug", "dynamic", seed=1, max_steps=30, predictor=predictor)
+    assert episode.outcome in ("running", "success")
+
+
+# ------------------------------------------------------------------------------------------------------ closed forms
+
+
+def test_an_empty_world_is_crossed_straight_at_top_speed() -> None:
+    episode = run_episode("hd_bug", {"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
+    assert episode.outcome == "success" and set(episode.modes) == {"direct"}
+    np.testing.assert_array_equal(episode.path[:, 1], 0.0)
+    # Until the goal's radius of 0.3 m is reached, in whole steps of 0.1 m.
+    assert len(episode.path) - 1 in (77, 78)
+    np.testing.assert_allclose(np.diff(episode.path[:-1, 0]), 0.1, rtol=1e-5)
+
+
+SHORTEST = {
+    "slab": min(Slab().shortest("left"), Slab().shortest("right")),
+    "disc": Disc().shortest(),
+    "u_trap": UTrap().shortest(),
+}
+
+
+@cache
+def canonical(world: str, sight: float, angle: float = 0.0, mirrored: bool = False) -> Episode:
+    scenario = canonical_world(world, angle=angle, mirrored=mirrored)
+    scenario["lidar"]["range"] = sight
+    return run_episode("hd_bug", scenario, clearance=0.5)
+
+
+@pytest.mark.parametrize(("world", "share"), [("slab", 1.015), ("disc", 1.025), ("u_trap", 1.015)])
+def test_seen_from_afar_the_way_is_hardly_longer_than_the_shortest(world: str, share: float) -> None:
+    episode = canonical(world, 50.0)
+    assert episode.outcome == "success"
+    # Cells that lie half open let it cut corners by half a diagonal of 0.1 m.
+    assert SHORTEST[world] - 0.3 <= episode.full_length <= share * SHORTEST[world]
+
+
+@pytest.mark.parametrize(("world", "most"), [("slab", 24.5), ("disc", 1.05 * SHORTEST["disc"]), ("u_trap", 29.0)])
+def test_with_short_sight_the_way_is_as_short_as_the_reference_says(world: str, most: float) -> None:
+    episode = canonical(world, 5.0)
+    assert episode.outcome == "success" and episode.full_length <= most
+
+
+@pytest.mark.parametrize(("angle", "mirrored"), [(0.83, False), (0.0, True), (0.83, True)])
+@pytest.mark.parametrize("world", SHORTEST)
+def test_a_turned_or_mirrored_world_takes_the_same_way(world: str, angle: float, mirrored: bool) -> None:
+    episode = canonical(world, 5.0, angle, mirrored)
+    assert episode.outcome == "success"
+    assert episode.length == pytest.approx(canonical(world, 5.0).length, rel=0.01)
+
+
+def test_out_of_the_hook_it_takes_the_slit_when_it_sees_it() -> None:
+    episode = run_episode("hd_bug", "hook", {"lidar.range": 50.0, "time.limit": 600.0})
+    layout = episode.simulation.world.layout(0)
+    exact = shortest_path(
+        layout.circles, layout.polygons, layout.border, episode.path[0, :2], layout.goals[0], radius=0.25
+    )
+    assert episode.full_length == pytest.approx(exact.length, abs=tolerance(exact.length))
+
+
+@pytest.mark.parametrize("sight", [5.0, 50.0])
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_goal_shut_in_is_unreachable_within_a_lap(sight: float, noise: float) -> None:
+    settings = {**CLOSED_FORM_SENSORS, "lidar.range": sight, "lidar.noise": noise}
+    episode = run_episode("hd_bug", "ring", settings)
+    assert episode.verdict == "unreachable" and episode.outcome == "running"
+    lap = 4.0 * 8.0 + 2.0 * math.pi * 0.25
+    assert episode.length <= 5.75 + lap
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_shut_in_itself_it_says_so(noise: float) -> None:
+    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+    world |= {"start": [10, 0, 0], "goal": [0, 0]}
+    episode = run_episode("hd_bug", "ring", {**CLOSED_FORM_SENSORS, "lidar.noise": noise, "world": world})
+    assert episode.verdict == "unreachable"
+
+
+def test_patience_is_how_many_decisions_it_waits_before_it_says_so() -> None:
+    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+    world |= {"start": [10, 0, 0], "goal": [0, 0]}
+    episode = run_episode("hd_bug", "ring", {**CLOSED_FORM_SENSORS, "world": world}, patience=7)
+    assert episode.modes == ("waiting",) * 7
+
+
+# ------------------------------------------------------------------------------------------------ traps, still worlds
+
+TRAPS: dict[str, dict[str, Any]] = {
+    "maze": {},
+    "rooms": {},
+    "u_trap": {"world.rotation": "random"},
+    "hook": {"world.rotation": "random"},
+    "static": {"world.obstacles": 60},
+}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("scenario", TRAPS)
+def test_solvable_worlds_are_solved_without_contact(scenario: str, seed: int) -> None:
+    episode = run_episode("hd_bug", scenario, {**TRAPS[scenario], "time.limit": 1500.0}, seed=seed)
+    assert episode.outcome == "success" and episode.verdict == "" and episode.min_clearance > 0.0
+    assert set(episode.modes) <= MODES
+    layout = episode.simulation.world.layout(0)
+    obstacles = (layout.circles, layout.polygons, layout.border)
+    exact = shortest_path(*obstacles, episode.path[0, :2], layout.goals[0], radius=0.2)
+    assert episode.full_length >= exact.length - 1e-6
+
+
+@pytest.mark.parametrize("scenario", ["u_trap", "dynamic"])
+def test_the_same_world_twice_gives_the_same_run_bit_for_bit(scenario: str) -> None:
+    first, second = (run_episode("hd_bug", scenario, seed=4, max_steps=150) for _ in range(2))
+    np.testing.assert_array_equal(first.path, second.path)
+    assert first.modes == second.modes
+
+
+def test_a_dead_end_is_closed_in_the_list_of_the_path() -> None:
+    episode = run_episode("hd_bug", "hook", {"time.limit": 600.0})
+    assert "backtracking" in episode.modes
+    assert any(node.is_closed for node in episode.memory.path)
+    assert not all(node.is_closed for node in episode.memory.path)
+
+
+def test_the_list_of_the_path_is_as_long_as_the_way() -> None:
+    episode = run_episode("hd_bug", "u_trap")
+    # A node every 0.5 m, or with the next step of 0.1 m.
+    assert episode.length / 0.6 <= len(list(episode.memory.path)) <= episode.length / 0.5 + 1.0
+    assert episode.memory.odometer == pytest.approx(episode.length, abs=0.2)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.003])
+def test_touched_all_round_it_does_not_press_on(gap: float) -> None:
+    simulation = Simulation("u_trap", 1)
+    flat = simulation.reset(seeds=[0])[:, 0].copy()
+    flat[:, :360] = 0.2 + gap
+    policy, state = make_policy("hd_bug", simulation), None
+    for _ in range(30):
+        action, state = policy.predict(flat, state)
+        assert np.hypot(*action[0]) * 0.1 <= gap + 1e-3
+
+
+@pytest.mark.parametrize("scenario", ["u_trap", "dynamic", "ring"])
+def test_what_it_draws_is_finite_and_labelled(scenario: str) -> None:
+    simulation = Simulation(scenario, 1)
+    policy: Any = make_policy("hd_bug", simulation)
+    flat, state = simulation.reset(seeds=[0])[:, 0], None
+    assert not policy.draw(policy.start()).areas
+    for step in range(120):
+        actions, state = policy.predict(flat, state)
+        flat = simulation.step(actions[:, None]).observation[:, 0]
+        if step % 20 == 0:
+            drawing = policy.draw(state[0])
+            rows: list[tuple[Any, ...]] = [*drawing.points, *drawing.segments]
+            assert all(math.isfinite(number) for *numbers, _ in rows for number in numbers)
+            assert all(np.isfinite(ring).all() and ring.shape[1] == 2 for ring, _ in drawing.areas)
+            assert {row[-1] for row in rows} | {label for _, label in drawing.areas} <= LABELS
+            assert sum(label == "chosen" for *_, label in drawing.points) == 1
+
+
+# ----------------------------------------------------------------------------------------------------- what moves
+
+
+def test_most_worlds_of_movers_are_crossed() -> None:
+    outcomes = [run_episode("hd_bug", "dynamic", seed=seed).outcome for seed in range(20)]
+    assert outcomes.count("success") >= 18
+
+
+def chase(policy: str, velocity: tuple[float, float], kinematics: str) -> float:
+    """Time that a policy takes to a target that starts at (10, 0) and keeps its velocity [s]."""
+    motion = {"law": "bounce", "velocity": list(velocity)}
+    target = {"at": [10, 0], "motion": motion}
+    world = {"family": "explicit", "bounds": [-60, -60, 60, 60], "start": [0, 0, 0], "target": target}
+    episode = run_episode(policy, {"world": world, "robot": {"kinematics": kinematics}, "time": {"limit": 120.0}})
+    assert episode.outcome == "success"
+    return 0.1 * (len(episode.path) - 1)
+
+
+VELOCITIES = [(0.0, 0.5), (0.5, 0.0), (-0.5, 0.0), (0.3, 0.3), (0.2, -0.7), (-0.4, 0.6), (0.0, 0.0)]
+
+
+@pytest.mark.parametrize("velocity", VELOCITIES)
+def test_an_open_target_is_met_within_three_percent_of_the_closed_form(velocity: tuple[float, float]) -> None:
+    best = meeting_time((0.0, 0.0), (10.0, 0.0), velocity, 1.0, 0.3)
+    assert chase("hd_bug", velocity, "holonomic") <= 1.03 * best + 0.1
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_it_meets_moving_targets_sooner_than_pure_pursuit(kinematics: str) -> None:
+    gains = [
+        chase("go_to_goal", velocity, kinematics) - chase("hd_bug", velocity, kinematics) for velocity in VELOCITIES
+    ]
+    assert min(gains) >= -0.1 - 1e-9 and float(np.mean(gains)) > 0.3

@@ -1,0 +1,66 @@
+"""The shipped learned predictors, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnxruntime")
+
+from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor  # noqa: E402
+from bug_gym.agents.model_folder import TRAINED_FOLDER  # noqa: E402
+from bug_gym.agents.prediction import make_predictor  # noqa: E402
+from bug_gym.agents.prediction_data import displacement_errors, law_world, moments  # noqa: E402
+from bug_gym.agents.prediction_features import HORIZONS  # noqa: E402
+from bug_gym.config import load  # noqa: E402
+from bug_gym.held_out import VALIDATION_SEEDS  # noqa: E402
+from bug_gym.observation import Sensors  # noqa: E402
+
+SHIPPED = ("rl", "supervised")
+SENSORS = Sensors.of(load("dynamic"))
+
+
+@pytest.mark.parametrize("kind", SHIPPED)
+def test_a_shipped_predictor_is_small(kind: str) -> None:
+    folder = TRAINED_FOLDER / f"{kind}_predictor"
+    assert sum(path.stat().st_size for path in folder.iterdir()) <= 2**20
+
+
+@pytest.mark.parametrize("kind", SHIPPED)
+@pytest.mark.parametrize("law", ["random_walk", "evade"])
+def test_a_shipped_predictor_knows_better_than_the_filter_where_movers_turn(kind: str, law: str) -> None:
+    errors = []
+    for seed in range(VALIDATION_SEEDS, VALIDATION_SEEDS + 4):
+        scenario = law_world(law, seed)
+        predictors = [make_predictor(name, Sensors.of(scenario)) for name in ("kalman", kind)]
+        for tracks, places in moments(scenario, seed, every=10):
+            found = [displacement_errors(one.predict(tracks, HORIZONS).places, places) for one in predictors]
+            errors.append(np.stack(found, axis=1))
+    by_filter, learned = np.concatenate(errors).mean(axis=(0, 2))
+    assert learned < 0.9 * by_filter
+
+
+@pytest.mark.parametrize(
+    "damage", ["no config", "broken config", "empty config", "other graph", "no graph", "other task"]
+)
+def test_a_damaged_predictor_is_refused(damage: str, tmp_path: Path) -> None:
+    folder = shutil.copytree(TRAINED_FOLDER / "rl_predictor", tmp_path / "model")
+    config = folder / CONFIG
+    if damage == "no config":
+        config.unlink()
+    elif damage == "broken config":
+        config.write_text("{", encoding="utf-8")
+    elif damage == "empty config":
+        config.write_text("{}", encoding="utf-8")
+    elif damage == "other graph":
+        (folder / GRAPH).write_bytes((folder / GRAPH).read_bytes()[:-1])
+    elif damage == "no graph":
+        (folder / GRAPH).unlink()
+    else:
+        config.write_text(json.dumps(json.loads(config.read_text("utf-8")) | {"width": 3}), encoding="utf-8")
+    with pytest.raises(ValueError, match="damaged|no trained predictor|no file|told 3 numbers"):
+        LearnedPredictor(SENSORS, folder)

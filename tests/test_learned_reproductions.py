@@ -1,0 +1,54 @@
+"""What `bug-gym reproduce` says of learned policies, on a few worlds."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
+
+from bug_gym.agents.model_folder import TRAINED_FOLDER, read_config, trained_names
+from bug_gym.reproductions import learned, ppo_curve, reproduction
+from bug_gym.reproductions.result import Settings
+
+
+def test_held_out_results_are_those_that_the_card_of_the_model_tells() -> None:
+    names = tuple(name for name in trained_names() if name in learned.TARGETS)
+    result = reproduction("learned")(Settings(seeds=200, policies=names))
+    for name, found in result.data["models"].items():
+        config = read_config(TRAINED_FOLDER / name)
+        for scenario, held in config["runs"][str(config["seed"])]["held_out"].items():
+            assert found[scenario]["n"] == 200
+            # The first 200 of the card's worlds: the card's share lies in their interval, but for one time in a thousand.
+            assert found[scenario]["low"] - 0.02 <= held["success"] <= found[scenario]["high"] + 0.02
+
+
+def test_a_model_below_its_target_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(learned.TARGETS, "ppo_dynamic", 1.01)
+    result = reproduction("learned")(Settings(seeds=3, policies=("ppo_dynamic",)))
+    assert result.holds is False and "ppo_dynamic" in result.notes[0]
+
+
+def test_learned_and_scripted_policies_stand_in_one_table_and_misfits_are_left_out() -> None:
+    result = reproduction("scripted-and-learned")(
+        Settings(seeds=1, policies=("tangent_bug", "go_to_goal", "ppo_dynamic"))
+    )
+    tables = {table.title: [line[0] for line in table.rows] for table in result.tables}
+    assert tables["dynamic"] == ["tangent_bug", "go_to_goal", "ppo_dynamic"]
+    assert tables["32 beams"] == ["tangent_bug", "go_to_goal"]
+    for label, by_policy in result.data["collisions"].items():
+        for policy, kinds in by_policy.items():
+            shares = [s for s in result.data["summaries"] if (s["scenario"], s["policy"]) == (label, policy)]
+            assert sum(kinds.values()) == sum(round(share["collision"] * share["n"]) for share in shares)
+    paired = [one for one in result.data["differences"] if one["scenario"] == "dynamic"]
+    assert [(one["policy"], one["baseline"]) for one in paired] == [
+        ("go_to_goal", "tangent_bug"),
+        ("ppo_dynamic", "tangent_bug"),
+    ]
+
+
+@pytest.mark.slow
+def test_a_million_and_a_half_steps_of_ppo_reach_nine_of_ten_on_dynamic(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+    monkeypatch.setitem(ppo_curve.CHANGES, "eval_freq", 1_400_000)
+    result = reproduction("ppo-curve")(Settings(seeds=1))
+    assert result.holds

@@ -1,0 +1,57 @@
+"""Worlds to learn prediction in: their laws, and that a track's future is the mover's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tracked import disc, last_tracks, world_of
+
+from bug_gym.agents.prediction_data import LAWS, displacement_errors, law_world, match, moments, samples_of
+from bug_gym.agents.prediction_features import ANSWERS, HORIZONS, WIDTH
+from bug_gym.config import load
+from bug_gym.simulation import Simulation
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_all_that_moves_follows_the_law(law: str) -> None:
+    for seed in range(3):
+        simulation = Simulation(law_world(law, seed))
+        simulation.reset(seeds=[seed])
+        movers = simulation.world.layout(0).movers
+        assert movers and {mover.motion.law for mover in movers} == {law}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_an_episode_teaches_the_same_again(law: str) -> None:
+    first, second = (samples_of(law_world(law, 1), 1, every=10) for _ in range(2))
+    assert np.array_equal(first.features, second.features) and np.array_equal(first.answers, second.answers)
+    assert first.features.shape[1] == WIDTH and first.answers.shape == (len(first.features), ANSWERS)
+
+
+def test_the_future_of_what_goes_straight_is_where_its_velocity_leads() -> None:
+    scenario = load(world_of([disc((-2.0, 3.0), (0.4, 0.0)), disc((3.0, -2.0), (0.0, 0.5))], noise=0.01))
+    seen = 0
+    for tracks, places in moments(scenario, 0, every=5, seconds=4.0):
+        steady = tracks.age > 1.5
+        went = (places - tracks.position[:, None]) / HORIZONS[:, None]
+        assert np.hypot(*(went - tracks.velocity[:, None])[steady].transpose(2, 0, 1)).max(initial=0.0) < 0.25
+        seen += int(steady.sum())
+    assert seen > 5
+
+
+def test_a_mover_has_one_track_the_nearest() -> None:
+    tracks = last_tracks(world_of([disc((4.0, -1.0), (0.0, 0.5)), disc((-3.0, 1.0), (0.0, -0.5))], noise=0.01), 2.0)
+    centres, radii = np.array([[-3.0, 0.0], [4.0, 0.0], [50.0, 50.0]]), np.full(3, 0.3)
+    chosen, movers = match(tracks, centres, radii)
+    assert sorted(movers.tolist()) == [0, 1]
+    assert np.hypot(*(tracks.position[chosen] - centres[movers]).T).max() < 0.2
+
+
+def test_an_error_is_a_distance() -> None:
+    truth = np.zeros((2, 3, 2))
+    assert np.array_equal(displacement_errors(truth + [3.0, 4.0], truth), np.full((2, 3), 5.0))
+
+
+def test_an_unknown_law_is_refused() -> None:
+    with pytest.raises(ValueError, match="unknown motion law 'fly'"):
+        law_world("fly", 0)

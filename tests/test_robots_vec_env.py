@@ -1,0 +1,156 @@
+"""Several robots as rows of one `VecEnv`: what they see, and how they start again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+
+from stable_baselines3 import PPO
+
+import bug_gym
+from bug_gym.agents.training import InTraining, make_training_env, robot_of
+from bug_gym.agents.training_settings import load_settings
+from bug_gym.agents.vec_envs import JoinedVecEnv, RobotsVecEnv
+from bug_gym.config import load
+from bug_gym.held_out import play
+from bug_gym.simulation import Simulation
+
+AHEAD, STANDING = [1.0, 0.0], [-0.53846154, 0.0]  # reverse is 0.3 of 1.3 m/s
+
+
+def head_on(worlds: int = 2, limit: float = 20.0, goal: float = 3.0) -> RobotsVecEnv:
+    """Two robots in a bare world: the first drives 3 m to its goal, the second has its goal beside it, far off."""
+    scenario = {
+        "robot": {"kinematics": "differential"},
+        "lidar": {"beams": 16, "range": 5.0},
+        "time": {"limit": limit},
+        "world": {"family": "empty", "bounds": [-10, -10, 10, 10], "start": [0, 0, 0], "goal": [9, 9]},
+        "robots": [{"start": [0, 0, 0], "goal": [goal, 0]}, {"start": [0, 5, 0], "goal": [9, 5]}],
+    }
+    env = RobotsVecEnv(Simulation(scenario, worlds), "continuous")
+    env.seed(0)
+    return env
+
+
+def steps(env: RobotsVecEnv, first: Any, second: Any, count: int) -> list[Any]:
+    """What each of some steps gives, all first and all second robots doing the same."""
+    return [env.step(np.array([first, second] * env.simulation.count)) for _ in range(count)]
+
+
+def test_rows_are_the_robots_of_a_parallel_env() -> None:
+    scenario = load("crossing_robots")
+    env = RobotsVecEnv(Simulation(scenario, 3), "continuous")
+    env.seed(4)
+    single = bug_gym.parallel_env(scenario, observation="flat")
+    flat: Any = env.reset()
+    expected, _ = single.reset(seed=5)
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        np.testing.assert_array_equal(flat[2:4], [expected["robot_0"], expected["robot_1"]])
+        actions = rng.uniform(-0.2, 1.0, (6, 2)).astype(np.float32)
+        flat, reward, done, infos = env.step(actions)
+        expected, rewards, *_ = single.step({"robot_0": actions[2], "robot_1": actions[3]})
+        assert not done.any() and infos == [{}] * 6
+        np.testing.assert_allclose(reward[2:4], [rewards["robot_0"], rewards["robot_1"]], rtol=1e-6)
+
+
+def test_a_robot_that_arrives_starts_again_while_the_other_goes_on() -> None:
+    env = head_on()
+    first = env.reset()
+    *_, (flat, reward, done, infos) = steps(env, AHEAD, [0.2, 0.3], 27)  # 2.7 m to the goal's rim
+    assert done.tolist() == [True, False, True, False]
+    assert infos[0]["is_success"] and infos[0]["episode"]["l"] == 27 and not infos[0]["TimeLimit.truncated"]
+    assert reward[0] > 5.0 and infos[1] == {}
+    np.testing.assert_allclose(flat[0, :23], first[0, :23], atol=0.2)  # but for what it sees of the other
+    np.testing.assert_allclose(flat[0, 16:23], [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-6)
+    assert np.abs(flat[1, 18:20]).max() > 0.5
+    assert infos[0]["terminal_observation"][16] == pytest.approx(0.3, abs=1e-6)
+    *_, (_, _, done, infos) = steps(env, AHEAD, STANDING, 27)
+    assert done[0] and infos[0]["episode"]["l"] == 27
+
+
+def test_what_happens_to_one_robot_leaves_the_others_motion_alone() -> None:
+    ended, never = head_on(worlds=1), head_on(worlds=1, goal=8.0)
+    ended.reset(), never.reset()
+    for env in (ended, never):
+        steps(env, AHEAD, [0.5, 0.1], 40)
+    np.testing.assert_array_equal(ended.simulation.world.pose[:, 1], never.simulation.world.pose[:, 1])
+
+
+def test_a_robot_waits_while_another_stands_on_its_start() -> None:
+    env = head_on(worlds=1)
+    env.reset()
+    steps(env, AHEAD, STANDING, 26)
+    env.simulation.world.pose[0, 1] = [0.1, 0.0, 0.0]
+    flat, reward, done, infos = steps(env, AHEAD, STANDING, 1)[0]
+    assert done[0] and infos[0]["is_success"]
+    assert env.simulation.world.pose[0, 0, 0] == pytest.approx(2.7)
+    flat, reward, done, infos = steps(env, AHEAD, STANDING, 1)[0]
+    assert done[0] and reward[0] == 0.0 and infos[0].keys() == {"terminal_observation"}
+    env.simulation.world.pose[0, 1] = [0.0, 5.0, 0.0]
+    steps(env, AHEAD, STANDING, 1)
+    assert env.simulation.world.pose[0, 0, 0] == 0.0
+    assert not steps(env, AHEAD, STANDING, 1)[0][2][0]
+
+
+def test_all_start_anew_when_the_worlds_time_is_over() -> None:
+    env = head_on(worlds=1, limit=4.0)
+    env.reset()
+    run = steps(env, AHEAD, [0.2, 0.3], 40)
+    assert [step[2].tolist() for step in run[36:]] == [[False, False]] * 3 + [[True, True]]
+    infos = run[-1][3]
+    assert [info["TimeLimit.truncated"] for info in infos] == [True, True]
+    assert [info["episode"]["l"] for info in infos] == [13, 40]
+    assert env.simulation.world.steps[0] == 0 and env.simulation.world.episode[0] == 1
+
+
+def test_a_saved_state_goes_on_bit_for_bit() -> None:
+    env = RobotsVecEnv(Simulation("crossing_robots", 2), "continuous")
+    env.seed(0)
+    env.reset()
+    rng = np.random.default_rng(1)
+    actions = rng.uniform([0.5, -0.3], [1.0, 0.3], (300, 4, 2)).astype(np.float32)
+    for action in actions[:150]:
+        env.step(action)
+    saved = env.save()
+    first = [env.step(action)[:3] for action in actions[150:]]
+    env.restore(saved)
+    second = [env.step(action)[:3] for action in actions[150:]]
+    assert any(step[2].any() for step in first)
+    for mine, theirs in zip(first, second, strict=True):
+        for one, other in zip(mine, theirs, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_scenarios_with_one_and_several_robots_do_not_mix_because_they_see_different_things() -> None:
+    settings = load_settings("ppo_crossing_robots", {"scenarios": ["crossing_robots", "static"]})
+    with pytest.raises(ValueError, match="another robot.*peers"):
+        make_training_env(settings, 0)
+
+
+def test_more_robots_than_rows_are_refused() -> None:
+    with pytest.raises(ValueError, match="n_envs"):
+        make_training_env(load_settings("ppo_crossing_robots", {"n_envs": 1}), 0)
+
+
+def test_parts_are_joined_row_after_row() -> None:
+    parts = [RobotsVecEnv(Simulation("crossing_robots", count), "continuous") for count in (1, 2)]
+    joined = JoinedVecEnv(parts)
+    joined.seed(3)
+    assert joined.reset().shape == (6, 75)
+    assert [part.simulation.world.seed.tolist() for part in parts] == [[3], [5, 6]]
+    *_, done, infos = joined.step(np.tile(np.array(AHEAD, dtype=np.float32), (6, 1)))
+    assert done.shape == (6,) and len(infos) == 6
+
+
+def test_one_policy_drives_all_robots_in_training_and_in_an_evaluation() -> None:
+    settings = load_settings("ppo_crossing_robots", {"n_envs": 16, "n_steps": 16, "batch_size": 64})
+    env = make_training_env(settings, 0)
+    model = PPO("MlpPolicy", env, n_steps=16, batch_size=64, n_epochs=1, device="cpu", seed=0).learn(512)
+    scenario = settings.loaded[0]
+    played = play(InTraining(model, robot_of([scenario]), ()), scenario, range(5))
+    assert played.outcome.shape == (5, 2) and (played.outcome > 0).all()

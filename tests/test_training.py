@@ -1,0 +1,310 @@
+"""Trainings with stable-baselines3: settings, the encoding, resuming, and the folder that comes out."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+
+import torch
+
+from bug_gym.agents.model_folder import read_config
+from bug_gym.agents.networks import RobotEncoding
+from bug_gym.agents.robot_model import RobotModel
+from bug_gym.agents.training import Rollouts, make_model, make_training_env, robot_of, train
+from bug_gym.agents.training_settings import AnySettings, load_settings, training_names
+from bug_gym.cli import main
+from bug_gym.config import ScenarioError, load
+from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from bug_gym.observation import Sensors, as_dict, dict_space, flat_space
+from bug_gym.simulation import Simulation
+
+ROOT = Path(__file__).resolve().parents[1]
+TINY = {
+    "algo": "ppo",
+    "scenarios": ["dynamic"],
+    "n_envs": 8,
+    "n_steps": 16,
+    "batch_size": 32,
+    "n_timesteps": 1024,
+    "eval_freq": 300,
+    "eval_episodes": 4,
+    "test_episodes": 4,
+    "save_freq": 128,
+}
+
+
+def tiny(**changes: Any) -> AnySettings:
+    """Settings of a training that takes a second."""
+    return load_settings({**TINY, "overrides": {"time.limit": 3.0}, **changes})
+
+
+def weights(folder: Path) -> dict[str, torch.Tensor]:
+    from safetensors.torch import load_file
+
+    return load_file(folder / "policy.safetensors")
+
+
+def same_weights(first: Path, second: Path) -> bool:
+    """Whether two models have the same weights, bit for bit."""
+    one, other = weights(first), weights(second)
+    return one.keys() == other.keys() and all(torch.equal(one[name], other[name]) for name in one)
+
+
+# --------------------------------------------------------------------------------------------------------- settings
+
+
+@pytest.mark.parametrize("name", training_names())
+def test_each_training_that_is_shipped_can_be_loaded_and_its_scenarios_share_a_robot(name: str) -> None:
+    settings = load_settings(name)
+    assert settings.name == name
+    assert robot_of(settings.loaded).beams == 64
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"algo": "pppo"}, "'ppo', 'sac', 'dqn'"),
+        ({"n_stepps": 4}, "did you mean 'n_steps'"),
+        ({"n_steps": 0}, "n_steps"),
+        ({"learning_rate": "linear"}, "lin_1e-3"),
+        ({"scenarios": []}, "scenarios"),
+        ({"scenarios": ["dynamik"]}, "dynamic"),
+        ({"history": [0]}, "history"),
+        ({"buffer_size": 5}, "buffer_size"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        tiny(**changes)
+
+
+def test_an_unknown_training_is_refused_with_the_nearest_names() -> None:
+    with pytest.raises(ScenarioError, match="ppo_dynamic"):
+        load_settings("ppo_dynamik")
+
+
+def test_a_linear_rate_falls_from_its_start_to_zero() -> None:
+    settings = tiny(learning_rate="lin_1e-3")
+    assert [settings.rate(share) for share in (1.0, 0.5, 0.0)] == [1e-3, 5e-4, 0.0]
+    assert tiny(learning_rate=2e-4).rate(0.1) == 2e-4
+
+
+def test_scenarios_with_different_robots_are_not_trained_in_together() -> None:
+    with pytest.raises(ValueError, match="u_trap.*beams 64, not 360"):
+        make_training_env(tiny(scenarios=["dynamic", "u_trap"]), 0)
+
+
+def test_worlds_of_training_validation_and_test_are_apart() -> None:
+    env = make_training_env(tiny(), 3)
+    env.reset()
+    seeds = env.get_attr("simulation")[0].world.seed
+    assert seeds.min() >= TRAINING_SEEDS > TEST_SEEDS + 10**9
+    assert seeds.max() < VALIDATION_SEEDS
+
+
+# --------------------------------------------------------------------------------------------------------- encoding
+
+
+def robot(overrides: dict[str, Any] | None = None) -> tuple[RobotModel, Sensors]:
+    sensors = Sensors.of(load("static", overrides))
+    return RobotModel.of(sensors), sensors
+
+
+def test_clearances_are_encoded_as_the_formula_says() -> None:
+    model, sensors = robot()
+    encoding = RobotEncoding(flat_space(sensors.fields), model.as_dict())
+    flat = torch.zeros(3, model.width)
+    flat[:, 64] = 1.0
+    for row, distance in enumerate((0.2, 1.0, 5.0)):
+        flat[row, :64] = distance
+    offset = 0.5 / (4.8 + 0.3)
+    expected = [0.5 / 0.3 - offset, 0.5 / (0.8 + 0.3) - offset, 0.0]
+    assert encoding(flat)[:, :64].mean(dim=1).tolist() == pytest.approx(expected, abs=1e-6)
+
+
+def test_goal_and_velocity_are_scaled_by_what_the_robot_can() -> None:
+    model, sensors = robot({"robot.max_speed": 2.0})
+    flat = torch.zeros(1, model.width)
+    flat[0, 64:66] = torch.tensor([-6.0, 8.0])
+    flat[0, 69:71] = torch.tensor([1.0, 0.75])
+    features = RobotEncoding(flat_space(sensors.fields), model.as_dict())(flat)[0, 64:].tolist()
+    assert features == pytest.approx([-0.6, 0.8, 1.0, 1.0, 0.5, 0.5], abs=1e-6)
+
+
+@pytest.mark.parametrize("scenario", ["static", "crossing_robots"])
+def test_dict_and_flat_observations_are_encoded_alike(scenario: str) -> None:
+    simulation = Simulation(scenario, 3)
+    flat = simulation.reset(seeds=[0, 1, 2])[:, 0]
+    model = RobotModel.of(Sensors.of(simulation.scenario))
+    named = {name: torch.from_numpy(value) for name, value in as_dict(flat, simulation.fields).items()}
+    of_flat = RobotEncoding(flat_space(simulation.fields), model.as_dict())
+    of_dict = RobotEncoding(dict_space(simulation.fields), model.as_dict())
+    found = of_flat(torch.from_numpy(flat))
+    assert found.shape == (3, of_flat.features_dim)
+    assert torch.equal(found, of_dict(named))
+
+
+# --------------------------------------------------------------------------------------------------------- training
+
+
+def test_rollouts_are_shuffled_by_seed_and_round_alone() -> None:
+    orders = []
+    for seed, rounds in ((1, 0), (1, 0), (1, 1), (2, 0)):
+        env = make_training_env(tiny(), 0)
+        model: Any = make_model(tiny(), env, seed)
+        model.policy.set_training_mode(False)
+        buffer = model.rollout_buffer
+        assert isinstance(buffer, Rollouts)
+        buffer.rounds = rounds
+        buffer.rewards[:] = 0.0
+        buffer.values[:] = np.arange(128).reshape(16, 8)
+        np.random.default_rng(rounds).random()
+        orders.append(torch.cat([batch.old_values for batch in buffer.get(32)]).tolist())
+    assert orders[0] == orders[1]
+    assert orders[0] != orders[2] and orders[0] != orders[3]
+    assert sorted(orders[0]) == list(range(128))
+
+
+@pytest.mark.parametrize("changes", [{}, {"history": [2, 5]}, {"scenarios": ["dynamic", "static"]}])
+def test_a_training_that_was_cut_off_ends_with_the_same_model(tmp_path: Path, changes: dict[str, Any]) -> None:
+    settings = tiny(**changes)
+    train(settings, tmp_path / "whole", threads=1, tensorboard=False)
+    cut = tmp_path / "cut"
+    train(settings, cut, threads=1, tensorboard=False, minutes=1e-9)
+    assert read_config(cut)["runs"]["0"]["curve"][-1]["steps"] < settings.n_timesteps
+    train(settings, cut, threads=1, tensorboard=False)
+    assert same_weights(tmp_path / "whole", cut)
+
+
+def test_a_training_killed_outright_and_started_again_ends_with_the_same_model(tmp_path: Path) -> None:
+    settings = tiny(n_timesteps=6144)
+    train(settings, tmp_path / "whole", threads=1, tensorboard=False)
+    killed = tmp_path / "killed"
+    script = (
+        "import sys\nfrom bug_gym.agents.training import train\nfrom bug_gym.agents.training_settings import load_settings\n"
+        "train(load_settings(eval(sys.argv[1])), sys.argv[2], threads=1, tensorboard=False)"
+    )
+    data = {**TINY, "overrides": {"time.limit": 3.0}, "n_timesteps": 6144}
+    process = subprocess.Popen([sys.executable, "-c", script, repr(data), str(killed)], cwd=ROOT)
+    deadline = time.monotonic() + 60.0
+    while not (killed / "checkpoint.pt").exists() and time.monotonic() < deadline:
+        time.sleep(0.002)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert (killed / "checkpoint.pt").exists() and not (killed / "config.json").exists()
+    train(settings, killed, threads=1, tensorboard=False)
+    assert same_weights(tmp_path / "whole", killed)
+
+
+def test_the_folder_of_another_training_is_refused(tmp_path: Path) -> None:
+    train(tiny(), tmp_path, threads=1, tensorboard=False)
+    with pytest.raises(ValueError, match="another training: settings"):
+        train(tiny(gamma=0.9), tmp_path, threads=1, tensorboard=False)
+    with pytest.raises(ValueError, match="another training: seed"):
+        train(tiny(), tmp_path, seed=1, threads=1, tensorboard=False)
+
+
+def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
+    train(tiny(), tmp_path, threads=1, tensorboard=False)
+    path = tmp_path / "checkpoint.pt"
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(ValueError, match="checkpoint.pt is damaged"):
+        train(tiny(), tmp_path, threads=1, tensorboard=False)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"algo": "sac", "learning_starts": 100, "n_timesteps": 300, "batch_size": 32},
+        {"algo": "dqn", "learning_starts": 100, "n_timesteps": 300, "batch_size": 32},
+    ],
+)
+def test_every_algorithm_trains_and_keeps_what_made_its_model(tmp_path: Path, changes: dict[str, Any]) -> None:
+    data = {key: value for key, value in TINY.items() if key not in ("n_steps", "save_freq") or "algo" not in changes}
+    settings = load_settings({**data, "overrides": {"time.limit": 3.0}, **changes})
+    before = copy.deepcopy(make_model(settings, make_training_env(settings, 0), 0).policy.state_dict())
+    train(settings, tmp_path, threads=1)
+    assert any(not torch.equal(value, before[name]) for name, value in weights(tmp_path).items())
+    config = read_config(tmp_path)
+    assert config["settings"] == json.loads(settings.model_dump_json())
+    assert config["scenarios"][0]["name"] == "dynamic" and config["seed"] == 0
+    assert {"torch", "stable_baselines3", "python", "bug_gym"} <= config["machine"].keys()
+    assert (tmp_path / "curve.csv").read_text(encoding="utf-8").startswith("steps,seconds,cpu_seconds,success")
+    assert list((tmp_path / "tensorboard").glob("events*"))
+    assert (tmp_path / "policy.onnx").stat().st_size < 2**20
+    assert "bug-gym train" in (tmp_path / "card.md").read_text(encoding="utf-8")
+
+
+# ------------------------------------------------------------------------------------------------------ command line
+
+
+def tiny_file(folder: Path) -> Path:
+    path = folder / "tiny.yaml"
+    data = {**TINY, "overrides": {"time.limit": 3.0}}
+    path.write_text("".join(f"{key}: {json.dumps(value)}\n" for key, value in data.items()), encoding="utf-8")
+    return path
+
+
+def test_the_command_trains_several_seeds_and_gathers_the_best(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    arguments = ["train", str(tiny_file(tmp_path)), "--seeds", "2", "--threads", "1", "--out", str(out)]
+    assert main([*arguments, "--set", "gamma=0.9"]) == 0
+    assert f"{out}/agent" in capsys.readouterr().out
+    config = read_config(out / "agent")
+    scores = {seed: run["best"]["success"] for seed, run in config["runs"].items()}
+    assert list(scores) == ["0", "1"] and config["settings"]["gamma"] == 0.9
+    assert scores[str(config["seed"])] == max(scores.values())
+    assert same_weights(out / "agent", out / f"seed-{config['seed']}")
+    made_at = (out / "seed-0" / "policy.onnx").stat().st_mtime_ns
+    assert main([*arguments, "--set", "gamma=0.9"]) == 0
+    assert (out / "seed-0" / "policy.onnx").stat().st_mtime_ns == made_at  # what is done is not done again
+    assert config["name"] == "tiny" and "--seeds 2" in (out / "agent" / "card.md").read_text(encoding="utf-8")
+
+
+def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
+    settings = tiny(n_timesteps=128)
+    train(settings, tmp_path / "first", threads=1, tensorboard=False)
+    still = tiny(n_timesteps=128, learning_rate=1e-30)
+    train(still, tmp_path / "second", seed=5, threads=1, tensorboard=False, start_from=str(tmp_path / "first"))
+    first, second = weights(tmp_path / "first"), weights(tmp_path / "second")
+    assert all(torch.allclose(first[name], second[name]) for name in first)
+    with pytest.raises(ValueError, match="cannot be read into this network"):
+        wide = tiny(policy_kwargs={"net_arch": [8]})
+        train(wide, tmp_path / "third", threads=1, tensorboard=False, start_from=str(tmp_path / "first"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["ppo_dinamic"], "ppo_dynamic"),
+        (["ppo_dynamic", "--set", "gama=1"], "gamma"),
+        (["ppo_dynamic", "--seed", "-1"], "seed"),
+        (["ppo_dynamic", "--start-from", "nothing"], "nothing"),
+    ],
+)
+def test_bad_input_leaves_with_exit_code_2(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["train", *arguments, "--threads", "1"]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_list_names_the_trainings(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "trainings"]) == 0
+    assert set(training_names()) <= set(capsys.readouterr().out.split())
