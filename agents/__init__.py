@@ -59,11 +59,12 @@ AGENTS: dict[str, Agent] = {
     "critical_point_bug": Agent("critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
 }
 LEARNED = {
-    "ppo_dynamic": "Schulman et al. 2017",
-    "sac_dynamic": "Haarnoja et al. 2018",
-    "ppo_moving_target": "Schulman et al. 2017",
     "ppo_static": "Schulman et al. 2017",
+    "ppo_dynamic": "Schulman et al. 2017",
+    "ppo_moving_target": "Schulman et al. 2017",
     "ppo_rush": "Schulman et al. 2017",
+    "sac_dynamic": "Haarnoja et al. 2018",
+    "dqn_candidates": "Mnih et al. 2015",
 }
 """Reference of each shipped model of agents/trained."""
 AGENTS |= {name: Agent("learned:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()}

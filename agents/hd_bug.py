@@ -3,7 +3,7 @@
 Source: Hasibuzzaman, Jan and Wu, "Dynamic Path Planning in the Unknown Environment with Mobile Target and Obstacles".
 Sensing assumed: ranges all round, goal, own position; the terrain around where the scenario has regions. Memory kept:
 points of still obstacles (point_map), the double linked list of the path (path_list), tracks of what moves. States:
-direct, candidates, backtracking, avoidance, emergency, waiting. Guarantee: among still obstacles it reaches the goal or
+direct, candidates, backtracking, avoidance, turning, waiting. Guarantee: among still obstacles it reaches the goal or
 declares it unreachable, for every way with the clearance (see point_map); the paper gives none.
 
 Where the paper contradicts itself or is silent, this module decides:
@@ -50,13 +50,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.kinematics import differential_action
+from bug_gym.kinematics import TURN_IN_PLACE, differential_action
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 
 from .light_area import LightArea
 from .path_list import PathList
 from .point_map import PointMap, Search, Way
+from .pose_planner import find_poses, is_open, turn_to
 from .prediction import Predictor, make_predictor
 from .roll_out import RollOut, roll_out
 from .tracking import Tracker, TrackerMemory, Tracks
@@ -239,6 +240,12 @@ class HDBugMemory(Memory):
     """Decision at which the way was planned."""
     removed_then: int = 0
     """Points taken away from the map until then."""
+    body_map: PointMap | None = None
+    """The same points at the clearance of the circles of a long body; None for a round one."""
+    poses: F64 | None = None
+    """Poses (k, 3) that lead a long body through where it has to turn; None elsewhere."""
+    posed_at: int = 0
+    """Decision at which these were planned."""
     odometer: float = 0.0
     """Way travelled [m]."""
     before: Point | None = None
@@ -299,6 +306,9 @@ class HDBug(ScriptedPolicy):
             raise ValueError(f"clearance must be above the robot's radius of {self.radius:g} m, got {clearance!r}")
         self.tight = self.radius + 0.1 * (self.clearance - self.radius)
         """The least clearance that a way is tried at [m]."""
+        self.footprint: F64 = np.array(sensors.footprint, dtype=np.float64).reshape(-1, 3)
+        self.is_long = len(self.footprint) > 1 and sensors.drive.kinematics == "differential"
+        """Whether the body is more than a disc, and so has to turn where it is narrow."""
         self.cell = min(max(self.radius / 2.0, 0.05), 0.4)
         self.search = Search()
         self.headings: F64 = np.linspace(0.0, 2.0 * math.pi, HEADINGS, endpoint=False)
@@ -320,8 +330,14 @@ class HDBug(ScriptedPolicy):
         """One decision."""
         self._perceive(view, memory)
         self._aim(view, memory)
+        if memory.poses is not None:
+            velocity = self._turn_through(view, memory)
+            if velocity is not None:
+                return velocity
         if not self._plan(view, memory):
             return 0.0, 0.0
+        if memory.poses is not None:
+            return self._turn_through(view, memory) or (0.0, 0.0)
         assert memory.tracks is not None and memory.light is not None
         memory.is_backing = False
         near = self._near_movers(memory)
@@ -364,6 +380,8 @@ class HDBug(ScriptedPolicy):
             memory.moved_at = memory.steps
             is_still = ~((owner >= 0) & tracks.moving[np.maximum(owner, 0)])
         grid = memory.map
+        if self.is_long:
+            self._remember_for_body(view, memory, is_still)
         if not self.parameters.backtrack:
             grid.forget_all()
         removed = grid.removed
@@ -392,7 +410,28 @@ class HDBug(ScriptedPolicy):
             memory.ladder.update(float(np.count_nonzero(view.ranges < reach)) / len(view.ranges))
             reach = self.parameters.r_base * 2.0**memory.ladder.k
         memory.light = LightArea(
-            self.sensors.angles, view.ranges, self.sensors.range, self._body(view), reach, is_still
+            self.sensors.angles,
+            view.ranges,
+            self.sensors.range,
+            self._body(view),
+            reach,
+            is_still,
+            trusts_blind=self.sensors.drive.kinematics != "holonomic",
+        )
+
+    def _remember_for_body(self, view: View, memory: HDBugMemory, is_still: NDArray[np.bool_]) -> None:
+        """Keep the map in which a long body turns."""
+        assert memory.map is not None
+        if memory.body_map is None:
+            clearance = float(self.footprint[:, 2].max()) + BODY_MARGIN + 2.0 * self.sensors.range_noise
+            cell = min(self.cell, 0.25 * clearance)
+            rows, columns = memory.map.holds.shape
+            side = 0.5 * self.cell * max(rows, columns)
+            center = memory.map.x + 0.5 * self.cell * columns, memory.map.y + 0.5 * self.cell * rows
+            memory.body_map = PointMap(center, side, cell, clearance + 0.5 * cell, self.search)
+        sensors = self.sensors
+        memory.body_map.add_scan(
+            view.position, view.heading, sensors.angles, view.ranges, sensors.range, sensors.range_noise, is_still
         )
 
     def _body(self, view: View) -> float:
@@ -449,7 +488,15 @@ class HDBug(ScriptedPolicy):
         found = grid.find_way(position, memory.goal, max(memory.goal_radius, 0.5 * self.cell))
         if found is None and memory.goal != view.goal_position:
             found = grid.find_way(position, view.goal_position, max(memory.goal_radius, 0.5 * self.cell))
-        if found is None and grid.clearance > self.tight:
+        if found is None and self.is_long and memory.body_map is not None:
+            radius = max(memory.goal_radius, memory.body_map.cell)
+            memory.poses = find_poses(memory.body_map, self.footprint, view.pose, memory.goal, radius)
+            memory.posed_at = memory.steps
+            if memory.poses is not None:
+                memory.closed_off = 0
+                memory.way = pose_way(memory.poses)
+                return True
+        elif found is None and grid.clearance > self.tight:
             grid.set_clearance(self.tight)
             found = grid.find_way(position, view.goal_position, max(memory.goal_radius, 0.5 * self.cell))
         if found is None:
@@ -458,6 +505,48 @@ class HDBug(ScriptedPolicy):
         memory.way = found
         self._note_backtracking(memory, found)
         return True
+
+    def _turn_through(self, view: View, memory: HDBugMemory) -> Velocity | None:
+        """Follow the poses of a long body; None where it has room again, or they no longer lead on."""
+        grid, poses = memory.map, memory.poses
+        assert grid is not None and poses is not None and memory.body_map is not None
+        memory.mode = "turning"
+        x, y, heading = view.pose
+        since = memory.steps - memory.posed_at
+        if since >= REPLAN_POSES and since % REPLAN_POSES == 0:
+            column, row = int((x - grid.x) / grid.cell), int((y - grid.y) / grid.cell)
+            radius = max(memory.goal_radius, 0.5 * self.cell)
+            if not grid.blocked[row, column] and grid.find_way(view.position, memory.goal, radius) is not None:
+                memory.poses = memory.way = None
+                return None
+            ahead_of_me = np.concatenate([[(x, y, heading)], poses[1:]])
+            if not is_open(memory.body_map, self.footprint, ahead_of_me):
+                memory.poses = memory.way = None
+                return None
+        while len(poses) > 1:
+            gap = math.dist((x, y), poses[1, :2])
+            turn = turn_to(heading, float(poses[1, 2]))
+            if gap > ARRIVED or abs(turn) > ALIGNED:
+                break
+            poses = poses[1:]
+        memory.poses = poses
+        if len(poses) < 2:
+            memory.poses = memory.way = None
+            return None
+        memory.way = pose_way(poses)
+        gap = math.dist((x, y), poses[1, :2])
+        bearing = float(poses[1, 2]) - heading
+        if gap > ARRIVED and abs(turn_to(heading, float(poses[1, 2]))) <= ALIGNED:
+            ahead, left = view.to_robot(*poses[1, :2].tolist())
+            along = float(poses[1, 2])
+            beside = math.cos(along) * (y - float(poses[0, 1])) - math.sin(along) * (x - float(poses[0, 0]))
+            if ahead <= 0.0 or abs(beside) > ASTRAY:
+                memory.poses = memory.way = None
+                return None
+            bearing = math.atan2(left, max(ahead, 4.0 * ARRIVED))
+            speed = min(self.parameters.v_min / self.parameters.v_max * self.top, ahead / self.sensors.drive.step)
+            return speed * math.cos(bearing), speed * math.sin(bearing)
+        return 1e-6 * math.cos(bearing), 1e-6 * math.sin(bearing)
 
     def _is_way_open(self, memory: HDBugMemory, way: Way) -> bool:
         """Whether nothing new stands in the planned path."""
@@ -511,6 +600,9 @@ class HDBug(ScriptedPolicy):
         gap = math.dist(position, node)
         is_last = len(way.places) == 2
         memory.mode = "direct" if is_last else "candidates"
+        if self._is_turning(view, memory, light):
+            # What looks best may change with what the beams meet while it turns on the spot: finish the turn.
+            return self._drive(view, memory, memory.direction, gap, is_last)
         if memory.backtracking_to is not None:
             memory.mode = "backtracking"
         cost = float(way.rest[1]) + float(grid.costs_to(view.position, node[None])[0])
@@ -530,6 +622,16 @@ class HDBug(ScriptedPolicy):
         memory.chosen = float(node[0]), float(node[1])
         direction = math.atan2(node[1] - position[1], node[0] - position[0])
         return self._drive(view, memory, direction, gap, is_last)
+
+    def _is_turning(self, view: View, memory: HDBugMemory, light: LightArea) -> bool:
+        """Whether a differential robot still turns on the spot toward the last direction, which is free."""
+        drive = self.sensors.drive
+        if drive.kinematics == "holonomic" or memory.steps == 1:
+            return False
+        bearing = memory.direction - view.heading
+        if abs(math.atan2(math.sin(bearing), math.cos(bearing))) <= TURN_IN_PLACE:
+            return False
+        return bool(light.free(np.array([bearing]))[0] >= self.top * drive.step)
 
     def _candidates(self, view: View, memory: HDBugMemory, most: float) -> F64:
         """Candidates (m, 2) that could cost less than `most`, odometry frame [m]."""
@@ -766,6 +868,12 @@ GOAL_STANDS = 0.02
 LEADS_TRIED = 5
 """How often the lead is halved until nothing stands in the goal's way."""
 
+REPLAN_POSES = 10
+"""Steps between two looks for a way without turns."""
+
+ARRIVED, ALIGNED, ASTRAY = 0.03, math.radians(2.0), 0.05
+"""How near to a pose [m, rad] is there, and how far beside the straight line to it [m] is lost."""
+
 HOLD = 0.02
 """How much cheaper another candidate must be than the one chosen last [m]."""
 
@@ -788,6 +896,12 @@ RISK, HABIT, CONTACT = 6.0, 0.1, 2.0
 """Weights of a near miss [m], of a turn [m/rad], and of a contact, for each second that it comes sooner [m/s]."""
 
 
+def pose_way(poses: F64) -> Way:
+    """Poses (k, 3) as a way over their places."""
+    lengths = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    return Way(poses[:, :2].copy(), np.append(np.cumsum(lengths[::-1])[::-1], 0.0))
+
+
 def meeting_time(position: Point, goal: Point, velocity: Point, speed: float, radius: float) -> float:
     """Time until a robot that goes straight can first be within `radius` [m] of a goal that keeps its velocity [s].
 
@@ -804,6 +918,6 @@ def meeting_time(position: Point, goal: Point, velocity: Point, speed: float, ra
     root = b * b - a * c
     if root < 0.0:
         return math.inf
-    # The smallest positive root; a < 0 (the robot is faster) has exactly one.
-    times = sorted(((-b - math.sqrt(root)) / a, (-b + math.sqrt(root)) / a))
-    return next((time for time in times if time > 0.0), math.inf)
+    # The smallest positive root, in the form that takes no difference of near numbers apart from -b.
+    below = (-b + math.sqrt(root), -b - math.sqrt(root))
+    return min((c / part for part in below if part > 0.0), default=math.inf)

@@ -30,6 +30,7 @@ class LightArea:
         radius: of the disc that is to go into the light [m].
         reach: detection radius r' [m].
         is_still: (B,) beams that count as obstacles here; None: all.
+        trusts_blind: whether what lies outside the field of view counts as free: for a robot that turns before it goes.
     """
 
     def __init__(
@@ -40,6 +41,8 @@ class LightArea:
         radius: float,
         reach: float,
         is_still: NDArray[np.bool_] | None = None,
+        *,
+        trusts_blind: bool = True,
     ) -> None:
         self.angles, self.ranges, self.sensor_range = angles, ranges, sensor_range
         self.radius, self.reach = radius, min(reach, sensor_range)
@@ -50,11 +53,15 @@ class LightArea:
         """Scan points x (k,) and y (k,) that count."""
         self.y: F64 = ranges[used] * np.sin(angles[used])
         self._used = used
+        self._trusts_blind = trusts_blind or _is_round(angles)
 
     def free(self, bearings: F64) -> F64:
         """How far the disc can go along each bearing (m,) [m], at most the sensor's range."""
         result = np.empty(len(bearings))
         kernels.free_distances(self.x, self.y, bearings, self.radius, self.sensor_range, result)
+        if not self._trusts_blind:
+            turned = (bearings - self.angles[0]) % (2.0 * math.pi)
+            result[turned > float(self.angles[-1] - self.angles[0]) + EDGE] = 0.0
         return result
 
     def is_light(self, points: F64) -> NDArray[np.bool_]:

@@ -147,7 +147,8 @@ def card(record: Mapping[str, Any]) -> str:
         f"- Robot: {robot['kinematics']}, radius {robot['radius']} m, up to {robot['max_speed']} m/s; "
         f"{robot['beams']} beams of {robot['range']} m; a step of {robot['step']} s. Any other robot is refused.",
         f"- Algorithm: {settings['algo'].upper()} of stable-baselines3 {made_on['stable_baselines3']}, "
-        f"layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}",
+        f"layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}, "
+        f"begun from {settings['start_from'] or 'scratch'}",
         f"- Made again by `bug-gym train {record['name']}{seeds}`; the model here is of seed {record['seed']}, "
         "which did best in its validation",
         f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",

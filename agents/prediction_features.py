@@ -113,14 +113,11 @@ def encode(tracks: Tracks, beam_angles: F64, sensor_range: float) -> F32:
 def past_of(tracks: Tracks, axes: F64) -> F64:
     """Mean velocities (T, LAGS, 2) from the centres of LAGS ago to the place of now, over TOP_SPEED."""
     ages = tracks.history_times[:, -1:] - tracks.history_times + tracks.unseen[:, None]
-    rows = np.arange(len(ages))
-    result = np.empty((len(ages), len(LAGS), 2))
-    for number, lag in enumerate(LAGS):
-        # The youngest centre that is so old, or the oldest there is.
-        index = np.maximum((ages >= lag - 1e-6).sum(axis=1) - 1, 0)
-        way = tracks.position - tracks.history[rows, index]
-        result[:, number] = way / np.maximum(ages[rows, index], lag)[:, None]
-    past: F64 = into_frames(result, axes) / TOP_SPEED
+    rows = np.arange(len(ages))[:, None]
+    # The youngest centre that is so old, or the oldest there is.
+    index = np.maximum((ages[:, None] >= LAGS[:, None] - 1e-6).sum(axis=2) - 1, 0)
+    ways = tracks.position[:, None] - tracks.history[rows, index]
+    past: F64 = into_frames(ways / np.maximum(ages[rows, index], LAGS)[..., None], axes) / TOP_SPEED
     return past
 
 

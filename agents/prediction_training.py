@@ -75,7 +75,7 @@ class PredictorSettings:
     """Samples of one of supervision's gradients."""
     rate: float = 1e-3
     """Supervision's learning rate at first; it falls to 0 as a cosine."""
-    answers: int = 12_000_000
+    answers: int = 8_000_000
     """Answers that PPO tries."""
     rows: int = 4096
     """Answers that PPO tries side by side."""
@@ -92,7 +92,7 @@ class PredictorSettings:
 
 
 def gather(first_seed: int, worlds: int, *, workers: int = 1) -> Samples:
-    """The samples of `worlds` worlds of each law, then of as many streets."""
+    """The samples of `worlds` worlds of each law, and of as many streets."""
     seeds = range(first_seed, first_seed + worlds)
     asked = [(law, seed) for seed in seeds for law in LAWS] + [(STREET, seed) for seed in seeds]
     found = Parallel(n_jobs=workers)(delayed(samples_of)(law_world(law, seed), seed) for law, seed in asked)
@@ -323,7 +323,7 @@ def write_predictor(
         "horizons": HORIZONS.tolist(),
         "errors": [round(error, 4) for error in curve.best_errors.tolist()],
         "settings": asdict(settings),
-        "laws": list(LAWS),
+        "laws": [*LAWS, STREET],
         "samples": {"training": samples[0], "validation": samples[1]},
         "curve": curve.points,
         "machine": machine() | {"threads": torch.get_num_threads()} | {name: version(name) for name in PACKAGES},

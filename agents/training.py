@@ -298,7 +298,7 @@ class Keeper(BaseCallback):
         policy = InTraining(self.model, self._robot, self.settings.history)
         seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + self.settings.eval_episodes)
         runs = [play(policy, scenario, seeds) for scenario in self._scenarios]
-        shares = {name: float(np.mean([run.ended(name).mean() for run in runs])) for name in ENDS}
+        shares = {name: round(float(np.mean([run.ended(name).mean() for run in runs])), 6) for name in ENDS}
         times = np.concatenate([run.time[run.ended("success")] for run in runs])
         point = Point(
             self.num_timesteps,
@@ -425,7 +425,6 @@ def train(
     seed: int = 0,
     minutes: float | None = None,
     threads: int | None = None,
-    start_from: str | None = None,
     tensorboard: bool = True,
     progress: bool = False,
 ) -> Progress:
@@ -437,7 +436,6 @@ def train(
         seed: of the network and the worlds.
         minutes: time of training after which it ends early; None: it does not.
         threads: of torch; None: one for each core. Runs with different numbers differ in the last bits.
-        start_from: name or folder of a model of ours with the same network, whose weights it begins with.
         tensorboard: whether to write its events.
         progress: whether to show a bar on the terminal.
 
@@ -453,14 +451,13 @@ def train(
     identity = {
         "settings": json.loads(settings.model_dump_json()),
         "seed": seed,
-        "start_from": start_from,
         "threads": torch.get_num_threads(),
         "torch": str(torch.__version__),
     }
     env = make_training_env(settings, seed)
     model = make_model(settings, env, seed)
-    if start_from is not None:
-        load_weights(model_folder(start_from), model)
+    if settings.start_from is not None:
+        load_weights(model_folder(settings.start_from), model)
     kept = Progress()
     path, save = folder / CHECKPOINT, None
     goes_on = isinstance(model, PPO) and path.exists()
@@ -506,7 +503,6 @@ def train_seeds(
     seeds: Sequence[int] = (0,),
     minutes: float | None = None,
     threads: int | None = None,
-    start_from: str | None = None,
     progress: bool = False,
 ) -> Path:
     """Train a model for each seed; what is done already is not done again.
@@ -515,7 +511,7 @@ def train_seeds(
         settings: what to train.
         out: folder of the model; with several seeds `seed-0`, `seed-1` ... in it, and the best in `agent`.
         seeds: one a model.
-        minutes, threads, start_from, progress: as `train` takes them.
+        minutes, threads, progress: as `train` takes them.
 
     Returns:
         The folder of the model, of several the one that did best in its validation.
@@ -523,9 +519,7 @@ def train_seeds(
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
     for seed, folder in zip(seeds, folders, strict=True):
         if not is_done(settings, folder, seed):
-            train(
-                settings, folder, seed=seed, minutes=minutes, threads=threads, start_from=start_from, progress=progress
-            )
+            train(settings, folder, seed=seed, minutes=minutes, threads=threads, progress=progress)
     return folders[0] if len(folders) == 1 else gather(folders, Path(out) / "agent")
 
 

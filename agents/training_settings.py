@@ -72,6 +72,8 @@ class Settings(Part):
     """How ranges are encoded."""
     history: tuple[AtLeastOne, ...] = ()
     """How many steps ago a History looks; empty: the policy has no memory."""
+    start_from: str | None = None
+    """Name or folder of a model of ours with the same network, whose weights it begins with; none: from scratch."""
     eval_freq: AtLeastOne = 500_000
     """Environment steps from one validation to the next."""
     eval_episodes: AtLeastOne = 1000
@@ -157,6 +159,8 @@ class DQNSettings(OffPolicySettings):
     action: Literal["continuous", "discrete"] = "discrete"
     target_update_interval: AtLeastOne = 64
     """Steps of the worlds from one update of the target network to the next."""
+    n_steps: AtLeastOne = 1
+    """Steps whose rewards are summed before the value of what follows is added."""
     exploration_fraction: Share = 0.3
     """Share of the training over which random actions grow rare."""
     exploration_final_eps: Share = 0.05

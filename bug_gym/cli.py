@@ -97,7 +97,9 @@ def make_parser() -> Parser:
     _add_overrides(evaluating)
 
     training = add("train", train, "bug-gym train ppo_dynamic --out results/ppo_dynamic")
-    training.add_argument("name", metavar="NAME", help="a training (bug-gym list trainings), or the path of a YAML file")
+    training.add_argument(
+        "name", metavar="NAME", help="a training (bug-gym list trainings), or the path of a YAML file"
+    )
     training.add_argument("--out", type=Path, help="folder of the model (default: results/train/NAME)")
     training.add_argument("--seed", type=int, default=0, help="seed of the first model (default: 0)")
     training.add_argument("--seeds", type=at_least_one, default=1, help="how many models, a seed each (default: 1)")
@@ -106,12 +108,18 @@ def make_parser() -> Parser:
     training.add_argument("--threads", type=at_least_one, help="threads of torch (default: one for each core)")
     training.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
     training.add_argument(
-        "--set", dest="overrides", metavar="KEY=VALUE", action="append", default=[],
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
         help="replace a value of the training, such as gamma=0.98; may come several times",
     )
 
     rendering = add("render", render, "bug-gym render bug2 tangent_bug dynamic --seed 3 --out both.gif")
-    rendering.add_argument("policies", metavar="POLICY", nargs="+", help="NAME[:PARAMETER=VALUE...]; several: side by side")
+    rendering.add_argument(
+        "policies", metavar="POLICY", nargs="+", help="NAME[:PARAMETER=VALUE...]; several: side by side"
+    )
     _add_scenario(rendering)
     rendering.add_argument("--out", type=Path, required=True, help="a .gif, a .mp4, or a .png of the whole path")
     rendering.add_argument(
@@ -329,10 +337,13 @@ def train(options: argparse.Namespace) -> None:
     try:
         from bug_gym.agents.training import train_seeds
     except ModuleNotFoundError as error:
-        raise ImportError("training needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'") from error
+        raise ImportError(
+            "training needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'"
+        ) from error
     from bug_gym.agents.training_settings import load_settings
 
     overrides = _assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
+    overrides |= {"start_from": options.start_from} if options.start_from else {}
     settings = load_settings(options.name, overrides)
     options.out = options.out or Path("results", "train", settings.name)
     best = train_seeds(
@@ -341,7 +352,6 @@ def train(options: argparse.Namespace) -> None:
         seeds=range(options.seed, options.seed + options.seeds),
         minutes=options.minutes,
         threads=options.threads,
-        start_from=options.start_from,
         progress=True,
     )
     print(f"{best}: play it with --policies {best}/")

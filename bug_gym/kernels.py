@@ -11,6 +11,7 @@ No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit
 from __future__ import annotations
 
 import math
+import uuid
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -33,14 +34,28 @@ OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy",
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
+PROCESS = uuid.uuid4().hex[:12]
+
+
 def kernel(function: Function) -> Function:
     """Compiles a function of its own."""
-    return cast(Function, njit(**OPTIONS)(function))
+    return cast(Function, with_own_files(njit(**OPTIONS)(function)))
 
 
 def inlined(function: Function) -> Function:
     """Compiles a function that is copied into its callers."""
-    return cast(Function, njit(forceinline=True, **OPTIONS)(function))
+    return cast(Function, with_own_files(njit(forceinline=True, **OPTIONS)(function)))
+
+
+def with_own_files(dispatcher: Any) -> Any:
+    """A dispatcher that writes compiled code to files that no other process writes.
+
+    Numba numbers the files of a function's signatures by what its index holds: of two processes that compile different
+    signatures at once, one could write the other's file, and the index then give that code to the wrong types.
+    """
+    files = dispatcher._cache._cache_file
+    files._data_name_pattern = files._data_name_pattern.replace(".{number", f".{PROCESS}.{{number")
+    return dispatcher
 
 
 def is_compiled() -> bool:

@@ -72,6 +72,12 @@ LABEL_COLORS: dict[str, Color] = {
     "plan": (120, 72, 190),
     "light": (245, 205, 60),
     "shadow": (70, 80, 110),
+    "cheap": (28, 150, 92),
+    "dear": (208, 44, 44),
+    "closed": (120, 120, 130),
+    "chosen": (20, 60, 200),
+    "way": (20, 60, 200),
+    "forecast": (193, 42, 120),
 }
 """Colours of the labels in a policy's Drawing; other labels take one of the robots' colours, always the same."""
 

@@ -17,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym import kinematics
+from bug_gym import kernels, kinematics
 from bug_gym.config import Scenario, load
 from bug_gym.observation import Sensors, View, as_flat, width
 
@@ -193,8 +193,17 @@ def braking_radius(sensors: Sensors) -> float:
     return sensors.radius + 2.0 * sensors.range_noise + 0.02
 
 
-PASSING = 0.001
-"""How much smaller than the free disc about the robot the disc is that drives past things within the margin [m]."""
+STRAIGHT = math.radians(5.0)
+"""Heading error [rad] up to which a body of several circles goes ahead as it lies."""
+
+
+def free_ahead(view: View, margin: float) -> float:
+    """How far the body, each of its circles `margin` [m] larger, can go straight ahead [m]."""
+    x, y = view.points
+    return min(
+        float(kernels.free_distance(x - ahead, y - left, 0.0, radius + margin, view.sensors.range))
+        for ahead, left, radius in view.sensors.footprint
+    )
 
 
 def brake(view: View, velocity: Velocity) -> Velocity:
@@ -211,7 +220,11 @@ def brake(view: View, velocity: Velocity) -> Velocity:
     if error > kinematics.TURN_IN_PLACE:
         return velocity
     radius = braking_radius(view.sensors)
-    free = max(view.free_distance(0.0, radius) - (radius - view.sensors.radius), 0.0)
+    margin = radius - view.sensors.radius
+    if len(view.sensors.footprint) > 1 and error < STRAIGHT:
+        free = max(free_ahead(view, margin) - margin, 0.0)
+    else:
+        free = max(view.free_distance(0.0, radius) - margin, 0.0)
     limit = free / drive.step
     if math.isfinite(drive.max_acceleration):
         limit = min(limit, math.sqrt(2.0 * drive.max_acceleration * free))

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from tracked import disc, last_tracks, world_of
 
-from bug_gym.agents.prediction_data import LAWS, displacement_errors, law_world, match, moments, samples_of
+from bug_gym.agents.prediction_data import (
+    LAWS,
+    STREET,
+    displacement_errors,
+    law_world,
+    match,
+    moments,
+    samples_of,
+)
 from bug_gym.agents.prediction_features import ANSWERS, HORIZONS, WIDTH
 from bug_gym.config import load
 from bug_gym.simulation import Simulation
@@ -45,6 +53,14 @@ def test_a_mover_has_one_track_the_nearest() -> None:
     chosen, movers = match(tracks, centres, radii)
     assert sorted(movers.tolist()) == [0, 1]
     assert np.hypot(*(tracks.position[chosen] - centres[movers]).T).max() < 0.2
+
+
+def test_people_in_a_street_walk_straight_on() -> None:
+    for tracks, places in moments(law_world(STREET, 3), 3, every=20, seconds=5.0):
+        way = places - tracks.position[:, None]
+        # From 1.6 s on it is the same straight way, but for those who turn back at an end.
+        first, last = way[:, 1] / HORIZONS[1], way[:, -1] / HORIZONS[-1]
+        assert np.median(np.hypot(*(last - first).T)) < 0.2
 
 
 def test_an_error_is_a_distance() -> None:

@@ -279,13 +279,13 @@ def test_the_command_trains_several_seeds_and_gathers_the_best(
 def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
     settings = tiny(n_timesteps=128)
     train(settings, tmp_path / "first", threads=1, tensorboard=False)
-    still = tiny(n_timesteps=128, learning_rate=1e-30)
-    train(still, tmp_path / "second", seed=5, threads=1, tensorboard=False, start_from=str(tmp_path / "first"))
+    still = tiny(n_timesteps=128, learning_rate=1e-30, start_from=str(tmp_path / "first"))
+    train(still, tmp_path / "second", seed=5, threads=1, tensorboard=False)
     first, second = weights(tmp_path / "first"), weights(tmp_path / "second")
     assert all(torch.allclose(first[name], second[name]) for name in first)
     with pytest.raises(ValueError, match="cannot be read into this network"):
-        wide = tiny(policy_kwargs={"net_arch": [8]})
-        train(wide, tmp_path / "third", threads=1, tensorboard=False, start_from=str(tmp_path / "first"))
+        wide = tiny(policy_kwargs={"net_arch": [8]}, start_from=str(tmp_path / "first"))
+        train(wide, tmp_path / "third", threads=1, tensorboard=False)
 
 
 @pytest.mark.parametrize(

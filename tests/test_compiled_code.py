@@ -1,0 +1,55 @@
+"""Compiled code on disk: what one process keeps there, no other one spoils."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+MODULE = """
+from bug_gym.kernels import kernel
+
+@kernel
+def double(x):
+    return x + x
+"""
+
+# The first one has written the index and is about to write the code; the second one read the index before that.
+FIRST = """
+import pathlib, time, double
+files = double.double._cache._cache_file
+save = files._save_data
+def save_when_told(name, data):
+    pathlib.Path("waiting").touch()
+    while not pathlib.Path("told").exists():
+        time.sleep(0.01)
+    save(name, data)
+files._save_data = save_when_told
+double.double(21)
+"""
+SECOND = """
+import double
+double.double._cache._cache_file._load_index = dict
+double.double(1.5)
+"""
+
+
+def test_processes_that_compile_at_once_do_not_write_one_anothers_code(tmp_path: Path) -> None:
+    (tmp_path / "double.py").write_text(MODULE)
+    settings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+
+    def python(code: str) -> list[str]:
+        return [sys.executable, "-c", code]
+
+    with subprocess.Popen(python(FIRST), cwd=tmp_path, env=settings) as first:
+        while not (tmp_path / "waiting").exists():
+            assert first.poll() is None
+            time.sleep(0.01)
+        subprocess.run(python(SECOND), cwd=tmp_path, env=settings, check=True)
+        (tmp_path / "told").touch()
+    assert first.returncode == 0
+    third = python("import double; print(double.double(1.5), double.double(21))")
+    told = subprocess.run(third, cwd=tmp_path, env=settings, check=True, capture_output=True, text=True)
+    assert told.stdout.split() == ["3.0", "42"]
