@@ -1,0 +1,56 @@
+"""Draws what HD-BUG sees and decides, as Figs. 21 to 24 of its paper do: `python docs/make_hd_bug.py` (extra `render`).
+
+Four moments of four episodes as hd_bug.png: a still field (light and shadow areas, candidates by cost), terrain, movers
+with their predicted ways, a moving target; and one episode among movers as hd_bug.gif.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bug_gym.clips import grid, save_gif, save_png
+from bug_gym.config import load
+from bug_gym.rendering import Canvas, Frame
+from bug_gym.rollout import Rollout, film
+from bug_gym.suites import PolicyEntry, ScenarioEntry
+
+DOCS = Path(__file__).parent
+SIZE = 420  # pixels
+DENSE = {"world.obstacles": 45, "lidar.beams": 180}
+
+MOMENTS = (
+    ("static", DENSE, 3, 60),
+    ("terrain", {}, 0, 70),
+    ("dynamic", {"lidar.beams": 180}, 5, 70),
+    ("moving_target", {**DENSE, "world.obstacles": 30}, 2, 40),
+)
+"""Scenario, overrides, seed and steps driven until the picture."""
+
+FILMED = ("dynamic", {"lidar.beams": 180}, 5)
+EVERY = 4
+"""Steps between two frames of the film."""
+
+
+def rollout_of(scenario: str, overrides: dict[str, object], seed: int) -> tuple[Rollout, Canvas]:
+    """An episode of HD-BUG, and where it is drawn."""
+    # A fixed detection radius of 2 m shows the areas at one size.
+    policy = PolicyEntry.of({"name": "hd_bug", "parameters": {"adapt_radius": False}})
+    rollout = Rollout(policy, ScenarioEntry(scenario, load(scenario, overrides), range(seed, seed + 1)), [seed])
+    return rollout, Canvas(rollout.simulation, size=SIZE, title="HD-BUG")
+
+
+def moment(scenario: str, overrides: dict[str, object], seed: int, steps: int) -> Frame:
+    """The picture after so many steps."""
+    rollout, canvas = rollout_of(scenario, overrides, seed)
+    canvas.record()
+    for _ in range(steps):
+        rollout.advance()
+        canvas.record()
+    return canvas.draw(rollout.drawings(), scan=False, note=rollout.verdict())
+
+
+if __name__ == "__main__":
+    save_png(DOCS / "hd_bug.png", grid([moment(*described) for described in MOMENTS], 2))
+    rollout, canvas = rollout_of(*FILMED)
+    step = rollout.simulation.scenario.time.step
+    save_gif(DOCS / "hd_bug.gif", film(rollout, canvas, every=EVERY, scan=False), 2.0 / (step * EVERY))
