@@ -14,7 +14,7 @@ from bug_gym.reproductions.avoidable import is_avoidable
 from bug_gym.reproductions.claims import ROBOT, as_percent, mean, numbers, of, run
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
-PREDICTORS = ("kalman", "constant_velocity", "none")
+PREDICTORS = ("kalman", "constant_velocity", "none", "supervised", "rl")
 SPEEDS = {0.5: 0.99, 0.75: 0.95}
 """Top speed of the movers [m/s] -> success asked of "kalman"."""
 SEEDS = 500

@@ -46,7 +46,10 @@ def reproduce(settings: Settings) -> Reproduction:
                 [_row(seed, curve) for seed, curve in enumerate(curves)],
             )
         ],
-        [f"{WORLDS} validation worlds at each point; validation does not count as time."],
+        [
+            f"{WORLDS} validation worlds at each point; validation does not count as time.",
+            f"The step size falls to 0 at {STEPS:,} steps: this is a whole training, not the beginning of a longer one.",
+        ],
         {"curves": curves, "gate": GATE},
         min(last) >= GATE,
         [
