@@ -3,8 +3,8 @@
 Source: Hasibuzzaman, Jan and Wu, "Dynamic Path Planning in the Unknown Environment with Mobile Target and Obstacles".
 Sensing assumed: ranges all round, goal, own position; the terrain around where the scenario has regions. Memory kept:
 points of still obstacles (point_map), the double linked list of the path (path_list), tracks of what moves. States:
-direct, candidates, backtracking, avoidance, turning, waiting. Guarantee: among still obstacles it reaches the goal or
-declares it unreachable, for every way with the clearance (see point_map); the paper gives none.
+direct, candidates, backtracking, avoidance, emergency, turning, waiting. Guarantee: among still obstacles it reaches the
+goal or declares it unreachable, for every way with the clearance (see point_map); the paper gives none.
 
 Where the paper contradicts itself or is silent, this module decides:
 
@@ -23,7 +23,7 @@ Where the paper contradicts itself or is silent, this module decides:
    C counts terrain. Among movers C is left out and v is where the robot would be after one horizon, as in eq. (8), so
    that slower is dearer.
 5. Global and local path (HDPathPlanner). The global path is the shortest one among all remembered points, planned again
-   when it is blocked, when points were taken away, and every ten steps. Dead ends are left by it: the nodes of the path
+   when it is blocked, soon after points were taken away, and every fifty steps. Dead ends are left by it: the nodes of the path
    list between the dead end and where the new path leaves the old are closed, the state is "backtracking".
 6. No way. The goal is unreachable when the remembered points close it off, at the least clearance the body allows, for
    `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved.
@@ -32,12 +32,16 @@ Where the paper contradicts itself or is silent, this module decides:
    the free way.
 8. Two-phase avoidance. Phase 1: each candidate is a velocity, rolled out with the robot's kinematics against the
    predicted tracks; near misses cost. Phase 2: when the best one meets something within `reaction` seconds, the one that
-   meets it last is taken, whatever it costs: that is the tangential circumnavigation. A shadow that is near enough for
-   a mover to come out of it counts as a near miss where movers have been seen.
-9. Moving target. Its velocity is estimated from the last second; the goal is the point where the robot can meet it.
-   The goal radius grows with the uncertainty of that point.
+   meets it last is taken, whatever it costs: that is the tangential circumnavigation. While movers are near, the edges
+   of shadows count as near misses too: another may come out of them. A differential robot may also back out.
+9. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by
+   no longer than its velocity has foretold where it went. The goal radius grows with what it moves in a step.
 10. Deep reinforcement learning (mentioned in the conclusion): a predictor beside "none", "constant_velocity" and
    "kalman"; see prediction.py.
+11. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for
+   as far again, so that a wide region is not entered because only its near edge is known.
+12. Long bodies (section 3.1). The way is planned for the disc about the body, which can turn anywhere; where there is
+   none, poses are planned (pose_planner) until there is room again.
 """
 
 from __future__ import annotations
@@ -175,6 +179,7 @@ class Target:
 
     LEADS = (0.5, 1.0, 2.0, 4.0, 8.0)
     LOOK_BACK = 0.5
+    STANDS = 0.02
     KEEP = 0.95
 
     def update(self, place: Point, step: float) -> None:
@@ -186,6 +191,8 @@ class Target:
             self.places.popleft()
         newest = len(self.places) - 1
         self.velocity = self._velocity_at(newest, look_back)
+        if not self.errors and math.dist(place, self.places[0]) < self.STANDS:
+            return
         for lead in self.LEADS:
             then = newest - round(lead / step)
             if then < look_back:
@@ -335,7 +342,7 @@ class HDBug(ScriptedPolicy):
             if velocity is not None:
                 return velocity
         if not self._plan(view, memory):
-            return 0.0, 0.0
+            return self._wait(view, memory)
         if memory.poses is not None:
             return self._turn_through(view, memory) or (0.0, 0.0)
         assert memory.tracks is not None and memory.light is not None
@@ -346,6 +353,18 @@ class HDBug(ScriptedPolicy):
         else:
             direction, speed = self._choose(view, memory)
         memory.direction = direction
+        bearing = direction - view.heading
+        return speed * math.cos(bearing), speed * math.sin(bearing)
+
+    def _wait(self, view: View, memory: HDBugMemory) -> Velocity:
+        """Stand, but for movers that come near: there is no way now."""
+        near = self._near_movers(memory)
+        if memory.verdict or len(near) == 0:
+            return 0.0, 0.0
+        gap = math.dist(view.position, memory.goal)
+        memory.way = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
+        direction, speed = self._avoid(view, memory, near)
+        memory.way, memory.mode = None, "waiting"
         bearing = direction - view.heading
         return speed * math.cos(bearing), speed * math.sin(bearing)
 
@@ -678,7 +697,7 @@ class HDBug(ScriptedPolicy):
         light, drive = memory.light, self.sensors.drive
         assert light is not None
         need = min(self.top * drive.step, gap)
-        direction, free = self._slide(light, view.heading, direction, need)
+        direction, free = self._slide(view, memory, direction, need)
         speed = self.top
         if free < min(gap, light.reach):
             speed = (
@@ -696,18 +715,34 @@ class HDBug(ScriptedPolicy):
             speed = min(speed, max(gap, 1e-3) / drive.step)
         return direction, max(speed, 1e-6)
 
-    def _slide(self, light: LightArea, heading: float, direction: float, need: float) -> tuple[float, float]:
+    def _slide(self, view: View, memory: HDBugMemory, direction: float, need: float) -> tuple[float, float]:
         """The direction nearest to the desired one with a free way of `need` [m], and that way [m].
 
-        Without any, the one with the longest way.
+        Without any, that of an emergency point.
         """
+        light, heading = memory.light, view.heading
+        assert light is not None
         free = light.free(np.array([direction - heading]))
         if free[0] >= need:
             return direction, float(free[0])
         found = light.free(direction - heading + OFFSETS)
         good = np.flatnonzero(found >= need)
-        index = int(good[0]) if len(good) else int(found.argmax())
-        return direction + float(OFFSETS[index]), float(found[index])
+        if len(good):
+            return direction + float(OFFSETS[good[0]]), float(found[good[0]])
+        return self._emergency_point(view, memory, light)
+
+    def _emergency_point(self, view: View, memory: HDBugMemory, light: LightArea) -> tuple[float, float]:
+        """Direction and way to the emergency point that is farthest from everything seen (Procedure 3, line 17)."""
+        memory.mode = "emergency"
+        bearings = self.headings - view.heading
+        ways = np.minimum(light.free(bearings), light.reach)
+        places = ways[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
+        gaps = np.full(len(places), np.inf)
+        if len(light.x):
+            gaps = np.hypot(places[:, :1] - light.x[None, :], places[:, 1:] - light.y[None, :]).min(axis=1)
+        # Among points equally far from everything, the one with the longest way.
+        best = int(np.lexsort((-ways, -gaps))[0]) if ways.max() > 0.0 else 0
+        return float(self.headings[best]), float(ways[best])
 
     # --------------------------------------------------------------------------------------------- avoidance
 

@@ -16,7 +16,7 @@ from bug_gym.agents.prediction import predictor_names
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
 
-MODES = {"direct", "candidates", "backtracking", "avoidance", "emergency", "waiting"}
+MODES = {"direct", "candidates", "backtracking", "avoidance", "emergency", "turning", "waiting"}
 LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "closed", "way", "forecast"}
 
 # ------------------------------------------------------------------------------------------------------ interception
