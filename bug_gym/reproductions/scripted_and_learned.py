@@ -21,7 +21,7 @@ from bug_gym.suites import PolicyEntry, ScenarioEntry
 
 WORLDS = 100
 BASELINE = "tangent_bug"
-SCRIPTED = ("go_to_goal", "bug2", "dist_bug", BASELINE)
+SCRIPTED = ("go_to_goal", "bug2", "dist_bug", BASELINE, "hd_bug")
 ROBOT: dict[str, Any] = {
     "robot.kinematics": "differential",
     "lidar.beams": 64,
