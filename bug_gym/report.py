@@ -24,9 +24,15 @@ if TYPE_CHECKING:
 _NOTHING = "–"
 """Stands where nothing was measured."""
 
+_COUNT = "n"
+"""Name of the column with the number of episodes."""
+
 
 def _success(summary: Summary) -> str:
-    return f"{_percent(summary.success)} [{_percent(summary.success_low)}, {_percent(summary.success_high)}]"
+    share, low, high = (
+        _percent(share, summary.n) for share in (summary.success, summary.success_low, summary.success_high)
+    )
+    return f"{share} [{low}, {high}]"
 
 
 def _iqm(summary: Summary) -> str:
@@ -37,7 +43,7 @@ def _iqm(summary: Summary) -> str:
 
 def _gave_up(summary: Summary) -> str:
     verdicts = ", ".join(f"{verdict or 'no verdict'} {count}" for verdict, count in summary.verdicts.items())
-    return f"{_percent(summary.gave_up)} ({verdicts})" if verdicts else _NOTHING
+    return f"{_percent(summary.gave_up, summary.n)} ({verdicts})" if verdicts else _NOTHING
 
 
 class _Column(NamedTuple):
@@ -50,15 +56,15 @@ class _Column(NamedTuple):
 
 _COLUMNS = (
     _Column("policy", lambda summary: summary.policy),
-    _Column("n", lambda summary: str(summary.n)),
+    _Column(_COUNT, lambda summary: str(summary.n)),
     _Column("success [%]", _success),
     _Column("SPL", lambda summary: _number(summary.spl, 2)),
     _Column("SPL, IQM", _iqm, on_screen=False),
     _Column("path / shortest", lambda summary: _number(summary.path_ratio, 2)),
     _Column("earliest / time", lambda summary: _number(summary.time_ratio, 2)),
     _Column("time [s]", lambda summary: _number(summary.time, 1)),
-    _Column("collisions [%]", lambda summary: _percent(summary.collision)),
-    _Column("timeouts [%]", lambda summary: _percent(summary.timeout), on_screen=False),
+    _Column("collided [%]", lambda summary: _percent(summary.collision, summary.n)),
+    _Column("timeouts [%]", lambda summary: _percent(summary.timeout, summary.n), on_screen=False),
     _Column("gave up [%]", _gave_up, on_screen=False),
     _Column("decision [ms]", lambda summary: _number(1000.0 * summary.decision_time, 3)),
 )
@@ -85,27 +91,42 @@ _MEASURES = (
 
 
 def print_table(summaries: Sequence[Summary], console: "Console") -> None:
-    """Print a table a scenario, and one over all of them where there are several; 80 columns are enough."""
+    """Print a table a scenario, and one over all of them where there are several; 80 columns are enough.
+
+    Where all lines have the same number of episodes, the title tells it.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
 
     for title, header, lines in _tables(summaries, [column for column in _COLUMNS if column.on_screen]):
+        counts = {line[header.index(_COUNT)] for line in lines}
+        if len(counts) == 1:
+            title = f"{title}, {counts.pop()} episodes a policy"
+            lines = [_without(line, header.index(_COUNT)) for line in lines]
+            header = _without(header, header.index(_COUNT))
         # Text, not str: a name in square brackets is a name, not rich's markup.
         table = Table(title=Text(title), box=SIMPLE_HEAD, padding=0, pad_edge=False)
         table.add_column(header[0], overflow="fold")
         for name in header[1:]:
             # Two lines a header and no others: a narrow screen folds the names of policies, never a number.
-            broken = name.replace(" [", "\n[").replace("/ ", "/\n")
-            table.add_column(Text(broken), justify="right", no_wrap=True)
+            breaks = (name.replace(" [", "\n[").replace(" / ", slash) for slash in (" /\n", "\n/ "))
+            narrow = min(breaks, key=lambda broken: max(map(len, broken.splitlines())))
+            table.add_column(Text(narrow), justify="right", no_wrap=True)
         for line in lines:
             table.add_row(*(Text(cell) for cell in line))
         console.print(table)
 
 
+def _without(cells: Sequence[str], number: int) -> list[str]:
+    return [*cells[:number], *cells[number + 1 :]]
+
+
 def print_differences(differences: Sequence[PairedDifference], console: "Console") -> None:
     """Print a table of the differences to the baseline, see `intervals.compare`; nothing where there are none."""
-    for title, header, lines in _difference_tables(differences, [measure for measure in _MEASURES if measure.on_screen]):
+    for title, header, lines in _difference_tables(
+        differences, [measure for measure in _MEASURES if measure.on_screen]
+    ):
         print_text_table(title, header, lines, console)
 
 
@@ -293,8 +314,9 @@ def _number(value: float, digits: int) -> str:
     return _NOTHING if isnan(value) else f"{value:.{digits}f}"
 
 
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.1f}"
+def _percent(share: float, n: int) -> str:
+    """A share of n episodes in percent, with a decimal where one episode is less than one percent."""
+    return f"{100.0 * share:.{int(n > 100)}f}"
 
 
 def _replace(path: Path, text: str) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from bug_gym.agents import policy_names
+from bug_gym.agents.model_folder import trained_names
 from bug_gym.intervals import Summary, compare, summarise
 from bug_gym.metrics import EpisodeRow
 from bug_gym.report import print_differences, print_table, write_summary
@@ -50,7 +52,7 @@ def load(path: Path) -> Any:
 def test_a_printed_line_shows_the_numbers_of_its_policy() -> None:
     (line,) = [line for line in printed(summarise(ROWS)).splitlines() if "bug2" in line]
     # Two successes of two; (10 / 8 + 14 / 8) / 2 = 1.5; (10 + 20) / 2 = 15 s; 4 ms a decision.
-    for text in ("100.0 [", "1.50", "15.0", "4.000", "0.69"):
+    for text in ("100 [", "1.50", "15.0", "4.000", "0.69"):
         assert text in line
 
 
@@ -65,7 +67,25 @@ def test_names_intervals_and_numbers_are_whole_on_a_screen_of_80_columns() -> No
 def test_a_narrow_screen_folds_names_and_no_numbers() -> None:
     rows = [replace(row, policy="a_long_name_of_a_policy" if row.success else "short") for row in ROWS]
     # Wilson's lower bound at 2 of 2 is 2 / (2 + 1.96^2) = 0.342.
-    assert "100.0 [34.2, 100.0]" in printed(summarise(rows), width=66)
+    assert "100 [34, 100]" in printed(summarise(rows), width=60)
+
+
+def test_percents_have_a_decimal_where_an_episode_is_less_than_one() -> None:
+    rows = [replace(ROWS[0], seed=seed) for seed in range(200)]
+    # Wilson's lower bound at 200 of 200 is 200 / (200 + 1.96^2) = 0.9812.
+    assert "100.0 [98.1, 100.0]" in printed(summarise(rows))
+
+
+def test_the_longest_name_of_a_policy_fits_a_screen_of_80_columns() -> None:
+    name = max((*policy_names(), *trained_names()), key=len)
+    rows = [replace(row, policy=name, time_ratio=0.5) for row in ROWS[:2]]
+    assert f"\n {name} " in printed(summarise(rows), width=80)
+
+
+def test_the_number_of_episodes_stands_in_the_title_or_where_it_differs_in_the_lines() -> None:
+    assert "box, 2 episodes a policy" in printed(summarise(ROWS))
+    (line,) = [line for line in printed(summarise(ROWS[:3])).splitlines() if "bug2" in line]
+    assert line.split()[:2] == ["bug2", "2"]
 
 
 def test_a_policy_named_in_brackets_is_printed_as_it_is_named() -> None:
@@ -83,9 +103,9 @@ def test_a_single_scenario_needs_no_table_for_all() -> None:
 
 
 def test_a_column_in_which_nothing_was_measured_is_left_out() -> None:
-    assert "earliest / time" not in printed(summarise(ROWS)) and "SPL" in printed(summarise(ROWS))
+    assert "earliest" not in printed(summarise(ROWS)) and "SPL" in printed(summarise(ROWS))
     moving = summarise([replace(row, spl=nan, time_ratio=0.5) for row in ROWS])
-    assert "earliest / time" in printed(moving) and "SPL" not in printed(moving)
+    assert "earliest" in printed(moving) and "SPL" not in printed(moving)
 
 
 def test_printing_no_summaries_is_refused() -> None:
