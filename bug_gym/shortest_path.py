@@ -4,6 +4,10 @@ The robot shrinks to its centre and the obstacles grow by its radius (Lozano-Per
 polygons and cuts the free space into triangles. A* goes over the corners around which a taut string can bend, and looks
 from each through the triangles (Bungiu et al. 2014), only into the wedge into which a string leaves that corner.
 
+A path no longer than L stays in the ellipse about start and goal whose points have distances to them of L in sum. So
+the first search is among the obstacles near the straight line; where the path that it finds is so long that others could
+be in its way, the next one is among more of them.
+
 The path is the exact shortest one among polygons whose chords stand for arcs and which let the robot come as near as
 0.99 times its radius (see `free_space`). So its length lies between the true shortest for 0.99 times the radius and
 that for the radius. As long as the same gaps are open, lengths grow at most in proportion to the radius: the path is at
@@ -31,6 +35,9 @@ LEAST_SAGITTA = 1e-4  # the same as a share of the circle's own radius: no finer
 CORNER_SEGMENTS = 12  # chords in a quarter of the arc around a polygon's corner
 GRID = 1e-6  # coordinates of the free space are multiples of this [m]
 ON_LINE = 1e-9  # a point is on a line of sight if their cross product is at most this [m^2]
+
+FIRST_REACH = 1.1  # how long a path is looked for at first, as a share of the straight line
+REACH_GROWTH = 1.5  # how much longer the next one may be
 
 WALL = -1  # what lies behind a side without a neighbour
 START, GOAL = -2, -1  # where the two points stand in the lists of corners
@@ -71,11 +78,19 @@ def shortest_path(
         ValueError: If the robot doesn't fit at start or goal, or a shape is malformed.
     """
     source, target = _point(start, "start"), _point(goal, "goal")
-    room = _common_room(free_space(circles, polygons, border, radius=radius), source, target)
-    if room is None:
-        return Path(math.inf, np.empty((0, 2)))
-    points = _search(_triangulate(room, source, target))
-    return Path(float(np.hypot(*np.diff(points, axis=0).T).sum()), points)
+    inside, obstacles = _grown(circles, polygons, border, radius)
+    detour = shapely.distance(obstacles, source) + shapely.distance(obstacles, target)
+    reach = FIRST_REACH * source.distance(target)
+    while True:
+        near = obstacles[detour <= reach]
+        room = _common_room(_free(inside, near), source, target)
+        if room is None:
+            return Path(math.inf, np.empty((0, 2)))
+        points = _search(_triangulate(room, source, target))
+        length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+        if length <= reach or len(near) == len(obstacles):
+            return Path(length, points)
+        reach = max(length, REACH_GROWTH * reach)
 
 
 def reachable(
@@ -100,14 +115,25 @@ def free_space(
     Its boundary is between 0.99 and 1 radii from the nearest obstacle, to the grid of a micrometre: the grown obstacles
     are polygons inside the true ones. Circles of over 50 times the robot's radius may come out 0.01 % smaller.
     """
+    return _free(*_grown(circles, polygons, border, radius))
+
+
+def _grown(
+    circles: ArrayLike, polygons: Sequence[Sequence[ArrayLike]], border: ArrayLike, radius: float
+) -> tuple[shapely.Geometry, NDArray[np.object_]]:
+    """Return the world shrunk by the radius, and the obstacles (n,) grown by it."""
     if not 0.0 <= radius < math.inf:
         raise ValueError(f"radius must be finite and not negative, got {radius}")
     growth = radius * (1.0 - SLACK)
     solids = np.array([_polygon(rings, f"polygon {i}") for i, rings in enumerate(polygons)], dtype=object)
-    grown = shapely.buffer(solids, growth, quad_segs=CORNER_SEGMENTS)
-    obstacles = shapely.union_all(np.concatenate([grown, _grow_circles(circles, growth)]))
-    inside = shapely.buffer(_polygon([border], "border"), -growth, quad_segs=CORNER_SEGMENTS)
-    return shapely.difference(inside, obstacles, grid_size=GRID)
+    obstacles = np.concatenate(
+        [shapely.buffer(solids, growth, quad_segs=CORNER_SEGMENTS), _grow_circles(circles, growth)]
+    )
+    return shapely.buffer(_polygon([border], "border"), -growth, quad_segs=CORNER_SEGMENTS), obstacles
+
+
+def _free(inside: shapely.Geometry, obstacles: NDArray[np.object_]) -> shapely.Geometry:
+    return shapely.difference(inside, shapely.union_all(obstacles), grid_size=GRID)
 
 
 def _grow_circles(circles: ArrayLike, growth: float) -> NDArray[np.object_]:

@@ -252,6 +252,16 @@ def test_a_path_to_where_one_stands_is_zero_long() -> None:
     assert shortest_path(NO_CIRCLES, SLAB, ROOM, (0.0, 0.0), (0.0, 0.0), radius=0.5).length == 0.0
 
 
+def test_what_stands_far_from_the_straight_line_is_in_the_way_of_a_long_detour() -> None:
+    wall: Rings = [box(4.0, -9.0, 6.0, 6.0)]
+    longer: Rings = [box(4.0, 6.0, 6.0, 11.0)]
+    apart: Rings = [box(-2.0, -11.0, -1.0, 11.0)]
+    over, under = (2.0 * math.hypot(4.0, end) + 2.0 for end in (6.0, 9.0))
+    for polygons, length in (([wall], over), ([wall, apart], over), ([wall, longer], under)):
+        path = shortest_path(NO_CIRCLES, polygons, ROOM, (0.0, 0.0), (10.0, 0.0), radius=0.0)
+        assert path.length == pytest.approx(length, abs=SMALL)
+
+
 def test_a_point_robot_walks_half_around_a_circle_from_its_rim() -> None:
     length = shortest_path([(5.0, 5.0, 1.0)], [], box(0.0, 0.0, 10.0, 10.0), (4.0, 5.0), (6.0, 5.0), radius=0.0).length
     assert length == pytest.approx(math.pi, rel=1e-4)
