@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
+from test_ros_map import write_map
+
 from bug_gym.agents.model_folder import TRAINED_FOLDER, read_config, trained_names
+from bug_gym.config import load
+from bug_gym.evaluation import evaluate
 from bug_gym.reproductions import learned, ppo_curve, reproduction
 from bug_gym.reproductions.result import Settings
+from bug_gym.reproductions.scripted_and_learned import ROBOT, real_maps
+from bug_gym.ros_map import FREE, OCCUPIED
 
 
 def test_held_out_results_are_those_that_the_card_of_the_model_tells() -> None:
@@ -44,6 +53,24 @@ def test_learned_and_scripted_policies_stand_in_one_table_and_misfits_are_left_o
         ("go_to_goal", "tangent_bug"),
         ("ppo_dynamic", "tangent_bug"),
     ]
+
+
+def test_maps_in_a_folder_are_driven_in_too(tmp_path: Path) -> None:
+    for name, corner in (("a", 20), ("b", 60)):
+        cells = np.full((120, 140), FREE)
+        cells[corner : corner + 20, 50:70] = OCCUPIED
+        write_map(tmp_path, cells, name)
+    (tmp_path / "notes.yaml").write_text("image: none.pgm\n")
+    maps = real_maps(tmp_path)
+    assert list(maps) == ["map a", "map b"]
+    for source, changes in maps.values():
+        rows = evaluate(["tangent_bug"], load(source, {**ROBOT, **changes}), episodes=2)
+        assert all(row.success for row in rows)
+
+
+def test_a_folder_without_maps_is_refused_before_anything_is_driven(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="maps of ROS's map_server"):
+        reproduction("scripted-and-learned")(Settings(seeds=1, policies=("go_to_goal",), data=tmp_path))
 
 
 @pytest.mark.slow

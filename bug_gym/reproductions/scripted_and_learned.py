@@ -1,13 +1,14 @@
 """Scripted beside learned policies in the same worlds: those that the models were trained in, and others.
 
 Every scenario has the robot of the shipped models, so that all can drive in all of them; only where the scanner itself
-is changed the models are left out.
+is changed the models are left out. With a folder of maps of ROS's map_server (`--data`) these are driven in, too.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from bug_gym.collisions import KINDS, contact
@@ -28,7 +29,9 @@ ROBOT: dict[str, Any] = {
     "lidar.range": 5.0,
     "lidar.noise": 0.01,
 }
-SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
+Described = tuple[str | dict[str, Any], dict[str, Any]]
+"""A scenario and what is changed in it."""
+SCENARIOS: dict[str, Described] = {
     "static": ("static", {}),
     "dynamic": ("dynamic", {}),
     "moving_target": ("moving_target", {}),
@@ -42,31 +45,56 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "rooms": ("rooms", {}),
     "u_trap": ("u_trap", {"world.rotation": "random", "time.limit": 120.0}),
 }
-"""By label: the scenario and what is changed in it. Models were trained in the first four."""
+"""By label. Models were trained in the first four."""
+
+
+def real_maps(folder: Path) -> dict[str, Described]:
+    """The maps of ROS's map_server in a folder and those below it, by label.
+
+    Raises:
+        ValueError: none there.
+    """
+    found = sorted(path for path in folder.rglob("*.yaml") if path.with_suffix(".pgm").exists())
+    if not found:
+        raise ValueError(f"expected with --data a folder with maps of ROS's map_server (.yaml and .pgm), got {folder}")
+    return {f"map {path.stem}": ({"world": map_world(path), "time": {"limit": 120.0}}, {}) for path in found}
+
+
+def map_world(path: Path) -> dict[str, Any]:
+    """The world of a map: what is known to be free of it, start and goal not too near to each other."""
+    return {"family": "ros_map", "path": str(path), "unknown_is_wall": True, "separation": 3.0}
 
 
 def reproduce(settings: Settings) -> Reproduction:
-    """Drive all policies through all scenarios."""
+    """Drive all policies through all scenarios.
+
+    Raises:
+        ValueError: a folder of data without maps.
+    """
     from bug_gym.agents.model_folder import trained_names
 
+    scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
     policies = list(settings.policies or (*SCRIPTED, *trained_names()))
     worlds = settings.seeds or WORLDS
     suite = {
         "name": "scripted-and-learned",
         "seeds": {"count": worlds},
         "scenarios": [
-            {"scenario": name, "label": label, "overrides": {**ROBOT, **changes}}
-            for label, (name, changes) in SCENARIOS.items()
+            {"scenario": source, "label": label, "overrides": {**ROBOT, **changes}}
+            for label, (source, changes) in scenarios.items()
         ],
     }
     rows = evaluate(policies, suite, workers=settings.workers, progress=settings.progress)
-    summaries = [summary for summary in summarise(rows, resamples=500) if summary.scenario in SCENARIOS]
-    hits = {label: {policy: _kinds(rows, label, policy) for policy in policies} for label in SCENARIOS}
-    differences = _differences(rows, policies) if BASELINE in policies else []
+    summaries = [summary for summary in summarise(rows, resamples=500) if summary.scenario in scenarios]
+    hits = {
+        label: {policy: _kinds(rows, label, policy, described) for policy in policies}
+        for label, described in scenarios.items()
+    }
+    differences = _differences(rows, list(scenarios), policies) if BASELINE in policies else []
     return Reproduction(
         "scripted-and-learned",
         [
-            *(_table(label, [s for s in summaries if s.scenario == label], hits[label]) for label in SCENARIOS),
+            *(_table(label, [s for s in summaries if s.scenario == label], hits[label]) for label in scenarios),
             _paired_table(differences),
         ],
         [f"{worlds} worlds a scenario, the same for all; SPL where the goal stands; times of successes."],
@@ -79,10 +107,10 @@ def reproduce(settings: Settings) -> Reproduction:
     )
 
 
-def _kinds(rows: Sequence[EpisodeRow], label: str, policy: str) -> dict[str, int]:
+def _kinds(rows: Sequence[EpisodeRow], label: str, policy: str, described: Described) -> dict[str, int]:
     """How often a policy ran into what; each collision is driven again to see it."""
-    name, changes = SCENARIOS[label]
-    scenario = load(name, {**ROBOT, **changes})
+    source, changes = described
+    scenario = load(source, {**ROBOT, **changes})
     found: Counter[str] = Counter()
     for row in rows:
         if (row.scenario, row.policy, row.outcome) != (label, policy, "collision"):
@@ -98,10 +126,10 @@ def _kinds(rows: Sequence[EpisodeRow], label: str, policy: str) -> dict[str, int
     return {kind: found[kind] for kind in KINDS if found[kind]}
 
 
-def _differences(rows: Sequence[EpisodeRow], policies: Sequence[str]) -> list[dict[str, Any]]:
+def _differences(rows: Sequence[EpisodeRow], labels: Sequence[str], policies: Sequence[str]) -> list[dict[str, Any]]:
     """Success of each other policy minus the baseline's, by scenario, in the same worlds."""
     found = []
-    for label in SCENARIOS:
+    for label in labels:
         mine = {policy: [row for row in rows if (row.scenario, row.policy) == (label, policy)] for policy in policies}
         for policy in policies:
             if policy != BASELINE and mine[policy]:
