@@ -3,7 +3,7 @@
 A complete algorithm arrives where there is a way, and says "unreachable" where there is none (Lumelsky and Stepanov
 1987). Whether there is one is asked of the configuration space, made with shapely: where the robot's centre may be, at
 its radius and at the clearance. No world is drawn in which the two answer differently or differ in their gaps: a gap
-between twice the radius and twice the clearance may count either way. The incomplete algorithms must come to an end,
+between twice the radius and twice the clearance may count either way. Nor are there needles that a scanner misses. The incomplete algorithms must come to an end,
 and must not call a goal unreachable that isn't.
 """
 
@@ -45,6 +45,8 @@ MARGIN = 0.1
 """By how much the places nearest to a goal must be nearer, or farther away, than the goal's radius [m]."""
 SPARE = 0.02
 """No gap is wider than twice the radius less this and narrower than twice the clearance and this [m]."""
+THIN, HIDDEN = 0.005, 0.05
+"""How thin half a needle is that stands unseen between two beams near the robot, and how long such a tip may be [m]."""
 PLACES = 30
 """Starts and goals tried in a drawn world before the next one is drawn."""
 
@@ -93,7 +95,7 @@ def field(rng: Rng) -> Solids:
         polygon = shapely.Polygon(star(place, size * rng.uniform(0.3, 1.0, 7), rng))
         if rng.random() < 0.5:
             add_circle(circles, walls, (*place.tolist(), float(size)))
-        elif polygon.is_valid and is_apart(polygon, circles, walls):
+        elif polygon.is_valid and is_seen(polygon) and is_apart(polygon, circles, walls):
             walls = walls.union(polygon)
     return Solids(circles, walls)
 
@@ -132,6 +134,12 @@ def add_circle(circles: list[Circle], walls: shapely.Geometry, circle: Circle) -
     x, y, radius = circle
     if is_apart(shapely.Point(x, y).buffer(radius, quad_segs=32), circles, walls):
         circles.append(circle)
+
+
+def is_seen(polygon: shapely.Polygon) -> bool:
+    """Whether a polygon has no needles: a scanner of 360 beams misses their tips, and no algorithm knows of them."""
+    thick = polygon.buffer(-THIN).buffer(THIN)
+    return all(thick.distance(shapely.Point(corner)) <= HIDDEN for corner in polygon.exterior.coords)
 
 
 def is_apart(solid: shapely.Geometry, circles: Iterable[Circle], walls: shapely.Geometry) -> bool:
