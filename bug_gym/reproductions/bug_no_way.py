@@ -3,8 +3,8 @@
 A complete algorithm arrives where there is a way, and says "unreachable" where there is none (Lumelsky and Stepanov
 1987). Whether there is one is asked of the configuration space, made with shapely: where the robot's centre may be, at
 its radius and at the clearance. No world is drawn in which the two answer differently or differ in their gaps: a gap
-between twice the radius and twice the clearance may count either way. Nor are there needles that a scanner misses. The incomplete algorithms must come to an end,
-and must not call a goal unreachable that isn't.
+between twice the radius and twice the clearance may count either way. Nor are there needles that a scanner misses. The
+incomplete algorithms must come to an end, and must not call a goal unreachable that isn't.
 """
 
 from __future__ import annotations
