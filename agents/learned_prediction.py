@@ -5,7 +5,6 @@ They answer what BugGym/Prediction-v0 asks. The shipped ones lie in agents/train
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from bug_gym.observation import Sensors
 
-from .model_folder import TRAINED_FOLDER, open_graph
+from .model_folder import TRAINED_FOLDER, open_graph, read_record
 from .prediction import Prediction, place_deviation
 from .prediction_features import HORIZONS, WIDTH, decode, encode
 from .tracking import Tracks
@@ -55,11 +54,16 @@ class LearnedPredictor:
         if len(moving):
             movers = tracks.select(moving)
             features = encode(movers, self.sensors.angles, self.sensors.range)
-            (answers,) = self._session.run(None, {"observation": features})
-            places[moving] = decode(answers, movers, times)
+            places[moving] = decode(self.answer(features), movers, times)
             grown = np.interp(times, np.concatenate([[0.0], HORIZONS]), self._errors)
             spread[moving] = np.hypot(spread[moving], grown)
         return Prediction(places, spread)
+
+    def answer(self, features: NDArray[np.float32]) -> NDArray[np.floating]:
+        """Answers (n, ANSWERS) for what is told of n movers (n, WIDTH)."""
+        (answers,) = self._session.run(None, {"observation": features})
+        answered: NDArray[np.floating] = answers
+        return answered
 
 
 def read_config(folder: Path) -> dict[str, Any]:
@@ -69,14 +73,7 @@ def read_config(folder: Path) -> dict[str, Any]:
         ValueError: it is missing, damaged, or of a predictor that is told other things.
     """
     path = folder / CONFIG
-    try:
-        config: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise ValueError(f"no trained predictor in {folder}: it has no {CONFIG}") from None
-    except ValueError as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
-    if missing := {"width", "horizons", "errors", "sha256"} - config.keys():
-        raise ValueError(f"{path} is damaged: it lacks {', '.join(sorted(missing))}")
+    config = read_record(path, "predictor", {"width", "horizons", "errors", "sha256"})
     if config["width"] != WIDTH or config["horizons"] != HORIZONS.tolist():
         raise ValueError(f"{path} is of a predictor that is told {config['width']} numbers, expected {WIDTH}")
     return config

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Set
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +35,29 @@ def read_config(folder: Path) -> dict[str, Any]:
     Raises:
         ValueError: it is missing or damaged.
     """
-    path = folder / CONFIG
+    return read_record(folder / CONFIG, "policy", {"name", "robot", "history", "sha256"})
+
+
+def read_record(path: Path, kind: str, required: Set[str]) -> dict[str, Any]:
+    """What the JSON file of something trained says.
+
+    Args:
+        path: of the file.
+        kind: "policy" or "predictor".
+        required: keys that it has to have.
+
+    Raises:
+        ValueError: it is missing or damaged.
+    """
     try:
-        config: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
-        raise ValueError(f"no trained policy in {folder}: it has no {CONFIG}") from None
+        raise ValueError(f"no trained {kind} in {path.parent}: it has no {path.name}") from None
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
-    if missing := {"name", "robot", "history", "sha256"} - config.keys():
+    if missing := required - record.keys():
         raise ValueError(f"{path} is damaged: it lacks {', '.join(sorted(missing))}")
-    return config
+    return record
 
 
 def sha256(data: bytes) -> str:

@@ -183,15 +183,14 @@ def _curve_lines(runs: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def load_weights(folder: str | Path, model: BaseAlgorithm) -> None:
-    """Give a model of the same settings the weights of a trained one.
+def load_weights(path: Path, network: torch.nn.Module) -> None:
+    """Give a network the weights of a trained one of the same layers.
 
     Raises:
         ValueError: the file is missing or damaged, or of another network.
     """
-    path = Path(folder) / WEIGHTS
     try:
-        model.policy.load_state_dict(load_file(path))
+        network.load_state_dict(load_file(path))
     except (OSError, SafetensorError, RuntimeError) as error:
         raise ValueError(f"{path} cannot be read into this network: {error}") from None
 

@@ -6,13 +6,15 @@ velocity that a filter gives a still thing is noise.
 
 from __future__ import annotations
 
-import difflib
 import importlib
+import os
+from pathlib import Path
 from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.config import nearest_hint
 from bug_gym.observation import Sensors
 
 from .tracking import Tracks
@@ -132,15 +134,17 @@ def make_predictor(name: str, sensors: Sensors) -> Predictor:
     """Make a predictor.
 
     Args:
-        name: one of `predictor_names()`.
+        name: one of `predictor_names()`, or the path of a folder that prediction_training wrote.
         sensors: what a driver knows of the robot whose tracks are predicted.
 
     Raises:
         ValueError: no such predictor; the message offers the nearest name.
     """
+    if "/" in name or os.sep in name:
+        learned = importlib.import_module(".learned_prediction", __package__)
+        return cast(Predictor, learned.LearnedPredictor(sensors, Path(name).expanduser()))
     if name not in PREDICTORS:
-        near = difflib.get_close_matches(name, PREDICTORS, n=1, cutoff=0.4)
-        hint = f", did you mean {near[0]!r}?" if near else ""
+        hint = nearest_hint(name, PREDICTORS)
         raise ValueError(f"unknown predictor {name!r}{hint} (known: {', '.join(PREDICTORS)})")
     module, class_name = PREDICTORS[name].split(":")
     predictor = getattr(importlib.import_module(f".{module}", __package__), class_name)

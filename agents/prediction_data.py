@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,6 +118,23 @@ def street(seed: int) -> Scenario:
             },
         }
     )
+
+
+def crossing(path: Path) -> Scenario:
+    """A street of recorded pedestrians that a robot has to cross."""
+    return load(
+        {
+            "name": path.stem,
+            "robot": {"kinematics": "holonomic", "radius": 0.25, "max_speed": 1.5},
+            "lidar": {"beams": 180, "range": 10.0, "noise": 0.01},
+            "world": {"family": "replay", "path": str(path.absolute())},
+        }
+    )
+
+
+def world_of(source: str | Path, seed: int) -> Scenario:
+    """A world of a law or STREET, or a crossing of the pedestrians of a file."""
+    return crossing(source) if isinstance(source, Path) else law_world(source, seed)
 
 
 def _with_law(scenario: Scenario, law: str, seed: int, rng: Rng) -> Scenario:

@@ -1,20 +1,23 @@
-"""Training of learned predictors: by reinforcement (PPO of stable-baselines3), and the same network by supervision.
+"""Training of learned predictors: by reinforcement, and the same network by supervision.
 
-Both see the same samples of the same worlds (prediction_data), and both are judged by the same cost: the distance of
-the predicted from the true place at each horizon, over what the Kalman filter's is there. The one learns from the
-reward of the answers that it tried (a contextual bandit: an episode is one answer), the other from the cost's
-gradient. The model that did best in the validation worlds is kept.
+All see the same samples of the same worlds (prediction_data), and all are judged by the same cost: the distance of
+the predicted from the true place at each horizon, over what the Kalman filter's is there. Reinforcement learns from the
+costs of the answers that it tried (a contextual bandit: an episode is one answer), supervision from the cost's
+gradient. There are two of the first kind: PPO of stable-baselines3, whose baseline is a network's, and REINFORCE
+(Williams 1992) with many answers tried to each question, in pairs to either side of the network's own, so that what
+both have in common cancels. The model that did best in the validation worlds is kept.
 
-    python -m bug_gym.agents.prediction_training rl --out results/rl_predictor
+    python -m bug_gym.agents.prediction_training reinforce --out results/rl_predictor
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -28,7 +31,7 @@ from safetensors.torch import save
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 from torch import nn
 
 from bug_gym.benchmark import machine
@@ -36,9 +39,9 @@ from bug_gym.clips import replaced_when_done
 from bug_gym.held_out import TRAINING_SEEDS, VALIDATION_SEEDS
 
 from .learned_prediction import CONFIG, GRAPH, WEIGHTS
-from .model_folder import sha256
-from .models import write_graph
-from .prediction_data import LAWS, STREET, Samples, law_world, samples_of
+from .model_folder import read_record, sha256
+from .models import load_weights, write_graph
+from .prediction_data import LAWS, STREET, Samples, samples_of, world_of
 from .prediction_features import (
     ANSWERS,
     HORIZONS,
@@ -50,6 +53,7 @@ from .prediction_features import (
     mirrored_answers,
     mirrored_features,
 )
+from .sb3 import ArrayVecEnv
 
 PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")
 """Packages whose versions are kept with a model."""
@@ -59,22 +63,28 @@ PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")
 class PredictorSettings:
     """How a predictor is trained."""
 
-    kind: Literal["rl", "supervised"]
-    """By PPO, or by the cost's gradient."""
+    kind: Literal["ppo", "reinforce", "supervised"]
+    """By PPO, by REINFORCE, or by the cost's gradient."""
     worlds: int = 600
-    """Training worlds of each motion law."""
+    """Training worlds of each motion law, or crossings of the recorded pedestrians."""
     validation_worlds: int = 25
-    """Validation worlds of each motion law."""
-    hidden: tuple[int, ...] = (128, 128)
-    """Widths of the network's layers."""
+    """The same for validation."""
+    real: Path | None = None
+    """Recorded pedestrians to learn from instead of the laws."""
+    start_from: Path | None = None
+    """Folder of a predictor whose weights it begins with; None: from scratch."""
+    hidden: tuple[int, ...] = (256, 256)
+    """Widths of the network's layers; `train` takes those of `start_from` where there is one."""
     seed: int = 0
     """Of the weights, the order of the samples, and PPO's noise."""
-    epochs: int = 8
-    """Times that supervision goes through the samples, each of them as it is and mirrored."""
+    epochs: int = 5
+    """Times that the samples are gone through, each of them as it is and mirrored; not by PPO."""
     batch: int = 2048
-    """Samples of one of supervision's gradients."""
+    """Samples of a gradient; not PPO's."""
     rate: float = 1e-3
-    """Supervision's learning rate at first; it falls to 0 as a cosine."""
+    """Learning rate at first; it falls to 0, for PPO linearly, else as a cosine."""
+    tries: int = 16
+    """Answers that REINFORCE tries to a question."""
     answers: int = 8_000_000
     """Answers that PPO tries."""
     rows: int = 4096
@@ -85,18 +95,38 @@ class PredictorSettings:
     """Answers of one of PPO's gradients."""
     ppo_epochs: int = 2
     """Times that an update of PPO goes through its answers."""
-    ppo_rate: float = 1e-3
-    """PPO's learning rate at first; it falls to 0 linearly."""
     log_std: float = -2.5
-    """Logarithm of the noise of PPO's answers at first, of each number."""
+    """Logarithm of the noise of tried answers at first, of each number; PPO learns it."""
+    last_log_std: float = -4.0
+    """The same at the end of REINFORCE."""
+
+    @property
+    def sources(self) -> tuple[str | Path, ...]:
+        """What it learns from, as prediction_data.world_of takes it."""
+        return (*LAWS, STREET) if self.real is None else (self.real,)
 
 
-def gather(first_seed: int, worlds: int, *, workers: int = 1) -> Samples:
-    """The samples of `worlds` worlds of each law, and of as many streets."""
-    seeds = range(first_seed, first_seed + worlds)
-    asked = [(law, seed) for seed in seeds for law in LAWS] + [(STREET, seed) for seed in seeds]
-    found = Parallel(n_jobs=workers)(delayed(samples_of)(law_world(law, seed), seed) for law, seed in asked)
+def gather(sources: Sequence[str | Path], seeds: Sequence[int], *, workers: int = 1) -> Samples:
+    """The samples of a world of each source (see prediction_data.world_of) and seed.
+
+    Raises:
+        ValueError: not one mover was tracked in them.
+    """
+    asked = [(source, seed) for seed in seeds for source in sources]
+    found = Parallel(n_jobs=workers)(delayed(samples_of)(world_of(source, seed), seed) for source, seed in asked)
+    if not any(len(samples.features) for samples in found):
+        raise ValueError(f"nothing was tracked in {len(asked)} worlds of {', '.join(map(str, sources))}")
     return Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def gather_for(settings: PredictorSettings, *, workers: int = 1) -> tuple[Samples, Samples]:
+    """The samples of a training and of its validation."""
+    training = range(TRAINING_SEEDS, TRAINING_SEEDS + settings.worlds)
+    validation = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.validation_worlds)
+    return (
+        gather(settings.sources, training, workers=workers),
+        gather(settings.sources, validation, workers=workers),
+    )
 
 
 def with_mirrored(samples: Samples) -> Samples:
@@ -107,7 +137,7 @@ def with_mirrored(samples: Samples) -> Samples:
     )
 
 
-class AnswerVecEnv(VecEnv):
+class AnswerVecEnv(ArrayVecEnv):
     """Samples as episodes of one step: the action is the answer, the reward by how much it beats the Kalman filter's.
 
     Args:
@@ -148,24 +178,10 @@ class AnswerVecEnv(VecEnv):
     def close(self) -> None:
         """Nothing is held."""
 
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of this env, once for each row."""
-        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of this env."""
-        setattr(self, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Always an AttributeError: the rows are rows of arrays."""
-        raise AttributeError(f"a row of {type(self).__name__} has no method {method_name!r}")
-
     def env_is_wrapped(
         self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Never."""
+        """Never: infos hold nothing."""
         return [False for _ in self._get_indices(indices)]
 
 
@@ -229,35 +245,77 @@ class Curve:
             self.best = {name: value.detach().clone() for name, value in self.model.state_dict().items()}
 
 
-def train_supervised(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
-    """Train by the gradient of the cost."""
+Loss = Callable[[torch.Tensor, torch.Tensor, float], torch.Tensor]
+"""Of the network's answers and the right ones (n, ANSWERS), after a share of the training."""
+
+
+def descend(settings: PredictorSettings, training: Samples, validation: Samples, loss: Loss) -> tuple[Answering, Curve]:
+    """Train by the gradient of a loss."""
     torch.manual_seed(settings.seed)
     model = Answering(network(settings.hidden))
+    if settings.start_from is not None:
+        load_weights(settings.start_from / WEIGHTS, model)
     data = with_mirrored(training)
     features, answers = torch.from_numpy(data.features), torch.from_numpy(data.answers)
-    batches = len(features) // settings.batch
+    batch = min(settings.batch, len(features))
+    batches = len(features) // batch
     optimizer = torch.optim.Adam(model.parameters(), settings.rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs * batches)
+    steps = settings.epochs * batches
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     curve = Curve(model, validation)
     curve.add(0)
     for epoch in range(1, settings.epochs + 1):
-        for chosen in torch.randperm(len(features))[: batches * settings.batch].reshape(batches, -1):
-            loss = torch_cost(model.layers(features[chosen]), answers[chosen])
+        for chosen in torch.randperm(len(features))[: batches * batch].reshape(batches, -1):
             optimizer.zero_grad()
-            torch.autograd.backward(loss)
+            torch.autograd.backward(loss(model.layers(features[chosen]), answers[chosen], schedule.last_epoch / steps))
             optimizer.step()
             schedule.step()
-        curve.add(epoch * batches * settings.batch)
+        curve.add(epoch * batches * batch)
     model.load_state_dict(curve.best)
     return model, curve
 
 
-def torch_cost(given: torch.Tensor, answers: torch.Tensor) -> torch.Tensor:
-    """The mean of prediction_features.cost_of, with a gradient."""
-    gaps = (given - answers).reshape(len(given), len(HORIZONS), 2)
-    distances = torch.sqrt(gaps.square().sum(dim=2) + 1e-12)
-    scale = TOP_SPEED * HORIZONS / KALMAN_ERRORS
-    return (distances * torch.as_tensor(scale, dtype=distances.dtype)).mean()
+def costs_at_horizons(given: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+    """The terms (..., HORIZONS) whose mean is prediction_features.cost_of, of answers (..., ANSWERS)."""
+    gaps = given - right
+    squares = gaps.square().reshape(*gaps.shape[:-1], len(HORIZONS), 2)
+    distances = torch.sqrt(squares.sum(dim=-1) + 1e-12)
+    return distances * torch.as_tensor(TOP_SPEED * HORIZONS / KALMAN_ERRORS, dtype=distances.dtype)
+
+
+def train_supervised(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
+    """Train by the gradient of the cost."""
+    return descend(settings, training, validation, lambda given, right, done: costs_at_horizons(given, right).mean())
+
+
+def train_reinforce(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
+    """Train by the costs of tried answers; their noise shrinks geometrically."""
+
+    def loss(given: torch.Tensor, right: torch.Tensor, done: float) -> torch.Tensor:
+        noise = math.exp(settings.log_std + done * (settings.last_log_std - settings.log_std))
+        slopes = tried_slopes(given.detach(), right, noise=noise, pairs=settings.tries // 2)
+        return (slopes * given).sum(dim=1).mean()
+
+    return descend(settings, training, validation, loss)
+
+
+def tried_slopes(given: torch.Tensor, right: torch.Tensor, *, noise: float, pairs: int) -> torch.Tensor:
+    """By how much the expected cost of a noisy answer grows with each number of the answer (n, ANSWERS).
+
+    It is REINFORCE's estimate, from the costs of answers on either side; what was tried at one horizon is judged by the
+    cost at that horizon.
+
+    Args:
+        given: the answers (n, ANSWERS) about which others are tried.
+        right: the right answers (n, ANSWERS), which only the costs know.
+        noise: standard deviation of each number.
+        pairs: how many pairs of answers are tried.
+    """
+    way = noise * torch.randn(pairs, *given.shape)
+    above, below = (costs_at_horizons(torch.clamp(given + sign * way, -1.0, 1.0), right) for sign in (1.0, -1.0))
+    gains = (0.5 * (above - below) / len(HORIZONS)).repeat_interleave(2, dim=-1)
+    slopes: torch.Tensor = (gains * way).mean(dim=0) / noise**2
+    return slopes
 
 
 class _Validation(BaseCallback):
@@ -275,13 +333,13 @@ class _Validation(BaseCallback):
         return True
 
 
-def train_rl(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
+def train_ppo(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
     """Train by PPO with a discount of 0: one answer, one reward."""
     env = AnswerVecEnv(with_mirrored(training), settings.rows, settings.seed)
     ppo = PPO(
         "MlpPolicy",
         env,
-        learning_rate=lambda left: settings.ppo_rate * left,
+        learning_rate=lambda left: settings.rate * left,
         n_steps=settings.rollout,
         batch_size=settings.ppo_batch,
         n_epochs=settings.ppo_epochs,
@@ -298,6 +356,8 @@ def train_rl(settings: PredictorSettings, training: Samples, validation: Samples
     policy = ppo.policy
     assert isinstance(policy, ActorCriticPolicy)
     model = Answering(nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net))
+    if settings.start_from is not None:
+        load_weights(settings.start_from / WEIGHTS, model)
     curve = Curve(model, validation)
     ppo.learn(settings.answers, callback=_Validation(curve, settings.answers // 40))
     curve.add(ppo.num_timesteps)
@@ -305,8 +365,25 @@ def train_rl(settings: PredictorSettings, training: Samples, validation: Samples
     return model, curve
 
 
-TRAININGS = {"rl": train_rl, "supervised": train_supervised}
+TRAININGS = {"ppo": train_ppo, "reinforce": train_reinforce, "supervised": train_supervised}
 """What trains by `kind`."""
+
+
+HOW = {
+    "ppo": "PPO of stable-baselines3 with a discount of 0, one answer an episode",
+    "reinforce": "REINFORCE, answers tried in pairs on either side",
+    "supervised": "supervision by the gradient of the cost",
+}
+"""What a card says of them."""
+
+
+def train(settings: PredictorSettings, out: Path, training: Samples, validation: Samples) -> None:
+    """Train a predictor and write it into a folder; one that begins with another's weights has its layers."""
+    if settings.start_from is not None:
+        begun = read_record(settings.start_from / CONFIG, "predictor", {"settings"})["settings"]
+        settings = replace(settings, hidden=tuple(begun["hidden"]))
+    model, curve = TRAININGS[settings.kind](settings, training, validation)
+    write_predictor(out, settings, model, curve, (len(training.features), len(validation.features)))
 
 
 def write_predictor(
@@ -323,36 +400,37 @@ def write_predictor(
         "horizons": HORIZONS.tolist(),
         "errors": [round(error, 4) for error in curve.best_errors.tolist()],
         "settings": asdict(settings),
-        "laws": [*LAWS, STREET],
+        "sources": [source.name if isinstance(source, Path) else source for source in settings.sources],
         "samples": {"training": samples[0], "validation": samples[1]},
         "curve": curve.points,
         "machine": machine() | {"threads": torch.get_num_threads()} | {name: version(name) for name in PACKAGES},
         "sha256": {name: sha256((folder / name).read_bytes()) for name in (GRAPH, WEIGHTS)},
     }
     with replaced_when_done(folder / CONFIG) as partial:
-        partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(record, indent=1, default=str) + "\n", encoding="utf-8")
     with replaced_when_done(folder / "card.md") as partial:
-        partial.write_text(card(record), encoding="utf-8")
+        partial.write_text(card(folder.name, record), encoding="utf-8")
 
 
-def card(record: dict[str, Any]) -> str:
+def card(name: str, record: dict[str, Any]) -> str:
     """What people want to know of a predictor, as Markdown."""
     last, settings, made_on = record["curve"][-1], record["settings"], record["machine"]
-    how = "PPO of stable-baselines3 with a discount of 0, one answer an episode" if settings["kind"] == "rl" else "Adam"
     count, tried = record["samples"], last["samples"]
+    begun = f", begun from {Path(settings['start_from']).name}" if settings["start_from"] else ""
+    each = f", {settings['tries']} answers to each" if settings["kind"] == "reinforce" else ""
     lines = [
-        f"# {settings['kind']}_predictor",
+        f"# {name}",
         "",
         "- Task: where a tracked mover will be after 0.8, 1.6, 3.2 and 4.8 s (BugGym/Prediction-v0)",
-        f"- Algorithm: {how}; layers {list(settings['hidden'])}",
-        f"- Worlds: {settings['worlds']} for training and {settings['validation_worlds']} for validation of each law of "
-        f"{', '.join(record['laws'])}; {count['training']:,} and {count['validation']:,} tracks in them",
-        f"- {tried:,} samples in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), seed "
+        f"- Algorithm: {HOW[settings['kind']]}; layers {list(settings['hidden'])}{begun}",
+        f"- Worlds: {settings['worlds']} for training and {settings['validation_worlds']} for validation of each of "
+        f"{', '.join(record['sources'])}; {count['training']:,} and {count['validation']:,} tracks in them",
+        f"- {tried:,} samples{each}, in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), seed "
         f"{settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
         f"- Made again by `python -m bug_gym.agents.prediction_training {settings['kind']} --out FOLDER`",
         "",
-        "Mean distance [m] of the predicted from the true place in the validation worlds; the first line is the Kalman "
-        "filter's, from which the training begins. Held-out results: `bug-gym reproduce predictors`.",
+        "Mean distance [m] of the predicted from the true place in the validation worlds; the first line is about the "
+        "Kalman filter's where the training begins from scratch. Held-out results: `bug-gym reproduce predictors`.",
         "",
         f"| samples | {' | '.join(f'{horizon:g} s' for horizon in record['horizons'])} |",
         "|---" * (1 + len(record["horizons"])) + "|",
@@ -370,21 +448,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=PredictorSettings.seed)
     parser.add_argument("--worlds", type=int, default=PredictorSettings.worlds, help="training worlds of each law")
     parser.add_argument("--validation-worlds", type=int, default=PredictorSettings.validation_worlds)
+    parser.add_argument("--epochs", type=int, default=PredictorSettings.epochs)
+    parser.add_argument("--rate", type=float, default=PredictorSettings.rate, help="learning rate at first")
     parser.add_argument("--answers", type=int, default=PredictorSettings.answers, help="answers that PPO tries")
+    parser.add_argument("--real", type=Path, help="recorded pedestrians (csv) to learn from instead of the laws")
+    parser.add_argument("--start-from", type=Path, help="folder of a predictor to train on")
     parser.add_argument("--threads", type=int, default=2)
-    options = parser.parse_args(arguments)
-    settings = PredictorSettings(
-        options.kind,
-        worlds=options.worlds,
-        validation_worlds=options.validation_worlds,
-        answers=options.answers,
-        seed=options.seed,
-    )
-    torch.set_num_threads(options.threads)
-    training = gather(TRAINING_SEEDS, settings.worlds, workers=options.threads)
-    validation = gather(VALIDATION_SEEDS, settings.validation_worlds, workers=options.threads)
-    model, curve = TRAININGS[settings.kind](settings, training, validation)
-    write_predictor(options.out, settings, model, curve, (len(training.features), len(validation.features)))
+    options = vars(parser.parse_args(arguments))
+    out, threads = options.pop("out"), options.pop("threads")
+    torch.set_num_threads(threads)
+    settings = PredictorSettings(**options)
+    train(settings, out, *gather_for(settings, workers=threads))
 
 
 if __name__ == "__main__":

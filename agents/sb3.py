@@ -83,7 +83,37 @@ def bound_scenario(name: str) -> str:
     return scenario
 
 
-class NavigationVecEnv(VecEnv):
+class ArrayVecEnv(VecEnv):
+    """A `VecEnv` whose rows are rows of arrays: they share its attributes, and have no methods of their own."""
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of this env, once for each row: the rows share them all."""
+        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of this env.
+
+        Raises:
+            ValueError: some rows only are meant, but they share their attributes.
+        """
+        if len(set(self._get_indices(indices))) != self.num_envs:
+            raise ValueError(f"the rows share {attr_name!r}: set it for all of them, not for {indices}")
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Always an AttributeError: the rows are rows of arrays, with no methods of their own."""
+        raise AttributeError(f"a row of {type(self).__name__} has no method {method_name!r}")
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
+        """True for Monitor, because infos hold what it would add; False for any other."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+
+class NavigationVecEnv(ArrayVecEnv):
     """`num_envs` worlds of NavigationEnv, see there for what a robot sees, does and gets; `make_vec_env` makes one.
 
     Infos are `{}` except where an episode ends; there they hold NavigationEnv's keys of the last step and
@@ -174,29 +204,3 @@ class NavigationVecEnv(VecEnv):
         """Let the threads and the pictures go."""
         self.simulation.close()
         self._pictures.close()
-
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of this env, once for each row: the rows share them all."""
-        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of this env.
-
-        Raises:
-            ValueError: some rows only are meant, but they share their attributes.
-        """
-        if len(set(self._get_indices(indices))) != self.num_envs:
-            raise ValueError(f"the rows share {attr_name!r}: set it for all of them, not for {indices}")
-        setattr(self, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Always an AttributeError: the rows are rows of arrays, with no methods of their own."""
-        raise AttributeError(f"a row of {type(self).__name__} has no method {method_name!r}")
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
-    ) -> list[bool]:
-        """True for Monitor, because infos hold what it would add; False for any other."""
-        return [wrapper_class is Monitor for _ in self._get_indices(indices)]

@@ -11,7 +11,7 @@ import json
 import os
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -34,7 +34,7 @@ from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS,
 from bug_gym.observation import Sensors
 
 from .history import with_history
-from .model_folder import CONFIG, model_folder, read_config
+from .model_folder import CONFIG, WEIGHTS, model_folder, read_config
 from .models import gather, load_weights, write_agent
 from .networks import RobotEncoding
 from .robot_model import RobotModel
@@ -177,7 +177,7 @@ def rebuild(model: str | Path) -> BaseAlgorithm:
     config = read_config(folder)
     settings = load_settings(config["settings"])
     made = make_model(settings, make_training_env(settings, config["seed"]), config["seed"])
-    load_weights(folder, made)
+    load_weights(folder / WEIGHTS, made.policy)
     return made
 
 
@@ -188,7 +188,7 @@ class Rollouts(RolloutBuffer):
         self.seed, self.rounds = seed, 0
         super().__init__(*args, **kwargs)
 
-    def get(self, batch_size: int | None = None) -> Iterator[RolloutBufferSamples]:  # type: ignore[override]
+    def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
         """All samples in a random order, in batches."""
         names = ("observations", "actions", "values", "log_probs", "advantages", "returns")
         if not self.generator_ready:
@@ -457,7 +457,7 @@ def train(
     env = make_training_env(settings, seed)
     model = make_model(settings, env, seed)
     if settings.start_from is not None:
-        load_weights(model_folder(settings.start_from), model)
+        load_weights(model_folder(settings.start_from) / WEIGHTS, model.policy)
     kept = Progress()
     path, save = folder / CHECKPOINT, None
     goes_on = isinstance(model, PPO) and path.exists()
@@ -530,17 +530,10 @@ def _bar(settings: AnySettings, *, shown: bool) -> Iterator[Callable[[int, Point
         yield lambda steps, point: None
         return
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(settings.name, total=settings.n_timesteps)
 
         def report(steps: int, point: Point | None) -> None:

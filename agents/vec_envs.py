@@ -9,8 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvWrapper
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvWrapper
 
 from bug_gym.config import Scenario
 from bug_gym.navigation_env import ActionForm, RobotSpaces
@@ -19,12 +18,12 @@ from bug_gym.world import Capacity, Snapshot
 
 from .history import TOP_SPEED, History, history_width
 from .robot_model import RobotModel
-from .sb3 import NavigationVecEnv, Saved
+from .sb3 import ArrayVecEnv, NavigationVecEnv, Saved
 
 F32 = NDArray[np.float32]
 
 
-class RobotsVecEnv(VecEnv):
+class RobotsVecEnv(ArrayVecEnv):
     """Worlds with several robots each, row n R + r = robot r of world n: one policy learns to drive them all.
 
     A robot whose run has ended starts again from its start while the others go on, until the world's time is over;
@@ -121,28 +120,8 @@ class RobotsVecEnv(VecEnv):
         """Let the threads go."""
         self.simulation.close()
 
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of this env, once for each row: the rows share them all."""
-        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of this env."""
-        setattr(self, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Always an AttributeError: the rows are rows of arrays, with no methods of their own."""
-        raise AttributeError(f"a row of {type(self).__name__} has no method {method_name!r}")
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
-    ) -> list[bool]:
-        """True for Monitor, because infos hold what it would add; False for any other."""
-        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
-
-
-class JoinedVecEnv(VecEnv):
+class JoinedVecEnv(ArrayVecEnv):
     """The rows of several flat NavigationVecEnvs, one env's after the other's.
 
     Raises:
@@ -211,18 +190,6 @@ class JoinedVecEnv(VecEnv):
         """Set an attribute of every part."""
         for part in self.parts:
             part.set_attr(attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Always an AttributeError: the rows are rows of arrays, with no methods of their own."""
-        return self.parts[0].env_method(method_name)
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
-    ) -> list[bool]:
-        """As NavigationVecEnv's."""
-        return self.parts[0].env_is_wrapped(wrapper_class) * (self.num_envs // self.parts[0].num_envs)
 
 
 FlatEnv = NavigationVecEnv | RobotsVecEnv | JoinedVecEnv

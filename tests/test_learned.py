@@ -17,6 +17,7 @@ pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `pla
 from bug_gym.agents import AGENTS, make_policy, policy_names
 from bug_gym.agents.learned import as_env_actions
 from bug_gym.agents.model_folder import TRAINED_FOLDER, read_config, trained_names
+from bug_gym.agents.robot_model import RobotModel
 from bug_gym.evaluation import evaluate, make_plan
 from bug_gym.held_out import play
 from bug_gym.kinematics import discrete_actions
@@ -123,8 +124,7 @@ def test_the_graph_computes_what_the_model_in_stable_baselines3_does(name: str) 
 
     simulation, flats = observations(scenario_of(name))
     config = read_config(TRAINED_FOLDER / name)
-    model = rebuild(name)
-    original = InTraining(model, make_policy(name, simulation).robot, config["history"])  # type: ignore[attr-defined]
+    original = InTraining(rebuild(name), RobotModel.from_dict(config["robot"]), config["history"])
     table = discrete_actions(Sensors.of(simulation.scenario).drive)
     played, mine, theirs = make_policy(name, simulation), None, None
     for flat in flats:

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("onnxruntime")
+pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
-from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor  # noqa: E402
-from bug_gym.agents.model_folder import TRAINED_FOLDER  # noqa: E402
-from bug_gym.agents.prediction import make_predictor  # noqa: E402
-from bug_gym.agents.prediction_data import displacement_errors, law_world, moments  # noqa: E402
-from bug_gym.agents.prediction_features import HORIZONS  # noqa: E402
-from bug_gym.config import load  # noqa: E402
-from bug_gym.held_out import VALIDATION_SEEDS  # noqa: E402
-from bug_gym.observation import Sensors  # noqa: E402
+from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor
+from bug_gym.agents.model_folder import TRAINED_FOLDER
+from bug_gym.agents.prediction import make_predictor
+from bug_gym.agents.prediction_data import displacement_errors, law_world, moments
+from bug_gym.agents.prediction_features import HORIZONS
+from bug_gym.config import load
+from bug_gym.held_out import VALIDATION_SEEDS
+from bug_gym.observation import Sensors
 
 SHIPPED = ("rl", "supervised")
 SENSORS = Sensors.of(load("dynamic"))

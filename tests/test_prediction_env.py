@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import bug_gym  # noqa: F401
 from bug_gym.agents.prediction_env import PredictionEnv
 from bug_gym.agents.prediction_features import ANSWERS, KALMAN_ERRORS
 

@@ -9,33 +9,37 @@ from typing import Literal, get_args
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("stable_baselines3")
-pytest.importorskip("onnxruntime")
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
-from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor  # noqa: E402
-from bug_gym.agents.model_folder import open_graph  # noqa: E402
-from bug_gym.agents.prediction_data import Samples  # noqa: E402
-from bug_gym.agents.prediction_features import ANSWERS, WIDTH, cost_of, errors_of  # noqa: E402
-from bug_gym.agents.prediction_training import (  # noqa: E402
+import torch
+
+from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor
+from bug_gym.agents.model_folder import TRAINED_FOLDER, open_graph
+from bug_gym.agents.prediction import make_predictor
+from bug_gym.agents.prediction_data import Samples
+from bug_gym.agents.prediction_features import ANSWERS, WIDTH, cost_of, errors_of
+from bug_gym.agents.prediction_training import (
     TRAININGS,
     Answering,
     AnswerVecEnv,
     Curve,
     PredictorSettings,
+    costs_at_horizons,
+    gather,
     main,
     network,
-    torch_cost,
+    tried_slopes,
     with_mirrored,
     write_predictor,
 )
-from bug_gym.config import load  # noqa: E402
-from bug_gym.observation import Sensors  # noqa: E402
+from bug_gym.config import load
+from bug_gym.observation import Sensors
 
-Kind = Literal["rl", "supervised"]
+Kind = Literal["ppo", "reinforce", "supervised"]
 KINDS = get_args(Kind)
 
-QUICK = PredictorSettings("rl", hidden=(32,), epochs=10, batch=256, answers=60_000, rows=512, rollout=1, ppo_batch=256)
+QUICK = PredictorSettings("ppo", hidden=(32,), epochs=10, batch=256, answers=60_000, rows=512, rollout=1, ppo_batch=256)
 
 
 def drifting(count: int, seed: int) -> Samples:
@@ -70,9 +74,39 @@ def test_a_network_begins_with_the_filters_answers() -> None:
 def test_the_gradients_cost_is_the_cost() -> None:
     rng = np.random.default_rng(0)
     given, right = rng.uniform(-1.0, 1.0, (2, 50, ANSWERS))
-    assert torch_cost(torch.from_numpy(given), torch.from_numpy(right)).item() == pytest.approx(
-        cost_of(errors_of(given, right)).mean()
-    )
+    costs = costs_at_horizons(torch.from_numpy(given), torch.from_numpy(right)).mean(dim=1)
+    assert costs.numpy() == pytest.approx(cost_of(errors_of(given, right)))
+
+
+def test_the_costs_of_tried_answers_tell_the_gradient() -> None:
+    torch.manual_seed(0)
+    given, right = torch.zeros(1, ANSWERS), torch.linspace(0.2, 0.5, ANSWERS)[None]
+    slopes = tried_slopes(given, right, noise=0.01, pairs=20_000)
+    given.requires_grad_()
+    (expected,) = torch.autograd.grad(costs_at_horizons(given, right).mean(), given)
+    # The estimate's deviation is about the gradient over the root of the pairs.
+    assert torch.linalg.vector_norm(slopes - expected) < 0.05 * torch.linalg.vector_norm(expected)
+
+
+def test_a_training_begins_with_the_weights_that_it_is_given(tmp_path: Path) -> None:
+    settings = replace(QUICK, kind="supervised")
+    model, curve = TRAININGS["supervised"](settings, drifting(2000, 0), drifting(500, 1))
+    write_predictor(tmp_path, settings, model, curve, (2000, 500))
+    for kind in KINDS:
+        _, further = TRAININGS[kind](
+            replace(settings, kind=kind, start_from=tmp_path, epochs=1), drifting(1000, 2), drifting(500, 1)
+        )
+        assert further.points[0]["cost"] == min(point["cost"] for point in curve.points)
+
+
+def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
+    settings = replace(QUICK, kind="supervised", epochs=1)
+    model, curve = TRAININGS["supervised"](settings, drifting(1000, 0), drifting(100, 1))
+    write_predictor(tmp_path, settings, model, curve, (1000, 100))
+    with pytest.raises(ValueError, match="cannot be read into this network"):
+        TRAININGS["supervised"](
+            replace(settings, hidden=(16,), start_from=tmp_path), drifting(100, 0), drifting(100, 1)
+        )
 
 
 def test_a_reward_is_by_how_much_the_answer_beats_the_filter() -> None:
@@ -111,6 +145,31 @@ def test_the_graph_answers_as_the_network_does(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_command_trains_and_writes_a_predictor(tmp_path: Path) -> None:
-    main(["rl", "--out", str(tmp_path), "--worlds", "1", "--validation-worlds", "1", "--answers", "16384"])
-    assert {path.name for path in tmp_path.iterdir()} >= {GRAPH, CONFIG, "card.md"}
-    assert "rl_predictor" in (tmp_path / "card.md").read_text(encoding="utf-8")
+    out = tmp_path / "own_predictor"
+    main(["ppo", "--out", str(out), "--worlds", "1", "--validation-worlds", "1", "--answers", "16384"])
+    assert {path.name for path in out.iterdir()} >= {GRAPH, CONFIG, "card.md"}
+    assert "# own_predictor" in (out / "card.md").read_text(encoding="utf-8")
+
+
+def street(path: Path, people: int) -> Path:
+    """A recording of people who walk to and fro in five lanes, each for 16 s at 1 m/s."""
+    lines = ["time_s,pedestrian,x_m,y_m"]
+    for who in range(people):
+        lines += [f"{2.0 * who + 0.4 * k:.1f},{who},{(-1) ** who * (0.4 * k - 8.0):.1f},{who % 5}" for k in range(41)]
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    return path
+
+
+def test_a_recording_is_learnt_from_with_the_same_command(tmp_path: Path) -> None:
+    out, recording = tmp_path / "own", street(tmp_path / "street.csv", 20)
+    begin = ["--real", str(recording), "--start-from", str(TRAINED_FOLDER / "rl_predictor")]
+    few = ["--worlds", "2", "--validation-worlds", "1", "--epochs", "1", "--threads", "1"]
+    main(["reinforce", "--out", str(out), *begin, *few])
+    card = (out / "card.md").read_text(encoding="utf-8")
+    assert "begun from rl_predictor" in card and "street.csv" in card
+    assert isinstance(make_predictor(f"{out}/", Sensors.of(load("dynamic"))), LearnedPredictor)
+
+
+def test_worlds_where_nothing_is_tracked_teach_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="nothing was tracked"):
+        gather([street(tmp_path / "street.csv", 20)], [])

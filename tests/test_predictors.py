@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bug_gym.reproductions import reproduction
-from bug_gym.reproductions.predictors import ASKED, TIMES, check, has_turned, summary
+from bug_gym.reproductions.predictors import ASKED, SCENES, TIMES, check, has_turned, other_scene, summary
 from bug_gym.reproductions.result import Settings
 
 NAMES = ("kalman", "rl")
@@ -58,6 +58,17 @@ def test_every_predictor_is_asked_under_every_law() -> None:
         for values in one["final"].values():
             assert all(0.0 < value["value"] < 20.0 for value in values)
     assert "no recorded pedestrians" in " ".join(result.notes)
+
+
+@pytest.mark.slow
+def test_predictors_are_trained_with_one_scene_and_asked_in_the_other(shared_data: Path) -> None:
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+    scenes = {scene: shared_data / name for scene, name in SCENES.items()}
+    found = other_scene(scenes, Settings(seeds=3))
+    assert list(found) == ["hotel", "ETH"]
+    for tested, seen in (("hotel", "ETH"), ("ETH", "hotel")):
+        names = {"supervised", "rl", f"supervised, trained on with {seen}", f"rl, trained on with {seen}"}
+        assert set(found[tested]["mean_ratio"]) == names
 
 
 def test_the_data_must_hold_the_scenes(tmp_path: Path) -> None:

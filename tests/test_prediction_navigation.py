@@ -1,0 +1,82 @@
+"""The second stage of a predictor's training: runs of HD-BUG, and the search over them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
+
+from bug_gym.agents import prediction_navigation
+from bug_gym.agents.learned_prediction import LearnedPredictor
+from bug_gym.agents.model_folder import TRAINED_FOLDER
+from bug_gym.agents.prediction_features import ANSWERS, WIDTH
+from bug_gym.agents.prediction_navigation import (
+    LAWS,
+    NUMBERS,
+    ChangedPredictor,
+    NavigationSettings,
+    Run,
+    compare,
+    drive,
+    main,
+    search,
+)
+from bug_gym.config import load
+from bug_gym.observation import Sensors
+
+FOLDER = TRAINED_FOLDER / "rl_predictor"
+SENSORS = Sensors.of(load("dynamic"))
+FEATURES = np.random.default_rng(0).uniform(-1.0, 1.0, (50, WIDTH)).astype(np.float32)
+
+
+def test_no_change_changes_no_answer() -> None:
+    changed = ChangedPredictor(SENSORS, FOLDER, np.zeros(NUMBERS))
+    assert np.array_equal(changed.answer(FEATURES), LearnedPredictor(SENSORS, FOLDER).answer(FEATURES))
+
+
+def test_a_change_scales_answers_and_shifts_what_lies_ahead() -> None:
+    numbers = np.concatenate([np.full(ANSWERS, -0.5), [0.1, 0.2, 0.3, 0.4]])
+    answers = LearnedPredictor(SENSORS, FOLDER).answer(FEATURES)
+    expected = 0.5 * answers + [0.1, 0.0, 0.2, 0.0, 0.3, 0.0, 0.4, 0.0]
+    changed = ChangedPredictor(SENSORS, FOLDER, numbers).answer(FEATURES)
+    assert changed == pytest.approx(np.clip(expected, -1.0, 1.0), abs=1e-6)
+
+
+def test_a_return_is_the_progress_less_a_collision() -> None:
+    assert Run(0.75, True, 9.0).value == -0.25
+    assert Run(1.0, False, 9.0).value == 1.0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_run_ends_the_same_again(law: str) -> None:
+    first, second = (drive(FOLDER, np.zeros(NUMBERS), law, 3) for _ in range(2))
+    assert first == second and first.progress <= 1.0 and 0.0 < first.time <= 40.1
+
+
+def test_no_change_makes_no_difference() -> None:
+    found = compare(FOLDER, np.zeros(NUMBERS), 1)
+    assert found["worlds"] == len(LAWS) and found["worlds_that_differ"] == 0
+    assert found["gain"] == {"value": 0.0, "low": 0.0, "high": 0.0} and found["before"] == found["after"]
+
+
+def test_the_search_goes_where_the_return_grows(monkeypatch: pytest.MonkeyPatch) -> None:
+    best = np.linspace(-0.3, 0.3, NUMBERS)
+
+    def run(folder: Path, change: np.ndarray, law: str, seed: int) -> Run:
+        return Run(-float(np.square(change - best).sum()), False, 1.0)
+
+    monkeypatch.setattr(prediction_navigation, "drive", run)
+    change, returns = search(FOLDER, NavigationSettings(rounds=60, pairs=20, noise=0.05))
+    assert np.linalg.norm(change - best) < 0.3 * np.linalg.norm(best)
+    assert len(returns) == 60 and returns[-1] > returns[0]
+
+
+def test_the_command_writes_what_was_found(tmp_path: Path) -> None:
+    out = tmp_path / "found.json"
+    main([str(FOLDER), "--out", str(out), "--rounds", "1", "--pairs", "1", "--validation-worlds", "1"])
+    record = json.loads(out.read_text(encoding="utf-8"))
+    assert len(record["change"]) == NUMBERS and record["validation"]["worlds"] == len(LAWS)
