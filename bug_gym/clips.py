@@ -113,7 +113,7 @@ def save_mp4(path: str | Path, frames: Iterable[Frame], fps: float) -> None:
         ValueError: no frame, frames of different sizes, or fps that is not positive.
     """
     try:
-        import imageio_ffmpeg  # type: ignore[import-untyped]  # comes with moviepy, publishes no types
+        import imageio_ffmpeg  # comes with moviepy
     except ImportError as error:
         raise ImportError("writing MP4 needs moviepy: pip install 'bug-gym[render]'") from error
     checked = same_size(frames, fps)

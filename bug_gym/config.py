@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, get_args
 
 import yaml
 from pydantic import (
@@ -414,11 +414,13 @@ class Replay(Part):
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
 
+Body = TypeVar("Body", "Mover", "Target")
+
 SAME_PLACE = 1e-6
 """Places nearer to one another than this are one [m]."""
 
 
-def _begin_of_record(data: object) -> object:
+def _begin_with_record(data: object) -> object:
     """Fills in `at` where it is left out and a record tells where a body begins."""
     if not isinstance(data, Mapping) or data.get("at") is not None:
         return data
@@ -431,11 +433,13 @@ def _begin_of_record(data: object) -> object:
     return {**data, "at": motion.place(0.0)} if isinstance(motion, Replay) else data
 
 
-def _check_begin(at: tuple[float, float] | None, motion: Part) -> None:
+def _check_begin(body: Body) -> Body:
     """Raises where a body begins elsewhere than its record says."""
+    at, motion = body.at, body.motion
     if isinstance(motion, Replay) and at is not None and math.dist(at, motion.place(0.0)) > SAME_PLACE:
         reason = f"got {list(at)}, expected {list(motion.place(0.0))}, where its record has it at 0 s, or nothing"
         raise _wrong(reason, "at")
+    return body
 
 
 Motion = Annotated[Bounce | Waypoints | RandomWalk | Crowd | Evade | Replay, Field(discriminator="law")]
@@ -466,15 +470,8 @@ class Mover(Part):
     motion: Motion
     """How it moves."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _begins_with_its_record(cls, data: object) -> object:
-        return _begin_of_record(data)
-
-    @model_validator(mode="after")
-    def _begins_where_its_record_does(self) -> Self:
-        _check_begin(self.at, self.motion)
-        return self
+    _begins_with_its_record = model_validator(mode="before")(_begin_with_record)
+    _begins_where_its_record_does = model_validator(mode="after")(_check_begin)
 
     @property
     def is_there(self) -> bool:
@@ -494,15 +491,8 @@ class Target(Part):
     room: NotNegative | None = None
     """Distance that it keeps from still obstacles [m]; none: what the robot needs to reach it."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _begins_with_its_record(cls, data: object) -> object:
-        return _begin_of_record(data)
-
-    @model_validator(mode="after")
-    def _begins_where_its_record_does(self) -> Self:
-        _check_begin(self.at, self.motion)
-        return self
+    _begins_with_its_record = model_validator(mode="before")(_begin_with_record)
+    _begins_where_its_record_does = model_validator(mode="after")(_check_begin)
 
     @model_validator(mode="after")
     def _starts_somewhere(self) -> Self:
@@ -604,6 +594,11 @@ class Family(Part):
         xmin, ymin, xmax, ymax = self.box
         if region[0] < xmin or region[1] < ymin or region[2] > xmax or region[3] > ymax:
             raise _wrong(f"got {list(region)}, expected a rectangle within bounds {list(self.box)}", key)
+
+    def _check_holds(self, needed: tuple[float, float, float, float], what: str) -> None:
+        if not self.holds_box(needed):
+            came = _shortened(list(self.bounds))
+            raise _wrong(f"got {came}, expected bounds that hold the {what}: {list(needed)}", "bounds")
 
     def _check_width(self, width: float, robot: Robot, key: str) -> None:
         if width <= 2.0 * robot.reach:
@@ -815,9 +810,7 @@ class UTrapWorld(Family):
         if self.rotation != 0.0:
             half_length = half_height = math.hypot(half_length, half_height)
         needed = (x - half_length, y - half_height, x + half_length, y + half_height)
-        if not self.holds_box(needed):
-            came = _shortened(list(self.bounds))
-            raise _wrong(f"got {came}, expected bounds that hold the trap: {list(needed)}", "bounds")
+        self._check_holds(needed, "trap")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
 
@@ -906,9 +899,7 @@ class HookWorld(Family):
         if self.rotation != 0.0:
             half *= math.sqrt(2.0)
         needed = (x - half, y - half, x + half, y + half)
-        if not self.holds_box(needed):
-            came = _shortened(list(self.bounds))
-            raise _wrong(f"got {came}, expected bounds that hold the box: {list(needed)}", "bounds")
+        self._check_holds(needed, "box")
         self._check_start(self.start, robot)
         self._check_goal(self.goal)
 

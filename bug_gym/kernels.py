@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir  # type: ignore[import-untyped]
+from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils as numba_cgutils
 from numba.extending import intrinsic
@@ -32,7 +32,6 @@ Record = Any  # of SPEC or FIELD; numba reads its fields as attributes
 # _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
 OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 Function = TypeVar("Function", bound=Callable[..., Any])
-
 
 PROCESS = uuid.uuid4().hex[:12]
 
@@ -74,11 +73,9 @@ def vectors(function: Callable[..., Any]) -> Callable[..., Any]:
 RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
 HOLONOMIC, DIFFERENTIAL = 0, 1
 STILL, BOUNCE, WAYPOINTS, RANDOM_WALK, CROWD, EVADE, REPLAY = 0, 1, 2, 3, 4, 5, 6
-CIRCLES, POLYGONS, SQUARES, MIXED = 0, 1, 2, 3
 TERMS = 6  # progress, goal, collision, step, clearance, smoothness
 BORDER = -1  # polygon number of the border's wall segments
 MAX_VERTICES = 7  # of a polygon made by place_field
-EVERY_GOAL = -1
 TERRAIN_HEADINGS, TERRAIN_RINGS, TERRAIN_STEP = 32, 16, 0.25  # samples of the ground: bearings, and distances [m]
 
 # Streams of the counter-based random numbers: one for each use, so that none shares numbers with another.
@@ -859,16 +856,23 @@ def add_still_half_planes(f: Floats, k: Integers, s: Record, b: int, lines: Floa
             distance = math.sqrt(square)
             gap = max(distance - radius - f[s.body_radius + m], 0.0)
             count = add_half_plane(lines, count, dx / distance, dy / distance, -gap / horizon)
-    count = add_wall_half_planes(
-        f, s, k[s.border_first], k[s.border_walls], x, y, radius, near, horizon, lines, count
-    )
+    count = add_wall_half_planes(f, s, k[s.border_first], k[s.border_walls], x, y, radius, near, horizon, lines, count)
     for number in range(k[s.moving_polygon_count], k[s.polygon_count]):
         p = s.discs + number
         dx, dy, limit = x - f[s.body_x + p], y - f[s.body_y + p], near + f[s.body_radius + p]
         if dx * dx + dy * dy < limit * limit:
             count = add_wall_half_planes(
-                f, s, k[s.polygon_first + number], k[s.polygon_walls + number],
-                x, y, radius, near, horizon, lines, count,
+                f,
+                s,
+                k[s.polygon_first + number],
+                k[s.polygon_walls + number],
+                x,
+                y,
+                radius,
+                near,
+                horizon,
+                lines,
+                count,
             )
     return count
 
@@ -985,9 +989,7 @@ def add_robots(
             cx, cy = body_circle(f, s, footprint, s.pose, r, c)
             if cx != x or cy != y:
                 together = f[s.body_radius + b] + footprint[c, 2] + SKIN
-                hard, soft = add_avoidance(
-                    f, s, b, cx - x, cy - y, vx, vy, together, 1.0, lines, hard, spare, soft
-                )
+                hard, soft = add_avoidance(f, s, b, cx - x, cy - y, vx, vy, together, 1.0, lines, hard, spare, soft)
     return hard, soft
 
 
@@ -1459,6 +1461,7 @@ def is_beside(footprint: Floats, c: int) -> bool:
     return bool(footprint[c, 0] != 0.0 or footprint[c, 1] != 0.0)
 
 
+NO_WALL = -1
 SWING = 1e-5  # a circle beside the robot's origin leaves the chords that stand for its way by no more than this [m]
 
 
@@ -1492,7 +1495,7 @@ def swung_circle(f: Floats, s: Record, footprint: Floats, r: int, c: int, share:
 
 
 @kernel
-def swing_to_disc(
+def swing_contact(
     f: Floats,
     s: Record,
     footprint: Floats,
@@ -1503,11 +1506,27 @@ def swing_to_disc(
     mx: float,
     my: float,
     reach: float,
+    w: int,
     end: float,
 ) -> tuple[float, float]:
-    """First contact of circle c of robot r's body with a disc that comes to (x, y) from (x - mx, y - my).
+    """First contact of circle c of robot r's body with what comes to (x, y) from (x - mx, y - my).
 
-    They touch at a distance of `reach`. Returns (fraction or NEVER, clearance [m]), both up to the fraction `end`.
+    Args:
+        f: the row's floats.
+        s: the row's record.
+        footprint: circles of the body.
+        r: the robot.
+        c: the circle, one beside the robot's origin.
+        x: place of the disc, or that from which wall w is measured [m].
+        y: the same.
+        mx: its way in this step [m].
+        my: the same.
+        reach: distance at which they touch [m].
+        w: number of the wall, or NO_WALL: it is a disc.
+        end: fraction of the step up to which it counts.
+
+    Returns:
+        Fraction of the step or NEVER, and clearance [m].
     """
     first, clearance = NEVER, math.inf
     pieces, margin = swing(f, s, footprint, r, c)
@@ -1520,47 +1539,17 @@ def swing_to_disc(
         left = 1.0 - piece / pieces
         px, py = x0 - x + mx * left, y0 - y + my * left
         ex, ey = x1 - x0 - mx / pieces, y1 - y0 - my / pieces
-        fraction = disc_contact(px, py, ex, ey, reach + margin)
+        if w == NO_WALL:
+            fraction = disc_contact(px, py, ex, ey, reach + margin)
+            gap = nearest_on_chord(px, py, ex, ey, finish)
+        else:
+            ax, ay, bx, by = f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+            fraction = wall_contact(px, py, ex, ey, ax, ay, bx, by, reach + margin)
+            gap = nearest_to_wall(px, py, ex, ey, ax, ay, bx, by, finish)
         if fraction <= finish:
             first = min(first, (piece + fraction) / pieces)
-        clearance = min(clearance, nearest_on_chord(px, py, ex, ey, finish) - reach)
+        clearance = min(clearance, gap - reach)
         x0, y0 = x1, y1
-    return first, clearance
-
-
-@kernel
-def swing_to_wall(
-    f: Floats,
-    s: Record,
-    footprint: Floats,
-    r: int,
-    c: int,
-    bx: float,
-    by: float,
-    mx: float,
-    my: float,
-    w: int,
-    end: float,
-) -> tuple[float, float]:
-    """First contact of circle c of robot r's body with wall w, which stands at (bx, by), as `swing_to_disc` has it."""
-    first, clearance = NEVER, math.inf
-    x1, y1, x2, y2 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
-    radius = footprint[c, 2]
-    pieces, margin = swing(f, s, footprint, r, c)
-    cx0, cy0 = body_circle(f, s, footprint, s.pose, r, c)
-    for piece in range(pieces):
-        finish = min(end * pieces - piece, 1.0)
-        if finish < 0.0:
-            break
-        cx1, cy1 = swung_circle(f, s, footprint, r, c, (piece + 1) / pieces)
-        left = 1.0 - piece / pieces
-        px, py = cx0 - bx + mx * left, cy0 - by + my * left
-        ex, ey = cx1 - cx0 - mx / pieces, cy1 - cy0 - my / pieces
-        fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius + margin)
-        if fraction <= finish:
-            first = min(first, (piece + fraction) / pieces)
-        clearance = min(clearance, nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, finish) - radius)
-        cx0, cy0 = cx1, cy1
     return first, clearance
 
 
@@ -1606,7 +1595,7 @@ def disc_contacts(
         for c in range(s.footprint):
             reach = f[s.body_radius + m] + footprint[c, 2]
             if is_beside(footprint, c):
-                fraction, gap = swing_to_disc(f, s, footprint, r, c, x, y, mx, my, reach, end)
+                fraction, gap = swing_contact(f, s, footprint, r, c, x, y, mx, my, reach, NO_WALL, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
             px, py, ex, ey = x0 - x + mx, y0 - y + my, nx - x0 - mx, ny - y0 - my
@@ -1649,11 +1638,11 @@ def wall_contacts(
         if gap_x * gap_x + gap_y * gap_y >= need * need:
             continue
         for c in range(s.footprint):
+            radius = footprint[c, 2]
             if is_beside(footprint, c):
-                fraction, gap = swing_to_wall(f, s, footprint, r, c, bx, by, mx, my, w, end)
+                fraction, gap = swing_contact(f, s, footprint, r, c, bx, by, mx, my, radius, w, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
-            radius = footprint[c, 2]
             fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius)
             if fraction <= end:
                 first = min(first, fraction)
@@ -2018,6 +2007,7 @@ BEST = 4 * TILE
 QUEUE = 4 * TILE
 NEAR = 13 * TILE
 
+
 def scratch_floats(beams: int) -> int:
     """Length of `scratch_f` that `cast_rays` needs."""
     return BEST + beams + 2 * LANES
@@ -2142,18 +2132,27 @@ def _gather(typingctx: Any, scratch: Any, k: Any, source: Any, index: Any, start
     return types.void(scratch, types.uint64, source, index, types.uint64, types.float64), codegen
 
 
+def _load_block(context: Any, builder: Any, signature: Any, arguments: Any, count: int) -> tuple[Any, ...]:
+    """What `_test_disc` and `_test_wall` read.
+
+    Returns the data of scratch, `count` columns of the obstacle, cosines and sines of the beams, their best values and
+    the place of these.
+    """
+    scratch, row, beam, beam_cos, beam_sin = arguments
+    data = _data(context, builder, signature.args[0], scratch)
+    columns = _columns(builder, data, row, count)
+    cos = _load(builder, _data(context, builder, signature.args[3], beam_cos), beam)
+    sin = _load(builder, _data(context, builder, signature.args[4], beam_sin), beam)
+    place = builder.add(beam, _int64(BEST))
+    return data, columns, cos, sin, _load(builder, data, place), place
+
+
 @vectors
 def _test_disc(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, beam_sin: Any) -> Any:
     """Ranges of beams beam ... beam + 7 to disc `row` (columns x, y, radius squared); the smaller one stays."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        scratch, row, beam, beam_cos, beam_sin = arguments
-        data = _data(context, builder, signature.args[0], scratch)
-        x, y, radius2 = _columns(builder, data, row, 3)
-        cos = _load(builder, _data(context, builder, signature.args[3], beam_cos), beam)
-        sin = _load(builder, _data(context, builder, signature.args[4], beam_sin), beam)
-        place = builder.add(beam, _int64(BEST))
-        best = _load(builder, data, place)
+        data, (x, y, radius2), cos, sin, best, place = _load_block(context, builder, signature, arguments, 3)
         along = builder.fadd(builder.fmul(x, cos), builder.fmul(y, sin))
         aside = builder.fsub(builder.fmul(x, sin), builder.fmul(y, cos))
         # The root of a negative number, a miss, is NaN and loses each comparison.
@@ -2178,19 +2177,11 @@ def _test_wall(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any,
     """
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        scratch, row, beam, beam_cos, beam_sin = arguments
-        data = _data(context, builder, signature.args[0], scratch)
-        ax, ay, bx, by = _columns(builder, data, row, 4)
-        cos = _load(builder, _data(context, builder, signature.args[3], beam_cos), beam)
-        sin = _load(builder, _data(context, builder, signature.args[4], beam_sin), beam)
-        place = builder.add(beam, _int64(BEST))
-        best = _load(builder, data, place)
+        data, (ax, ay, bx, by), cos, sin, best, place = _load_block(context, builder, signature, arguments, 4)
         past_a = builder.fsub(builder.fmul(ax, sin), builder.fmul(ay, cos))
         before_b = builder.fsub(builder.fmul(by, cos), builder.fmul(bx, sin))
         inverse = builder.fadd(past_a, before_b)
-        between = builder.and_(
-            builder.fcmp_ordered(">=", past_a, ZEROS), builder.fcmp_ordered(">=", before_b, ZEROS)
-        )
+        between = builder.and_(builder.fcmp_ordered(">=", past_a, ZEROS), builder.fcmp_ordered(">=", before_b, ZEROS))
         nearer = builder.and_(between, builder.fcmp_ordered(">", inverse, best))
         _store(builder, builder.select(nearer, inverse, best), data, place)
         return context.get_dummy_value()
@@ -2276,8 +2267,15 @@ def _find_near_discs(
 
 @inlined
 def _find_near_walls(
-    wall_x1: Floats, wall_y1: Floats, wall_x2: Floats, wall_y2: Floats, walls: int,
-    x: float, y: float, reach: float, index: Integers,
+    wall_x1: Floats,
+    wall_y1: Floats,
+    wall_x2: Floats,
+    wall_y2: Floats,
+    walls: int,
+    x: float,
+    y: float,
+    reach: float,
+    index: Integers,
 ) -> np.uint64:
     """Lists in index[NEAR:] the walls near the scan's circle; returns how many.
 
@@ -2297,6 +2295,12 @@ def _find_near_walls(
 
 
 @inlined
+def _padded(count: np.uint64) -> np.uint64:
+    """The multiple of eight that holds so many."""
+    return (count + np.uint64(LANES - 1)) // np.uint64(LANES) * np.uint64(LANES)
+
+
+@inlined
 def _invert(f: Floats, padded: np.uint64) -> None:
     for i in range(padded):
         f[i + np.uint64(BEST)] = 1.0 / f[i + np.uint64(BEST)]
@@ -2304,8 +2308,14 @@ def _invert(f: Floats, padded: np.uint64) -> None:
 
 @inlined
 def _prepare_discs(
-    f: Floats, index: Integers, padded: np.uint64, cos: float, sin: float,
-    first_angle: float, beams_per_rad: float, last: float,
+    f: Floats,
+    index: Integers,
+    padded: np.uint64,
+    cos: float,
+    sin: float,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
 ) -> np.int64:
     """Turns a tile of discs (x, y, radius) into the robot's frame and finds their beams; returns how many hold it."""
     around = np.int64(0)
@@ -2331,8 +2341,14 @@ def _prepare_discs(
 
 @inlined
 def _prepare_walls(
-    f: Floats, index: Integers, padded: np.uint64, cos: float, sin: float,
-    first_angle: float, beams_per_rad: float, last: float,
+    f: Floats,
+    index: Integers,
+    padded: np.uint64,
+    cos: float,
+    sin: float,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
 ) -> np.int64:
     """Turns a tile of walls into columns for `_test_wall` and finds their beams; returns how many the robot touches."""
     touched = np.int64(0)
@@ -2374,25 +2390,65 @@ def _prepare_walls(
 
 
 @inlined
-def _queue_blocks(index: Integers, k: int, first: int, count: np.uint64, end: np.uint64) -> np.uint64:
-    """Appends up to four blocks of obstacle k; returns the new end.
+def _test_block(f: Floats, is_wall: bool, k: np.uint64, beam: np.uint64, beam_cos: Floats, beam_sin: Floats) -> None:
+    """Tests eight beams against obstacle k of the tile. Which kind it is is known where this is copied to."""
+    if is_wall:
+        _test_wall(f, k, beam, beam_cos, beam_sin)
+    else:
+        _test_disc(f, k, beam, beam_cos, beam_sin)
 
-    Branch-free like `_append_near`. Obstacles have one, two or three blocks in no order that a processor foresees,
-    and each wrong guess at the end of a loop over them costs more than the tests themselves.
+
+@inlined
+def _queue_blocks(
+    f: Floats, index: Integers, is_wall: bool, k: np.uint64, end: np.uint64, beam_cos: Floats, beam_sin: Floats
+) -> np.uint64:
+    """Appends the blocks of obstacle k to the queue, or tests those of a piece of more than four; returns the new end.
+
+    Branch-free up to four, like `_append_near`. Obstacles have one, two or three blocks in no order that a processor
+    foresees, and each wrong guess at the end of a loop over them costs more than the tests themselves.
     """
-    block = first | (np.int64(k) << 32)
-    index[end] = block
-    index[end + np.uint64(1)] = block + 8
-    index[end + np.uint64(2)] = block + 16
-    index[end + np.uint64(3)] = block + 24
-    return end + count
+    for piece in range(np.uint64(0), np.uint64(4 * TILE), np.uint64(2 * TILE)):
+        first = index[k + piece]
+        blocks = np.uint64(index[k + piece + np.uint64(TILE)])
+        if blocks <= np.uint64(4):
+            if piece == np.uint64(0) or blocks > np.uint64(0):
+                block = first | (np.int64(k) << 32)
+                index[end] = block
+                index[end + np.uint64(1)] = block + 8
+                index[end + np.uint64(2)] = block + 16
+                index[end + np.uint64(3)] = block + 24
+                end += blocks
+        else:
+            for number in range(blocks):
+                _test_block(f, is_wall, k, np.uint64(first) + np.uint64(LANES) * number, beam_cos, beam_sin)
+    return end
+
+
+@inlined
+def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beam_cos: Floats, beam_sin: Floats) -> None:
+    """Tests all blocks of the queue."""
+    for m in range(np.uint64(QUEUE), end):
+        block = index[m]
+        _test_block(f, is_wall, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beam_cos, beam_sin)
 
 
 @inlined
 def _cast_discs(
-    disc_x: Floats, disc_y: Floats, disc_radius: Floats, x: float, y: float, cos: float, sin: float,
-    beam_cos: Floats, beam_sin: Floats, first_angle: float, beams_per_rad: float, last: float,
-    near: np.uint64, f: Floats, index: Integers,
+    disc_x: Floats,
+    disc_y: Floats,
+    disc_radius: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    beam_cos: Floats,
+    beam_sin: Floats,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
+    near: np.uint64,
+    f: Floats,
+    index: Integers,
 ) -> bool:
     """Lowers the beams' ranges f[BEST:] to those of the near discs; True if one of them holds the robot."""
     tile = np.uint64(TILE)
@@ -2403,31 +2459,33 @@ def _cast_discs(
             _gather(f, k, disc_x, index, at, x)
             _gather(f, k + tile, disc_y, index, at, y)
             _gather(f, k + np.uint64(2 * TILE), disc_radius, index, at, 0.0)
-        padded = (count + np.uint64(LANES - 1)) // np.uint64(LANES) * np.uint64(LANES)
-        if _prepare_discs(f, index, padded, cos, sin, first_angle, beams_per_rad, last) > 0:
+        if _prepare_discs(f, index, _padded(count), cos, sin, first_angle, beams_per_rad, last) > 0:
             return True
         end = np.uint64(QUEUE)
         for k in range(count):
-            for piece in range(np.uint64(0), np.uint64(4 * TILE), np.uint64(2 * TILE)):
-                first = index[k + piece]
-                blocks = np.uint64(index[k + piece + tile])
-                if blocks <= np.uint64(4):
-                    if piece == np.uint64(0) or blocks > np.uint64(0):
-                        end = _queue_blocks(index, k, first, blocks, end)
-                else:
-                    for block in range(blocks):
-                        _test_disc(f, k, np.uint64(first) + np.uint64(LANES) * block, beam_cos, beam_sin)
-        for m in range(np.uint64(QUEUE), end):
-            block = index[m]
-            _test_disc(f, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beam_cos, beam_sin)
+            end = _queue_blocks(f, index, False, np.uint64(k), end, beam_cos, beam_sin)
+        _test_queued(f, index, False, end, beam_cos, beam_sin)
     return False
 
 
 @inlined
 def _cast_walls(
-    wall_x1: Floats, wall_y1: Floats, wall_x2: Floats, wall_y2: Floats, x: float, y: float, cos: float, sin: float,
-    beam_cos: Floats, beam_sin: Floats, first_angle: float, beams_per_rad: float, last: float,
-    near: np.uint64, f: Floats, index: Integers,
+    wall_x1: Floats,
+    wall_y1: Floats,
+    wall_x2: Floats,
+    wall_y2: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    beam_cos: Floats,
+    beam_sin: Floats,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
+    near: np.uint64,
+    f: Floats,
+    index: Integers,
 ) -> bool:
     """Raises the beams' inverse ranges f[BEST:] to those of the near walls; True if the robot stands in one."""
     tile = np.uint64(TILE)
@@ -2439,35 +2497,39 @@ def _cast_walls(
             _gather(f, k + tile, wall_y1, index, at, y)
             _gather(f, k + np.uint64(2 * TILE), wall_x2, index, at, x)
             _gather(f, k + np.uint64(3 * TILE), wall_y2, index, at, y)
-        padded = (count + np.uint64(LANES - 1)) // np.uint64(LANES) * np.uint64(LANES)
-        if _prepare_walls(f, index, padded, cos, sin, first_angle, beams_per_rad, last) > 0:
+        if _prepare_walls(f, index, _padded(count), cos, sin, first_angle, beams_per_rad, last) > 0:
             return True
         end = np.uint64(QUEUE)
         # Sides of one polygon share beams: worked on in a row, each would wait for the other's result.
         for side in range(np.uint64(4)):
             for k in range(side, count, np.uint64(4)):
-                for piece in range(np.uint64(0), np.uint64(4 * TILE), np.uint64(2 * TILE)):
-                    first = index[k + piece]
-                    blocks = np.uint64(index[k + piece + tile])
-                    if blocks <= np.uint64(4):
-                        if piece == np.uint64(0) or blocks > np.uint64(0):
-                            end = _queue_blocks(index, k, first, blocks, end)
-                    else:
-                        for block in range(blocks):
-                            _test_wall(f, k, np.uint64(first) + np.uint64(LANES) * block, beam_cos, beam_sin)
-        for m in range(np.uint64(QUEUE), end):
-            block = index[m]
-            _test_wall(f, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beam_cos, beam_sin)
+                end = _queue_blocks(f, index, True, np.uint64(k), end, beam_cos, beam_sin)
+        _test_queued(f, index, True, end, beam_cos, beam_sin)
     return False
 
 
 @inlined
 def cast_rays(
-    disc_x: Floats, disc_y: Floats, disc_radius: Floats, discs: int,
-    wall_x1: Floats, wall_y1: Floats, wall_x2: Floats, wall_y2: Floats, walls: int,
-    x: float, y: float, heading: float,
-    beam_cos: Floats, beam_sin: Floats, first_angle: float, angle_step: float, reach: float,
-    scratch_f: Floats, scratch_i: Integers, ranges: Ranges,
+    disc_x: Floats,
+    disc_y: Floats,
+    disc_radius: Floats,
+    discs: int,
+    wall_x1: Floats,
+    wall_y1: Floats,
+    wall_x2: Floats,
+    wall_y2: Floats,
+    walls: int,
+    x: float,
+    y: float,
+    heading: float,
+    beam_cos: Floats,
+    beam_sin: Floats,
+    first_angle: float,
+    angle_step: float,
+    reach: float,
+    scratch_f: Floats,
+    scratch_i: Integers,
+    ranges: Ranges,
 ) -> None:
     """Exact ranges from (x, y) to the nearest disc or wall along each beam.
 
@@ -2510,15 +2572,42 @@ def cast_rays(
     near = _find_near_discs(disc_x, disc_y, disc_radius, discs, x, y, reach, scratch_i)
     if near > np.uint64(0):
         inside = _cast_discs(
-            disc_x, disc_y, disc_radius, x, y, cos, sin,
-            beam_cos, beam_sin, first_angle, beams_per_rad, last, near, scratch_f, scratch_i,
+            disc_x,
+            disc_y,
+            disc_radius,
+            x,
+            y,
+            cos,
+            sin,
+            beam_cos,
+            beam_sin,
+            first_angle,
+            beams_per_rad,
+            last,
+            near,
+            scratch_f,
+            scratch_i,
         )
     near = _find_near_walls(wall_x1, wall_y1, wall_x2, wall_y2, walls, x, y, reach, scratch_i)
     if near > np.uint64(0) and not inside:
         _invert(scratch_f, padded)
         inside = _cast_walls(
-            wall_x1, wall_y1, wall_x2, wall_y2, x, y, cos, sin,
-            beam_cos, beam_sin, first_angle, beams_per_rad, last, near, scratch_f, scratch_i,
+            wall_x1,
+            wall_y1,
+            wall_x2,
+            wall_y2,
+            x,
+            y,
+            cos,
+            sin,
+            beam_cos,
+            beam_sin,
+            first_angle,
+            beams_per_rad,
+            last,
+            near,
+            scratch_f,
+            scratch_i,
         )
         _invert(scratch_f, padded)
     for i in range(beams):
@@ -2528,19 +2617,16 @@ def cast_rays(
         ranges[i] = np.float32(0.0 if inside else distance)
 
 
-
 # ---------------------------------------------------------------------------------------------- noise
 # Every number is a function of a key and an index, so it can be drawn in any order, by any thread, again.
 
-PI_32 = np.float32(math.pi)
 LN_2 = np.float32(math.log(2.0))
 ROOT_2_BITS = np.int32(0x3F3504F3)  # sqrt(1/2) as the bits of a float32
 SIN_1, SIN_3, SIN_5, SIN_7, SIN_9 = (
     np.float32(c) for c in (3.14159258, -5.16770689, 2.55003138, -0.59804517, 0.07722013)
 )
 LOG_3, LOG_4, LOG_5, LOG_6, LOG_7, LOG_8, LOG_9 = (
-    np.float32(c)
-    for c in (0.33334166, -0.25001699, 0.19954873, -0.16564417, 0.14978013, -0.14379083, 0.08672227)
+    np.float32(c) for c in (0.33334166, -0.25001699, 0.19954873, -0.16564417, 0.14978013, -0.14379083, 0.08672227)
 )
 HALF_32 = np.float32(0.5)
 TWO_32 = np.float32(2.0)
@@ -3222,23 +3308,34 @@ def place_fields(floats: Floats, ints: Integers, spec: Record, field: Record, ro
 # For scripted policies: `px`, `py` (k,) are the scan's points in the robot's frame. They see no world.
 
 
+@inlined
+def way_to_point(along: float, beside: float, radius: float) -> float:
+    """How far a disc goes until it touches a point, so far ahead and so far to the side [m]; infinite: it passes."""
+    room = radius * radius - beside * beside
+    if along <= 0.0 or room <= 0.0:
+        return math.inf
+    return max(along - math.sqrt(room), 0.0)
+
+
+@kernel
+def first_contact(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> tuple[float, int]:
+    """`free_distance` along `angle`, and the number of the scan point that the disc touches there, -1 for none."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    free, contact = reach, -1
+    for i in range(px.size):
+        way = way_to_point(px[i] * cos + py[i] * sin, py[i] * cos - px[i] * sin, radius)
+        if way < free:
+            free, contact = way, i
+    return free, contact
+
+
 @kernel
 def free_distance(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> float:
     """How far a disc of `radius` can travel along `angle` before it touches a scan point, at most `reach` [m].
 
     Points beside or behind the disc's centre never block, so a robot nearer to a wall than `radius` can leave it.
     """
-    cos, sin = math.cos(angle), math.sin(angle)
-    square = radius * radius
-    free = reach
-    for i in range(px.size):
-        along = px[i] * cos + py[i] * sin
-        if along <= 0.0:
-            continue
-        lateral = py[i] * cos - px[i] * sin
-        room = square - lateral * lateral
-        if room > 0.0:
-            free = min(free, max(along - math.sqrt(room), 0.0))
+    free, _contact = first_contact(px, py, angle, radius, reach)
     return free
 
 
@@ -3247,25 +3344,6 @@ def free_distances(px: Floats, py: Floats, angles: Floats, radius: float, reach:
     """`free_distance` for each of `angles` (m,), into `result` (m,)."""
     for j in range(angles.size):
         result[j] = free_distance(px, py, angles[j], radius, reach)
-
-
-@kernel
-def first_contact(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> tuple[float, int]:
-    """`free_distance` along `angle`, and the number of the scan point that the disc touches there, -1 for none."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    square = radius * radius
-    free, contact = reach, -1
-    for i in range(px.size):
-        along = px[i] * cos + py[i] * sin
-        if along <= 0.0:
-            continue
-        lateral = py[i] * cos - px[i] * sin
-        room = square - lateral * lateral
-        if room > 0.0:
-            way = max(along - math.sqrt(room), 0.0)
-            if way < free:
-                free, contact = way, i
-    return free, contact
 
 
 @inlined
@@ -3684,18 +3762,7 @@ def link_beams(
 
 
 @inlined
-def way_to_point(along: float, beside: float, radius: float) -> float:
-    """How far a disc goes until it touches a point, so far ahead and so far to the side [m]; infinite: it passes."""
-    room = radius * radius - beside * beside
-    if along <= 0.0 or room <= 0.0:
-        return math.inf
-    return max(along - math.sqrt(room), 0.0)
-
-
-@inlined
-def way_to_wall(
-    along1: float, beside1: float, along2: float, beside2: float, radius: float
-) -> tuple[float, float]:
+def way_to_wall(along1: float, beside1: float, along2: float, beside2: float, radius: float) -> tuple[float, float]:
     """How far a disc goes until it touches the inside of a straight wall, and the share of the wall before that point.
 
     The ends of the wall are points of their own. The way is infinite where the disc touches them first, or nothing.

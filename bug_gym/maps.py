@@ -31,7 +31,6 @@ class BarnMap:
 
 BARN_START = (-2.0, 3.0, math.pi / 2.0)
 BARN_GOAL = (-2.0, 13.0)
-BARN_RADIUS = 0.075
 
 
 @lru_cache(maxsize=8)

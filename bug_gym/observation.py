@@ -308,9 +308,3 @@ class View:
         cos, sin = self._trig
         dx, dy = x - self.pose[0], y - self.pose[1]
         return cos * dx + sin * dy, cos * dy - sin * dx
-
-    def scan_in_odometry(self) -> NDArray[np.float64]:
-        """Scan points (k, 2) in the odometry frame [m]."""
-        x, y = self.points
-        cos, sin = self._trig
-        return np.column_stack([self.pose[0] + cos * x - sin * y, self.pose[1] + sin * x + cos * y])

@@ -17,7 +17,7 @@ from bug_gym import kernels
 from bug_gym.config import WeightedRegion
 from bug_gym.policy import Drawing
 from bug_gym.task import OUTCOMES
-from bug_gym.world import World, is_full_circle
+from bug_gym.world import World
 
 if TYPE_CHECKING:
     import pygame
@@ -313,7 +313,7 @@ def paint_free_area(brush: Brush, world: World, row: int, robot: int, ends: list
         for end in ends:
             brush.line([at, end], mixed(color, floor, 0.5), 0.5)
         return
-    corners = ends if is_full_circle(world.scenario) else [at, *ends]
+    corners = ends if world.scenario.lidar.is_full_circle else [at, *ends]
     if robot == 0:  # only floor lies below the first, and glass is slow
         brush.area(corners, mixed(color, floor, 0.13))
     else:

@@ -102,12 +102,15 @@ def load_ros_map(path: str) -> RosMap:
         raise ValueError(f"{source}: mode: got {data['mode']!r}, expected 'trinary'")
     if data["negate"] not in (0, 1):
         raise ValueError(f"{source}: negate: got {data['negate']!r}, expected 0 or 1")
+    free, occupied = (_number(data, key, source) for key in ("free_thresh", "occupied_thresh"))
+    if free > occupied:
+        raise ValueError(f"{source}: free_thresh: got {free:g}, expected at most occupied_thresh ({occupied:g})")
     shade = read_picture(source.parent / str(data["image"]))
     # Dark is occupied, unless the colours are negated.
     occupancy = shade if data["negate"] else 1.0 - shade
     cells = np.full(shade.shape, UNKNOWN, dtype=np.uint8)
-    cells[occupancy < _number(data, "free_thresh", source)] = FREE
-    cells[occupancy > _number(data, "occupied_thresh", source)] = OCCUPIED
+    cells[occupancy < free] = FREE
+    cells[occupancy > occupied] = OCCUPIED
     x, y, angle = map(float, origin)
     return RosMap(np.ascontiguousarray(cells[::-1]), resolution, (x, y, angle))
 

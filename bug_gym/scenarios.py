@@ -63,7 +63,6 @@ from bug_gym.floor_plans import (
 )
 from bug_gym.recordings import load_recording
 from bug_gym.ros_map import load_outlines, load_ros_map
-from bug_gym.shortest_path import free_space, reachable
 from bug_gym.world import F64, Layout, Mover, Rings, World, side_by_side
 
 Free = Callable[[float, float], bool]
@@ -575,6 +574,8 @@ def goal_room_of(world: ForestWorld | BeachWorld) -> float:
 
 def all_reachable(layout: Layout, radius: float) -> bool:
     """Whether each robot, were it a disc of some radius [m], can get to its goal."""
+    from bug_gym.shortest_path import reachable
+
     goals = np.broadcast_to(layout.goals, (len(layout.starts), 2))
     return all(
         reachable(layout.circles, layout.polygons, layout.border, start, goal, radius=radius)
@@ -594,8 +595,13 @@ def scattered(
     free = is_apart(scenario, world, start, goal, edge=gap or 0.0)
     circles = scatter(count, world.sizes, world.box, free, rng, gap=gap)
     if len(circles) < count:
-        raise ValueError(f"only {len(circles)} of {count} obstacles found a free place")
+        raise ValueError(f"only {len(circles)} of {count} obstacles found a free place{told_share(world, circles)}")
     return circles
+
+
+def told_share(world: ForestWorld | BeachWorld, circles: F64) -> str:
+    """How full a world of circles (k, 3) is, as the end of a sentence."""
+    return f"; they cover {100.0 * share_of_box(circles[:, 2], world.box):.0f} % of the world"
 
 
 def is_apart(
@@ -631,7 +637,8 @@ def pedestrians(
 
     places = scatter(world.pedestrians, (radius, radius), world.box, free, rng, gap=0.0)
     if len(places) < world.pedestrians:
-        raise ValueError(f"only {len(places)} of {world.pedestrians} pedestrians found a free place")
+        taken = told_share(world, np.concatenate([obstacles, places]))
+        raise ValueError(f"only {len(places)} of {world.pedestrians} pedestrians found a free place{taken}")
     least, most = PEDESTRIAN_LEGS
     speeds = rng.uniform(*world.speeds, len(places)).tolist()
     motions: list[Motion] = [
@@ -685,6 +692,8 @@ def map_walls(world: RosMapWorld) -> tuple[Rings, ...]:
 def map_rooms(world: RosMapWorld, radius: float) -> NDArray[np.object_]:
     """The connected parts, as shapely's polygons, of where a disc of some radius [m] may be on a map."""
     import shapely
+
+    from bug_gym.shortest_path import free_space
 
     free = free_space(np.zeros((0, 3)), map_walls(world), border_of(world), radius=radius)
     rooms: NDArray[np.object_] = shapely.get_parts(free)
@@ -895,12 +904,17 @@ def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:
 
 def covered_share(world: World, row: int) -> float:
     """Share of the bounds that the obstacles placed so far would cover, 0 to 1 (overlaps count twice)."""
-    xmin, ymin, xmax, ymax = world.scenario.world.box
     first_polygon = int(world.spec["discs"][0])
     radius = world.array("body_radius")[row]
     last_polygon = first_polygon + int(world.array("polygon_count")[row, 0])
-    circles = np.concatenate([radius[: int(world.disc_count[row])], radius[first_polygon:last_polygon]])
-    return float(np.pi * (circles**2).sum() / ((xmax - xmin) * (ymax - ymin)))
+    radii = np.concatenate([radius[: int(world.disc_count[row])], radius[first_polygon:last_polygon]])
+    return share_of_box(radii, world.scenario.world.box)
+
+
+def share_of_box(radii: F64, box: tuple[float, float, float, float]) -> float:
+    """Share of a box that discs of these radii (k,) [m] cover, 0 to 1 (overlaps count twice)."""
+    xmin, ymin, xmax, ymax = box
+    return float(np.pi * (radii**2).sum() / ((xmax - xmin) * (ymax - ymin)))
 
 
 # ---------------------------------------------------------------------------------------------- saving worlds

@@ -220,12 +220,14 @@ class World:
                 size = sizes.get(name)
                 if size is None:
                     size = bodies if name in way_of_body else by_prefix.get(name.split("_")[0], ways)
+                if name == "wall":
+                    begin = rounded_up(begin)
                 self.spec[name] = begin
                 self._places[name] = (begin, size)
                 begin += size
-            widths.append(begin)
-        self.floats: F64 = np.zeros((self.count, widths[0]))
-        self.ints: NDArray[np.int64] = np.zeros((self.count, widths[1]), dtype=np.int64)
+            widths.append(rounded_up(begin))
+        self.floats: F64 = aligned_zeros(self.count, widths[0], np.float64)
+        self.ints: NDArray[np.int64] = aligned_zeros(self.count, widths[1], np.int64)
         beams = int(self.spec["beams"][0])
         floats = kernels.scratch_floats(beams) + robots + 4 * walls
         steering = kernels.steering_floats(walls, bodies, robots * len(self.footprint)) if capacity.steered else 0
@@ -609,6 +611,22 @@ class _Reader:
         return {number: cut_into_rings(walls[first : first + count]) for number, (first, count) in spans.items()}
 
 
+ALIGNED = 16
+"""Numbers that a processor fetches from memory together: two cache lines of 64 bytes."""
+
+
+def rounded_up(count: int) -> int:
+    """The next multiple of ALIGNED."""
+    return -(-count // ALIGNED) * ALIGNED
+
+
+def aligned_zeros(rows: int, width: int, kind: type[Any]) -> NDArray[Any]:
+    """Zeros (rows, width) of eight bytes each that begin where the processor begins to fetch; so does each row."""
+    room = np.zeros(rows * width + ALIGNED, dtype=kind)
+    begin = -(room.ctypes.data // room.itemsize) % ALIGNED
+    return room[begin : begin + rows * width].reshape(rows, width)
+
+
 def region_table(regions: Sequence[WeightedRegion]) -> F64:
     """Weighted regions as the kernels read them, see kernels.REGION_HEAD: all in one row of numbers."""
     parts = [np.zeros(0)]
@@ -620,14 +638,10 @@ def region_table(regions: Sequence[WeightedRegion]) -> F64:
         rings = [np.array(ring) for ring in (region.polygon.shell, *region.polygon.holes)]
         edges = np.concatenate([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings])
         centre = 0.5 * (rings[0].min(axis=0) + rings[0].max(axis=0))
-        radius = np.hypot(*(rings[0] - centre).T).max() * (1.0 + SAME_POINT)  # a corner lies in it, whatever the rounding
+        # Each corner lies in the disc, whatever the rounding.
+        radius = np.hypot(*(rings[0] - centre).T).max() * (1.0 + SAME_POINT)
         parts.append(np.concatenate([[region.factor, *centre, radius, len(edges)], edges.ravel()]))
     return np.concatenate(parts)
-
-
-def is_full_circle(scenario: Scenario) -> bool:
-    """Whether the LIDAR looks all round."""
-    return scenario.lidar.fov >= 2.0 * math.pi - 1e-9
 
 
 def beam_angles(scenario: Scenario) -> F64:
@@ -637,7 +651,7 @@ def beam_angles(scenario: Scenario) -> F64:
     both included (a single beam looks ahead).
     """
     beams, fov = scenario.lidar.beams, scenario.lidar.fov
-    if is_full_circle(scenario):
+    if scenario.lidar.is_full_circle:
         return 2.0 * np.pi * np.arange(beams) / beams
     return np.linspace(-0.5 * fov, 0.5 * fov, beams) if beams > 1 else np.zeros(1)
 

@@ -51,7 +51,7 @@ def test_a_gif_has_all_frames_and_runs_at_the_rate(clip: list[Frame], tmp_path: 
 
 @pytest.mark.parametrize("odd", [0, 1])
 def test_an_mp4_has_all_frames_and_runs_at_the_rate(clip: list[Frame], tmp_path: Path, odd: int) -> None:
-    import imageio_ffmpeg  # type: ignore[import-untyped]  # publishes no types
+    import imageio_ffmpeg
 
     path = tmp_path / "clip.mp4"
     save_mp4(path, [frame[odd:, odd:] for frame in clip], fps=10.0)

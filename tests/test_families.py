@@ -309,8 +309,8 @@ def test_a_forest_without_a_promise_may_overlap_but_keeps_start_and_goal_clear()
         assert free_room(layout, layout.starts[0, :2]) >= 1.2 - 1e-9
 
 
-def test_a_forest_that_is_too_dense_says_how_many_trees_found_a_place() -> None:
-    with pytest.raises(ValueError, match=r"only \d+ of 60 obstacles found a free place"):
+def test_a_forest_that_is_too_dense_says_how_many_trees_found_a_place_and_how_full_it_is() -> None:
+    with pytest.raises(ValueError, match=r"only \d+ of 60 obstacles found a free place; they cover \d+ % of the world"):
         layouts_of(scenario_of("forest", trees=60, sizes=[1.0, 1.0], bounds=[-6, -6, 6, 6], separation=1.0), 1)
 
 

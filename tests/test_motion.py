@@ -589,9 +589,7 @@ def test_who_follows_a_record_is_seen_and_hit_only_from_its_first_to_its_last_ti
 
 
 def test_who_comes_in_where_a_robot_stands_touches_it_only_when_he_moves_at_it() -> None:
-    what = scenario(
-        [follower([[1.0, 1.0, 0.0], [3.0, -1.0, 0.0]])], robot={"radius": 0.2}, world={"start": [0, 0, 0]}
-    )
+    what = scenario([follower([[1.0, 1.0, 0.0], [3.0, -1.0, 0.0]])], robot={"radius": 0.2}, world={"start": [0, 0, 0]})
     simulation = begin(what)
     watch(simulation, 14)
     assert simulation.info()["outcome"][0, 0] == "running"
@@ -950,7 +948,7 @@ def play(simulation: Simulation, actions: F64) -> list[Any]:
     for action in actions:
         transition = simulation.step(action)
         result.append([array.tolist() for array in transition])
-        result.append([simulation.world.array(name)[:, : 9].tolist() for name in ("seed", "steps")])
+        result.append([simulation.world.array(name)[:, :9].tolist() for name in ("seed", "steps")])
     return result
 
 

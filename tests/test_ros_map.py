@@ -462,6 +462,10 @@ YAML_FAULTS: dict[str, tuple[dict[str, Any], str]] = {
     "another mode": ({"mode": "scale"}, "mode: got 'scale', expected 'trinary'"),
     "negate in words": ({"negate": "perhaps"}, "negate: got 'perhaps', expected 0 or 1"),
     "threshold in words": ({"free_thresh": "low"}, "free_thresh: got 'low', expected a number"),
+    "thresholds the wrong way round": (
+        {"free_thresh": 0.7},
+        "free_thresh: got 0.7, expected at most occupied_thresh (0.65)",
+    ),
     "unknown key": ({"occupied_tresh": 0.5}, "unknown key 'occupied_tresh'"),
     "missing picture": ({"image": "other.pgm"}, "other.pgm: no such picture"),
 }
