@@ -285,30 +285,37 @@ class Canvas:
     def _write_caption(self, small: pygame.Surface, note: str) -> None:
         """Above the world: whose episode it is on the left; time, outcome and note on the right."""
         world, row, outcome = self.simulation.world, self.row, self._outcome()
-        name = " · ".join(filter(None, [self.title, self.simulation.scenario.name, f"seed {world.seed[row]}"]))
+        names = [*filter(None, [self.title, self.simulation.scenario.name]), f"seed {world.seed[row]}"]
         state = [f"{world.time[row]:.1f} s", outcome if outcome != "running" else "", note]
         right = self._text(" · ".join(filter(None, state)), INK if outcome == "running" else OUTCOME_COLORS[outcome])
-        left = self._text(name, INK)
         room = self.width - 2.0 * self.margin
+        free = max(0.0, room - right.get_width() - 0.5 * self.margin)
+        left = self._text(" · ".join(names), INK)
+        # On a narrow frame the last names give way, in the end a piece of the first.
+        while left.get_width() > free and len(names) > 1:
+            names.pop()
+            left = self._text(" · ".join(names), INK)
         top = 0.5 * (self.margin - left.get_height())
-        # On a narrow frame the name gives way.
-        shown = (0, 0, max(0.0, room - right.get_width() - self.margin), left.get_height())
-        small.blit(left, (self.margin, top), shown)
+        small.blit(left, (self.margin, top), (0, 0, free, left.get_height()))
         small.blit(right, (self.margin + room - right.get_width(), top))
 
     def _write_legend(self, small: pygame.Surface, labels: Sequence[str]) -> None:
-        """Below the world: the labels of a drawing on the left, a bar for scale on the right."""
+        """Below the world: a bar for scale on the right, and the labels of a drawing for which there is room left."""
         draw, column, middle = load_pygame().draw, self.margin, self.height - 0.5 * self.margin
-        for label in labels:
-            text, radius = self._text(label, INK), 0.17 * self.margin
-            draw.circle(small, label_color(label), (column + radius, middle), radius)
-            small.blit(text, (column + 3.0 * radius, middle - 0.5 * text.get_height()))
-            column += 5.0 * radius + text.get_width()
         metres = round_length(0.15 * self.width / self.view.scale)
         text, right = self._text(f"{metres:g} m", FAINT), self.width - self.margin
         left = right - metres * self.view.scale
         draw.line(small, FAINT, (left, middle), (right, middle), max(1, round(2.0 * self.unit)))
-        small.blit(text, (left - text.get_width() - 0.25 * self.margin, middle - 0.5 * text.get_height()))
+        left -= text.get_width() + 0.25 * self.margin
+        small.blit(text, (left, middle - 0.5 * text.get_height()))
+        for label in labels:
+            text, radius = self._text(label, INK), 0.17 * self.margin
+            end = column + 3.0 * radius + text.get_width()
+            if end > left - radius:
+                return
+            draw.circle(small, label_color(label), (column + radius, middle), radius)
+            small.blit(text, (column + 3.0 * radius, middle - 0.5 * text.get_height()))
+            column = end + 2.0 * radius
 
     def _text(self, text: str, color: Color) -> pygame.Surface:
         """Text on a surface of its own."""
