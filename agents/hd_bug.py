@@ -39,7 +39,8 @@ Where the paper contradicts itself or is silent, this module decides:
 10. Deep reinforcement learning (mentioned in the conclusion): a predictor beside "none", "constant_velocity" and
    "kalman"; see prediction.py.
 11. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for
-   as far again, so that a wide region is not entered because only its near edge is known.
+   as far again, so that a wide region is not entered because only its near edge is known. What is seen or supposed from
+   nearer counts, else it would change with the heading, and the side to go round a region with it.
 12. Long bodies (section 3.1). The way is planned for the disc about the body, which can turn anywhere; where there is
    none, poses are planned (pose_planner) until there is room again.
 """
@@ -47,9 +48,8 @@ Where the paper contradicts itself or is silent, this module decides:
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,12 +58,13 @@ from bug_gym.kinematics import TURN_IN_PLACE, differential_action
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 
-from .light_area import LightArea
+from .light_area import Ladder, LightArea, density
+from .moving_goal import MovingGoal, meeting_time
 from .path_list import PathList
 from .point_map import PointMap, Search, Way
-from .pose_planner import find_poses, is_open, turn_to
+from .pose_planner import TURNING, Turns, find_poses
 from .prediction import Predictor, make_predictor
-from .roll_out import RollOut, roll_out
+from .roll_out import Movers, RollOut, Velocities, roll_out
 from .tracking import Tracker, TrackerMemory, Tracks
 
 Point = tuple[float, float]
@@ -75,11 +76,42 @@ HEADINGS, RINGS = 32, 4
 CONFIRM = 5
 """Where there was no way, every how many decisions one is looked for again."""
 
-REPLAN, REPLAN_FREED, REPLAN_TERRAIN = 50, 10, 5
-"""Steps after which the way is planned again in any case, where remembered points were taken away, and over terrain."""
+REPLAN, REPLAN_FREED, REPLAN_TERRAIN, REPLAN_POSES = 50, 10, 5, 10
+"""Steps after which the way is planned again in any case, where remembered points were taken away, and where ground was
+revised; and between two looks of a long body for a way without turns."""
 
 LEFT_NODE = 0.05
 """Nearer than this to a node of the way it is passed, in robot radii."""
+
+OFFSETS: F64 = np.radians(np.stack([np.arange(3.0, 177.0, 3.0), -np.arange(3.0, 177.0, 3.0)], axis=1).ravel())
+"""Turns away from a direction that are tried, the smallest first [rad]."""
+
+TERRAIN_SPACING = 0.25
+"""Distance between the rings of the terrain field [m]."""
+
+STILL_FOR = 10.0
+"""Nothing may have moved for so long before a goal counts as unreachable [s]."""
+
+VANISHED = 3
+"""More points than this taken away by one scan say that something moved."""
+
+GOAL_STANDS = 0.02
+"""A goal slower than this stands [m/s]."""
+
+LEADS_TRIED = 5
+"""How often the lead is halved until nothing stands in the goal's way."""
+
+HOLD = 0.02
+"""How much cheaper another candidate must be than the one chosen last [m]."""
+
+BODY_MARGIN = 0.025
+"""Kept about the body beside twice the range noise [m]: a little more than the last brake asks for (policy.brake)."""
+
+SHADOW_RISK, SHADOW_SPEED, SHADOW_STEPS = 0.5, 0.3, 10
+"""Weight of what may come out of the shadow [m], how fast it comes [m/s], and for how many steps it is feared."""
+
+RISK, HABIT, CONTACT = 6.0, 0.1, 2.0
+"""Weights of a near miss [m], of a turn [m/rad], and of a contact, for each second that it comes sooner [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -137,133 +169,39 @@ class HDBugParameters:
             raise ValueError(f"patience must be at least 1, got {self.patience!r}")
 
 
-@dataclass
-class Ladder:
-    """The detection radius r' = r 2^k and its two counters (Table 1)."""
-
-    k: int = 2
-    reductions: int = 0
-    """count1: how often r' was reduced."""
-    enlargements: int = 0
-    """count2: how often it was enlarged."""
-    dense: int = 0
-    """Steps in a row with many short beams."""
-    sparse: int = 0
-    """Steps in a row with few."""
-
-    DENSE, SPARSE = 0.4, 0.15
-    DENSE_STEPS, SPARSE_STEPS = 3, 10
-
-    def update(self, density: float) -> None:
-        """Climb after three dense steps, descend after ten sparse ones; density: share of short beams."""
-        self.dense = self.dense + 1 if density > self.DENSE else 0
-        self.sparse = self.sparse + 1 if density < self.SPARSE else 0
-        if self.dense >= self.DENSE_STEPS and self.k < 3:
-            self.k, self.enlargements, self.dense = self.k + 1, self.enlargements + 1, 0
-        elif self.sparse >= self.SPARSE_STEPS and self.k > 0:
-            self.k, self.reductions, self.sparse = self.k - 1, self.reductions + 1, 0
-
-
-@dataclass
-class Target:
-    """A goal that may move: its velocity, and how far ahead it has kept its velocity so far."""
-
-    places: deque[Point] = field(default_factory=deque)
-    """Its last places, odometry frame [m]."""
-    step: float = 0.1
-    """Time between them [s]."""
-    velocity: Point = (0.0, 0.0)
-    """Over the last LOOK_BACK seconds [m/s]."""
-    errors: dict[float, tuple[float, float]] = field(default_factory=dict)
-    """Lead [s] -> by how much a prediction of that lead failed, and how far the goal had moved [m]; fading means."""
-
-    LEADS = (0.5, 1.0, 2.0, 4.0, 8.0)
-    LOOK_BACK = 0.5
-    STANDS = 0.02
-    KEEP = 0.95
-
-    def update(self, place: Point, step: float) -> None:
-        """Take in where it is now, `step` seconds after the last place."""
-        self.step = step
-        self.places.append(place)
-        look_back = max(round(self.LOOK_BACK / step), 1)
-        while len(self.places) > round(self.LEADS[-1] / step) + look_back + 1:
-            self.places.popleft()
-        newest = len(self.places) - 1
-        self.velocity = self._velocity_at(newest, look_back)
-        if not self.errors and math.dist(place, self.places[0]) < self.STANDS:
-            return
-        for lead in self.LEADS:
-            then = newest - round(lead / step)
-            if then < look_back:
-                break
-            vx, vy = self._velocity_at(then, look_back)
-            x, y = self.places[then]
-            failed = math.dist(place, (x + vx * lead, y + vy * lead))
-            before = self.errors.get(lead, (failed, math.dist(place, (x, y))))
-            keep = self.KEEP
-            self.errors[lead] = (
-                keep * before[0] + (1.0 - keep) * failed,
-                keep * before[1] + (1.0 - keep) * math.dist(place, (x, y)),
-            )
-
-    def _velocity_at(self, index: int, look_back: int) -> Point:
-        """Velocity [m/s] when it was at one of the places."""
-        first = max(index - look_back, 0)
-        if first == index:
-            return 0.0, 0.0
-        elapsed = (index - first) * self.step
-        (x0, y0), (x1, y1) = self.places[first], self.places[index]
-        return (x1 - x0) / elapsed, (y1 - y0) / elapsed
-
-    def trusted_lead(self) -> float:
-        """The longest time [s] for which its velocity has foretold where it goes; leads not yet tried are trusted."""
-        trusted = 0.5 * self.LEADS[0]
-        for lead in self.LEADS:
-            failed, moved = self.errors.get(lead, (0.0, 1.0))
-            if failed > SKILL * moved:
-                return trusted
-            trusted = lead
-        return LONGEST_LEAD
-
-
-@dataclass
+@dataclass(kw_only=True)
 class HDBugMemory(Memory):
     """Memory of HD-BUG."""
 
+    tracker: TrackerMemory
+    path: PathList
+    """Where it has been."""
     map: PointMap | None = None
-    """Remembered points of still obstacles."""
+    """Remembered points of still obstacles; None before the first decision."""
+    body_map: PointMap | None = None
+    """The same points at the clearance of the circles of a long body; None for a round one."""
     way: Way | None = None
     """The planned path: from the robot to the goal, odometry frame [m]."""
-    path: PathList | None = None
-    """Where it has been."""
+    turns: Turns | None = None
+    """What leads a long body through where it has to turn; None elsewhere."""
     ladder: Ladder = field(default_factory=Ladder)
-    tracker: TrackerMemory | None = None
-    tracks: Tracks | None = None
-    """What it sees moving."""
     steps: int = 0
     """Decisions so far."""
     planned_at: int = 0
     """Decision at which the way was planned."""
     removed_then: int = 0
     """Points taken away from the map until then."""
-    body_map: PointMap | None = None
-    """The same points at the clearance of the circles of a long body; None for a round one."""
-    poses: F64 | None = None
-    """Poses (k, 3) that lead a long body through where it has to turn; None elsewhere."""
-    posed_at: int = 0
-    """Decision at which these were planned."""
+    revised_then: int = 0
+    """Cells of the map whose ground had been revised until then."""
     odometer: float = 0.0
     """Way travelled [m]."""
-    before: Point | None = None
-    """Place at the last decision, odometry frame [m]."""
     closed_off: int = 0
     """Decisions in a row without any way."""
     moved_at: int = -(10**9)
     """Decision at which something was last seen moving or gone."""
     backtracking_to: Point | None = None
     """Node of the path list that it returns to, odometry frame [m]."""
-    target: Target = field(default_factory=Target)
+    moving_goal: MovingGoal = field(default_factory=MovingGoal)
     """How the goal moves."""
     goal: Point = (0.0, 0.0)
     """Where to: the goal or where it can be met, odometry frame [m]."""
@@ -287,6 +225,17 @@ class HDBugMemory(Memory):
     """Predicted places (T, K, 2) of the movers, odometry frame [m]."""
 
 
+class Scene(NamedTuple):
+    """What one decision rests on."""
+
+    view: View
+    grid: PointMap
+    """Remembered points of still obstacles."""
+    light: LightArea
+    tracks: Tracks
+    """What it sees, and what of it moves."""
+
+
 class HDBug(ScriptedPolicy):
     """HD-BUG.
 
@@ -296,14 +245,15 @@ class HDBug(ScriptedPolicy):
         **parameters: see HDBugParameters.
 
     Raises:
+        TypeError: an unknown parameter.
         ValueError: an unknown predictor, a clearance not above the radius, a parameter that cannot be.
     """
 
     Parameters = HDBugParameters
 
-    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: object) -> None:
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete)
-        self.parameters = HDBugParameters(**parameters)  # type: ignore[arg-type]
+        self.parameters = HDBugParameters(**parameters)
         self.predictor: Predictor = make_predictor(self.parameters.predictor, sensors)
         self.tracker = Tracker(sensors)
         self.radius = sensors.radius
@@ -319,139 +269,130 @@ class HDBug(ScriptedPolicy):
         self.cell = min(max(self.radius / 2.0, 0.05), 0.4)
         self.search = Search()
         self.headings: F64 = np.linspace(0.0, 2.0 * math.pi, HEADINGS, endpoint=False)
-        self.rings: F64 = np.tile(np.arange(1.0, RINGS + 1.0) / RINGS, HEADINGS)
-        turned = np.repeat(self.headings, RINGS)
-        self.grid: F64 = self.rings[:, None] * np.column_stack([np.cos(turned), np.sin(turned)])
+        turned, rings = np.repeat(self.headings, RINGS), np.tile(np.arange(1.0, RINGS + 1.0) / RINGS, HEADINGS)
+        self.grid: F64 = rings[:, None] * np.column_stack([np.cos(turned), np.sin(turned)])
+        """Grid of candidates (HEADINGS * RINGS, 2) in units of the detection radius."""
         self.has_terrain = any(field.name == "terrain" for field in sensors.fields)
-        step = sensors.drive.step
-        self.spacing = max(0.1, step)
+        drive = sensors.drive
+        self.spacing = max(0.1, drive.step)
         count = max(round(self.parameters.horizon / self.spacing), 2)
         self.times: F64 = self.spacing * np.arange(1, count + 1, dtype=np.float64)
-        self.top = self.parameters.v_max * sensors.drive.max_speed
+        shares = self.parameters.v_max, self.parameters.v_base, self.parameters.v_min
+        self.top, self.base, self.slow = (share * drive.max_speed for share in shares)
+        """Speeds of eq. 9 [m/s]."""
+        self.speeds: F64 = np.tile(self.top * np.arange(1, RINGS + 1) / RINGS, HEADINGS)
+        self.reverse = drive.max_reverse
+        self.backward = replace(drive, kinematics="holonomic")
+        """The robot as it drives straight back."""
 
     def start(self) -> HDBugMemory:
         """Memory of a new episode."""
-        return HDBugMemory(mode="direct", tracker=self.tracker.start())
+        return HDBugMemory(mode="direct", tracker=self.tracker.start(), path=PathList(self.parameters.r_base))
 
     def act(self, view: View, memory: HDBugMemory) -> Velocity:
         """One decision."""
-        self._perceive(view, memory)
-        self._aim(view, memory)
-        if memory.poses is not None:
-            velocity = self._turn_through(view, memory)
+        scene = self._perceive(view, memory)
+        self._aim(scene, memory)
+        if memory.turns is not None:
+            velocity = self._turn_through(scene, memory, memory.turns)
             if velocity is not None:
                 return velocity
-        if not self._plan(view, memory):
-            return self._wait(view, memory)
-        if memory.poses is not None:
-            return self._turn_through(view, memory) or (0.0, 0.0)
-        assert memory.tracks is not None and memory.light is not None
+        way = self._plan(scene, memory)
+        if way is None:
+            return self._wait(scene, memory)
+        if memory.turns is not None:
+            return self._turn_through(scene, memory, memory.turns) or (0.0, 0.0)
         memory.is_backing = False
-        near = self._near_movers(memory)
+        near = self._near_movers(scene)
         if len(near):
-            direction, speed = self._avoid(view, memory, near)
+            direction, speed = self._avoid(scene, memory, way, near)
         else:
-            direction, speed = self._choose(view, memory)
+            direction, speed = self._choose(scene, memory, way)
         memory.direction = direction
-        bearing = direction - view.heading
-        return speed * math.cos(bearing), speed * math.sin(bearing)
+        return velocity_along(direction - view.heading, speed)
 
-    def _wait(self, view: View, memory: HDBugMemory) -> Velocity:
+    def _wait(self, scene: Scene, memory: HDBugMemory) -> Velocity:
         """Stand, but for movers that come near: there is no way now."""
-        near = self._near_movers(memory)
+        view, near = scene.view, self._near_movers(scene)
         if memory.verdict or len(near) == 0:
             return 0.0, 0.0
         gap = math.dist(view.position, memory.goal)
-        memory.way = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
-        direction, speed = self._avoid(view, memory, near)
-        memory.way, memory.mode = None, "waiting"
-        bearing = direction - view.heading
-        return speed * math.cos(bearing), speed * math.sin(bearing)
+        straight = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
+        direction, speed = self._avoid(scene, memory, straight, near)
+        memory.mode = "waiting"
+        return velocity_along(direction - view.heading, speed)
 
     # ------------------------------------------------------------------------------------------- perception
 
-    def _perceive(self, view: View, memory: HDBugMemory) -> None:
+    def _perceive(self, view: View, memory: HDBugMemory) -> Scene:
         """Track what moves, remember what stands, adapt the detection radius."""
-        if memory.map is None:
-            goal = view.goal_position
-            span = 0.5 * max(abs(goal[0]), abs(goal[1])) + self.sensors.range + 4.0
-            memory.map = PointMap(
-                (0.5 * goal[0], 0.5 * goal[1]),
-                span,
-                self.cell,
-                self.clearance,
-                self.search,
-                is_weighted=self.has_terrain,
-            )
-            memory.path = PathList(self.parameters.r_base)
-            memory.before = view.position
-        assert memory.tracker is not None and memory.path is not None and memory.before is not None
+        if memory.steps:
+            memory.odometer += math.dist(view.position, memory.pose[:2])
         memory.steps += 1
         memory.pose = view.pose
-        memory.odometer += math.dist(view.position, memory.before)
-        memory.before = view.position
         memory.path.append(view.position, memory.odometer)
         tracks = self.tracker.update(memory.tracker, view, memory.steps * self.sensors.drive.step)
-        memory.tracks = tracks
         owner = tracks.beam_track
         is_still = np.ones(len(owner), dtype=np.bool_)
         if tracks.moving.any():
             memory.moved_at = memory.steps
             is_still = ~((owner >= 0) & tracks.moving[np.maximum(owner, 0)])
-        grid = memory.map
-        if self.is_long:
-            self._remember_for_body(view, memory, is_still)
-        if not self.parameters.backtrack:
-            grid.forget_all()
-        removed = grid.removed
-        grid.add_scan(
-            view.position,
-            view.heading,
-            self.sensors.angles,
-            view.ranges,
-            self.sensors.range,
-            self.sensors.range_noise,
-            is_still,
-        )
-        if grid.removed - removed > 3:
-            memory.moved_at = memory.steps
-        for index in np.flatnonzero(tracks.moving):
-            # What was remembered of it before it was known to move.
-            x, y = tracks.position[index].tolist()
-            grid.forget(x, y, float(tracks.radius[index]) + 0.1)
-            if tracks.age[index] < 2.0:
-                for place in tracks.history[index]:
-                    grid.forget(float(place[0]), float(place[1]), float(tracks.radius[index]) + 0.1)
-        if self.has_terrain:
-            grid.add_terrain(view.position, view.heading, view.field("terrain"), TERRAIN_SPACING)
-        reach = self.parameters.r_base * 2.0**memory.ladder.k
+        grid = self._remember(view, memory, tracks, is_still)
         if self.parameters.adapt_radius:
-            memory.ladder.update(float(np.count_nonzero(view.ranges < reach)) / len(view.ranges))
-            reach = self.parameters.r_base * 2.0**memory.ladder.k
-        memory.light = LightArea(
+            memory.ladder.update(density(view.ranges, self._detection_radius(memory.ladder)))
+        light = LightArea(
             self.sensors.angles,
             view.ranges,
             self.sensors.range,
             self._body(view),
-            reach,
+            self._detection_radius(memory.ladder),
             is_still,
             trusts_blind=self.sensors.drive.kinematics != "holonomic",
         )
+        memory.light = light
+        return Scene(view, grid, light, tracks)
 
-    def _remember_for_body(self, view: View, memory: HDBugMemory, is_still: NDArray[np.bool_]) -> None:
-        """Keep the map in which a long body turns."""
-        assert memory.map is not None
-        if memory.body_map is None:
-            clearance = float(self.footprint[:, 2].max()) + BODY_MARGIN + 2.0 * self.sensors.range_noise
-            cell = min(self.cell, 0.25 * clearance)
-            rows, columns = memory.map.holds.shape
-            side = 0.5 * self.cell * max(rows, columns)
-            center = memory.map.x + 0.5 * self.cell * columns, memory.map.y + 0.5 * self.cell * rows
-            memory.body_map = PointMap(center, side, cell, clearance + 0.5 * cell, self.search)
+    def _detection_radius(self, ladder: Ladder) -> float:
+        """How far candidates, risk and horizon reach [m]."""
+        return min(self.parameters.r_base * 2.0**ladder.k, self.sensors.range)
+
+    def _remember(self, view: View, memory: HDBugMemory, tracks: Tracks, is_still: NDArray[np.bool_]) -> PointMap:
+        """Take the scan into the map; what moves is left out, and forgotten where it was remembered before."""
+        if memory.map is None:
+            goal = view.goal_position
+            middle, span = (0.5 * goal[0], 0.5 * goal[1]), 0.5 * max(abs(goal[0]), abs(goal[1]))
+            span += self.sensors.range + 4.0
+            memory.map = PointMap(middle, span, self.cell, self.clearance, self.search, is_weighted=self.has_terrain)
+            if self.is_long:
+                memory.body_map = self._map_for_body(memory.map)
+        grid, removed = memory.map, memory.map.removed
+        if not self.parameters.backtrack:
+            grid.forget_all()
         sensors = self.sensors
-        memory.body_map.add_scan(
-            view.position, view.heading, sensors.angles, view.ranges, sensors.range, sensors.range_noise, is_still
-        )
+        scan = (view.position, view.heading, sensors.angles, view.ranges, sensors.range, sensors.range_noise, is_still)
+        grid.add_scan(*scan)
+        if memory.body_map is not None:
+            memory.body_map.add_scan(*scan)
+        if grid.removed - removed > VANISHED:
+            memory.moved_at = memory.steps
+        for index in np.flatnonzero(tracks.moving):
+            # What was remembered of it before it was known to move.
+            radius = float(tracks.radius[index]) + 0.1
+            places = [tracks.position[index], *(tracks.history[index] if tracks.age[index] < 2.0 else ())]
+            for x, y in places:
+                grid.forget(float(x), float(y), radius)
+        if self.has_terrain:
+            grid.add_terrain(view.position, view.heading, view.field("terrain"), TERRAIN_SPACING)
+        return grid
+
+    def _map_for_body(self, grid: PointMap) -> PointMap:
+        """An empty map in which a long body turns, over the same ground."""
+        clearance = float(self.footprint[:, 2].max()) + BODY_MARGIN + 2.0 * self.sensors.range_noise
+        cell = min(self.cell, 0.25 * clearance)
+        rows, columns = grid.cells.holds.shape
+        side = 0.5 * self.cell * max(rows, columns)
+        center = grid.cells.x + 0.5 * self.cell * columns, grid.cells.y + 0.5 * self.cell * rows
+        return PointMap(center, side, cell, clearance + 0.5 * cell, self.search)
 
     def _body(self, view: View) -> float:
         """Radius of the disc that looks for free ways [m]: never more than what is free about the robot now."""
@@ -461,142 +402,113 @@ class HDBug(ScriptedPolicy):
 
     # --------------------------------------------------------------------------------------------- the goal
 
-    def _aim(self, view: View, memory: HDBugMemory) -> None:
+    def _aim(self, scene: Scene, memory: HDBugMemory) -> None:
         """Where to: the goal, or where a moving one can be met."""
+        view, step = scene.view, self.sensors.drive.step
         goal = view.goal_position
         radius = max(self.sensors.goal_radius, 1e-3)
         memory.goal, memory.goal_radius = goal, 0.8 * radius
-        memory.target.update(goal, self.sensors.drive.step)
-        velocity = memory.target.velocity
+        memory.moving_goal.update(goal, step)
+        velocity = memory.moving_goal.velocity
         if not self.parameters.lead or math.hypot(*velocity) < GOAL_STANDS:
             return
-        time = min(meeting_time(view.position, goal, velocity, self.top, 0.5 * radius), memory.target.trusted_lead())
-        assert memory.map is not None
+        met = meeting_time(view.position, goal, velocity, self.top, 0.5 * radius)
+        lead = min(met, memory.moving_goal.trusted_lead())
         for _ in range(LEADS_TRIED):
-            memory.goal = goal[0] + velocity[0] * time, goal[1] + velocity[1] * time
-            if memory.map.is_open(goal, memory.goal):
+            memory.goal = goal[0] + velocity[0] * lead, goal[1] + velocity[1] * lead
+            if scene.grid.is_open(goal, memory.goal):
                 break
             # It will have to turn before it gets there.
-            time *= 0.5
-        memory.goal_radius = max(0.8 * radius, 2.0 * math.hypot(*velocity) * self.sensors.drive.step)
+            lead *= 0.5
+        memory.goal_radius = max(0.8 * radius, 2.0 * math.hypot(*velocity) * step)
 
     # ------------------------------------------------------------------------------------------- global path
 
-    def _plan(self, view: View, memory: HDBugMemory) -> bool:
-        """Keep the planned path, or plan it again; whether there is one."""
-        grid, position, way = memory.map, view.position, memory.way
-        assert grid is not None
-        if way is not None:
-            way.places[0] = position
-            while len(way.places) > 2 and (
-                math.dist(position, way.places[1]) < LEFT_NODE * self.radius
-                or (not self.has_terrain and grid.is_open(position, (float(way.places[2, 0]), float(way.places[2, 1]))))
-            ):
-                way.places, way.rest = way.places[1:], way.rest[1:]
-                way.places[0] = position
-            moved = math.dist(memory.goal, way.places[-1])
-            since = memory.steps - memory.planned_at
-            stale = since >= REPLAN or (since >= REPLAN_FREED and grid.removed != memory.removed_then)
-            # New ground is seen with every step.
-            stale = stale or (self.has_terrain and since >= REPLAN_TERRAIN)
-            if moved <= 0.1 and not stale and self._is_way_open(memory, way):
-                return True
-        elif memory.closed_off % CONFIRM:
-            return self._no_way(memory)
-        memory.planned_at, memory.removed_then = memory.steps, grid.removed
-        found = grid.find_way(position, memory.goal, max(memory.goal_radius, 0.5 * self.cell))
-        if found is None and memory.goal != view.goal_position:
-            found = grid.find_way(position, view.goal_position, max(memory.goal_radius, 0.5 * self.cell))
-        if found is None and self.is_long and memory.body_map is not None:
-            radius = max(memory.goal_radius, memory.body_map.cell)
-            memory.poses = find_poses(memory.body_map, self.footprint, view.pose, memory.goal, radius)
-            memory.posed_at = memory.steps
-            if memory.poses is not None:
-                memory.closed_off = 0
-                memory.way = pose_way(memory.poses)
-                return True
-        elif found is None and grid.clearance > self.tight:
-            grid.set_clearance(self.tight)
-            found = grid.find_way(position, view.goal_position, max(memory.goal_radius, 0.5 * self.cell))
-        if found is None:
-            return self._no_way(memory)
-        memory.closed_off = 0
-        memory.way = found
-        self._note_backtracking(memory, found)
-        return True
-
-    def _turn_through(self, view: View, memory: HDBugMemory) -> Velocity | None:
-        """Follow the poses of a long body; None where it has room again, or they no longer lead on."""
-        grid, poses = memory.map, memory.poses
-        assert grid is not None and poses is not None and memory.body_map is not None
-        memory.mode = "turning"
-        x, y, heading = view.pose
-        since = memory.steps - memory.posed_at
-        if since >= REPLAN_POSES and since % REPLAN_POSES == 0:
-            column, row = int((x - grid.x) / grid.cell), int((y - grid.y) / grid.cell)
-            radius = max(memory.goal_radius, 0.5 * self.cell)
-            if not grid.blocked[row, column] and grid.find_way(view.position, memory.goal, radius) is not None:
-                memory.poses = memory.way = None
-                return None
-            ahead_of_me = np.concatenate([[(x, y, heading)], poses[1:]])
-            if not is_open(memory.body_map, self.footprint, ahead_of_me):
-                memory.poses = memory.way = None
-                return None
-        while len(poses) > 1:
-            gap = math.dist((x, y), poses[1, :2])
-            turn = turn_to(heading, float(poses[1, 2]))
-            if gap > ARRIVED or abs(turn) > ALIGNED:
-                break
-            poses = poses[1:]
-        memory.poses = poses
-        if len(poses) < 2:
-            memory.poses = memory.way = None
+    def _plan(self, scene: Scene, memory: HDBugMemory) -> Way | None:
+        """The planned path: the one there is, or a new one; None where there is none."""
+        if memory.way is not None:
+            scene.grid.pass_nodes(memory.way, scene.view.position, LEFT_NODE * self.radius, cuts=not self.has_terrain)
+            if self._is_good(scene, memory, memory.way):
+                return memory.way
+        may_look = memory.way is not None or memory.closed_off % CONFIRM == 0
+        memory.way = self._find_way(scene, memory) if may_look else None
+        if memory.way is None:
+            self._no_way(scene, memory)
             return None
-        memory.way = pose_way(poses)
-        gap = math.dist((x, y), poses[1, :2])
-        bearing = float(poses[1, 2]) - heading
-        if gap > ARRIVED and abs(turn_to(heading, float(poses[1, 2]))) <= ALIGNED:
-            ahead, left = view.to_robot(*poses[1, :2].tolist())
-            along = float(poses[1, 2])
-            beside = math.cos(along) * (y - float(poses[0, 1])) - math.sin(along) * (x - float(poses[0, 0]))
-            if ahead <= 0.0 or abs(beside) > ASTRAY:
-                memory.poses = memory.way = None
-                return None
-            bearing = math.atan2(left, max(ahead, 4.0 * ARRIVED))
-            speed = min(self.parameters.v_min / self.parameters.v_max * self.top, ahead / self.sensors.drive.step)
-            return speed * math.cos(bearing), speed * math.sin(bearing)
-        return 1e-6 * math.cos(bearing), 1e-6 * math.sin(bearing)
+        memory.closed_off = 0
+        if memory.turns is None:
+            self._note_backtracking(memory, memory.way)
+        return memory.way
 
-    def _is_way_open(self, memory: HDBugMemory, way: Way) -> bool:
-        """Whether nothing new stands in the planned path."""
-        grid = memory.map
-        assert grid is not None
-        places = way.places.tolist()
-        last = len(places) - 2
-        return all(
-            grid.is_open(tuple(places[i]), tuple(places[i + 1]), memory.goal_radius if i == last else 0.0)
-            for i in range(last + 1)
-        )
+    def _is_good(self, scene: Scene, memory: HDBugMemory, way: Way) -> bool:
+        """Whether the path still leads to the goal, is not too old, and nothing new stands in it."""
+        grid = scene.grid
+        if math.dist(memory.goal, way.places[-1]) > 0.1:
+            return False
+        since = memory.steps - memory.planned_at
+        if since >= REPLAN or (since >= REPLAN_TERRAIN and grid.revised != memory.revised_then):
+            return False
+        if since >= REPLAN_FREED and grid.removed != memory.removed_then:
+            return False
+        return grid.is_way_open(way, memory.goal_radius)
 
-    def _no_way(self, memory: HDBugMemory) -> bool:
+    def _find_way(self, scene: Scene, memory: HDBugMemory) -> Way | None:
+        """A new path: to where the goal can be met, else to the goal, else over poses, else at the least clearance."""
+        view, grid = scene.view, scene.grid
+        position, goal = view.position, view.goal_position
+        memory.planned_at, memory.removed_then, memory.revised_then = memory.steps, grid.removed, grid.revised
+        radius = max(memory.goal_radius, 0.5 * self.cell)
+        found = grid.find_way(position, memory.goal, radius)
+        if found is None and memory.goal != goal:
+            found = grid.find_way(position, goal, radius)
+        if found is not None:
+            return found
+        if memory.body_map is not None:
+            radius = max(memory.goal_radius, memory.body_map.cells.size)
+            poses = find_poses(memory.body_map, self.footprint, view.pose, memory.goal, radius)
+            memory.turns = None if poses is None else Turns(poses, memory.body_map, memory.steps)
+            return None if memory.turns is None else memory.turns.way
+        if grid.cells.clearance > self.tight:
+            grid.set_clearance(self.tight)
+            return grid.find_way(position, goal, radius)
+        return None
+
+    def _turn_through(self, scene: Scene, memory: HDBugMemory, turns: Turns) -> Velocity | None:
+        """Follow the poses of a long body; None where it has room again, or they no longer lead on."""
+        view, grid = scene.view, scene.grid
+        memory.mode = "turning"
+        since = memory.steps - turns.planned_at
+        velocity = None
+        if not (since and since % REPLAN_POSES == 0) or self._has_to_turn(view, grid, memory, turns):
+            velocity = turns.lead_on(view, self.slow)
+        if velocity is None:
+            memory.turns = memory.way = None
+        else:
+            memory.way = turns.way
+        return velocity
+
+    def _has_to_turn(self, view: View, grid: PointMap, memory: HDBugMemory, turns: Turns) -> bool:
+        """Whether a long body has no room to go as a disc, and its poses are still open."""
+        radius = max(memory.goal_radius, 0.5 * self.cell)
+        if not grid.is_blocked(view.position) and grid.find_way(view.position, memory.goal, radius) is not None:
+            return False
+        return turns.is_open(self.footprint, view.pose)
+
+    def _no_way(self, scene: Scene, memory: HDBugMemory) -> None:
         """The remembered points close the goal off: wait, forget, or say so."""
-        memory.way = None
         memory.closed_off += 1
         memory.mode = "waiting"
         if memory.closed_off < self.parameters.patience:
-            return False
-        assert memory.map is not None
+            return
         if memory.steps - memory.moved_at > STILL_FOR / self.sensors.drive.step:
             memory.verdict = "unreachable"
         else:
-            memory.map.forget_all()
+            scene.grid.forget_all()
             memory.closed_off = 0
-        return False
 
     def _note_backtracking(self, memory: HDBugMemory, way: Way) -> None:
         """Close the dead end when the new path leads back over the list."""
         path = memory.path
-        assert path is not None
         first, second = way.places[0], way.places[1]
         length = math.dist(first, second)
         memory.backtracking_to = None
@@ -610,118 +522,88 @@ class HDBug(ScriptedPolicy):
 
     # -------------------------------------------------------------------------------------------- local path
 
-    def _choose(self, view: View, memory: HDBugMemory) -> tuple[float, float]:
+    def _choose(self, scene: Scene, memory: HDBugMemory, way: Way) -> tuple[float, float]:
         """Direction [rad] and speed [m/s] toward the cheapest candidate, where nothing moves."""
-        way, light, grid = memory.way, memory.light, memory.map
-        assert way is not None and light is not None and grid is not None
+        view, grid = scene.view, scene.grid
         position = np.array(view.position)
         node = way.places[1]
         gap = math.dist(position, node)
         is_last = len(way.places) == 2
         memory.mode = "direct" if is_last else "candidates"
-        if self._is_turning(view, memory, light):
+        if self._is_turning(scene, memory):
             # What looks best may change with what the beams meet while it turns on the spot: finish the turn.
-            return self._drive(view, memory, memory.direction, gap, is_last)
+            return self._drive(scene, memory, memory.direction, gap, is_last)
         if memory.backtracking_to is not None:
             memory.mode = "backtracking"
         cost = float(way.rest[1]) + float(grid.costs_to(view.position, node[None])[0])
-        found = self._candidates(view, memory, cost) if not is_last else np.empty((0, 2))
+        found = self._candidates(scene, memory, way, cost) if not is_last else np.empty((0, 2))
         if len(found):
-            away = np.hypot(*(found - position).T)
             total = self.parameters.alpha * (grid.costs_to(view.position, found) + grid.rest_distances(found, way))
-            total += self.parameters.beta * self._risk(light, view, found)
+            total += self.parameters.beta * self._risk(scene, found)
             total[np.hypot(*(found - np.array(memory.chosen)).T) < 1e-6] -= HOLD
             memory.candidates, memory.costs = found, total
             best = int(total.argmin())
             if total[best] < self.parameters.alpha * cost - 1e-9:
                 node = found[best]
-                gap = float(away[best])
+                gap = float(np.hypot(*(node - position)))
         else:
             memory.candidates, memory.costs = np.array([node]), np.array([cost])
         memory.chosen = float(node[0]), float(node[1])
-        direction = math.atan2(node[1] - position[1], node[0] - position[0])
-        return self._drive(view, memory, direction, gap, is_last)
+        return self._drive(scene, memory, direction_to(view, memory.chosen), gap, is_last)
 
-    def _is_turning(self, view: View, memory: HDBugMemory, light: LightArea) -> bool:
+    def _is_turning(self, scene: Scene, memory: HDBugMemory) -> bool:
         """Whether a differential robot still turns on the spot toward the last direction, which is free."""
         drive = self.sensors.drive
         if drive.kinematics == "holonomic" or memory.steps == 1:
             return False
-        bearing = memory.direction - view.heading
+        bearing = memory.direction - scene.view.heading
         if abs(math.atan2(math.sin(bearing), math.cos(bearing))) <= TURN_IN_PLACE:
             return False
-        return bool(light.free(np.array([bearing]))[0] >= self.top * drive.step)
+        return bool(scene.light.free(np.array([bearing]))[0] >= self.top * drive.step)
 
-    def _candidates(self, view: View, memory: HDBugMemory, most: float) -> F64:
+    def _candidates(self, scene: Scene, memory: HDBugMemory, way: Way, most: float) -> F64:
         """Candidates (m, 2) that could cost less than `most`, odometry frame [m]."""
-        light, way = memory.light, memory.way
-        assert light is not None and way is not None
-        goal = np.array(view.goal)
-        cos, sin = math.cos(view.heading), math.sin(view.heading)
+        view, light = scene.view, scene.light
         # The grid doesn't turn with the robot: what looked best before it turned still does afterwards.
-        grid = light.reach * (self.grid @ np.array([[cos, -sin], [sin, cos]]))
-        used = np.hypot(*(grid - goal).T) <= most - self.rings * light.reach
-        grid = grid[used]
-        if len(grid):
-            # Grid candidates are in the light where their heading is free as far as they lie.
-            index = np.flatnonzero(used) // RINGS
-            free = light.free(self.headings - view.heading)
-            grid = grid[self.rings[used] * light.reach <= np.minimum(free[index], light.reach)]
-        vertices, centres = light.vertices_and_centres()
-        others = np.concatenate([vertices, centres, [view.to_robot(*memory.chosen)]])
-        others = others[np.hypot(*others.T) > self.radius]
-        others = others[np.hypot(*others.T) + np.hypot(*(others - goal).T) <= most]
-        if len(others):
-            others = others[light.is_light(others)]
-        points = np.concatenate([grid, others])
+        grid = light.reach * (self.grid @ turn_matrix(-view.heading))
         # Half-plane filter about the next node.
-        ahead = view.to_robot(*way.places[1].tolist())
-        points = points[points @ np.array(ahead) > 0.0]
-        placed: F64 = points @ np.array([[cos, sin], [-sin, cos]]) + np.array(view.position)
-        return placed
+        ahead, chosen = view.to_robot(*way.places[1].tolist()), view.to_robot(*memory.chosen)
+        bearings = self.headings - view.heading
+        found = light.candidates(grid, bearings, chosen, view.goal, ahead, self.radius, most)
+        return in_odometry(view.pose, found)
 
-    def _risk(self, light: LightArea, view: View, places: F64) -> F64:
+    def _risk(self, scene: Scene, places: F64) -> F64:
         """Risk (m,) of places in the odometry frame: how much nearer to a wall than the clearance they are."""
-        if len(light.x) == 0:
-            return np.zeros(len(places))
-        cos, sin = math.cos(view.heading), math.sin(view.heading)
-        points = (places - np.array(view.position)) @ np.array([[cos, -sin], [sin, cos]])
-        gaps = np.hypot(points[:, :1] - light.x[None, :], points[:, 1:] - light.y[None, :]).min(axis=1)
-        risk: F64 = np.clip(1.0 - (gaps - self.radius) / (self.clearance - self.radius), 0.0, 1.0) ** 2
+        points = (places - np.array(scene.view.position)) @ turn_matrix(-scene.view.heading)
+        short = (scene.light.gaps(points) - self.radius) / (self.clearance - self.radius)
+        risk: F64 = np.clip(1.0 - short, 0.0, 1.0) ** 2
         return risk
 
     def _drive(
-        self, view: View, memory: HDBugMemory, direction: float, gap: float, is_last: bool
+        self, scene: Scene, memory: HDBugMemory, direction: float, gap: float, is_last: bool
     ) -> tuple[float, float]:
         """Direction and speed that lead along a direction, past what stands in the first steps."""
-        light, drive = memory.light, self.sensors.drive
-        assert light is not None
-        need = min(self.top * drive.step, gap)
-        direction, free = self._slide(view, memory, direction, need)
+        light, drive = scene.light, self.sensors.drive
+        direction, free = self._slide(scene, memory, direction, min(self.top * drive.step, gap))
         speed = self.top
         if free < min(gap, light.reach):
-            speed = (
-                self.parameters.v_base / self.parameters.v_max * self.top if free < self.parameters.r_base else speed
-            )
-            sides = light.free(
-                np.array([direction - view.heading + 0.5 * math.pi, direction - view.heading - 0.5 * math.pi])
-            )
-            if float(sides.sum()) + 2.0 * self.radius < 4.0 * self.radius:
-                speed = min(speed, self.parameters.v_min / self.parameters.v_max * self.top)
+            speed = self.base if free < self.parameters.r_base else speed
+            sideways = direction - scene.view.heading + 0.5 * math.pi * np.array([1.0, -1.0])
+            if float(light.free(sideways).sum()) < 2.0 * self.radius:
+                speed = min(speed, self.slow)
         if math.isfinite(drive.max_acceleration):
             speed = min(speed, math.sqrt(2.0 * drive.max_acceleration * max(free - speed * drive.step, 0.0)))
         speed = min(speed, free / drive.step)
         if not is_last:
             speed = min(speed, max(gap, 1e-3) / drive.step)
-        return direction, max(speed, 1e-6)
+        return direction, max(speed, TURNING)
 
-    def _slide(self, view: View, memory: HDBugMemory, direction: float, need: float) -> tuple[float, float]:
+    def _slide(self, scene: Scene, memory: HDBugMemory, direction: float, need: float) -> tuple[float, float]:
         """The direction nearest to the desired one with a free way of `need` [m], and that way [m].
 
         Without any, that of an emergency point.
         """
-        light, heading = memory.light, view.heading
-        assert light is not None
+        light, heading = scene.light, scene.view.heading
         free = light.free(np.array([direction - heading]))
         if free[0] >= need:
             return direction, float(free[0])
@@ -729,145 +611,119 @@ class HDBug(ScriptedPolicy):
         good = np.flatnonzero(found >= need)
         if len(good):
             return direction + float(OFFSETS[good[0]]), float(found[good[0]])
-        return self._emergency_point(view, memory, light)
+        return self._emergency_point(scene, memory)
 
-    def _emergency_point(self, view: View, memory: HDBugMemory, light: LightArea) -> tuple[float, float]:
+    def _emergency_point(self, scene: Scene, memory: HDBugMemory) -> tuple[float, float]:
         """Direction and way to the emergency point that is farthest from everything seen (Procedure 3, line 17)."""
         memory.mode = "emergency"
-        bearings = self.headings - view.heading
+        light, bearings = scene.light, self.headings - scene.view.heading
         ways = np.minimum(light.free(bearings), light.reach)
-        places = ways[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
-        gaps = np.full(len(places), np.inf)
-        if len(light.x):
-            gaps = np.hypot(places[:, :1] - light.x[None, :], places[:, 1:] - light.y[None, :]).min(axis=1)
+        gaps = light.gaps(ways[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)]))
         # Among points equally far from everything, the one with the longest way.
         best = int(np.lexsort((-ways, -gaps))[0]) if ways.max() > 0.0 else 0
         return float(self.headings[best]), float(ways[best])
 
     # --------------------------------------------------------------------------------------------- avoidance
 
-    def _near_movers(self, memory: HDBugMemory) -> NDArray[np.int64]:
+    def _near_movers(self, scene: Scene) -> NDArray[np.int64]:
         """Indices of the movers that could be met within the horizon."""
-        tracks = memory.tracks
-        assert tracks is not None
+        tracks = scene.tracks
         if not tracks.moving.any():
             return np.empty(0, dtype=np.int64)
-        gaps = np.hypot(*(tracks.position - np.array(memory.pose[:2])).T) - tracks.radius - self.radius
+        gaps = np.hypot(*(tracks.position - np.array(scene.view.position)).T) - tracks.radius - self.radius
         closing = (np.hypot(*tracks.velocity.T) + self.top) * self.parameters.horizon + self.parameters.margin
         return np.flatnonzero(tracks.moving & (gaps < closing))
 
-    def _avoid(self, view: View, memory: HDBugMemory, near: NDArray[np.int64]) -> tuple[float, float]:
+    def _avoid(self, scene: Scene, memory: HDBugMemory, way: Way, near: NDArray[np.int64]) -> tuple[float, float]:
         """Direction [rad] and speed [m/s] of the candidate velocity that costs least among movers."""
-        way, light, grid, tracks = memory.way, memory.light, memory.map, memory.tracks
-        assert way is not None and light is not None and grid is not None and tracks is not None
-        chosen = tracks.select(near)
-        forecast = self.predictor.predict(chosen, self.times)
-        memory.forecast = forecast.places
-        radii = chosen.radius[:, None] + self.parameters.spread * self.times[None, :]
-        node = way.places[1]
-        position = view.position
-        toward = math.atan2(node[1] - position[1], node[0] - position[0])
-        directions = toward + self.headings
-        free = np.maximum(light.free(directions - view.heading), 0.0)
-        speeds = self.top * np.arange(1, RINGS + 1) / RINGS
-        all_directions = np.concatenate([np.repeat(directions, RINGS), [memory.direction]])
-        all_speeds = np.concatenate([np.tile(speeds, HEADINGS), [0.0]])
-        all_free = np.concatenate([np.repeat(free, RINGS), [0.0]])
+        view, light, parameters = scene.view, scene.light, self.parameters
+        chosen = scene.tracks.select(near)
+        memory.forecast = self.predictor.predict(chosen, self.times).places
+        radii = chosen.radius[:, None] + parameters.spread * self.times[None, :]
+        movers = Movers(memory.forecast, radii, parameters.margin)
+        velocities = self._velocity_candidates(scene, memory, way)
         compare = min(max(round(light.reach / self.top / self.spacing), 3), len(self.times)) - 1
-        result = roll_out(
-            self.sensors.drive,
-            view.pose,
-            all_directions,
-            all_speeds,
-            all_free,
-            self.radius,
-            self.times,
-            forecast.places,
-            radii,
-            self.parameters.margin,
-            FADING,
-            compare,
-        )
-        back = self._back_out(view, light, forecast.places, radii, compare)
+        result = roll_out(self.sensors.drive, view.pose, self.radius, velocities, movers, self.times, compare)
+        back = self._back_out(scene, movers, compare)
         if back is not None:
-            result = RollOut(*(np.concatenate(pair) for pair in zip(result, back, strict=True)))
-            all_directions = np.append(all_directions, view.heading + math.pi)
-            all_speeds = np.append(all_speeds, self.sensors.drive.max_reverse)
-            all_free = np.append(all_free, np.inf)
-        rest = np.minimum(
-            grid.rest_distances(result.end, way), np.hypot(*(result.end - position).T) + float(way.rest[0])
-        )
-        turned = np.abs(np.angle(np.exp(1j * (all_directions - memory.direction))))
-        cost = self.parameters.alpha * rest + self.parameters.beta * (RISK * result.nearness + HABIT * turned)
-        soon = np.where(np.isfinite(result.contact), self.parameters.horizon - result.contact, 0.0)
-        cost += CONTACT * soon
-        if self.parameters.use_shadow:
-            cost += (
-                self.parameters.beta
-                * SHADOW_RISK
-                * self._shadow_risk(view, light, all_directions, all_speeds, all_free)
-            )
+            behind = Velocities(*(np.array([number]) for number in (view.heading + math.pi, self.reverse, np.inf)))
+            velocities = Velocities(*map(np.concatenate, zip(velocities, behind, strict=True)))
+            result = RollOut(*map(np.concatenate, zip(result, back, strict=True)))
+        cost = self._costs_among_movers(scene, memory, way, velocities, result)
         best = int(cost.argmin())
         memory.mode = "avoidance"
-        if result.contact[best] < self.parameters.reaction:
+        if result.contact[best] < parameters.reaction:
             # Phase 2: whatever is met last.
-            late = np.minimum(result.contact, self.parameters.horizon)
+            late = np.minimum(result.contact, parameters.horizon)
             best = int(np.lexsort((cost, -late))[0])
         memory.is_backing = back is not None and best == len(cost) - 1
         memory.candidates, memory.costs = result.end, cost
         memory.chosen = float(result.end[best, 0]), float(result.end[best, 1])
-        speed = min(float(all_speeds[best]), float(all_free[best]) / self.sensors.drive.step)
-        return float(all_directions[best]), max(speed, 1e-6)
+        speed = min(float(velocities.speeds[best]), float(velocities.free[best]) / self.sensors.drive.step)
+        return float(velocities.directions[best]), max(speed, TURNING)
 
-    def _back_out(self, view: View, light: LightArea, places: F64, radii: F64, compare: int) -> RollOut | None:
+    def _velocity_candidates(self, scene: Scene, memory: HDBugMemory, way: Way) -> Velocities:
+        """The candidates among movers: headings about the next node at each speed, and to stand."""
+        directions = direction_to(scene.view, way.places[1]) + self.headings
+        free = np.maximum(scene.light.free(directions - scene.view.heading), 0.0)
+        return Velocities(
+            np.append(np.repeat(directions, RINGS), memory.direction),
+            np.append(self.speeds, 0.0),
+            np.append(np.repeat(free, RINGS), 0.0),
+        )
+
+    def _costs_among_movers(
+        self, scene: Scene, memory: HDBugMemory, way: Way, velocities: Velocities, result: RollOut
+    ) -> F64:
+        """Costs (m,) of the candidate velocities: what is left to go, and the risk [m]."""
+        parameters, ends = self.parameters, result.end
+        straight_on = np.hypot(*(ends - scene.view.position).T) + float(way.rest[0])
+        rest = np.minimum(scene.grid.rest_distances(ends, way), straight_on)
+        turned = np.abs(np.angle(np.exp(1j * (velocities.directions - memory.direction))))
+        cost: F64 = parameters.alpha * rest + parameters.beta * (RISK * result.nearness + HABIT * turned)
+        cost += CONTACT * np.where(np.isfinite(result.contact), parameters.horizon - result.contact, 0.0)
+        if parameters.use_shadow:
+            cost += parameters.beta * SHADOW_RISK * self._shadow_risk(scene, velocities)
+        return cost
+
+    def _back_out(self, scene: Scene, movers: Movers, compare: int) -> RollOut | None:
         """What comes of driving straight back; None for a robot that doesn't, or has no room to."""
-        drive = self.sensors.drive
-        if drive.kinematics == "holonomic" or drive.max_reverse <= 0.0:
+        if self.sensors.drive.kinematics == "holonomic" or self.reverse <= 0.0:
             return None
-        direction = np.array([view.heading + math.pi])
-        free = light.free(direction - view.heading)
-        if free[0] < drive.max_reverse * drive.step:
+        direction = np.array([scene.view.heading + math.pi])
+        free = scene.light.free(direction - scene.view.heading)
+        if free[0] < self.reverse * self.sensors.drive.step:
             return None
-        straight = replace(drive, kinematics="holonomic")
-        return roll_out(
-            straight, view.pose, direction, np.array([drive.max_reverse]), free, self.radius, self.times, places, radii,
-            self.parameters.margin, FADING, compare,
-        )  # fmt: skip
+        velocities = Velocities(direction, np.array([self.reverse]), free)
+        return roll_out(self.backward, scene.view.pose, self.radius, velocities, movers, self.times, compare)
 
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         action = super()._action(flat, memory)
         if isinstance(memory, HDBugMemory) and memory.is_backing and not memory.verdict and not self.discrete:
-            return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
+            return differential_action(self.sensors.drive, -self.reverse, 0.0)
         return action
 
-    def _shadow_risk(self, view: View, light: LightArea, directions: F64, speeds: F64, free: F64) -> F64:
+    def _shadow_risk(self, scene: Scene, velocities: Velocities) -> F64:
         """Nearness (m,) to movers that could come out of the shadow beside the ends of what is seen."""
+        view, light = scene.view, scene.light
         edges, _ = light.vertices_and_centres()
         edges = edges[np.hypot(*edges.T) < light.reach]
         if len(edges) == 0:
-            return np.zeros(len(directions))
-        cos, sin = math.cos(view.heading), math.sin(view.heading)
-        places = edges @ np.array([[cos, sin], [-sin, cos]]) + np.array(view.position)
+            return np.zeros(len(velocities.directions))
         times = self.times[:SHADOW_STEPS]
+        places = np.repeat(in_odometry(view.pose, edges)[:, None], len(times), axis=1)
         radii = np.tile(SHADOW_SPEED * times, (len(edges), 1))
-        held = np.repeat(places[:, None], len(times), axis=1)
-        found = roll_out(
-            self.sensors.drive, view.pose, directions, speeds, free, self.radius, times, held, radii,
-            self.parameters.margin, FADING, 0,
-        )  # fmt: skip
-        return found.nearness
+        hidden = Movers(places, radii, self.parameters.margin)
+        return roll_out(self.sensors.drive, view.pose, self.radius, velocities, hidden, times, 0).nearness
 
     # ----------------------------------------------------------------------------------------------- drawing
 
     def draw(self, memory: HDBugMemory) -> Drawing:
         """Light and shadow areas, candidates by cost, the planned path and the list of the passed one, tracks."""
-        if memory.light is None or memory.path is None:
+        if memory.light is None:
             return Drawing()
-        x, y, heading = memory.pose
-        turn = np.array([[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]])
-        place = np.array([x, y])
-        areas = [(memory.light.light_ring() @ turn + place, "light")]
-        areas += [(ring @ turn + place, "shadow") for ring in memory.light.shadow_rings()]
+        areas = [(in_odometry(memory.pose, memory.light.light_ring()), "light")]
+        areas += [(in_odometry(memory.pose, ring), "shadow") for ring in memory.light.shadow_rings()]
         points: list[tuple[float, float, str]] = []
         finite = memory.costs[np.isfinite(memory.costs)]
         if len(finite):
@@ -888,71 +744,23 @@ class HDBug(ScriptedPolicy):
         return Drawing(points=points, segments=segments, areas=areas)
 
 
-OFFSETS: F64 = np.radians(np.stack([np.arange(3.0, 177.0, 3.0), -np.arange(3.0, 177.0, 3.0)], axis=1).ravel())
-"""Turns away from a direction that are tried, the smallest first [rad]."""
-
-TERRAIN_SPACING = 0.25
-"""Distance between the rings of the terrain field [m]."""
-
-STILL_FOR = 10.0
-"""Nothing may have moved for so long before a goal counts as unreachable [s]."""
-
-GOAL_STANDS = 0.02
-"""A goal slower than this stands [m/s]."""
-
-LEADS_TRIED = 5
-"""How often the lead is halved until nothing stands in the goal's way."""
-
-REPLAN_POSES = 10
-"""Steps between two looks for a way without turns."""
-
-ARRIVED, ALIGNED, ASTRAY = 0.03, math.radians(2.0), 0.05
-"""How near to a pose [m, rad] is there, and how far beside the straight line to it [m] is lost."""
-
-HOLD = 0.02
-"""How much cheaper another candidate must be than the one chosen last [m]."""
-
-BODY_MARGIN = 0.025
-"""Kept about the body beside twice the range noise [m]: a little more than the last brake asks for (policy.brake)."""
-
-SKILL = 0.5
-"""A prediction is trusted where it fails by less than this share of what the goal has moved."""
-
-LONGEST_LEAD = 10.0
-"""A goal is never led by more than this [s]."""
-
-FADING = 1.5
-"""Time constant with which a near miss ahead fades [s]."""
-
-SHADOW_RISK, SHADOW_SPEED, SHADOW_STEPS = 0.5, 0.3, 10
-"""Weight of what may come out of the shadow [m], how fast it comes [m/s], and for how many steps it is feared."""
-
-RISK, HABIT, CONTACT = 6.0, 0.1, 2.0
-"""Weights of a near miss [m], of a turn [m/rad], and of a contact, for each second that it comes sooner [m/s]."""
+def turn_matrix(angle: float) -> F64:
+    """The matrix (2, 2) by which points (m, 2) are multiplied to turn them by an angle [rad]: points @ matrix."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, sin], [-sin, cos]])
 
 
-def pose_way(poses: F64) -> Way:
-    """Poses (k, 3) as a way over their places."""
-    lengths = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    return Way(poses[:, :2].copy(), np.append(np.cumsum(lengths[::-1])[::-1], 0.0))
+def in_odometry(pose: tuple[float, float, float], points: F64) -> F64:
+    """Points (m, 2) of the robot's frame in the odometry frame [m]."""
+    placed: F64 = points @ turn_matrix(pose[2]) + np.array(pose[:2])
+    return placed
 
 
-def meeting_time(position: Point, goal: Point, velocity: Point, speed: float, radius: float) -> float:
-    """Time until a robot that goes straight can first be within `radius` [m] of a goal that keeps its velocity [s].
+def direction_to(view: View, place: Point | F64) -> float:
+    """Direction of a place (2,) of the odometry frame from the robot [rad]."""
+    return math.atan2(place[1] - view.position[1], place[0] - view.position[0])
 
-    Infinite where it never can. (Interception in closed form: |goal + velocity t - position| = speed t + radius.)
-    """
-    dx, dy = goal[0] - position[0], goal[1] - position[1]
-    a = velocity[0] ** 2 + velocity[1] ** 2 - speed * speed
-    b = dx * velocity[0] + dy * velocity[1] - speed * radius
-    c = dx * dx + dy * dy - radius * radius
-    if c <= 0.0:
-        return 0.0
-    if abs(a) < 1e-12:
-        return -0.5 * c / b if b < 0.0 else math.inf
-    root = b * b - a * c
-    if root < 0.0:
-        return math.inf
-    # The smallest positive root, in the form that takes no difference of near numbers apart from -b.
-    below = (-b + math.sqrt(root), -b - math.sqrt(root))
-    return min((c / part for part in below if part > 0.0), default=math.inf)
+
+def velocity_along(bearing: float, speed: float) -> Velocity:
+    """The velocity of a speed [m/s] along a bearing [rad]."""
+    return speed * math.cos(bearing), speed * math.sin(bearing)

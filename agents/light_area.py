@@ -1,23 +1,63 @@
-"""Light and shadow areas of a scan, and the candidates that the scan itself offers.
+"""Light and shadow areas of a scan, how far they are looked at, and the candidates that the scan itself offers.
 
-Source: Hasibuzzaman, Jan and Wu, section 4.1 and Procedures 2 and 3; the reading of them is told in hd_bug.py.
+Source: Hasibuzzaman, Jan and Wu, section 4.1, Procedures 2 and 3, and Table 1; the reading of them is told in hd_bug.py.
 All coordinates are in the robot's frame [m].
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.kernels import Flags, Floats, kernel
+from bug_gym.kernels import Flags, Floats, Integers, kernel
 
 F64 = NDArray[np.float64]
+Point = tuple[float, float]
 
 EDGE = 1e-6
 """Tolerance of the tests for points [m]."""
+
+DENSE, SPARSE = 0.4, 0.15
+"""Above and below this share of short beams the surroundings count as dense and as sparse."""
+
+DENSE_STEPS, SPARSE_STEPS = 3, 10
+"""For how many steps in a row they must, so that the detection radius changes."""
+
+RUNGS = 4
+"""Detection radii: r, 2 r, 4 r and 8 r."""
+
+
+@dataclass
+class Ladder:
+    """The detection radius r' = r 2^k and its two counters (Table 1)."""
+
+    k: int = 2
+    reductions: int = 0
+    """count1: how often r' was reduced."""
+    enlargements: int = 0
+    """count2: how often it was enlarged."""
+    dense: int = 0
+    """Steps in a row with many short beams."""
+    sparse: int = 0
+    """Steps in a row with few."""
+
+    def update(self, density: float) -> None:
+        """Climb after three dense steps, descend after ten sparse ones; density: share of short beams."""
+        self.dense = self.dense + 1 if density > DENSE else 0
+        self.sparse = self.sparse + 1 if density < SPARSE else 0
+        if self.dense >= DENSE_STEPS and self.k < RUNGS - 1:
+            self.k, self.enlargements, self.dense = self.k + 1, self.enlargements + 1, 0
+        elif self.sparse >= SPARSE_STEPS and self.k > 0:
+            self.k, self.reductions, self.sparse = self.k - 1, self.reductions + 1, 0
+
+
+def density(ranges: F64, reach: float) -> float:
+    """Share of the beams (B,) that end within the detection radius [m], 0 to 1."""
+    return float(np.count_nonzero(ranges < reach)) / len(ranges)
 
 
 class LightArea:
@@ -82,9 +122,35 @@ class LightArea:
         behind: NDArray[np.bool_] = away > seen + EDGE
         return behind & (away <= self.reach)
 
-    def density(self) -> float:
-        """Share of the beams that end within the detection radius, 0 to 1."""
-        return float(np.count_nonzero(self.ranges < self.reach)) / len(self.ranges)
+    def gaps(self, points: F64) -> F64:
+        """Distance (m,) of each of the points (m, 2) from the nearest scan point that counts [m]; infinite without one."""
+        result = np.empty(len(points))
+        _gaps(self.x, self.y, points, result)
+        return result
+
+    def candidates(
+        self, grid: F64, bearings: F64, chosen: Point, goal: Point, ahead: Point, least: float, most: float
+    ) -> F64:
+        """Candidates (m, 2) in the light: places of a grid, vertices, centres, and what was chosen last.
+
+        Args:
+            grid: (K * J, 2) J places along each of K bearings, at equal distances up to the detection radius.
+            bearings: (K,) [rad].
+            chosen: last.
+            goal: where to.
+            ahead: direction of the half-plane that they are to lie in.
+            least: no nearer than this, but for the grid [m].
+            most: straight to the candidate and on to the goal, no longer than this [m].
+        """
+        others = np.concatenate([*self.vertices_and_centres(), [chosen]])
+        count = len(grid) + len(others)
+        points, away, toward, index = np.empty((count, 2)), np.empty(count), np.empty(count), np.empty(count, np.int64)
+        of_grid, count, directions = _gather(
+            grid, bearings, others, goal, ahead, least, most, self.reach, points, away, toward, index
+        )
+        limit = np.minimum(self.free(toward[:directions]), self.reach)[index[:count]]
+        limit[of_grid:] += EDGE
+        return points[:count][away[:count] <= limit]
 
     def vertices_and_centres(self) -> tuple[F64, F64]:
         """Vertex candidates (k, 2) beside the ends of clusters, and centre candidates (n, 2) of the gaps between them."""
@@ -159,3 +225,61 @@ def _find_ends(
                 centres[n, 0], centres[n, 1] = 0.5 * (ax + bx), 0.5 * (ay + by)
                 n += 1
     return k, n
+
+
+@kernel
+def _gaps(x: Floats, y: Floats, points: Floats, result: Floats) -> None:
+    """Distance of each point from the nearest of the places x, y."""
+    for i in range(len(points)):
+        nearest = np.inf
+        for k in range(len(x)):
+            dx, dy = points[i, 0] - x[k], points[i, 1] - y[k]
+            nearest = min(nearest, dx * dx + dy * dy)
+        result[i] = math.sqrt(nearest)
+
+
+@kernel
+def _gather(
+    grid: Floats,
+    bearings: Floats,
+    others: Floats,
+    goal: Point,
+    ahead: Point,
+    least: float,
+    most: float,
+    reach: float,
+    points: Floats,
+    away: Floats,
+    toward: Floats,
+    index: Integers,
+) -> tuple[int, int, int]:
+    """Gather the candidates ahead that are worth a look, in the light or not.
+
+    Returns how many of `points` (with their distances `away`) are of the grid, how many there are, and how many bearings
+    `toward` they have; `index` says which is whose.
+    """
+    (gx, gy), (ax, ay) = goal, ahead
+    count = directions = 0
+    rings = len(grid) // len(bearings)
+    for i in range(len(grid)):
+        x, y = grid[i, 0], grid[i, 1]
+        distance = (i % rings + 1.0) / rings * reach
+        if x * ax + y * ay <= 0.0 or math.hypot(x - gx, y - gy) > most - distance:
+            continue
+        bearing = bearings[i // rings]
+        if directions == 0 or toward[directions - 1] != bearing:
+            toward[directions] = bearing
+            directions += 1
+        points[count, 0], points[count, 1], away[count], index[count] = x, y, distance, directions - 1
+        count += 1
+    of_grid = count
+    for i in range(len(others)):
+        x, y = others[i, 0], others[i, 1]
+        distance = math.hypot(x, y)
+        if x * ax + y * ay <= 0.0 or distance <= least or distance + math.hypot(x - gx, y - gy) > most:
+            continue
+        toward[directions] = math.atan2(y, x)
+        points[count, 0], points[count, 1], away[count], index[count] = x, y, distance, directions
+        directions += 1
+        count += 1
+    return of_grid, count, directions

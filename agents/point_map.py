@@ -13,6 +13,7 @@ All coordinates are in the odometry frame [m].
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,10 @@ Bytes = NDArray[np.uint8]
 Counts = NDArray[np.int16]
 Indices = NDArray[np.int32]
 Weights = NDArray[np.float32]
+Words = NDArray[np.uint64]
 
 BLOCK = 8
-"""Cells along the side of a block; empty blocks are skipped at once."""
+"""Cells along the side of a block; empty blocks are skipped at once. As many as a word has bytes."""
 
 FORGET = 2
 """Beams in a row that must pass a point before it is taken away."""
@@ -42,25 +44,69 @@ MARGIN = 3.0
 MOST_CELLS = 64_000_000
 """Cells of the largest grid; points beyond are not remembered."""
 
+ROUGH = 0.005
+"""Largest error of a rough angle [rad]."""
+
+_ROW, _COLUMN = (-1, -1, -1, 0, 0, 1, 1, 1), (-1, 0, 1, -1, 1, -1, 0, 1)
+"""The eight cells around one."""
+
 Point = tuple[float, float]
 
 
+class Cells(NamedTuple):
+    """The grid of a map (R, C): what its cells remember, and where they lie."""
+
+    spot: Bytes
+    """Place of the point inside its cell in 1/256 of the side (R, C, 2)."""
+    holds: Bytes
+    """1: a point; 1 + n: n beams in a row have passed it (R, C)."""
+    words: Words
+    """The same memory, a row of a block in one number (R, C / BLOCK)."""
+    blocked: Counts
+    """Points nearer to the cell's centre than the clearance (R, C)."""
+    points_in_block: Counts
+    """Cells of each block that hold a point (R / BLOCK, C / BLOCK)."""
+    blocked_in_block: Counts
+    """Cells of each block that are blocked (R / BLOCK, C / BLOCK)."""
+    weight: Weights
+    """Cost of a metre of the ground, negative where it is only supposed (R, C); (1, 1) where it isn't remembered."""
+    looked_from: Weights
+    """From how far that was seen or supposed [m], of the shape of `weight`; infinite where it wasn't."""
+    is_weighted: bool
+    x: float
+    """Where the grid begins [m]."""
+    y: float
+    size: float
+    """Side of a cell [m]."""
+    clearance: float
+    """Distance that a way keeps from every remembered point [m]."""
+
+
+class Scratch(NamedTuple):
+    """Working memory of a search over n cells and the goal (n + 1,)."""
+
+    cost: Floats
+    parent: Indices
+    seen: Indices
+    """Number of the search that last came to the cell."""
+    place: Indices
+    """Of an open node in the heap; -1: it is closed."""
+    heap: Indices
+    key: Floats
+
+
 class Search:
-    """Scratch memory of the search, shared by the maps of one policy."""
+    """The working memory of searches, shared by the maps of one policy."""
 
     def __init__(self) -> None:
-        self.stamp = 0
         self.resize(0)
 
     def resize(self, cells: int) -> None:
         """Make room for a grid of so many cells."""
-        self.cost = np.empty(cells + 1)
-        self.parent = np.empty(cells + 1, dtype=np.int32)
-        self.seen = np.zeros(cells + 1, dtype=np.int32)
-        self.place = np.empty(cells + 1, dtype=np.int32)
-        self.heap = np.empty(cells + 1, dtype=np.int32)
-        self.key = np.empty(cells + 1)
+        self.cells = cells
         self.stamp = 0
+        parent, seen, place, heap = np.zeros((4, cells + 1), dtype=np.int32)
+        self.scratch = Scratch(np.empty(cells + 1), parent, seen, place, heap, np.empty(cells + 1))
 
 
 class Way:
@@ -93,57 +139,38 @@ class PointMap:
     def __init__(
         self, center: Point, span: float, cell: float, clearance: float, search: Search, *, is_weighted: bool = False
     ) -> None:
-        self.cell = cell
-        self.clearance = clearance
         self.search = search
-        self.is_weighted = is_weighted
         self.removed = 0
         """Points taken away so far because beams passed them."""
+        self.revised = 0
+        """Cells whose ground has turned out or is supposed to cost something else, so far."""
         self.extent = np.array([center[0], center[1], center[0], center[1]])
         """xmin, ymin, xmax, ymax of all points and all dear terrain so far [m]."""
-        self._allocate(center[0] - span, center[1] - span, math.ceil(2.0 * span / cell), math.ceil(2.0 * span / cell))
-
-    def _allocate(self, x: float, y: float, columns: int, rows: int) -> None:
-        columns, rows = (-(-number // BLOCK) * BLOCK for number in (columns, rows))
-        # On a lattice, so that a grid that grows keeps its cells.
-        self.x = math.floor(x / (self.cell * BLOCK)) * self.cell * BLOCK
-        self.y = math.floor(y / (self.cell * BLOCK)) * self.cell * BLOCK
-        self.spot = np.zeros((rows, columns, 2), dtype=np.uint8)
-        """Place of the point inside its cell in 1/256 of the side."""
-        self.holds = np.zeros((rows, columns), dtype=np.uint8)
-        """1: a point; 1 + n: n beams in a row have passed it."""
-        self.blocked = np.zeros((rows, columns), dtype=np.int16)
-        """Points nearer to the cell's centre than the clearance."""
-        self.points_in_block = np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16)
-        self.blocked_in_block = np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16)
-        self.weight = np.full((rows, columns) if self.is_weighted else (1, 1), -1.0, dtype=np.float32)
+        side = math.ceil(2.0 * span / cell)
+        self.cells = empty_cells(center[0] - span, center[1] - span, side, side, cell, clearance, is_weighted)
 
     def cover(self, x: float, y: float, margin: float) -> None:
         """Grow the grid until it reaches `margin` [m] beyond a place, if it doesn't yet."""
-        rows, columns = self.holds.shape
-        right, top = self.x + columns * self.cell, self.y + rows * self.cell
-        if self.x <= x - margin and x + margin <= right and self.y <= y - margin and y + margin <= top:
+        old = self.cells
+        rows, columns = old.holds.shape
+        right, top = old.x + columns * old.size, old.y + rows * old.size
+        if old.x <= x - margin and x + margin <= right and old.y <= y - margin and y + margin <= top:
             return
         # By half as much again, so that it seldom happens.
-        ahead = margin + 0.25 * max(right - self.x, top - self.y)
-        low_x, low_y = min(self.x, x - ahead), min(self.y, y - ahead)
+        ahead = margin + 0.25 * max(right - old.x, top - old.y)
+        low_x, low_y = min(old.x, x - ahead), min(old.y, y - ahead)
         high_x, high_y = max(right, x + ahead), max(top, y + ahead)
-        new_columns, new_rows = (math.ceil(span / self.cell) + BLOCK for span in (high_x - low_x, high_y - low_y))
+        new_columns, new_rows = (math.ceil(span / old.size) + BLOCK for span in (high_x - low_x, high_y - low_y))
         if new_columns * new_rows > MOST_CELLS:
             return
-        old = (self.x, self.y, self.spot, self.holds, self.blocked, self.points_in_block, self.blocked_in_block)
-        old_weight = self.weight
-        self._allocate(low_x, low_y, new_columns, new_rows)
-        column, row = (round((place - low) / self.cell) for place, low in ((old[0], self.x), (old[1], self.y)))
-        self.spot[row : row + rows, column : column + columns] = old[2]
-        self.holds[row : row + rows, column : column + columns] = old[3]
-        self.blocked[row : row + rows, column : column + columns] = old[4]
-        block_row, block_column = row // BLOCK, column // BLOCK
-        blocks = (slice(block_row, block_row + rows // BLOCK), slice(block_column, block_column + columns // BLOCK))
-        self.points_in_block[blocks] = old[5]
-        self.blocked_in_block[blocks] = old[6]
-        if self.is_weighted:
-            self.weight[row : row + rows, column : column + columns] = old_weight
+        self.cells = empty_cells(low_x, low_y, new_columns, new_rows, old.size, old.clearance, old.is_weighted)
+        column, row = round((old.x - self.cells.x) / old.size), round((old.y - self.cells.y) / old.size)
+        inside = (slice(row, row + rows), slice(column, column + columns))
+        blocks = tuple(slice(part.start // BLOCK, part.stop // BLOCK) for part in inside)
+        for name in ("spot", "holds", "blocked", *(("weight", "looked_from") if old.is_weighted else ())):
+            getattr(self.cells, name)[inside] = getattr(old, name)
+        for name in ("points_in_block", "blocked_in_block"):
+            getattr(self.cells, name)[blocks] = getattr(old, name)
 
     def add_scan(
         self,
@@ -171,16 +198,14 @@ class PointMap:
         """
         self.cover(*position, reach + MARGIN)
         added, removed = _add_scan(
-            self.spot, self.holds, self.blocked, self.points_in_block, self.blocked_in_block,
-            self.x, self.y, self.cell, self.clearance,
-            position[0], position[1], heading, angles, ranges, reach, noise, is_still, self.extent,
-        )  # fmt: skip
+            self.cells, *position, heading, angles, ranges, reach, noise, is_still, self.extent, np.empty(len(ranges))
+        )
         self.removed += removed
         return int(added)
 
     def add_terrain(self, position: Point, heading: float, factors: NDArray[np.float32], spacing: float) -> None:
         """Remember the cost factors (K, J) at K headings and J distances, `spacing` [m] apart."""
-        _add_terrain(self.weight, self.x, self.y, self.cell, position[0], position[1], heading, factors, spacing)
+        self.revised += _add_terrain(self.cells, *position, heading, factors, spacing)
         if factors.max() > 1.0:
             # What is dear may be worth going round: its surroundings belong to the box that is searched.
             reach = SUPPOSED * factors.shape[1] * spacing
@@ -189,48 +214,57 @@ class PointMap:
 
     def forget(self, x: float, y: float, radius: float) -> None:
         """Forget the points within a disc [m]."""
-        _forget_disc(
-            self.spot, self.holds, self.blocked, self.points_in_block, self.blocked_in_block,
-            self.x, self.y, self.cell, self.clearance, x, y, radius,
-        )  # fmt: skip
+        _forget_disc(self.cells, x, y, radius)
 
     def forget_all(self) -> None:
         """Forget every point."""
-        for array in (self.holds, self.blocked, self.points_in_block, self.blocked_in_block):
+        cells = self.cells
+        for array in (cells.holds, cells.blocked, cells.points_in_block, cells.blocked_in_block):
             array[:] = 0
 
     def set_clearance(self, clearance: float) -> None:
         """Find ways at another clearance [m] from now on."""
-        self.clearance = clearance
-        self.blocked[:] = 0
-        self.blocked_in_block[:] = 0
+        self.cells = self.cells._replace(clearance=clearance)
+        self.cells.blocked[:] = 0
+        self.cells.blocked_in_block[:] = 0
         for x, y in self.points():
-            _stamp(self.blocked, self.blocked_in_block, self.x, self.y, self.cell, clearance, x, y, 1)
+            _stamp(self.cells, x, y, 1)
 
     def points(self) -> NDArray[np.float64]:
         """The remembered points (k, 2)."""
-        rows, columns = np.nonzero(self.holds)
-        spot = (self.spot[rows, columns] + 0.5) / 256.0
-        return np.column_stack([self.x + (columns + spot[:, 0]) * self.cell, self.y + (rows + spot[:, 1]) * self.cell])
+        cells = self.cells
+        rows, columns = np.nonzero(cells.holds)
+        spot = (cells.spot[rows, columns] + 0.5) / 256.0
+        return np.column_stack(
+            [cells.x + (columns + spot[:, 0]) * cells.size, cells.y + (rows + spot[:, 1]) * cells.size]
+        )
 
     def is_open(self, a: Point, b: Point, tolerance: float = 0.0) -> bool:
         """Whether the straight way from a to b keeps the clearance, but for its last `tolerance` metres."""
-        return bool(
-            _sight(
-                self.blocked, self.blocked_in_block, self.x, self.y, self.cell, a[0], a[1], b[0], b[1],
-                self._escape(a), tolerance,
-            )
-        )  # fmt: skip
+        return bool(_sight(self.cells, *a, *b, _escape(self.cells, *a), tolerance))
 
-    def _escape(self, place: Point) -> float:
-        """How far from a place blocked cells don't count: 0 where it isn't in one."""
-        column, row = int((place[0] - self.x) / self.cell), int((place[1] - self.y) / self.cell)
-        rows, columns = self.blocked.shape
-        if not (0 <= row < rows and 0 <= column < columns and self.blocked[row, column]):
-            return 0.0
-        nearest = _nearest(self.spot, self.holds, self.x, self.y, self.cell, *place, self.clearance)
-        # Beyond a wall, open cells begin a clearance behind it: no farther, or the way out could lead through the wall.
-        return float(min(ESCAPE * self.clearance, nearest + self.clearance - self.cell))
+    def is_blocked(self, place: Point) -> bool:
+        """Whether a place lies nearer than the clearance to a remembered point, by its cell."""
+        return bool(_is_blocked(self.cells, *place))
+
+    def is_way_open(self, way: Way, tolerance: float) -> bool:
+        """Whether a way keeps the clearance, but for its last `tolerance` metres."""
+        return bool(_is_way_open(self.cells, way.places, tolerance))
+
+    def pass_nodes(self, way: Way, position: Point, near: float, *, cuts: bool) -> None:
+        """Let a way begin at another place, without the nodes before the first that lies ahead.
+
+        Args:
+            way: changed in place.
+            position: where it is to begin.
+            near: a node nearer than this is passed [m].
+            cuts: whether a node is passed too where the way to the next one is open.
+        """
+        way.places[0] = position
+        passed = _passed_nodes(self.cells, way.places, near, cuts)
+        way.places, way.rest = way.places[passed:], way.rest[passed:]
+        way.places[0] = position
+        way.rest[0] = self.costs_to(position, way.places[1:2])[0] + way.rest[1]
 
     def find_way(self, start: Point, goal: Point, goal_radius: float) -> Way | None:
         """The shortest way that keeps the clearance from all remembered points; None: they close the goal off.
@@ -242,39 +276,32 @@ class PointMap:
         """
         self.cover(*start, MARGIN)
         self.cover(*goal, MARGIN)
-        search = self.search
-        if len(search.cost) <= self.holds.size:
-            search.resize(self.holds.size)
+        cells, search = self.cells, self.search
+        if search.cells < cells.holds.size:
+            search.resize(cells.holds.size)
         search.stamp += 1
         # A way that leaves the box about all that is known can as well go along its rim.
-        rim = self.clearance + 3.0 * self.cell
-        rows, columns = self.blocked.shape
+        rim = cells.clearance + 3.0 * cells.size
+        rows, columns = cells.blocked.shape
         box = np.array(
             [
-                max(int((min(self.extent[1], start[1], goal[1]) - rim - self.y) / self.cell), 0),
-                max(int((min(self.extent[0], start[0], goal[0]) - rim - self.x) / self.cell), 0),
-                min(int((max(self.extent[3], start[1], goal[1]) + rim - self.y) / self.cell), rows - 1),
-                min(int((max(self.extent[2], start[0], goal[0]) + rim - self.x) / self.cell), columns - 1),
+                max(int((min(self.extent[1], start[1], goal[1]) - rim - cells.y) / cells.size), 0),
+                max(int((min(self.extent[0], start[0], goal[0]) - rim - cells.x) / cells.size), 0),
+                min(int((max(self.extent[3], start[1], goal[1]) + rim - cells.y) / cells.size), rows - 1),
+                min(int((max(self.extent[2], start[0], goal[0]) + rim - cells.x) / cells.size), columns - 1),
             ]
         )
         places = np.empty((512, 2))
         rest = np.empty(512)
-        count = _find_way(
-            self.blocked, self.blocked_in_block, self.weight, self.is_weighted, self.x, self.y, self.cell,
-            start[0], start[1], goal[0], goal[1], self._escape(start), goal_radius,
-            box, search.cost, search.parent, search.seen, search.place, search.heap, search.key, search.stamp, places,
-            rest,
-        )  # fmt: skip
+        count = _find_way(cells, *start, *goal, goal_radius, box, search.scratch, search.stamp, places, rest)
         return Way(places[:count].copy(), rest[:count].copy()) if count else None
 
     def costs_to(self, start: Point, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cost of the straight ways from a place to each of the places (m, 2): length [m], weighted where terrain is."""
-        if not self.is_weighted:
+        if not self.cells.is_weighted:
             away: NDArray[np.float64] = np.hypot(places[:, 0] - start[0], places[:, 1] - start[1])
             return away
-        return np.array(
-            [_cost_between(self.weight, self.x, self.y, self.cell, start[0], start[1], x, y) for x, y in places]
-        )
+        return np.array([_cost_between(self.cells, *start, x, y) for x, y in places])
 
     def rest_distances(self, places: NDArray[np.float64], way: Way) -> NDArray[np.float64]:
         """What is left to go from each of the places (m, 2): straight to the best place of a way, and on along it.
@@ -282,29 +309,40 @@ class PointMap:
         Infinite where no place of the way is in sight.
         """
         result = np.empty(len(places))
-        _rest_distances(
-            self.blocked, self.blocked_in_block, self.weight, self.is_weighted, self.x, self.y, self.cell,
-            places, way.places, way.rest, result,
-        )  # fmt: skip
+        _rest_distances(self.cells, places, way.places, way.rest, result)
         return result
+
+
+def empty_cells(x: float, y: float, columns: int, rows: int, size: float, clearance: float, is_weighted: bool) -> Cells:
+    """A grid that remembers nothing, of whole blocks and on a lattice, so that a grid that grows keeps its cells."""
+    columns, rows = (-(-number // BLOCK) * BLOCK for number in (columns, rows))
+    words = np.zeros((rows, columns // BLOCK), dtype=np.uint64)
+    of_terrain = (rows, columns) if is_weighted else (1, 1)
+    return Cells(
+        spot=np.zeros((rows, columns, 2), dtype=np.uint8),
+        holds=words.view(np.uint8),
+        words=words,
+        blocked=np.zeros((rows, columns), dtype=np.int16),
+        points_in_block=np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16),
+        blocked_in_block=np.zeros((rows // BLOCK, columns // BLOCK), dtype=np.int16),
+        weight=np.full(of_terrain, -1.0, dtype=np.float32),
+        looked_from=np.full(of_terrain, np.inf, dtype=np.float32),
+        is_weighted=is_weighted,
+        x=math.floor(x / (size * BLOCK)) * size * BLOCK,
+        y=math.floor(y / (size * BLOCK)) * size * BLOCK,
+        size=size,
+        clearance=clearance,
+    )
 
 
 # ------------------------------------------------------------------------------------------------------- kernels
 
 
 @kernel
-def _stamp(
-    blocked: Counts,
-    blocked_in_block: Counts,
-    x0: float,
-    y0: float,
-    cell: float,
-    clearance: float,
-    px: float,
-    py: float,
-    change: int,
-) -> None:
+def _stamp(cells: Cells, px: float, py: float, change: int) -> None:
     """Count a point in (change 1) or out (-1) of the cells whose centre is nearer than the clearance."""
+    blocked, blocked_in_block, clearance = cells.blocked, cells.blocked_in_block, cells.clearance
+    x0, y0, cell = cells.x, cells.y, cells.size
     rows, columns = blocked.shape
     low_row = max(int(math.floor((py - clearance - y0) / cell)), 0)
     high_row = min(int(math.floor((py + clearance - y0) / cell)), rows - 1)
@@ -324,81 +362,75 @@ def _stamp(
                     blocked_in_block[row // BLOCK, column // BLOCK] -= 1
 
 
+@inlined
+def _point(cells: Cells, row: int, column: int) -> tuple[float, float]:
+    """Place of the point that a cell remembers [m]."""
+    u, v = (cells.spot[row, column, 0] + 0.5) / 256.0, (cells.spot[row, column, 1] + 0.5) / 256.0
+    return cells.x + (column + u) * cells.size, cells.y + (row + v) * cells.size
+
+
 @kernel
-def _remove(
-    spot: Bytes,
-    holds: Bytes,
-    blocked: Counts,
-    points_in_block: Counts,
-    blocked_in_block: Counts,
-    x0: float,
-    y0: float,
-    cell: float,
-    clearance: float,
-    row: int,
-    column: int,
-) -> None:
+def _remove(cells: Cells, row: int, column: int) -> None:
     """Forget the point of a cell."""
-    px = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell
-    py = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell
-    holds[row, column] = 0
-    points_in_block[row // BLOCK, column // BLOCK] -= 1
-    _stamp(blocked, blocked_in_block, x0, y0, cell, clearance, px, py, -1)
+    px, py = _point(cells, row, column)
+    cells.holds[row, column] = 0
+    cells.points_in_block[row // BLOCK, column // BLOCK] -= 1
+    _stamp(cells, px, py, -1)
 
 
 @kernel
-def _nearest(spot: Bytes, holds: Bytes, x0: float, y0: float, cell: float, x: float, y: float, reach: float) -> float:
+def _nearest(cells: Cells, x: float, y: float, reach: float) -> float:
     """Distance from a place to the nearest remembered point, at most `reach`."""
+    holds, x0, y0, cell = cells.holds, cells.x, cells.y, cells.size
     rows, columns = holds.shape
     square = reach * reach
     for row in range(max(int((y - reach - y0) / cell), 0), min(int((y + reach - y0) / cell), rows - 1) + 1):
         for column in range(max(int((x - reach - x0) / cell), 0), min(int((x + reach - x0) / cell), columns - 1) + 1):
             if holds[row, column]:
-                dx = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell - x
-                dy = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell - y
+                px, py = _point(cells, row, column)
+                dx, dy = px - x, py - y
                 square = min(square, dx * dx + dy * dy)
     return math.sqrt(square)
 
 
 @kernel
-def _forget_disc(
-    spot: Bytes,
-    holds: Bytes,
-    blocked: Counts,
-    points_in_block: Counts,
-    blocked_in_block: Counts,
-    x0: float,
-    y0: float,
-    cell: float,
-    clearance: float,
-    x: float,
-    y: float,
-    radius: float,
-) -> None:
+def _forget_disc(cells: Cells, x: float, y: float, radius: float) -> None:
     """Forget the points within a disc."""
+    holds, x0, y0, cell = cells.holds, cells.x, cells.y, cells.size
     rows, columns = holds.shape
     for row in range(max(int((y - radius - y0) / cell), 0), min(int((y + radius - y0) / cell), rows - 1) + 1):
         for column in range(max(int((x - radius - x0) / cell), 0), min(int((x + radius - x0) / cell), columns - 1) + 1):
             if holds[row, column]:
-                dx = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell - x
-                dy = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell - y
+                px, py = _point(cells, row, column)
+                dx, dy = px - x, py - y
                 if dx * dx + dy * dy <= radius * radius:
-                    _remove(
-                        spot, holds, blocked, points_in_block, blocked_in_block, x0, y0, cell, clearance, row, column
-                    )
+                    _remove(cells, row, column)
+
+
+@inlined
+def _rough_angle(y: float, x: float) -> float:
+    """The angle of a direction to within ROUGH [rad], many times sooner than the arc tangent."""
+    ax, ay = abs(x), abs(y)
+    share = min(ax, ay) / max(ax, ay, 1e-300)
+    angle = share * (0.25 * math.pi + 0.273 * (1.0 - share))
+    angle = 0.5 * math.pi - angle if ay > ax else angle
+    angle = math.pi - angle if x < 0.0 else angle
+    return -angle if y < 0.0 else angle
+
+
+@inlined
+def _look_about(ranges: Floats, slack: int, farthest: Floats) -> None:
+    """For each beam of a full circle the longest range of those up to `slack` beams away."""
+    beams = len(ranges)
+    for i in range(beams):
+        farthest[i] = 0.0
+        for j in range(i - slack, i + slack + 1):
+            farthest[i] = max(farthest[i], ranges[j % beams])
 
 
 @kernel
 def _add_scan(
-    spot: Bytes,
-    holds: Bytes,
-    blocked: Counts,
-    points_in_block: Counts,
-    blocked_in_block: Counts,
-    x0: float,
-    y0: float,
-    cell: float,
-    clearance: float,
+    cells: Cells,
     x: float,
     y: float,
     heading: float,
@@ -408,8 +440,11 @@ def _add_scan(
     noise: float,
     is_still: Flags,
     extent: Floats,
+    farthest: Floats,
 ) -> tuple[int, int]:
     """Take away the points that beams pass, then add the points that they hit. Returns how many of both."""
+    spot, holds, words, points_in_block = cells.spot, cells.holds, cells.words, cells.points_in_block
+    x0, y0, cell = cells.x, cells.y, cells.size
     rows, columns = holds.shape
     beams = len(angles)
     spacing = angles[1] - angles[0] if beams > 1 else 2.0 * math.pi
@@ -417,6 +452,8 @@ def _add_scan(
     tube = 0.1 * cell + noise
     short = cell + 3.0 * noise
     cos, sin = math.cos(heading), math.sin(heading)
+    if is_round:
+        _look_about(ranges, 1 + int(math.ceil(ROUGH / spacing)), farthest)
     removed = 0
     low_row, high_row = max(int((y - reach - y0) / (BLOCK * cell)), 0), int((y + reach - y0) / (BLOCK * cell)) + 1
     low_column, high_column = max(int((x - reach - x0) / (BLOCK * cell)), 0), int((x + reach - x0) / (BLOCK * cell)) + 1
@@ -425,35 +462,35 @@ def _add_scan(
             if points_in_block[block_row, block_column] == 0:
                 continue
             for row in range(block_row * BLOCK, (block_row + 1) * BLOCK):
+                if words[row, block_column] == 0:
+                    continue
                 for column in range(block_column * BLOCK, (block_column + 1) * BLOCK):
                     if holds[row, column] == 0:
                         continue
-                    dx = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell - x
-                    dy = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell - y
+                    px, py = _point(cells, row, column)
+                    dx, dy = px - x, py - y
+                    away = math.sqrt(dx * dx + dy * dy)
                     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+                    if is_round:
+                        # Most points are behind what is seen: a rough look saves the arc tangent.
+                        turn = (_rough_angle(left, ahead) - angles[0]) / (2.0 * math.pi)
+                        i = int((turn - math.floor(turn)) * beams + 0.5)
+                        if away > farthest[i if i < beams else 0] - short:
+                            continue
                     turn = (math.atan2(left, ahead) - angles[0]) / (2.0 * math.pi)
                     i = int(round((turn - math.floor(turn)) * 2.0 * math.pi / spacing))
                     if i >= beams:
                         if i > beams or not is_round:
                             continue
                         i = 0
-                    away = math.sqrt(dx * dx + dy * dy)
-                    # The beams on both sides must pass too: along a wall one passes close to points that are there.
+                    # The beams on both sides must pass too: along a wall one passes close to points that are there, and
+                    # the rim of a round thing is passed closely by beams whose neighbours hit it.
                     if away > min(ranges[i - 1], ranges[i], ranges[(i + 1) % beams]) - short:
-                        continue
-                    # The rim of a round thing is passed closely by beams whose neighbours hit it.
-                    before, after = (i - 1, i + 1) if not is_round else ((i - 1) % beams, (i + 1) % beams)
-                    if before >= 0 and away > ranges[before] - short:
-                        continue
-                    if after < beams and away > ranges[after] - short:
                         continue
                     if abs(ahead * math.sin(angles[i]) - left * math.cos(angles[i])) < tube:
                         holds[row, column] += 1
                         if holds[row, column] > FORGET:
-                            _remove(
-                                spot, holds, blocked, points_in_block, blocked_in_block, x0, y0, cell, clearance,
-                                row, column,
-                            )  # fmt: skip
+                            _remove(cells, row, column)
                             removed += 1
     added = 0
     for i in range(len(angles)):
@@ -472,9 +509,8 @@ def _add_scan(
         spot[row, column, 0] = min(int(u * 256.0), 255)
         spot[row, column, 1] = min(int(v * 256.0), 255)
         points_in_block[row // BLOCK, column // BLOCK] += 1
-        px = x0 + (column + (spot[row, column, 0] + 0.5) / 256.0) * cell
-        py = y0 + (row + (spot[row, column, 1] + 0.5) / 256.0) * cell
-        _stamp(blocked, blocked_in_block, x0, y0, cell, clearance, px, py, 1)
+        px, py = _point(cells, row, column)
+        _stamp(cells, px, py, 1)
         extent[0], extent[1] = min(extent[0], px), min(extent[1], py)
         extent[2], extent[3] = max(extent[2], px), max(extent[3], py)
         added += 1
@@ -482,21 +518,15 @@ def _add_scan(
 
 
 @kernel
-def _add_terrain(
-    weight: Weights,
-    x0: float,
-    y0: float,
-    cell: float,
-    x: float,
-    y: float,
-    heading: float,
-    factors: Weights,
-    spacing: float,
-) -> None:
+def _add_terrain(cells: Cells, x: float, y: float, heading: float, factors: Weights, spacing: float) -> int:
     """Write the factors seen around the robot into the cells; ground beyond, not yet seen, is taken for what lies before.
 
-    A factor that is only supposed is written negative.
+    A factor that is only supposed is written negative. A look from nearer counts, by `spacing` at least: what lies at the
+    border of a region would else change with the heading. Returns how many cells cost something else now.
     """
+    weight, looked_from = cells.weight, cells.looked_from
+    x0, y0, cell = cells.x, cells.y, cells.size
+    revised = 0
     rows, columns = weight.shape
     headings, rings = factors.shape
     reach = rings * spacing
@@ -506,12 +536,17 @@ def _add_terrain(
         for column in range(max(int((x - far - x0) / cell), 0), min(int((x + far - x0) / cell), columns - 1) + 1):
             dx = x0 + (column + 0.5) * cell - x
             away = math.sqrt(dx * dx + dy * dy)
-            if away > far or (away > reach and weight[row, column] > 0.0):
+            is_first = away <= reach and weight[row, column] < 0.0
+            if away > far or not (is_first or away <= looked_from[row, column] - spacing):
                 continue
             ring = min(max(int(round(away / spacing)) - 1, 0), rings - 1)
             turn = (math.atan2(dy, dx) - heading) / (2.0 * math.pi)
             k = int(round((turn - math.floor(turn)) * headings)) % headings
+            if factors[k, ring] != abs(weight[row, column]):
+                revised += 1
             weight[row, column] = factors[k, ring] if away <= reach else -factors[k, ring]
+            looked_from[row, column] = away
+    return revised
 
 
 @inlined
@@ -535,20 +570,10 @@ def _to_border(u: float, v: float, cos: float, sin: float, size: float) -> float
 
 
 @kernel
-def _sight(
-    blocked: Counts,
-    blocked_in_block: Counts,
-    x0: float,
-    y0: float,
-    cell: float,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    escape: float,
-    tolerance: float,
-) -> bool:
+def _sight(cells: Cells, ax: float, ay: float, bx: float, by: float, escape: float, tolerance: float) -> bool:
     """Whether the cells between a and b are open, but for the first `escape` and the last `tolerance` metres."""
+    blocked, blocked_in_block = cells.blocked, cells.blocked_in_block
+    x0, y0, cell = cells.x, cells.y, cells.size
     rows, columns = blocked.shape
     length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
     if length == 0.0:
@@ -574,10 +599,55 @@ def _sight(
 
 
 @kernel
-def _cost_between(
-    weight: Weights, x0: float, y0: float, cell: float, ax: float, ay: float, bx: float, by: float
-) -> float:
+def _is_blocked(cells: Cells, x: float, y: float) -> bool:
+    """Whether a place lies in a blocked cell."""
+    rows, columns = cells.blocked.shape
+    column, row = int((x - cells.x) / cells.size), int((y - cells.y) / cells.size)
+    return bool(0 <= row < rows and 0 <= column < columns and cells.blocked[row, column] != 0)
+
+
+@kernel
+def _escape(cells: Cells, x: float, y: float) -> float:
+    """How far from a place blocked cells don't count: 0 where it isn't in one."""
+    if not _is_blocked(cells, x, y):
+        return 0.0
+    # Beyond a wall, open cells begin a clearance behind it: no farther, or the way out could lead through the wall.
+    out = _nearest(cells, x, y, cells.clearance) + cells.clearance - cells.size
+    return min(ESCAPE * cells.clearance, out)
+
+
+@kernel
+def _is_way_open(cells: Cells, places: Floats, tolerance: float) -> bool:
+    """Whether the straight ways from place to place are open, but for the last `tolerance` metres."""
+    last = len(places) - 2
+    for i in range(last + 1):
+        ax, ay = places[i, 0], places[i, 1]
+        slack = tolerance if i == last else 0.0
+        if not _sight(cells, ax, ay, places[i + 1, 0], places[i + 1, 1], _escape(cells, ax, ay), slack):
+            return False
+    return True
+
+
+@kernel
+def _passed_nodes(cells: Cells, places: Floats, near: float, cuts: bool) -> int:
+    """How many nodes after the first are near to it, or not needed since the way to the next one is open."""
+    x, y = places[0, 0], places[0, 1]
+    escape = _escape(cells, x, y)
+    passed = 0
+    while len(places) - passed > 2:
+        node, following = passed + 1, passed + 2
+        is_near = math.hypot(places[node, 0] - x, places[node, 1] - y) < near
+        is_cut = cuts and _sight(cells, x, y, places[following, 0], places[following, 1], escape, 0.0)
+        if not (is_near or is_cut):
+            break
+        passed += 1
+    return passed
+
+
+@kernel
+def _cost_between(cells: Cells, ax: float, ay: float, bx: float, by: float) -> float:
     """Integral of the weight along the segment from a to b."""
+    weight, x0, y0, cell = cells.weight, cells.x, cells.y, cells.size
     rows, columns = weight.shape
     length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
     pieces = max(int(math.ceil(length / (0.5 * cell))), 1)
@@ -628,26 +698,14 @@ def _sink(heap: Indices, key: Floats, place: Indices, count: int) -> None:
 
 @kernel
 def _find_way(
-    blocked: Counts,
-    blocked_in_block: Counts,
-    weight: Weights,
-    is_weighted: bool,
-    x0: float,
-    y0: float,
-    cell: float,
+    cells: Cells,
     sx: float,
     sy: float,
     gx: float,
     gy: float,
-    escape: float,
     tolerance: float,
     box: Integers,
-    cost: Floats,
-    parent: Indices,
-    seen: Indices,
-    place: Indices,
-    heap: Indices,
-    key: Floats,
+    scratch: Scratch,
     stamp: int,
     places: Floats,
     rest: Floats,
@@ -657,6 +715,9 @@ def _find_way(
     The goal is a node of its own (number rows * columns), in reach of every node that it is in sight of. A node is
     open while place >= 0 and closed when place is -1.
     """
+    cost, parent, seen, place, heap, key = scratch
+    blocked, is_weighted, x0, y0, cell = cells.blocked, cells.is_weighted, cells.x, cells.y, cells.size
+    escape = _escape(cells, sx, sy)
     rows, columns = blocked.shape
     goal = rows * columns
     start_column = min(max(int((sx - x0) / cell), 0), columns - 1)
@@ -690,11 +751,9 @@ def _find_way(
             ux, uy = x0 + (up % columns + 0.5) * cell, y0 + (up // columns + 0.5) * cell
             if up == start:
                 ux, uy = sx, sy
-            is_seen = _sight(
-                blocked, blocked_in_block, x0, y0, cell, ux, uy, nx, ny, escape if up == start else 0.0, 0.0
-            )
+            is_seen = _sight(cells, ux, uy, nx, ny, escape if up == start else 0.0, 0.0)
             if is_seen and is_weighted:
-                cost[node] = cost[up] + _cost_between(weight, x0, y0, cell, ux, uy, nx, ny)
+                cost[node] = cost[up] + _cost_between(cells, ux, uy, nx, ny)
             if not is_seen or is_weighted:
                 best = cost[node] if is_seen else np.inf
                 for k in range(8):
@@ -709,17 +768,17 @@ def _find_way(
                     if other == start:
                         ox, oy = sx, sy
                     if is_weighted:
-                        via = cost[other] + _cost_between(weight, x0, y0, cell, ox, oy, nx, ny)
+                        via = cost[other] + _cost_between(cells, ox, oy, nx, ny)
                     else:
                         via = cost[other] + math.sqrt((nx - ox) ** 2 + (ny - oy) ** 2)
                     if via < best:
                         best = via
                         parent[node] = other
                 cost[node] = best
-        if _sight(blocked, blocked_in_block, x0, y0, cell, nx, ny, gx, gy, escape if node == start else 0.0, tolerance):
+        if _sight(cells, nx, ny, gx, gy, escape if node == start else 0.0, tolerance):
             # From the node's parent, if it sees the goal too, the way is no longer; it was looked at before.
             if is_weighted:
-                total = cost[node] + _cost_between(weight, x0, y0, cell, nx, ny, gx, gy)
+                total = cost[node] + _cost_between(cells, nx, ny, gx, gy)
             else:
                 total = cost[node] + math.sqrt((gx - nx) ** 2 + (gy - ny) ** 2)
             if seen[goal] != stamp or total < cost[goal]:
@@ -793,24 +852,8 @@ def _find_way(
     return kept
 
 
-_ROW = (-1, -1, -1, 0, 0, 1, 1, 1)
-_COLUMN = (-1, 0, 1, -1, 1, -1, 0, 1)
-
-
 @kernel
-def _rest_distances(
-    blocked: Counts,
-    blocked_in_block: Counts,
-    weight: Weights,
-    is_weighted: bool,
-    x0: float,
-    y0: float,
-    cell: float,
-    points: Floats,
-    places: Floats,
-    rest: Floats,
-    result: Floats,
-) -> None:
+def _rest_distances(cells: Cells, points: Floats, places: Floats, rest: Floats, result: Floats) -> None:
     """For each point the least of: straight to a place of the way, and on along it."""
     for i in range(len(points)):
         best = np.inf
@@ -820,10 +863,10 @@ def _rest_distances(
             away = math.sqrt((px - qx) ** 2 + (py - qy) ** 2)
             if away + rest[k] >= best:
                 continue
-            if is_weighted:
-                away = _cost_between(weight, x0, y0, cell, px, py, qx, qy)
+            if cells.is_weighted:
+                away = _cost_between(cells, px, py, qx, qy)
                 if away + rest[k] >= best:
                     continue
-            if _sight(blocked, blocked_in_block, x0, y0, cell, px, py, qx, qy, 0.0, cell):
+            if _sight(cells, px, py, qx, qy, 0.0, cells.size):
                 best = away + rest[k]
         result[i] = best

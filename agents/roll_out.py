@@ -18,8 +18,34 @@ from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
 F64 = NDArray[np.float64]
 
 
+FADING = 1.5
+"""Time constant with which a near miss ahead fades [s]."""
+
+
+class Velocities(NamedTuple):
+    """Desired velocities, m of them, that the robot would hold."""
+
+    directions: F64
+    """(m,) odometry frame [rad]."""
+    speeds: F64
+    """(m,) [m/s]."""
+    free: F64
+    """(m,) free way along each direction [m]; the robot stops at its end."""
+
+
+class Movers(NamedTuple):
+    """Where T discs are predicted to be at K times."""
+
+    places: F64
+    """Centres (T, K, 2) [m]."""
+    radii: F64
+    """Radii with what is not known of their places (T, K) [m]."""
+    margin: float
+    """Nearer than this is near [m]."""
+
+
 class RollOut(NamedTuple):
-    """What comes of m candidates."""
+    """What comes of m velocities."""
 
     contact: F64
     """Time until it meets something predicted (m,) [s]; infinite where it doesn't within the horizon."""
@@ -32,15 +58,10 @@ class RollOut(NamedTuple):
 def roll_out(
     drive: Drive,
     pose: tuple[float, float, float],
-    directions: F64,
-    speeds: F64,
-    free: F64,
     radius: float,
+    velocities: Velocities,
+    movers: Movers,
     times: F64,
-    predicted: F64,
-    radii: F64,
-    margin: float,
-    fading: float,
     compare: int,
 ) -> RollOut:
     """Roll out desired velocities.
@@ -48,24 +69,16 @@ def roll_out(
     Args:
         drive: kinematics and limits of the robot.
         pose: x, y [m], heading [rad].
-        directions: (m,) of the desired velocities, odometry frame [rad].
-        speeds: (m,) [m/s].
-        free: (m,) free way along each direction [m]; the robot stops at its end.
         radius: of the robot [m].
+        velocities: desired ones.
+        movers: what is to be avoided.
         times: (K,) rising, evenly spaced, the first one spacing from now [s].
-        predicted: (T, K, 2) places of the tracks then [m].
-        radii: (T, K) radii of the tracks, with what is not known of their places [m].
-        margin: nearer than this is near [m].
-        fading: time constant with which nearness fades [s].
         compare: index of the time at which `end` is taken.
     """
-    m = len(directions)
+    m = len(velocities.directions)
     result = RollOut(np.empty(m), np.empty(m), np.empty((m, 2)))
-    _roll_out(
-        drive.kinematics == "holonomic", drive.max_turn_rate, min(TURN_GAIN, 1.0 / drive.step),
-        pose[0], pose[1], pose[2], directions, speeds, free, radius, times, predicted, radii, margin, fading, compare,
-        result.contact, result.nearness, result.end,
-    )  # fmt: skip
+    is_holonomic, turn_gain = drive.kinematics == "holonomic", min(TURN_GAIN, 1.0 / drive.step)
+    _roll_out(is_holonomic, drive.max_turn_rate, turn_gain, *pose, radius, velocities, movers, times, compare, result)
     return result
 
 
@@ -77,20 +90,16 @@ def _roll_out(
     x: float,
     y: float,
     heading: float,
-    directions: Floats,
-    speeds: Floats,
-    free: Floats,
     radius: float,
+    velocities: Velocities,
+    movers: Movers,
     times: Floats,
-    predicted: Floats,
-    radii: Floats,
-    margin: float,
-    fading: float,
     compare: int,
-    contact: Floats,
-    nearness: Floats,
-    end: Floats,
+    result: RollOut,
 ) -> None:
+    directions, speeds, free = velocities
+    predicted, radii, margin = movers
+    contact, nearness, end = result
     tracks, count = radii.shape
     dt = times[0]
     for i in range(len(directions)):
@@ -115,7 +124,7 @@ def _roll_out(
                 py += way * math.sin(theta + 0.5 * turn)
                 theta += turn
             left -= way
-            fade = math.exp(-times[k] / fading)
+            fade = math.exp(-times[k] / FADING)
             for t in range(tracks):
                 reach = radius + radii[t, k]
                 dx, dy = predicted[t, k, 0] - px, predicted[t, k, 1] - py

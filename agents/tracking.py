@@ -80,6 +80,8 @@ class TrackerMemory:
 
     scans: F64
     """Past scans (SCANS, B) [m]."""
+    scan_points: F64
+    """Places of their hits, odometry frame (SCANS, 2, B) [m]."""
     scan_owners: NDArray[np.int64]
     """Whose the hits of the past scans were (SCANS, B)."""
     scan_poses: F64 = field(default_factory=lambda: np.full((kernels.SCANS, 4), np.inf))
@@ -113,7 +115,7 @@ class Tracker:
         self.angles = angles
         self._settings = np.array([sensors.range, angles[0], step, sensors.range_noise, float(is_full_circle)])
         self._pose = np.zeros(5)
-        self._work = np.zeros((5, beams))
+        self._work = np.zeros((6, beams))
         self._fits = np.zeros((beams + 1, kernels.FIT))
         self._lists = np.zeros((5, 2 * beams + kernels.TRACKS), dtype=np.int64)
         self._flags = np.zeros((2, beams), dtype=np.bool_)
@@ -122,7 +124,9 @@ class Tracker:
     def start(self) -> TrackerMemory:
         """Memory of a new episode."""
         beams = len(self.angles)
-        return TrackerMemory(np.zeros((kernels.SCANS, beams)), np.zeros((kernels.SCANS, beams), dtype=np.int64))
+        scans = kernels.SCANS
+        owners = np.zeros((scans, beams), dtype=np.int64)
+        return TrackerMemory(np.zeros((scans, beams)), np.zeros((scans, 2, beams)), owners)
 
     def update(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """Take in a scan; call it once a step. `memory` is changed in place.
@@ -151,6 +155,7 @@ class Tracker:
             memory.numbers,
             memory.history,
             memory.scans,
+            memory.scan_points,
             memory.scan_poses,
             memory.scan_owners,
             memory.counters,

@@ -12,6 +12,7 @@ points do. What is hidden (another thing before it, the end of the LIDAR's range
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from bug_gym.kernels import Flags, Floats, Integers, inlined, kernel
 
@@ -66,6 +67,22 @@ SEEN_AWAY, MOVER_SEEN_AWAY, HIDDEN_AWAY = 1.0, 0.5, 3.0
 EVIDENT_SHARE = 0.2  # of a thing's hits that show motion when it moves
 LAGS = (0.3, 0.6, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
+
+
+class Hits(NamedTuple):
+    """A scan as points, and the beams of its clusters."""
+
+    x: Floats
+    """Hits relative to the scanner, in the odometry frame's axes, x (B,) and y (B,) [m]."""
+    y: Floats
+    bearings: Floats
+    """Bearings of the beams in the same axes (B,) [rad]."""
+    ranges: Floats
+    """(B,) [m]."""
+    members: Integers
+    """Numbers of beams; a cluster is a run of them, counter-clockwise."""
+    settings: Floats
+    """Constants of the scanner (SETTINGS,)."""
 
 
 @inlined
@@ -214,8 +231,9 @@ def cut_clusters(
 
 
 @inlined
-def extent_of(x: Floats, y: Floats, members: Integers, begin: int, end: int) -> float:
+def extent_of(hits: Hits, begin: int, end: int) -> float:
     """Diagonal of the box about a cluster's hits [m]."""
+    x, y, members = hits.x, hits.y, hits.members
     left, right = x[members[begin]], x[members[begin]]
     low, high = y[members[begin]], y[members[begin]]
     for k in range(begin + 1, end):
@@ -238,34 +256,27 @@ def edge_kind(ranges: Floats, beam: int, step: int, settings: Floats) -> int:
     return 1 if ranges[after] > ranges[beam] + JUMP else 0
 
 
+@inlined
+def edges_of(hits: Hits, begin: int, end: int) -> tuple[int, int]:
+    """`edge_kind` of the last and of the first beam of a cluster: what ends it on its left and on its right."""
+    left = edge_kind(hits.ranges, hits.members[end - 1], 1, hits.settings)
+    return left, edge_kind(hits.ranges, hits.members[begin], -1, hits.settings)
+
+
 @kernel
 def fit_disc(
-    x: Floats,
-    y: Floats,
-    angles: Floats,
-    members: Integers,
-    begin: int,
-    end: int,
-    left: int,
-    right: int,
-    settings: Floats,
-    radius: float,
-    spread: float,
-    shape: float,
-    is_radius_fixed: bool,
-    fit: Floats,
+    hits: Hits, begin: int, end: int, radius: float, spread: float, shape: float, is_radius_fixed: bool, fit: Floats
 ) -> None:
     """Fit a disc to beams members[begin:end] by three Gauss-Newton steps.
 
     Args:
-        x, y: hits relative to the scanner (B,) [m].
-        angles: bearings of the beams in the same axes (B,) [rad].
-        left, right: `edge_kind` of the last and the first beam.
         radius, spread: what is known of the radius [m].
         shape: variance of the outline about a circle [m^2].
         is_radius_fixed: whether the radius is as given.
         fit: where to write the result (FIT,).
     """
+    x, y, angles, members, settings = hits.x, hits.y, hits.bearings, hits.members, hits.settings
+    left, right = edges_of(hits, begin, end)
     count = end - begin
     sx, sy = 0.0, 0.0
     for k in range(begin, end):
@@ -357,12 +368,7 @@ def fit_disc(
 def join_claims(
     state: Floats,
     numbers: Integers,
-    x: Floats,
-    y: Floats,
-    bearings: Floats,
-    ranges: Floats,
-    settings: Floats,
-    members: Integers,
+    hits: Hits,
     begins: Integers,
     clusters: int,
     owner: Integers,
@@ -373,10 +379,10 @@ def join_claims(
 
     A mover that was seen in part at first grows so; another one that goes along is a piece of it.
     """
+    x, y, members = hits.x, hits.y, hits.members
     for c in range(clusters):
         begin, end = begins[c], begins[c + 1]
-        first, last = members[begin], members[end - 1]
-        if end - begin < ENOUGH_HITS or extent_of(x, y, members, begin, end) > WALL_EXTENT:
+        if end - begin < ENOUGH_HITS or extent_of(hits, begin, end) > WALL_EXTENT:
             continue
         counts[:TRACKS] = 0
         main = -1
@@ -388,24 +394,9 @@ def join_claims(
                     main = m
         if main < 0 or 2 * counts[main] < end - begin or counts[main] == end - begin:
             continue
-        left, right = edge_kind(ranges, last, 1, settings), edge_kind(ranges, first, -1, settings)
-        fit_disc(
-            x,
-            y,
-            bearings,
-            members,
-            begin,
-            end,
-            left,
-            right,
-            settings,
-            state[main, RADIUS],
-            math.sqrt(state[main, RADIUS_VARIANCE]),
-            NEW_SHAPE**2,
-            False,
-            fit,
-        )
-        is_disc = fit[FR] <= state[main, RADIUS] + 2.0 * math.sqrt(state[main, RADIUS_VARIANCE])
+        radius, spread = state[main, RADIUS], math.sqrt(state[main, RADIUS_VARIANCE])
+        fit_disc(hits, begin, end, radius, spread, NEW_SHAPE**2, False, fit)
+        is_disc = fit[FR] <= radius + 2.0 * spread
         for k in range(begin, end):
             gap = math.hypot(x[members[k]] - fit[FX], y[members[k]] - fit[FY]) - fit[FR]
             is_disc = is_disc and abs(gap) <= OUT_OF_ROUND
@@ -459,13 +450,12 @@ def gain(s: Floats, zx: float, zy: float, xx: float, xy: float, yy: float) -> No
 
 
 @inlined
-def place_in_scan(x: float, y: float, pose: Floats, settings: Floats) -> tuple[float, float]:
-    """Distance [m] of a place of the odometry frame from a scanner, and its number among the beams, with a fraction."""
-    dx, dy = x - pose[0], y - pose[1]
-    bearing = wrap(math.atan2(dy, dx) - pose[2]) - settings[FIRST_ANGLE]
+def beam_toward(x: float, y: float, pose: Floats, settings: Floats) -> float:
+    """Number among the beams of a scan, with a fraction, of the way to a place of the odometry frame."""
+    bearing = wrap(math.atan2(y - pose[1], x - pose[0]) - pose[2]) - settings[FIRST_ANGLE]
     if settings[IS_FULL_CIRCLE] > 0.0 and bearing < 0.0:
         bearing += 2.0 * math.pi
-    return math.hypot(dx, dy), bearing / settings[ANGLE_STEP]
+    return float(bearing / settings[ANGLE_STEP])
 
 
 @inlined
@@ -475,11 +465,11 @@ def is_free(x: float, y: float, ranges: Floats, pose: Floats, settings: Floats) 
     The margin grows with the distance between the beams: a corner may have stood out between them.
     """
     beams = len(ranges)
-    distance, number = place_in_scan(x, y, pose, settings)
+    distance = math.hypot(x - pose[0], y - pose[1])
     far = distance + JUMP + 3.0 * settings[NOISE] + 0.5 * distance * settings[ANGLE_STEP]
     if far >= settings[RANGE]:
         return False
-    low = int(math.floor(number))
+    low = int(math.floor(beam_toward(x, y, pose, settings)))
     high = low + 1
     if settings[IS_FULL_CIRCLE] > 0.0:
         low, high = low % beams, high % beams
@@ -508,8 +498,8 @@ def weigh_evidence(
     ranges: Floats,
     pose: Floats,
     owner: Integers,
-    angles: Floats,
     scans: Floats,
+    scan_points: Floats,
     scan_poses: Floats,
     scan_owners: Integers,
     settings: Floats,
@@ -541,10 +531,7 @@ def weigh_evidence(
             m = mark % TRACKS
             if numbers[m, ID] != mark // TRACKS:
                 continue
-            bearing = scan_poses[k, 2] + angles[i]
-            x = scan_poses[k, 0] + scans[k, i] * math.cos(bearing)
-            y = scan_poses[k, 1] + scans[k, i] * math.sin(bearing)
-            if is_free(x, y, ranges, pose, settings):
+            if is_free(scan_points[k, 0, i], scan_points[k, 1, i], ranges, pose, settings):
                 counts[m] += 1
     for m in range(TRACKS):
         if numbers[m, ID] > 0:
@@ -599,29 +586,17 @@ def begin_track(
 
 
 @kernel
-def refit(
-    s: Floats,
-    x: Floats,
-    y: Floats,
-    bearings: Floats,
-    members: Integers,
-    begin: int,
-    end: int,
-    left: int,
-    right: int,
-    settings: Floats,
-    fit: Floats,
-) -> None:
+def refit(s: Floats, hits: Hits, begin: int, end: int, fit: Floats) -> None:
     """Fit the disc of a track to its cluster, and learn its radius.
 
     A radius learnt moves the centre that the same hits stand for; that is no motion, so the track moves along with it.
     """
     spread = math.sqrt(s[RADIUS_VARIANCE])
-    fit_disc(x, y, bearings, members, begin, end, left, right, settings, s[RADIUS], spread, NEW_SHAPE**2, False, fit)
+    fit_disc(hits, begin, end, s[RADIUS], spread, NEW_SHAPE**2, False, fit)
     radius, variance, shape = fit[FR], fit[FR_VARIANCE], fit[SHAPE]
-    fit_disc(x, y, bearings, members, begin, end, left, right, settings, s[RADIUS], spread, shape, True, fit)
+    fit_disc(hits, begin, end, s[RADIUS], spread, shape, True, fit)
     bx, by = fit[FX], fit[FY]
-    fit_disc(x, y, bearings, members, begin, end, left, right, settings, radius, spread, shape, True, fit)
+    fit_disc(hits, begin, end, radius, spread, shape, True, fit)
     s[X] += fit[FX] - bx
     s[Y] += fit[FY] - by
     s[RADIUS], s[RADIUS_VARIANCE] = radius, max(variance, LEAST_SPREAD * LEAST_SPREAD)
@@ -644,10 +619,10 @@ def worst_track(state: Floats, numbers: Integers, px: float, py: float, distance
 def is_seen_empty(s: Floats, ranges: Floats, pose: Floats, settings: Floats) -> bool:
     """Whether the beam toward a track's centre goes past it."""
     beams = len(ranges)
-    distance, number = place_in_scan(s[X], s[Y], pose, settings)
+    distance = math.hypot(s[X] - pose[0], s[Y] - pose[1])
     if distance > settings[RANGE]:
         return True  # out of reach, it is let go as soon
-    beam = int(round(number))
+    beam = int(round(beam_toward(s[X], s[Y], pose, settings)))
     if settings[IS_FULL_CIRCLE] > 0.0:
         beam = beam % beams
     elif beam < 0 or beam >= beams:
@@ -701,7 +676,8 @@ def close_update(
             o, t = numbers[other], state[other]
             if o[ID] == 0:
                 continue
-            if math.hypot(s[X] - t[X], s[Y] - t[Y]) < 0.5 * max(s[RADIUS], t[RADIUS]):
+            near = 0.5 * max(s[RADIUS], t[RADIUS])
+            if abs(s[X] - t[X]) < near and math.hypot(s[X] - t[X], s[Y] - t[Y]) < near:
                 keeps_other = t[SEEN] > s[SEEN] or (t[SEEN] == s[SEEN] and o[ID] < n[ID])
                 lost, kept = (m, other) if keeps_other else (other, m)
                 numbers[lost, ID] = 0
@@ -716,9 +692,12 @@ def close_update(
 def keep_scan(
     numbers: Integers,
     ranges: Floats,
+    wx: Floats,
+    wy: Floats,
     pose: Floats,
     owner: Integers,
     scans: Floats,
+    scan_points: Floats,
     scan_poses: Floats,
     scan_owners: Integers,
     counters: Integers,
@@ -729,15 +708,41 @@ def keep_scan(
     k = counters[1] % SCANS
     counters[1] += 1
     for i in range(len(ranges)):
-        scans[k, i] = ranges[i]
+        scans[k, i], scan_points[k, 0, i], scan_points[k, 1, i] = ranges[i], wx[i], wy[i]
         scan_owners[k, i] = numbers[owner[i], ID] * TRACKS + owner[i] if owner[i] >= 0 else 0
     for column in range(4):
         scan_poses[k, column] = pose[column]
 
 
+@inlined
+def nearest_track(state: Floats, numbers: Integers, fit: Floats, pose: Floats) -> tuple[float, int]:
+    """Squared Mahalanobis distance and place of the free track nearest to a disc; GATE and -1 where none is within it."""
+    best, best_track = GATE, -1
+    x, y = fit[FX] + pose[0], fit[FY] + pose[1]
+    for m in range(TRACKS):
+        if numbers[m, ID] == 0 or numbers[m, CLUSTER] >= 0:
+            continue
+        s = state[m]
+        dx, dy = x - s[X], y - s[Y]
+        if dx * dx + dy * dy > NEAR_GATE * NEAR_GATE:
+            continue
+        square = mahalanobis(dx, dy, s[PXX] + fit[MXX], s[PXY] + fit[MXY], s[PYY] + fit[MYY])
+        if square < best:
+            best, best_track = square, m
+    return best, best_track
+
+
 @kernel
 def associate(
-    state: Floats, numbers: Integers, fits: Floats, is_thing: Flags, clusters: int, pose: Floats, chosen: Integers
+    state: Floats,
+    numbers: Integers,
+    fits: Floats,
+    is_thing: Flags,
+    clusters: int,
+    pose: Floats,
+    chosen: Integers,
+    nearest: Integers,
+    squares: Floats,
 ) -> None:
     """Give each cluster at most one track, the pairs of least Mahalanobis distance first.
 
@@ -745,29 +750,25 @@ def associate(
         fits: a disc for each cluster (K, FIT).
         is_thing: whether the cluster may be a track's measurement (K,).
         chosen: where to write the track of each cluster, -1 none (K,).
+        nearest, squares: scratch (K,).
     """
     for c in range(clusters):
         chosen[c] = -1
+        if is_thing[c]:
+            squares[c], nearest[c] = nearest_track(state, numbers, fits[c], pose)
     while True:
-        best, best_cluster, best_track = GATE, -1, -1
+        best, best_cluster = GATE, -1
         for c in range(clusters):
-            if chosen[c] >= 0 or not is_thing[c]:
-                continue
-            f = fits[c]
-            for m in range(TRACKS):
-                if numbers[m, ID] == 0 or numbers[m, CLUSTER] >= 0:
-                    continue
-                s = state[m]
-                dx, dy = f[FX] + pose[0] - s[X], f[FY] + pose[1] - s[Y]
-                if dx * dx + dy * dy > NEAR_GATE * NEAR_GATE:
-                    continue
-                square = mahalanobis(dx, dy, s[PXX] + f[MXX], s[PXY] + f[MXY], s[PYY] + f[MYY])
-                if square < best:
-                    best, best_cluster, best_track = square, c, m
+            if is_thing[c] and chosen[c] < 0 and squares[c] < best:
+                best, best_cluster = squares[c], c
         if best_cluster < 0:
             return
-        chosen[best_cluster] = best_track
-        numbers[best_track, CLUSTER] = best_cluster
+        track = nearest[best_cluster]
+        chosen[best_cluster] = track
+        numbers[track, CLUSTER] = best_cluster
+        for c in range(clusters):  # whose nearest track is taken looks for another
+            if is_thing[c] and chosen[c] < 0 and squares[c] < GATE and nearest[c] == track:
+                squares[c], nearest[c] = nearest_track(state, numbers, fits[c], pose)
 
 
 @kernel
@@ -780,6 +781,7 @@ def update_tracks(
     numbers: Integers,
     history: Floats,
     scans: Floats,
+    scan_points: Floats,
     scan_poses: Floats,
     scan_owners: Integers,
     counters: Integers,
@@ -797,16 +799,17 @@ def update_tracks(
         pose: odometry x, y, heading, the time and the time since the last update [s] (5,).
         settings: constants of the scanner (SETTINGS,).
         state, numbers, history: the tracks (TRACKS, STATE), (TRACKS, NUMBERS), (TRACKS, HISTORY, 3).
-        scans, scan_poses, scan_owners: past scans (SCANS, B), their poses and times (SCANS, 4), and whose their hits
-            were (SCANS, B).
+        scans, scan_points, scan_poses, scan_owners: past scans (SCANS, B), the places of their hits (SCANS, 2, B), their
+            poses and times (SCANS, 4), and whose their hits were (SCANS, B).
         counters: number of the last track, and how many scans were kept (2,).
         owner: where to write the place of the track that each hit belongs to, -1 none (B,).
-        work, fits, lists, flags: scratch (5, B), (B, FIT), (5, 2 B + TRACKS), (2, B).
+        work, fits, lists, flags: scratch (6, B), (B, FIT), (5, 2 B + TRACKS), (2, B).
     """
     beams = len(ranges)
     px, py, now = pose[0], pose[1], pose[3]
     x, y, wx, wy, bearings = work[0], work[1], work[2], work[3], work[4]
     members, begins, chosen, counts = lists[0], lists[1], lists[2], lists[3]
+    hits = Hits(x, y, bearings, ranges, members, settings)
     is_hit, is_thing = flags[0], flags[1]
     for i in range(beams):
         bearings[i] = pose[2] + angles[i]
@@ -820,96 +823,47 @@ def update_tracks(
     owner[:] = -1
     clusters = cut_clusters(ranges, is_hit, owner, settings, members, begins)
     claim_beams(state, numbers, wx, wy, is_hit, owner)
-    join_claims(state, numbers, x, y, bearings, ranges, settings, members, begins, clusters, owner, counts, fits[0])
+    join_claims(state, numbers, hits, begins, clusters, owner, counts, fits[0])
     for m in range(TRACKS):
         if numbers[m, ID] == 0 or numbers[m, IS_MOVING] == 0:
             continue
         count = gather_claimed(owner, m, settings[IS_FULL_CIRCLE] > 0.0, members)
         if count == 0:
             continue
-        left = edge_kind(ranges, members[count - 1], 1, settings)
-        right = edge_kind(ranges, members[0], -1, settings)
-        fit_disc(
-            x,
-            y,
-            bearings,
-            members,
-            0,
-            count,
-            left,
-            right,
-            settings,
-            state[m, RADIUS],
-            1.0,
-            NEW_SHAPE**2,
-            True,
-            fits[0],
-        )
+        fit_disc(hits, 0, count, state[m, RADIUS], 1.0, NEW_SHAPE**2, True, fits[0])
         dx, dy = fits[0, FX] + px - state[m, X], fits[0, FY] + py - state[m, Y]
         if math.hypot(dx, dy) > LOST and departure(state[m], fits[0], px, py) > 3.0 * GATE:
             for k in range(count):
                 owner[members[k]] = -1
             continue
         numbers[m, CLUSTER] = 0
-        refit(state[m], x, y, bearings, members, 0, count, left, right, settings, fits[0])
+        refit(state[m], hits, 0, count, fits[0])
         measure(state[m], numbers[m], fits[0], history[m], px, py, now)
     clusters = cut_clusters(ranges, is_hit, owner, settings, members, begins)
     for c in range(clusters):
         begin, end = begins[c], begins[c + 1]
-        first, last = members[begin], members[end - 1]
-        left, right = edge_kind(ranges, last, 1, settings), edge_kind(ranges, first, -1, settings)
+        left, right = edges_of(hits, begin, end)
         # What is cut off on both sides is a piece of something behind, and says nothing about its own ends.
-        is_thing[c] = (left == 1 or right == 1) and extent_of(x, y, members, begin, end) <= WALL_EXTENT
+        is_thing[c] = (left == 1 or right == 1) and extent_of(hits, begin, end) <= WALL_EXTENT
         if is_thing[c]:
-            fit_disc(
-                x,
-                y,
-                bearings,
-                members,
-                begin,
-                end,
-                left,
-                right,
-                settings,
-                NEW_RADIUS,
-                NEW_RADIUS_SPREAD,
-                NEW_SHAPE**2,
-                False,
-                fits[c],
-            )
+            fit_disc(hits, begin, end, NEW_RADIUS, NEW_RADIUS_SPREAD, NEW_SHAPE**2, False, fits[c])
             # A disc about the scanner is a recess of the walls.
             is_thing[c] = math.hypot(fits[c, FX], fits[c, FY]) > fits[c, FR]
-    associate(state, numbers, fits, is_thing, clusters, pose, chosen)
+    associate(state, numbers, fits, is_thing, clusters, pose, chosen, lists[4], work[5])
     for c in range(clusters):
         if not is_thing[c]:
             continue
         begin, end, m = begins[c], begins[c + 1], chosen[c]
-        left = edge_kind(ranges, members[end - 1], 1, settings)
-        right = edge_kind(ranges, members[begin], -1, settings)
         if m >= 0:
-            refit(state[m], x, y, bearings, members, begin, end, left, right, settings, fits[c])
+            refit(state[m], hits, begin, end, fits[c])
             measure(state[m], numbers[m], fits[c], history[m], px, py, now)
         else:
             m = worst_track(state, numbers, px, py, math.hypot(fits[c, FX], fits[c, FY]))
             if m < 0:
                 continue
             counters[0] += 1
-            fit_disc(
-                x,
-                y,
-                bearings,
-                members,
-                begin,
-                end,
-                left,
-                right,
-                settings,
-                fits[c, FR],
-                math.sqrt(fits[c, FR_VARIANCE]),
-                fits[c, SHAPE],
-                True,
-                fits[c],
-            )
+            spread = math.sqrt(fits[c, FR_VARIANCE])
+            fit_disc(hits, begin, end, fits[c, FR], spread, fits[c, SHAPE], True, fits[c])
             begin_track(state[m], numbers[m], fits[c], history[m], px, py, now, counters[0])
         for k in range(begin, end):
             owner[members[k]] = m
@@ -921,8 +875,8 @@ def update_tracks(
         ranges,
         pose,
         owner,
-        angles,
         scans,
+        scan_points,
         scan_poses,
         scan_owners,
         settings,
@@ -930,4 +884,4 @@ def update_tracks(
         lists[4],
     )
     close_update(state, numbers, ranges, pose, settings, owner)
-    keep_scan(numbers, ranges, pose, owner, scans, scan_poses, scan_owners, counters)
+    keep_scan(numbers, ranges, wx, wy, pose, owner, scans, scan_points, scan_poses, scan_owners, counters)

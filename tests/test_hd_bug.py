@@ -1,4 +1,4 @@
-"""HD-BUG: interception, the ladder of detection radii, closed forms, traps, movers, moving targets."""
+"""HD-BUG: the ladder of detection radii, closed forms, traps, movers, moving targets."""
 
 from __future__ import annotations
 
@@ -11,60 +11,14 @@ import pytest
 from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.hd_bug import Ladder, meeting_time
+from bug_gym.agents.light_area import Ladder
+from bug_gym.agents.moving_goal import meeting_time
 from bug_gym.agents.prediction import predictor_names
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
 
 MODES = {"direct", "candidates", "backtracking", "avoidance", "emergency", "turning", "waiting"}
 LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "closed", "way", "forecast"}
-
-# ------------------------------------------------------------------------------------------------------ interception
-
-
-@pytest.mark.parametrize(
-    ("velocity", "time"),
-    [
-        ((0.0, 0.5), 10.0 / math.sqrt(0.75)),
-        ((0.5, 0.0), 20.0),
-        ((-0.5, 0.0), 20.0 / 3.0),
-        ((0.0, 1.0), math.inf),
-        ((1.0, 0.0), math.inf),
-        ((-1.0, 0.0), 5.0),
-    ],
-)
-def test_a_goal_is_met_at_the_time_of_the_closed_form(velocity: tuple[float, float], time: float) -> None:
-    assert meeting_time((0.0, 0.0), (10.0, 0.0), velocity, 1.0, 0.0) == pytest.approx(time)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_at_the_meeting_time_the_goal_is_as_far_as_the_robot_comes_and_never_before(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    met = 0
-    for _ in range(300):
-        robot, goal = rng.uniform(-10.0, 10.0, (2, 2))
-        velocity = rng.uniform(-1.2, 1.2, 2)
-        radius = float(rng.choice([0.0, 0.3, 1.0]))
-        time = meeting_time(tuple(robot), tuple(goal), tuple(velocity), 0.8, radius)
-        moments = np.linspace(0.0, min(time, 200.0), 2000, endpoint=False)
-        gaps = np.hypot(*(goal + moments[:, None] * velocity - robot).T) - 0.8 * moments - radius
-        assert time == 0.0 or (gaps > -1e-6).all()
-        if math.isfinite(time) and time > 0.0:
-            met += 1
-            assert math.dist(goal + time * velocity, robot) == pytest.approx(0.8 * time + radius)
-    assert met > 100
-
-
-def test_a_goal_within_the_radius_is_met_at_once() -> None:
-    assert meeting_time((1.0, 1.0), (1.2, 1.0), (5.0, 0.0), 0.1, 0.3) == 0.0
-
-
-@pytest.mark.parametrize("difference", [1e-4, 1e-7, 1e-10, -1e-7, -1e-10])
-def test_a_goal_nearly_as_fast_as_the_robot_is_met_when_one_as_fast_is(difference: float) -> None:
-    equal = meeting_time((0.0, 0.0), (10.0, 0.0), (-0.6, 0.8), 1.0, 0.2)
-    near = meeting_time((0.0, 0.0), (10.0, 0.0), (-0.6, 0.8), 1.0 + difference, 0.2)
-    assert near == pytest.approx(equal, rel=1e-3)
-
 
 # -------------------------------------------------------------------------------------------------------- the ladder
 
@@ -166,7 +120,7 @@ def test_seen_from_afar_the_way_is_hardly_longer_than_the_shortest(world: str) -
     episode = canonical(world, 50.0)
     assert episode.outcome == "success"
     # Shorter: cells let it cut corners by half a diagonal. Longer: what lies behind a corner is seen when it gets there.
-    assert SHORTEST[world] - 0.3 <= episode.full_length <= 1.025 * SHORTEST[world]
+    assert SHORTEST[world] - 0.3 <= episode.full_length <= 1.01 * SHORTEST[world]
 
 
 @pytest.mark.parametrize(("world", "most"), [("slab", 24.5), ("disc", 1.05 * SHORTEST["disc"]), ("u_trap", 29.0)])
@@ -250,6 +204,13 @@ def test_solvable_worlds_are_solved_without_contact(scenario: str, seed: int) ->
 def test_it_does_not_turn_to_and_fro_between_two_candidates(seed: int) -> None:
     # Candidates that turned with the robot, right behind it: it turned left, right, left in place for ever.
     assert run_episode("hd_bug", "maze", {"time.limit": 400.0}, seed=seed).outcome == "success"
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("seed", range(2))
+def test_it_does_not_turn_to_and_fro_before_a_bog(kinematics: str, seed: int) -> None:
+    # What the ground behind was supposed to cost changed with the heading, and the side to go round with it.
+    assert run_episode("hd_bug", "terrain", {"robot.kinematics": kinematics}, seed=seed).outcome == "success"
 
 
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic"])

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from bug_gym.agents.light_area import LightArea
+from bug_gym.agents.light_area import LightArea, density
 
 F64 = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def test_out_of_range_all_is_light_within_the_detection_radius(angles: F64) -> N
     light = area(angles, np.full(len(angles), SENSOR_RANGE))
     places = random_places(0)
     np.testing.assert_array_equal(light.is_light(places), np.hypot(*places.T) <= REACH)
-    assert light.density() == 0.0 and light.shadow_rings() == []
+    assert density(light.ranges, light.reach) == 0.0 and light.shadow_rings() == []
     vertices, centres = light.vertices_and_centres()
     assert len(vertices) == len(centres) == 0
 
@@ -119,7 +119,7 @@ def test_in_contact_all_round_nothing_is_light_and_all_is_shadow() -> None:
     away = np.hypot(*places.T)
     assert not light.is_light(places[away > 1e-3]).any()
     np.testing.assert_array_equal(light.is_shadow(places), (away > 1e-3) & (away <= REACH))
-    assert light.density() == 1.0
+    assert density(light.ranges, light.reach) == 1.0
     vertices, centres = light.vertices_and_centres()
     assert len(vertices) == len(centres) == 0
 
@@ -128,7 +128,7 @@ def test_in_contact_all_round_nothing_is_light_and_all_is_shadow() -> None:
 def test_one_beam_is_no_error(away: float) -> None:
     light = area(np.zeros(1), np.array([away]))
     assert not light.is_light(np.array([[1.5, 0.0]]))[0] or away == SENSOR_RANGE
-    assert light.density() == float(away < REACH)
+    assert density(light.ranges, light.reach) == float(away < REACH)
     vertices, centres = light.vertices_and_centres()
     assert len(vertices) == len(centres) == 0
     assert all(np.isfinite(ring).all() for ring in [light.light_ring(), *light.shadow_rings()])
@@ -138,7 +138,7 @@ def test_beams_that_do_not_count_hinder_nobody_but_still_cast_a_shadow() -> None
     ranges = np.full(len(FULL), 1.0)
     light = LightArea(FULL, ranges, SENSOR_RANGE, RADIUS, REACH, is_still=np.zeros(len(FULL), dtype=np.bool_))
     place = np.array([[1.5, 0.0]])
-    assert light.is_light(place)[0] and light.is_shadow(place)[0] and light.density() == 1.0
+    assert light.is_light(place)[0] and light.is_shadow(place)[0] and density(light.ranges, light.reach) == 1.0
 
 
 def test_the_detection_radius_is_not_above_the_range() -> None:
@@ -149,7 +149,7 @@ def test_the_detection_radius_is_not_above_the_range() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_density_is_the_share_of_short_beams(seed: int) -> None:
     ranges = random_ranges(FULL, seed)
-    assert area(FULL, ranges).density() == pytest.approx(sum(r < REACH for r in ranges) / len(ranges))
+    assert density(ranges, REACH) == pytest.approx(sum(r < REACH for r in ranges) / len(ranges))
 
 
 # -------------------------------------------------------------------------------------------------------- candidates

@@ -73,27 +73,28 @@ def exact_length(grid: PointMap, start: tuple[float, float], goal: tuple[float, 
 
 def cell_centres(grid: PointMap) -> tuple[F64, F64]:
     """x and y (rows, columns) of the cells' centres."""
-    rows, columns = grid.holds.shape
-    x, y = grid.x + (np.arange(columns) + 0.5) * grid.cell, grid.y + (np.arange(rows) + 0.5) * grid.cell
+    cells = grid.cells
+    rows, columns = cells.holds.shape
+    x, y = cells.x + (np.arange(columns) + 0.5) * cells.size, cells.y + (np.arange(rows) + 0.5) * cells.size
     return np.meshgrid(x, y)
 
 
 def near_points(grid: PointMap) -> NDArray[np.int64]:
     """How many remembered points are nearer to each cell's centre than the clearance, by a tree of them."""
     x, y = cell_centres(grid)
-    near = cKDTree(grid.points()).query_ball_point(np.stack([x, y], axis=-1), grid.clearance, return_length=True)
+    near = cKDTree(grid.points()).query_ball_point(np.stack([x, y], axis=-1), grid.cells.clearance, return_length=True)
     return np.asarray(near, dtype=np.int64)
 
 
 def check_counts(grid: PointMap) -> None:
     """The counts of cells and blocks are those of the remembered points."""
     expected = near_points(grid)
-    np.testing.assert_array_equal(grid.blocked, expected)
+    np.testing.assert_array_equal(grid.cells.blocked, expected)
     rows, columns = expected.shape
     blocks = (expected > 0).reshape(rows // 8, 8, columns // 8, 8).sum(axis=(1, 3))
-    np.testing.assert_array_equal(grid.blocked_in_block, blocks)
-    held = (grid.holds > 0).reshape(rows // 8, 8, columns // 8, 8).sum(axis=(1, 3))
-    np.testing.assert_array_equal(grid.points_in_block, held)
+    np.testing.assert_array_equal(grid.cells.blocked_in_block, blocks)
+    held = (grid.cells.holds > 0).reshape(rows // 8, 8, columns // 8, 8).sum(axis=(1, 3))
+    np.testing.assert_array_equal(grid.cells.points_in_block, held)
 
 
 def sorted_rows(points: F64) -> F64:
@@ -163,7 +164,7 @@ def random_ring(seed: int) -> PointMap:
 def test_there_is_no_way_only_where_a_flood_does_not_arrive(seed: int) -> None:
     grid = random_ring(seed)
     labels, _ = ndimage.label(near_points(grid) == 0, structure=np.ones((3, 3)))
-    inside, outside = (labels[int((0.0 - grid.y) / CELL), int((x - grid.x) / CELL)] for x in (0.0, 6.0))
+    inside, outside = (labels[int((0.0 - grid.cells.y) / CELL), int((x - grid.cells.x) / CELL)] for x in (0.0, 6.0))
     assert inside > 0 and outside > 0
     assert (grid.find_way((0.0, 0.0), (6.0, 0.0), 0.05) is not None) == (inside == outside)
 
@@ -207,11 +208,30 @@ def test_a_straight_way_is_open_where_all_its_cells_are() -> None:
     disagreements = 0
     for a, b in zip(rng.uniform(-6.0, 6.0, (200, 2)), rng.uniform(-6.0, 6.0, (200, 2)), strict=True):
         places = a + share * (b - a)
-        columns, rows = ((places - [grid.x, grid.y]) / CELL).astype(int).T
+        columns, rows = ((places - [grid.cells.x, grid.cells.y]) / CELL).astype(int).T
         if blocked[rows[0], columns[0]]:
             continue  # it leads out of a blocked cell, see above
         disagreements += grid.is_open(tuple(a), tuple(b)) == blocked[rows, columns].any()
     assert disagreements <= 1  # samples may step over a corner of a cell
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+@pytest.mark.parametrize("cuts", [True, False])
+def test_where_a_way_is_gone_on_the_rest_is_what_is_left_from_there(share: float, cuts: bool) -> None:
+    grid = empty_map()
+    remember(grid, np.column_stack([np.full(81, 1.0), np.arange(-2.0, 2.01, 0.05)]))
+    way = grid.find_way((-3.0, 0.1), (5.0, 0.1), 0.1)
+    assert way is not None and len(way.places) > 2
+    way.places = np.insert(way.places, 1, 0.5 * (way.places[0] + way.places[1]), axis=0)
+    way.rest = np.insert(way.rest, 1, 0.5 * (way.rest[0] + way.rest[1]))
+    place = way.places[0] + share * (way.places[2] - way.places[0])
+    grid.pass_nodes(way, tuple(place.tolist()), 0.01, cuts=cuts)
+    np.testing.assert_array_equal(way.places[0], place)
+    left = np.hypot(*np.diff(way.places, axis=0).T)
+    np.testing.assert_allclose(way.rest, np.append(np.cumsum(left[::-1])[::-1], 0.0))
+    assert not cuts or grid.is_way_open(way, 0.1)
+    rest = float(grid.rest_distances(place[None], way)[0])
+    assert math.dist(place, way.places[-1]) <= rest <= way.rest[0] + 1e-9
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-17, -1e-17, 1e-16, -1e-16, 1e-13, -1e-13, 1e-9, -1e-9])
@@ -239,7 +259,7 @@ def test_rest_distances_are_those_by_the_best_place_in_sight() -> None:
     assert way is not None
     places = np.random.default_rng(1).uniform(-5.0, 5.0, (100, 2))
     blocked = near_points(grid) > 0
-    columns, rows = ((places - [grid.x, grid.y]) / CELL).astype(int).T
+    columns, rows = ((places - [grid.cells.x, grid.cells.y]) / CELL).astype(int).T
     places = places[~blocked[rows, columns]]
     expected = [
         min(
@@ -260,7 +280,7 @@ def test_a_map_remembers_the_points_where_they_are() -> None:
     added = remember(grid, points)
     kept = grid.points()
     assert len(kept) == added
-    cells = {tuple(cell) for cell in np.floor((points - [grid.x, grid.y]) / CELL).astype(int).tolist()}
+    cells = {tuple(cell) for cell in np.floor((points - [grid.cells.x, grid.cells.y]) / CELL).astype(int).tolist()}
     assert added == len(cells)
     gaps = np.hypot(*(kept[:, None] - points[None]).transpose(2, 0, 1)).min(axis=1)
     assert gaps.max() <= CELL / 256.0
@@ -270,10 +290,10 @@ def test_a_map_remembers_the_points_where_they_are() -> None:
 def test_growing_keeps_all_points_and_what_they_block() -> None:
     grid = random_field(2)
     before = sorted_rows(grid.points())
-    size = grid.holds.size
+    size = grid.cells.holds.size
     for place in ((15.0, 2.0), (-5.0, -17.0)):
         grid.cover(*place, 1.0)
-    assert grid.holds.size > size
+    assert grid.cells.holds.size > size
     np.testing.assert_allclose(sorted_rows(grid.points()), before, atol=1e-9)
     check_counts(grid)
 
@@ -402,7 +422,7 @@ def weighted_map(low: tuple[float, float], high: tuple[float, float], factor: fl
     grid = empty_map(is_weighted=True)
     x, y = cell_centres(grid)
     inside = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
-    grid.weight[inside] = factor
+    grid.cells.weight[inside] = factor
     grid.extent[:] = -5.0, -6.0, 6.0, 6.0  # as if it had been seen
     return grid
 
@@ -458,7 +478,7 @@ def test_a_uniform_factor_only_scales_the_cost() -> None:
     plain = random_field(9)
     dear = PointMap((0.0, 0.0), 8.0, CELL, CLEARANCE, Search(), is_weighted=True)
     remember(dear, plain.points())
-    dear.weight[:] = 2.0
+    dear.cells.weight[:] = 2.0
     lengths = [cost(grid.find_way((-6.0, -6.0), (6.0, 6.0), 0.05)) for grid in (plain, dear)]
     assert lengths[1] == pytest.approx(2.0 * lengths[0], rel=0.02)
 
@@ -474,8 +494,8 @@ def test_seen_terrain_is_remembered_where_it_lies(heading: float) -> None:
     seen = np.hypot(x - 1.0, y + 0.5) <= 4.0
     # Half the angle between two headings at 4 m, and half a ring.
     unsure = np.abs(x - 1.5) <= 4.0 * math.pi / 32.0 + 0.125
-    np.testing.assert_array_equal(grid.weight[seen & ~unsure], np.where(x > 1.5, 4.0, 1.0)[seen & ~unsure])
-    assert (np.abs(grid.weight[np.hypot(x - 1.0, y + 0.5) > 8.0]) == 1.0).all()
+    np.testing.assert_array_equal(grid.cells.weight[seen & ~unsure], np.where(x > 1.5, 4.0, 1.0)[seen & ~unsure])
+    assert (np.abs(grid.cells.weight[np.hypot(x - 1.0, y + 0.5) > 8.0]) == 1.0).all()
 
 
 def test_ground_not_seen_yet_is_supposed_to_go_on_until_it_is_seen() -> None:
@@ -487,6 +507,35 @@ def test_ground_not_seen_yet_is_supposed_to_go_on_until_it_is_seen() -> None:
     seen = cost(grid.find_way((4.5, 0.0), (6.5, 0.0), 0.1))
     behind = cost(grid.find_way((-3.5, 0.0), (-2.0, 0.0), 0.1))
     assert (beyond, seen, behind) == pytest.approx((2.0 * 3.0, 2.0 * 1.5, 1.5 * 3.0))
+
+
+def bog_about(x: float, y: float, heading: float) -> NDArray[np.float32]:
+    """What a robot sees of a bog x > 2, as the field gives it: samples (32, 16) about the heading."""
+    bearings = heading + np.arange(32) * (2.0 * math.pi / 32)
+    away = 0.25 * np.arange(1, 17)
+    return np.where(x + away[None, :] * np.cos(bearings)[:, None] > 2.0, 4.0, 1.0).astype(np.float32)
+
+
+def test_turning_on_the_spot_revises_nothing() -> None:
+    grid = empty_map(is_weighted=True)
+    grid.add_terrain((0.0, 0.0), 0.0, bog_about(0.0, 0.0, 0.0), 0.25)
+    weight, revised = grid.cells.weight.copy(), grid.revised
+    assert revised > 0
+    for heading in np.linspace(0.05, 6.0, 40):
+        grid.add_terrain((0.0, 0.0), float(heading), bog_about(0.0, 0.0, float(heading)), 0.25)
+    np.testing.assert_array_equal(grid.cells.weight, weight)
+    assert grid.revised == revised
+
+
+def test_a_look_from_nearer_counts() -> None:
+    grid = empty_map(is_weighted=True)
+    for x in np.arange(0.0, 2.0, 0.1):
+        grid.add_terrain((float(x), 0.0), 0.0, bog_about(float(x), 0.0, 0.0), 0.25)
+    x, y = cell_centres(grid)
+    near = np.hypot(x - 1.9, y) <= 1.0
+    # Half a ring, and what nearer by less than one doesn't correct.
+    unsure = np.abs(x - 2.0) <= 0.25 + CELL
+    np.testing.assert_array_equal(grid.cells.weight[near & ~unsure], np.where(x > 2.0, 4.0, 1.0)[near & ~unsure])
 
 
 def test_growing_keeps_the_terrain() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym.agents.roll_out import RollOut, roll_out
+from bug_gym.agents.roll_out import FADING, Movers, RollOut, Velocities, roll_out
 from bug_gym.kinematics import TURN_IN_PLACE, Drive, steering
 from bug_gym.simulation import Simulation
 
@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 
 STEP, COUNT = 0.1, 30
 TIMES = STEP * np.arange(1, COUNT + 1, dtype=np.float64)
-RADIUS, MARGIN, FADING = 0.2, 0.3, 1.5
+RADIUS, MARGIN = 0.2, 0.3
 HOLONOMIC = Drive("holonomic", 1.0, 0.3, 1.5, STEP)
 DIFFERENTIAL = Drive("differential", 1.0, 0.3, 1.5, STEP)
 
@@ -40,9 +40,8 @@ def rolled(
     free = np.broadcast_to(np.asarray(free, dtype=float), directions.shape).copy()
     places = np.empty((0, len(times), 2)) if places is None else places
     radii = np.broadcast_to(np.asarray(radii, dtype=float), places.shape[:2]).copy()
-    return roll_out(
-        drive, pose, directions, speeds, free, RADIUS, times, places, radii, MARGIN, FADING, compare
-    )  # fmt: skip
+    velocities, movers = Velocities(directions, speeds, free), Movers(places, radii, MARGIN)
+    return roll_out(drive, pose, RADIUS, velocities, movers, times, compare)
 
 
 def moving(place: tuple[float, float], velocity: tuple[float, float]) -> F64:
