@@ -3,7 +3,8 @@
 The episode is driven again up to two seconds before the collision. From that state 1,000 worlds go on, each with a
 control sequence of its own: a desired velocity drawn anew every half second; 32 of them keep one direction at top speed,
 and one stands. Movers go on by their laws, so those that look answer to what the robot does. The collision could have
-been avoided when any of these robots is still whole a second after the time of the collision.
+been avoided when any of these robots is still whole a second after the time of the collision. The sequences know the
+future, and also avoid who steps out of nowhere: those are told apart by `appeared`.
 """
 
 from __future__ import annotations
@@ -15,19 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym import kernels
 from bug_gym.config import Scenario, load
 from bug_gym.kinematics import Drive, steering
 from bug_gym.metrics import EpisodeRow
 from bug_gym.observation import Sensors
-from bug_gym.policy import Policy
+from bug_gym.rollout import Rollout
 from bug_gym.simulation import Simulation
-from bug_gym.suites import PolicyEntry
+from bug_gym.suites import PolicyEntry, ScenarioEntry
 
 BEFORE, AFTER = 2.0, 1.0
 """How long before the collision the sequences begin, and how long after it they end [s]."""
+SUDDEN = 1.0
+"""Who came into the world less than this before the collision came out of nowhere [s]."""
 SEQUENCES = 1000
 HOLD = 0.5
 """How long a sequence keeps a velocity [s]."""
+TOUCH = 1e-3
+"""What is nearer than this touches [m]."""
 DIRECTIONS = 32
 """Sequences that keep one direction at top speed."""
 
@@ -45,14 +51,11 @@ def is_avoidable(
     Raises:
         ValueError: it ended otherwise.
     """
-    if row.outcome != "collision":
-        raise ValueError(f"the episode ended with {row.outcome!r}, not in a collision")
     described = load(scenario)
     step = described.time.step
     back = min(max(round(BEFORE / step), 1), row.steps)
-    simulation = Simulation(described)
-    simulation.reset(seeds=[row.seed])
-    _drive(simulation, PolicyEntry.of(policy).make(simulation), row.steps - back)
+    rollout = driven(policy, described, row, row.steps - back)
+    simulation = rollout.simulation
     snapshot, seeded = simulation.save()
     many = Simulation(described, SEQUENCES)
     copies = snapshot._replace(
@@ -78,12 +81,39 @@ def is_avoidable(
     return True
 
 
-def _drive(simulation: Simulation, policy: Policy, steps: int) -> None:
-    """Go on for so many steps of the first row."""
-    state: tuple[Any, ...] | None = None
+def appeared(policy: str | Mapping[str, Any], scenario: str | Mapping[str, Any] | Scenario, row: EpisodeRow) -> bool:
+    """Whether the robot ran into somebody who was not yet in the world SUDDEN seconds before, so that no scan showed him.
+
+    A recording knows people from where the camera sees them: that may be just where the robot is.
+
+    Args, Raises: as `is_avoidable`.
+    """
+    described = load(scenario)
+    back = min(max(round(SUDDEN / described.time.step), 1), row.steps)
+    rollout = driven(policy, described, row, row.steps - back)
+    world = rollout.simulation.world
+    before = world.disc_position[0].copy()
+    while not rollout.is_over:
+        rollout.advance()
+    gaps = np.hypot(*(world.disc_position[0] - world.pose[0, 0, :2]).T) - world.disc_radius[0]
+    if not len(gaps) or gaps.min() > described.robot.reach + TOUCH:
+        return False
+    return bool(before[gaps.argmin(), 0] == kernels.AWAY)
+
+
+def driven(policy: str | Mapping[str, Any], scenario: Scenario, row: EpisodeRow, steps: int) -> Rollout:
+    """An episode that ended in a collision, driven again for so many steps.
+
+    Raises:
+        ValueError: it ended otherwise.
+    """
+    if row.outcome != "collision":
+        raise ValueError(f"the episode ended with {row.outcome!r}, not in a collision")
+    entry = ScenarioEntry(scenario.name, scenario, range(row.seed, row.seed + 1))
+    rollout = Rollout(PolicyEntry.of(policy), entry, [row.seed])
     for _ in range(steps):
-        action, state = policy.predict(simulation.observations()[0, 0], state, deterministic=True)
-        simulation.step(np.asarray(action)[None, None])
+        rollout.advance()
+    return rollout
 
 
 def first_velocities(drive: Drive, rng: np.random.Generator) -> NDArray[np.float64]:

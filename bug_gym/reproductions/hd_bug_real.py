@@ -1,8 +1,8 @@
 """HD-BUG on real data: the BARN benchmark's worlds, and streets of recorded pedestrians to be crossed.
 
 Needs a folder (`--data`) with `barn_worlds.jsonl`, `pedestrians_eth.csv` and `pedestrians_hotel.csv`. Recorded pedestrians
-don't make way and don't see the robot. A collision is the robot's fault where it could have been avoided, by the rule of
-`avoidable`.
+don't make way and don't see the robot. A collision is the robot's fault where it could have been avoided and whom it hit
+had been there to be seen, by the rules of `avoidable`; both counts are printed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from bug_gym.maps import load_barn
 from bug_gym.reproductions import barn
-from bug_gym.reproductions.avoidable import is_avoidable
+from bug_gym.reproductions.avoidable import SUDDEN, appeared, is_avoidable
 from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
@@ -60,15 +60,23 @@ def reproduce(settings: Settings) -> Reproduction:
             predictor = str(described["label"])
             mine = of(rows, policy=predictor)
             hits = of(mine, outcome="collision")
-            avoidable = sum(is_avoidable(described, scenario, row) for row in hits)
-            faults[predictor] += avoidable
+            avoidable = [row for row in hits if is_avoidable(described, scenario, row)]
+            sudden = sum(appeared(described, scenario, row) for row in avoidable)
+            faults[predictor] += len(avoidable) - sudden
             time = f"{mean([row.time for row in mine if row.success]):.2f}"
-            lines.append([scene, predictor, as_percent(mine), str(len(hits)), str(avoidable), time])
-            data[f"{scene}, {predictor}"] = {**numbers(mine), "avoidable_collisions": avoidable}
+            lines.append([scene, predictor, as_percent(mine), str(len(hits)), str(len(avoidable)), str(sudden), time])
+            data[f"{scene}, {predictor}"] = {
+                **numbers(mine),
+                "avoidable_collisions": len(avoidable),
+                "of_them_sudden": sudden,
+            }
     holds = holds and all(number <= (1.0 - FAULTLESS_ASKED) * crossings for number in faults.values())
-    header = ["scene", "predictor", "reached [%]", "collisions", "of them avoidable", "time [s]"]
+    header = ["scene", "predictor", "reached [%]", "collisions", "of them avoidable", "of these sudden", "time [s]"]
     tables.append(Table(f"Crossings of recorded pedestrians, {crossings} in all", header, lines))
-    return Reproduction("hd-bug-real", tables, [barn.DWA], {"results": data}, holds)
+    return Reproduction("hd-bug-real", tables, [barn.DWA, NOTE], {"results": data}, holds)
+
+
+NOTE = f"sudden: with somebody who came into the recording less than {SUDDEN:g} s before; not the robot's fault."
 
 
 def drive_barn(settings: Settings, path: Path) -> tuple[Table, dict[str, Any]]:
