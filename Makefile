@@ -21,6 +21,7 @@ test: lint  ## set up once, then lint and test
 
 lint: .venv/test.stamp  ## ruff and mypy --strict
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 clean:  ## remove .venv, caches and build products; results stay

@@ -154,7 +154,11 @@ def draw_all(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         ros_map = {"name": "ros_map", "world": {"family": "ros_map", "path": write_example_map(Path(scratch))}}
-        for name, (source, seed) in {**EXAMPLES, "ros_map": (ros_map, 1), **{name: (name, 1) for name in EXTRAS}}.items():
+        for name, (source, seed) in {
+            **EXAMPLES,
+            "ros_map": (ros_map, 1),
+            **{name: (name, 1) for name in EXTRAS},
+        }.items():
             simulation = Simulation(load(source))
             simulation.reset(seeds=[seed])
             save_png(folder / f"{name}.png", Canvas(simulation, size=SIZE).draw(scan=False))

@@ -64,7 +64,9 @@ class GivesUp(ScriptedPolicy):
 class Standing:
     """Never moves."""
 
-    def predict(self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True) -> Any:
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> Any:
         return np.zeros((len(observation), 2), dtype=np.float32), None
 
 

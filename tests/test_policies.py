@@ -238,9 +238,7 @@ def test_sb3s_evaluate_policy_runs_a_scripted_policy_as_it_stands() -> None:
     from bug_gym.agents.sb3 import make_vec_env
 
     env = make_vec_env("static", 4, seed=0)
-    rewards, lengths = evaluate_policy(
-        make_policy("bug2", env), env, n_eval_episodes=8, return_episode_rewards=True
-    )
+    rewards, lengths = evaluate_policy(make_policy("bug2", env), env, n_eval_episodes=8, return_episode_rewards=True)
     assert isinstance(rewards, list) and isinstance(lengths, list)
     # Every world is solvable: the goal's 10 outweighs the 0.01 of each step.
     assert min(rewards) > 10.0 and max(lengths) < 600
