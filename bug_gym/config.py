@@ -1789,8 +1789,14 @@ EXPECTED = {
 
 
 def explain(error: ValidationError, label: str) -> str:
-    """One line a fault: file, key, what came, what is allowed."""
-    return "\n".join(f"{label}: {_explain_one(detail)}" for detail in error.errors())
+    """One line a fault: file, key, what came, what is allowed.
+
+    A list that is too short because its entries are faulty is not told again: pydantic counts the good ones only.
+    """
+    details = error.errors()
+    faulty = {detail["loc"][:depth] for detail in details for depth in range(len(detail["loc"]))}
+    told = [one for one in details if not (one["type"] == "too_short" and one["loc"] in faulty)]
+    return "\n".join(f"{label}: {_explain_one(detail)}" for detail in told)
 
 
 def _explain_one(detail: ErrorDetails) -> str:

@@ -337,6 +337,12 @@ def test_data_that_is_not_there_is_told_by_its_path(tmp_path: Path) -> None:
         make_plan("go_to_goal", "barn", data=tmp_path / "nowhere")
 
 
+def test_a_faulty_entry_of_a_suite_is_told_once() -> None:
+    with pytest.raises(ValueError, match="did you mean 'overrides'") as found:
+        load_suite({"scenarios": [{"scenario": "static", "overides": {}}], "seeds": {"count": 2}})
+    assert "\n" not in str(found.value)
+
+
 def test_a_missing_scenario_of_a_suite_is_told_with_its_place_in_the_suite(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("scenarios: [static, dynamik]\n")
