@@ -11,62 +11,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.observation import View
+from bug_gym.policy import Velocity
 
-from .boundary_following import (
-    TARGET_MOVED,
-    Boundary,
-    Contour,
-    LeaveRule,
-    MLine,
-    Turn,
-    TurningMemory,
-    go_along,
-    side_of,
-)
-
-ON_LINE = 0.1
-"""How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
+from .boundary_following import Contour, TurningMemory
+from .m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
 
 
 @dataclass
-class Alg1Memory(TurningMemory):
+class Alg1Memory(MLineMemory, TurningMemory):
     """Memory of Alg1."""
 
-    line: MLine | None = None
-    """The M-line."""
     nearest: float = math.inf
     """Smallest distance to the goal of the places on the M-line visited so far [m]."""
 
 
-class Alg1(ScriptedPolicy):
-    """Alg1.
-
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "any": leave at a crossing wherever the goal lies (the algorithm as published); "front": only with
-            the goal within 90 degrees of the direction of travel.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+class Alg1(MLineBug):
+    """Alg1; its parameters are those of MLineBug."""
 
     def start(self) -> Alg1Memory:
         """Memory of a new episode."""
@@ -76,7 +37,7 @@ class Alg1(ScriptedPolicy):
         """One decision."""
         boundary = self.boundary
         boundary.advance(view, memory)
-        line = self._line(view, memory)
+        line = self.m_line(view, memory)
         if memory.contour is not None and not memory.is_turning:
             self._watch(view, memory, memory.contour, line)
         if memory.is_turning:
@@ -90,18 +51,9 @@ class Alg1(ScriptedPolicy):
             if velocity is not None:
                 memory.mode = "motion_to_goal"
                 return velocity
-            boundary.hit_and_trace(view, memory, self.side, view.goal_bearing)
+            boundary.hit_and_trace(view, memory, self.next_side(memory), view.goal_bearing)
         memory.mode = "boundary_following"
         return boundary.follow(view, memory)
-
-    def _line(self, view: View, memory: Alg1Memory) -> MLine:
-        """The M-line; drawn anew from here when the target has moved away from its end."""
-        goal = view.goal_position
-        if memory.line is None or math.dist(memory.line.goal, goal) > TARGET_MOVED:
-            memory.line = MLine(view.position, goal)
-            memory.nearest = view.goal_distance
-            self.boundary.forget_marks(memory)
-        return memory.line
 
     def _watch(self, view: View, memory: Alg1Memory, contour: Contour, line: MLine) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
@@ -114,19 +66,17 @@ class Alg1(ScriptedPolicy):
 
     def _may_leave(self, view: View, memory: Alg1Memory, contour: Contour, line: MLine) -> bool:
         """Whether the last step crossed the M-line nearer to the goal than ever before, with a free way on."""
-        crossing = line.crossing(contour.before, contour.position)
-        if crossing is None and abs(line.offset(view.position)) <= ON_LINE * self.boundary.step:
-            crossing = view.position  # it grazes the line without crossing it
-        if crossing is None or math.dist(crossing, line.goal) > memory.nearest - ON_LINE * self.boundary.step:
+        distance = nearer_crossing(self.boundary, view, contour, line, memory.nearest)
+        if distance is None:
             return False
-        memory.nearest = math.dist(crossing, line.goal)
-        if self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
-            return True
-        return self.boundary.leave_rule == "any" and self.boundary.points_away(view, view.goal_bearing, contour)
+        memory.nearest = distance
+        return self.boundary.may_go_on(view, contour)
 
-    def draw(self, memory: Alg1Memory) -> Drawing:
-        """Hit and leave points and the M-line."""
-        drawing = self.boundary.draw(memory)
-        if memory.line is None:
-            return drawing
-        return Drawing(points=drawing.points, segments=[(*memory.line.start, *memory.line.goal, "m_line")])
+    def forget_distances(self, view: View, memory: Alg1Memory) -> None:
+        """Nothing is nearer than the start of the new line, and marks met on the way to another goal mean nothing."""
+        memory.nearest = view.goal_distance
+        self.boundary.forget_marks(memory)
+
+    def next_side(self, memory: Alg1Memory) -> int:
+        """Side to turn to at the next hit point."""
+        return self.side

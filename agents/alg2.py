@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.observation import View
+from bug_gym.policy import Velocity
 
-from .boundary_following import TARGET_MOVED, Boundary, Contour, LeaveRule, Point, Turn, TurningMemory, side_of
+from .boundary_following import TARGET_MOVED, BoundaryBug, Contour, Point, TurningMemory
 
 
 @dataclass
@@ -27,32 +27,8 @@ class Alg2Memory(TurningMemory):
     """The target that this distance belongs to, odometry frame [m]."""
 
 
-class Alg2(ScriptedPolicy):
-    """Alg2.
-
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "front" or "any", see Boundary.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "front",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+class Alg2(BoundaryBug):
+    """Alg2; its parameters are those of BoundaryBug."""
 
     def start(self) -> Alg2Memory:
         """Memory of a new episode."""
@@ -77,7 +53,7 @@ class Alg2(ScriptedPolicy):
     def _decide(self, view: View, memory: Alg2Memory) -> Velocity:
         boundary = self.boundary
         if memory.contour is not None and not memory.is_turning:
-            self._watch(view, memory, memory.contour)
+            self.watch(view, memory, memory.contour)
         if memory.is_turning:
             velocity = boundary.walk_back(view, memory)
             if velocity is not None:
@@ -88,11 +64,15 @@ class Alg2(ScriptedPolicy):
             if velocity is not None:
                 memory.mode = "motion_to_goal"
                 return velocity
-            boundary.hit_and_trace(view, memory, self.side, view.goal_bearing)
+            self.hit(view, memory)
         memory.mode = "boundary_following"
         return boundary.follow(view, memory)
 
-    def _watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
+    def hit(self, view: View, memory: Alg2Memory) -> None:
+        """Begin to follow what blocks the way to the goal."""
+        self.boundary.hit_and_trace(view, memory, self.side, view.goal_bearing)
+
+    def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
         distance = view.goal_distance
         if distance < memory.nearest and self.boundary.is_free(view, view.goal_bearing, distance, contour):
@@ -101,7 +81,3 @@ class Alg2(ScriptedPolicy):
             memory.verdict = "unreachable"
         else:
             self.boundary.trace_contour(view, memory)
-
-    def draw(self, memory: Alg2Memory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

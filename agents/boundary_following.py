@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from bug_gym import kernels
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, Memory, Velocity
+from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 
 from .scan_motion import has_moved
 
@@ -291,34 +291,36 @@ class Boundary:
         if memory.contour is not None:
             self._advance_contour(view, memory.contour)
 
-    def go(self, view: View, bearing: float, distance: float) -> Velocity | None:
+    def go(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> Velocity | None:
         """Velocity straight along a bearing, slowing down to stand on the contour of what is in the way.
 
         Args:
             view: the observation.
             bearing: where to [rad].
             distance: how far [m]; what lies beyond does not block.
+            radius: of the disc that must not touch anything [m]; None: hit_radius.
 
         Returns:
             The velocity in the robot's frame [m/s], or None at the hit point: the way is blocked from here.
         """
         if distance <= 0.0:
             return STANDING
-        ahead = min(self.step, distance, self.free_way(view, bearing, distance))
+        ahead = min(self.step, distance, self.free_way(view, bearing, distance, radius=radius))
         if ahead <= 0.0:
             return None
         speed = ahead / self.sensors.drive.step
         return speed * math.cos(bearing), speed * math.sin(bearing)
 
-    def free_way(self, view: View, bearing: float, distance: float) -> float:
+    def free_way(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> float:
         """How far the robot can go along a bearing [rad] to stand on the contour of what is in the way [m].
 
         Zero where it stands there already; infinite where nothing is in the way up to `distance` [m].
         """
-        free = view.free_distance(bearing, self.hit_radius)
+        radius = self.hit_radius if radius is None else radius
+        free = view.free_distance(bearing, radius)
         if free >= distance or self.can_reach_goal(view, bearing, distance):
             return math.inf
-        ahead = free - (self.clearance - self.hit_radius)
+        ahead = free - (self.clearance - radius)
         return ahead if ahead > self.touch else 0.0
 
     def certain_way(self, view: View, bearing: float) -> float:
@@ -372,6 +374,12 @@ class Boundary:
         """
         x, y = view.to_robot(*contour.wall)
         return math.cos(bearing - math.atan2(y, x)) < -0.1
+
+    def may_go_on(self, view: View, contour: Contour) -> bool:
+        """Whether a bug that may leave here does: toward the goal the way is free, or by the rule "any" begins to be."""
+        if self.is_free(view, view.goal_bearing, view.goal_distance, contour):
+            return True
+        return self.leave_rule == "any" and self.points_away(view, view.goal_bearing, contour)
 
     def is_open(self, view: View, contour: Contour) -> bool:
         """The test of reachability: from a nearest point the goal lies straight away from the wall or behind it."""
@@ -727,49 +735,38 @@ TURNED_BACK = math.radians(105.0)
 """Change of direction beyond that of a right-angled corner: it may be a gap that is just too narrow [rad]."""
 
 
-@dataclass(frozen=True)
-class MLine:
-    """The straight line from a start to the goal that Bug2 and its relatives follow."""
-
-    start: Point
-    """Odometry frame [m]."""
-    goal: Point
-    """Odometry frame [m]."""
-
-    def offset(self, place: Point) -> float:
-        """Signed distance of a place from the line [m], positive to its left."""
-        (sx, sy), (gx, gy) = self.start, self.goal
-        length = math.dist(self.start, self.goal)
-        if length == 0.0:
-            return 0.0
-        return ((gx - sx) * (place[1] - sy) - (gy - sy) * (place[0] - sx)) / length
-
-    def crossing(self, before: Point, after: Point) -> Point | None:
-        """Where a step crosses the line, or None."""
-        first, second = self.offset(before), self.offset(after)
-        if first * second > 0.0 or first == second:
-            return None
-        share = first / (first - second)
-        return before[0] + share * (after[0] - before[0]), before[1] + share * (after[1] - before[1])
-
-    def ahead(self, place: Point, length: float) -> Point:
-        """The point of the line `length` [m] beyond the foot of a place, at most the goal."""
-        (sx, sy), (gx, gy) = self.start, self.goal
-        whole = math.dist(self.start, self.goal)
-        if whole == 0.0:
-            return self.goal
-        ux, uy = (gx - sx) / whole, (gy - sy) / whole
-        along = min((place[0] - sx) * ux + (place[1] - sy) * uy + length, whole)
-        return sx + along * ux, sy + along * uy
-
-
 def alternating_side(memory: BugMemory, first: int) -> int:
     """Side for the next hit point of a bug that changes sides at each: the first one's, the other, and so on."""
     return first if len(memory.hits) % 2 == 0 else -first
 
 
-def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:
-    """`Boundary.go` on the M-line: a robot beside it steers back onto it. None at a hit point."""
-    target = line.ahead(view.position, 5.0 * boundary.step)
-    bearing = math.atan2(*reversed(view.to_robot(*target)))
-    return boundary.go(view, bearing, view.goal_distance)
+class BoundaryBug(ScriptedPolicy):
+    """What bugs that follow walls with a hand share: their settings, and what they show of their memory.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: centre to wall while following [m]; None: body radius and one step.
+        turn: which way to turn at a wall; of a bug that changes sides, at the first one.
+        leave_rule: "front" or "any", see Boundary.
+        discrete: whether actions are numbers of the discrete table.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "front",
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, discrete=discrete)
+        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
+        self.side = side_of(turn)
+
+    def draw(self, memory: Any) -> Drawing:
+        """Hit and leave points, and the wall that the hand is on."""
+        return self.boundary.draw(memory)

@@ -8,38 +8,14 @@ heading does prove that the goal is shut in. Length bound: none.
 
 from __future__ import annotations
 
-from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.observation import View
+from bug_gym.policy import Velocity
 
-from .boundary_following import Boundary, BugMemory, LeaveRule, Turn, side_of
+from .boundary_following import BoundaryBug, BugMemory
 
 
-class Bug0(ScriptedPolicy):
-    """Bug0 (Com).
-
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "front" or "any", see Boundary.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "front",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+class Bug0(BoundaryBug):
+    """Bug0 (Com); its parameters are those of BoundaryBug."""
 
     def start(self) -> BugMemory:
         """Memory of a new episode."""
@@ -66,7 +42,3 @@ class Bug0(ScriptedPolicy):
             if boundary.is_looping(memory):
                 memory.verdict = "looping"
         return boundary.follow(view, memory)
-
-    def draw(self, memory: BugMemory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

@@ -12,20 +12,9 @@ import math
 from dataclasses import dataclass, field
 
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Velocity
 
-from .boundary_following import (
-    CLOSER,
-    TARGET_MOVED,
-    Boundary,
-    BugMemory,
-    Contour,
-    Gate,
-    LeaveRule,
-    Point,
-    Turn,
-    side_of,
-)
+from .boundary_following import CLOSER, TARGET_MOVED, BoundaryBug, BugMemory, Contour, Gate, LeaveRule, Point, Turn
 
 
 @dataclass
@@ -48,22 +37,16 @@ class Bug0PlusMemory(BugMemory):
     """The last hit point, and before it in the list the one before."""
     goal: Point = (0.0, 0.0)
     """Where the target was when their distances were measured, odometry frame [m]."""
+    is_free_nearer: bool = False
+    """Whether the way was free somewhere on this lap nearer to the goal than its hit point, if not near enough."""
 
 
-class Bug0Plus(ScriptedPolicy):
-    """Bug0+.
+class Bug0Plus(BoundaryBug):
+    """Bug0+. Parameters not named here are those of BoundaryBug.
 
     Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "front" or "any", see Boundary.
         early_stop: whether a first lap without a free heading is proof enough; if not, it takes the second that the
             rules as published ask for.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule.
     """
 
     def __init__(
@@ -76,9 +59,7 @@ class Bug0Plus(ScriptedPolicy):
         early_stop: bool = False,
         discrete: bool = False,
     ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
         self.early_stop = early_stop
         self.closer = CLOSER * self.boundary.step
 
@@ -111,6 +92,7 @@ class Bug0Plus(ScriptedPolicy):
             return
         memory.goal = view.goal_position
         memory.saved = []
+        memory.is_free_nearer = False
         if memory.contour is not None:
             memory.saved = [SavedHit(view.position, view.goal_distance)]
             memory.mode = "boundary_following"
@@ -122,16 +104,19 @@ class Bug0Plus(ScriptedPolicy):
         memory.mode = "wall_following_to_better_take_off" if is_known else "boundary_following"
         self.boundary.hit(view, memory, self.side, view.goal_bearing)
         memory.saved = [*memory.saved[-1:], SavedHit(view.position, view.goal_distance)]
+        memory.is_free_nearer = False
         if self.boundary.is_looping(memory):
             memory.verdict = "looping"
 
     def _may_leave(self, view: View, memory: Bug0PlusMemory, contour: Contour) -> bool:
         """Whether the heading to the goal is free and, on the way to a better place, this is one."""
-        if memory.mode == "wall_following_to_better_take_off":
-            nearest = min(hit.distance for hit in memory.saved)
-            if view.goal_distance > nearest - self.closer:
-                return False
-        return self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour)
+        distance = view.goal_distance
+        if not self.boundary.is_free(view, view.goal_bearing, distance, contour):
+            return False
+        if memory.mode == "boundary_following":
+            return True
+        memory.is_free_nearer |= distance <= memory.saved[-1].distance - self.closer
+        return distance <= min(hit.distance for hit in memory.saved) - self.closer
 
     def _watch_saved_hits(self, memory: Bug0PlusMemory, contour: Contour) -> None:
         """Change the state, or give up, at a saved hit point."""
@@ -141,8 +126,7 @@ class Bug0Plus(ScriptedPolicy):
             if memory.mode == "wall_following_to_better_take_off":
                 # A lap without a free heading nearer than its own hit point is proof; without one nearer than a hit
                 # point on another obstacle it is not.
-                is_proof = all(last.distance <= hit.distance + self.closer for hit in before)
-                memory.verdict = "unreachable" if is_proof else "looping"
+                memory.verdict = "looping" if memory.is_free_nearer else "unreachable"
             elif self.early_stop:
                 memory.verdict = "unreachable"
             memory.mode = "wall_following_to_better_take_off"
@@ -155,7 +139,3 @@ class Bug0Plus(ScriptedPolicy):
             return False
         width = self.boundary.gate_half_width
         return gate.is_passed(contour.before, contour.position, width, contour.heading_before)
-
-    def draw(self, memory: Bug0PlusMemory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Drawing, Velocity
 
-from .boundary_following import CLOSER, TARGET_MOVED, WAIT, Boundary, BugMemory, Contour, Gate, Point, Turn, side_of
+from .boundary_following import CLOSER, TARGET_MOVED, WAIT, BoundaryBug, BugMemory, Contour, Gate, Point, Turn
 
 ReturnRule = Literal["shortest", "same"]
 
@@ -57,19 +57,15 @@ class Bug1Memory(BugMemory):
     """Distance to the goal at the last hit point [m]."""
 
 
-class Bug1(ScriptedPolicy):
-    """Bug1.
+class Bug1(BoundaryBug):
+    """Bug1. Parameters not named here are those of BoundaryBug.
 
     Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
         return_rule: how to go to the nearest point after the lap. "shortest": the shorter way, back or ahead (the
             algorithm as published); "same": on in the direction of the lap, as in the table of Oni and Wang.
-        discrete: whether actions are numbers of the discrete table.
 
     Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule.
+        ValueError: an unknown rule; and what BoundaryBug refuses.
     """
 
     def __init__(
@@ -81,9 +77,7 @@ class Bug1(ScriptedPolicy):
         return_rule: ReturnRule = "shortest",
         discrete: bool = False,
     ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance)
-        self.side = side_of(turn)
+        super().__init__(sensors, clearance=clearance, turn=turn, discrete=discrete)
         if return_rule not in RETURN_RULES:
             raise ValueError(f"return_rule must be one of {list(RETURN_RULES)}, got {return_rule!r}")
         self.return_rule = return_rule
@@ -189,7 +183,7 @@ class Bug1(ScriptedPolicy):
 
     def draw(self, memory: Bug1Memory) -> Drawing:
         """Hit and leave points, and the nearest point of the lap."""
-        drawing = self.boundary.draw(memory)
+        drawing = super().draw(memory)
         if memory.closest is None or memory.contour is None:
             return drawing
         return Drawing(points=[*drawing.points, (*memory.closest.place, "candidate")])

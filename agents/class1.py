@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.observation import View
+from bug_gym.policy import Velocity
 
-from .boundary_following import TARGET_MOVED, Boundary, BugMemory, LeaveRule, Point, Turn, side_of
+from .boundary_following import TARGET_MOVED, BoundaryBug, BugMemory, Point
 
 
 @dataclass
@@ -27,32 +27,8 @@ class Class1Memory(BugMemory):
     """Where the target was when that was first measured, odometry frame [m]."""
 
 
-class Class1(ScriptedPolicy):
-    """Class1.
-
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "front" or "any", see Boundary.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "front",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+class Class1(BoundaryBug):
+    """Class1; its parameters are those of BoundaryBug."""
 
     def start(self) -> Class1Memory:
         """Memory of a new episode."""
@@ -86,7 +62,3 @@ class Class1(ScriptedPolicy):
         is_nearer = view.goal_distance < memory.least_distance
         memory.least_distance = min(memory.least_distance, view.goal_distance)
         return is_nearer
-
-    def draw(self, memory: Class1Memory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

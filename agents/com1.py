@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.observation import View
+from bug_gym.policy import Velocity
 
-from .boundary_following import CLOSER, TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Turn, side_of
+from .boundary_following import CLOSER, TARGET_MOVED, BoundaryBug, BugMemory, Contour, Point
 
 
 @dataclass
@@ -27,32 +27,8 @@ class Com1Memory(BugMemory):
     """Where the target was when that was measured, odometry frame [m]."""
 
 
-class Com1(ScriptedPolicy):
-    """Com1.
-
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "front" or "any", see Boundary.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "front",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+class Com1(BoundaryBug):
+    """Com1; its parameters are those of BoundaryBug."""
 
     def start(self) -> Com1Memory:
         """Memory of a new episode."""
@@ -90,7 +66,3 @@ class Com1(ScriptedPolicy):
         if view.goal_distance > memory.hit_distance - CLOSER * self.boundary.step:
             return False
         return self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour)
-
-    def draw(self, memory: Com1Memory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

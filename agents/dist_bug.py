@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Velocity
 
 from .boundary_following import (
     TARGET_MOVED,
-    Boundary,
+    BoundaryBug,
     BugMemory,
     Contour,
     LeaveRule,
@@ -30,7 +30,6 @@ from .boundary_following import (
     Survey,
     Turn,
     is_ahead,
-    side_of,
     wrap,
 )
 
@@ -62,22 +61,19 @@ class DistBugMemory(BugMemory):
     """What is known of this lap."""
 
 
-class DistBug(ScriptedPolicy):
-    """DistBug.
+class DistBug(BoundaryBug):
+    """DistBug. Parameters not named here are those of BoundaryBug.
 
     Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
         turn: which way to turn at a wall; with side_rule "goal" only where it is met at a right angle.
         leave_rule: "any": leave wherever the goal lies (the algorithm as published); "front": only with the goal within
             90 degrees of the direction of travel.
         side_rule: "fixed": always to the side of `turn`; "goal": the way along the wall that turns less from the goal.
         step: STEP, by how much nearer a leave must lead [m].
         r_max: how far to look toward the goal [m]; None: as far as the LIDAR sees.
-        discrete: whether actions are numbers of the discrete table.
 
     Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule, a step or r_max not above 0.
+        ValueError: an unknown side rule, a step or r_max not above 0; and what BoundaryBug refuses.
     """
 
     def __init__(
@@ -92,9 +88,7 @@ class DistBug(ScriptedPolicy):
         r_max: float | None = None,
         discrete: bool = False,
     ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
         if side_rule not in SIDE_RULES:
             raise ValueError(f"side_rule must be one of {list(SIDE_RULES)}, got {side_rule!r}")
         if not (step > 0.0 and math.isfinite(step)):
@@ -184,7 +178,3 @@ class DistBug(ScriptedPolicy):
             return -math.inf
         free = boundary.certain_way(view, bearing) - (boundary.clearance - boundary.inner)
         return view.goal_distance - min(free, reach)
-
-    def draw(self, memory: DistBugMemory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

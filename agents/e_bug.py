@@ -10,63 +10,20 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.observation import View
 
-from .boundary_following import LeaveRule, Turn, side_of
-from .open_points import OpenPoint, SubGoalMemory, SubGoals, cheapest, goal_distance_of
+from .open_points import OpenPoint, Profile, SubGoalBug, SubGoalMemory, cheapest, goal_distance_of
 
 
-class EBug(ScriptedPolicy):
-    """E-Bug.
+class EBug(SubGoalBug):
+    """E-Bug; its parameters are those of SubGoalBug."""
 
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
-        turn: which of two equally good vertices to take, seen from the line to the goal.
-        leave_rule: "any" or "front", see SubGoals.
-        jump: change of the reading that makes a vertex [m]; None: 0.5, for small robots less.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        jump: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
-        self.side = side_of(turn)
-
-    def start(self) -> SubGoalMemory:
-        """Memory of a new episode."""
-        return SubGoalMemory(mode="motion_to_goal")
-
-    def act(self, view: View, memory: SubGoalMemory) -> Velocity:
-        """One decision."""
-        profile = self.sub_goals.look(view)
-        velocity = self.sub_goals.go_on(view, memory, profile)
-        if velocity is not None:
-            return velocity
+    def choose(self, view: View, memory: SubGoalMemory, profile: Profile) -> OpenPoint | None:
+        """The vertex not yet visited with the shortest way over it to the goal."""
         points = self.sub_goals.new_points(view, memory, profile)
-        point = cheapest(points, lambda point: self._way_over(view, point), self.side)
-        if point is None:
-            return self.sub_goals.give_up(memory, "stuck")
-        return self.sub_goals.set_out(view, memory, profile, point)
+        return cheapest(points, lambda point: self._way_over(view, point), self.side)
 
     def _way_over(self, view: View, point: OpenPoint) -> float:
         """Length of the way over a vertex to the goal, as far as it can be known from here [m]."""
         place = point.sub_goal(self.sub_goals.boundary.clearance)
         return math.hypot(*place) + goal_distance_of(view, place)
-
-    def draw(self, memory: SubGoalMemory) -> Drawing:
-        """Sub-goals and the present corner."""
-        return self.sub_goals.draw(memory)

@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.observation import View
+from bug_gym.policy import Drawing
 
-from .boundary_following import LeaveRule, Point, Turn, side_of
-from .open_points import OpenPoint, Profile, SubGoalMemory, SubGoals, cheapest, goal_distance_of, rotation_to
+from .boundary_following import Point
+from .open_points import OpenPoint, Profile, SubGoalBug, SubGoalMemory, cheapest, goal_distance_of, rotation_to
 
 
 class Collision(NamedTuple):
@@ -44,51 +44,14 @@ class KBugMemory(SubGoalMemory):
     """Collision points so far."""
 
 
-class KBug(ScriptedPolicy):
-    """K-Bug.
-
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
-        turn: which of two equally good ends to take.
-        leave_rule: "any" or "front", see SubGoals.
-        jump: change of the reading that makes an end [m]; None: 0.5, for small robots less.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        jump: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
-        self.side = side_of(turn)
+class KBug(SubGoalBug):
+    """K-Bug; its parameters are those of SubGoalBug."""
 
     def start(self) -> KBugMemory:
         """Memory of a new episode."""
         return KBugMemory(mode="motion_to_goal")
 
-    def act(self, view: View, memory: KBugMemory) -> Velocity:
-        """One decision."""
-        profile = self.sub_goals.look(view)
-        velocity = self.sub_goals.go_on(view, memory, profile)
-        if velocity is not None:
-            return velocity
-        point = self._better_end(view, memory, profile)
-        if point is None:
-            return self.sub_goals.give_up(memory, "stuck")
-        return self.sub_goals.set_out(view, memory, profile, point)
-
-    def _better_end(self, view: View, memory: KBugMemory, profile: Profile) -> OpenPoint | None:
+    def choose(self, view: View, memory: KBugMemory, profile: Profile) -> OpenPoint | None:
         """The end of what blocks the way to the goal that is to be taken; None where neither is in sight."""
         points = self.sub_goals.other_points(view, memory, profile)
         if not points:
@@ -138,5 +101,5 @@ class KBug(ScriptedPolicy):
 
     def draw(self, memory: KBugMemory) -> Drawing:
         """Sub-goals, the present corner and the collision points."""
-        drawing = self.sub_goals.draw(memory)
+        drawing = super().draw(memory)
         return Drawing(points=[*drawing.points, *((*collision.place, "hit") for collision in memory.collisions)])

@@ -16,18 +16,31 @@ Sources: Buniyamin, Ngah, Wan Ngah and Mohamad (2011) for sudden points; Das, Du
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 
-from .boundary_following import STANDING, TARGET_MOVED, WAIT, Boundary, BugMemory, Contour, Point, wrap
+from .boundary_following import (
+    STANDING,
+    TARGET_MOVED,
+    WAIT,
+    Boundary,
+    BugMemory,
+    Contour,
+    LeaveRule,
+    Point,
+    Turn,
+    side_of,
+    wrap,
+)
 
 HEADINGS = 360
 """Headings of the full circle that are looked along."""
@@ -38,6 +51,9 @@ as much room as it needs."""
 
 TIE = 0.01
 """Costs nearer to each other than this are equal [m]."""
+
+SHORT = 0.5
+"""By how much of its distance an end in sight may seem to move between two decisions, along the line of sight."""
 
 LONGEST_ROUND = 1.5 * math.pi
 """Turning after which a corner is left whatever lies behind it: a post has no other side [rad]."""
@@ -71,6 +87,17 @@ class Profile(NamedTuple):
     """Whether each beam and the next see one surface (B,)."""
     open_points: list[OpenPoint]
     """Counter-clockwise from the goal's bearing."""
+    ranges: NDArray[np.float64]
+    """The ranges (B,) it was made of [m]."""
+
+
+class End(NamedTuple):
+    """An open point in the odometry frame."""
+
+    corner: Point
+    """Odometry frame [m]."""
+    side: int
+    """See OpenPoint."""
 
 
 class Visit(NamedTuple):
@@ -108,10 +135,12 @@ class SubGoalMemory(BugMemory):
     """Where the target was when all this was remembered, odometry frame [m]."""
     waited: float = 0.0
     """Time without anywhere to go [s]."""
-    seen: list[Point] | None = None
-    """Corners in sight at the last decision but this; None at the first. Odometry frame [m]."""
-    sees: list[Point] | None = None
-    """Corners in sight now, odometry frame [m]."""
+    seen: list[End] | None = None
+    """Open points in sight at the last decision but this; None at the first."""
+    sees: list[End] | None = None
+    """Open points in sight now."""
+    has_looked_again: bool = False
+    """Whether it has stood for a second look before it chooses."""
 
 
 class SubGoals:
@@ -140,13 +169,19 @@ class SubGoals:
         angles = sensors.angles
         self._spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
         self._wraps = bool(angles[-1] + 1.5 * self._spacing >= angles[0] + 2.0 * math.pi)
+        # Noise must not close the view along a wall at the clearance.
+        safe, noise = self.boundary.safe_radius, 2.0 * sensors.range_noise
+        self.radius = max(safe, self.boundary.inner - noise)
+        """Of the disc whose free ways are looked at [m]."""
+        self.leg_radius = max(safe, self.boundary.hit_radius - noise)
+        """Of the disc whose way to a corner must be free [m]."""
         self._headings = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
 
     # ------------------------------------------------------------------------------------------ looking around
 
     def look(self, view: View) -> Profile:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
-        radius, reach, ranges = self.boundary.inner, view.sensors.range, view.ranges
+        radius, reach, ranges = self.radius, view.sensors.range, self._filled(view)
         x, y = view.sensors.beam_directions * ranges
         link = np.empty(len(x), dtype=np.bool_)
         kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, self._wraps, link)
@@ -161,7 +196,27 @@ class SubGoals:
         )
         ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
         points = [OpenPoint((at_x, at_y), hand, rotation % (2.0 * math.pi)) for (rotation, at_x, at_y), hand in ends]
-        return Profile(float(free[0]), int(beam[0]), link, points)
+        return Profile(float(free[0]), int(beam[0]), link, points, ranges)
+
+    def _filled(self, view: View) -> NDArray[np.float64]:
+        """The ranges (B,) [m], filled in where a beam alone got no return from what its neighbours show to be a wall.
+
+        No disc passes between their points, or those and the next ones lie on one line. On a line the inverse ranges of
+        three neighbours have no second difference, but for the curvature of the cosine.
+        """
+        ranges, reach, bend = view.ranges, view.sensors.range, 2.0 * math.cos(self._spacing)
+        earlier, before, after, later = (np.maximum(np.roll(ranges, shift), 1e-9) for shift in (2, 1, -1, -2))
+        apart = before * before + after * after - 2.0 * before * after * math.cos(2.0 * self._spacing)
+        between = bend * before * after / (before + after)
+        error = 3.0 * view.sensors.range_noise + 0.2 * self.jump
+        is_line = np.ones(len(ranges), dtype=np.bool_)
+        for near, far in ((before, earlier), (after, later)):
+            is_line &= (far < reach) & (np.abs(1.0 / far + 1.0 / between - bend / near) <= error / (near * between))
+        if not self._wraps:
+            is_line[:2] = is_line[-2:] = False
+            apart[[0, -1]] = math.inf
+        is_wall = (np.maximum(before, after) < reach) & ((apart <= 4.0 * self.radius**2) | is_line)
+        return np.where((ranges >= reach) & is_wall, between, ranges)
 
     def surface(self, view: View, profile: Profile) -> NDArray[np.float64]:
         """Points (k, 2) of what blocks the way to the goal, as far as the scan shows it whole, robot's frame [m]."""
@@ -174,7 +229,7 @@ class SubGoals:
         while profile.link[(first - 1) % count] and first > last - count:
             first -= 1
         beams = np.arange(first, last + 1) % count
-        return (view.sensors.beam_directions[:, beams] * view.ranges[beams]).T
+        return (view.sensors.beam_directions[:, beams] * profile.ranges[beams]).T
 
     def is_known(self, view: View, point: OpenPoint, corners: Iterable[Point]) -> bool:
         """Whether an open point's corner is one of those remembered."""
@@ -185,12 +240,26 @@ class SubGoals:
         """The open points that were in sight at the last decision too: a beam without a return opens a wall for once."""
         if memory.seen is None:
             return profile.open_points
-        seen, found = memory.seen, []
-        for point in profile.open_points:
-            place, drift = view.to_odometry(*point.corner), self._drift(point)
-            if any(math.dist(place, corner) <= drift for corner in seen):
-                found.append(point)
-        return found
+        seen = memory.seen
+        return [point for point in profile.open_points if any(self._is_end(view, point, end) for end in seen)]
+
+    def looks_again(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
+        """Whether to stand for one decision before a choice: an open point is in sight that was not there before."""
+        is_sure = memory.has_looked_again or len(self._seen_twice(view, memory, profile)) == len(profile.open_points)
+        memory.has_looked_again = True
+        return not is_sure
+
+    def _is_end(self, view: View, point: OpenPoint, end: End) -> bool:
+        """Whether an open point is one of the last decision.
+
+        Where the line of sight grazes a surface its last point in sight falls short by what lies between two beams,
+        and by more along that line than across it.
+        """
+        (x, y), (u, v) = point.corner, view.to_robot(*end.corner)
+        away = max(math.hypot(x, y), 1e-9)
+        along, across = (x * u + y * v) / away - away, (x * v - y * u) / away
+        short = max(2.0 * self.boundary.clearance, SHORT * away)
+        return point.side == end.side and abs(across) <= self._drift(point) and abs(along) <= short
 
     def _drift(self, point: OpenPoint) -> float:
         """How far from where it is seen now a corner may turn out to be [m]."""
@@ -203,8 +272,12 @@ class SubGoals:
 
     def other_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points in sight that are not out of reach, nor the corner that the robot is at."""
-        known = [*(visit.corner for visit in memory.visits[-1:]), *memory.blocked]
-        return [point for point in self._seen_twice(view, memory, profile) if not self.is_known(view, point, known)]
+        points = [p for p in self._seen_twice(view, memory, profile) if not self.is_known(view, p, memory.blocked)]
+        if not memory.visits:
+            return points
+        # Round a disc the next end in sight is hardly further than what made the last one be gone round.
+        last, near = memory.visits[-1].corner, 0.5 * self.same
+        return [point for point in points if math.dist(view.to_odometry(*point.corner), last) > near]
 
     # ------------------------------------------------------------------------------------------ going there
 
@@ -212,7 +285,7 @@ class SubGoals:
         """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
         self.boundary.advance(view, memory)
         self._follow_target(view, memory)
-        memory.seen, memory.sees = memory.sees, [view.to_odometry(*point.corner) for point in profile.open_points]
+        memory.seen, memory.sees = memory.sees, [End(view.to_odometry(*p.corner), p.side) for p in profile.open_points]
         if not self._sees_goal(view, memory, profile):
             velocity = self._approach(view, memory, profile) if memory.corner is not None else None
             if velocity is not None:
@@ -223,6 +296,7 @@ class SubGoals:
         if velocity is not None:
             memory.contour = memory.corner = None
             memory.waited = 0.0
+            memory.has_looked_again = False
             memory.mode = "motion_to_goal"
         return velocity
 
@@ -234,6 +308,7 @@ class SubGoals:
         memory.came_from = view.position
         memory.contour = None
         memory.waited = 0.0
+        memory.has_looked_again = False
         memory.mode = "motion_to_sub_goal"
         memory.sub_goals.append(view.to_odometry(*point.sub_goal(self.boundary.clearance)))
         return self._approach(view, memory, profile) or STANDING
@@ -292,7 +367,7 @@ class SubGoals:
             place, goal = view.position, view.goal_position
             memory.contour = Contour(memory.side, place, memory.corner, place, goal, approach, place)
             memory.mode = "corner_rounding"
-        if self._is_round(view, memory, profile):
+        if self._is_round(memory):
             self._note_visit(memory, memory.corner)
             return None
         return self.boundary.follow(view, memory)
@@ -320,21 +395,21 @@ class SubGoals:
             offset = min(boundary.clearance - 0.25 * share * (boundary.clearance - boundary.inner), away)
             heading = bearing + side * math.asin(offset / away)
             length = math.sqrt(away * away - offset * offset)
-            free = min(view.free_distance(heading, boundary.hit_radius), length)
+            free = min(view.free_distance(heading, self.leg_radius), length)
             if free > best[0]:
                 best = free, heading, length
             if free >= length:
                 break
         free, heading, length = best
-        return boundary.go(view, heading, length) if free > 0.0 else None
+        return boundary.go(view, heading, length, radius=self.leg_radius) if free > 0.0 else None
 
-    def _is_round(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
-        """Whether the robot looks past the corner that it goes round: no free way jumps there any more."""
+    def _is_round(self, memory: SubGoalMemory) -> bool:
+        """Whether the robot looks past the corner that it goes round: for two decisions no free way has jumped there."""
         assert memory.corner is not None and memory.contour is not None
         if memory.contour.is_lap_closed or abs(memory.contour.turned) > LONGEST_ROUND:
             return True
-        corners = (memory.corner,)
-        return not any(p.side == memory.side and self.is_known(view, p, corners) for p in profile.open_points)
+        ends = [*(memory.seen or ()), *(memory.sees or ())]
+        return not any(end.side == memory.side and math.dist(end.corner, memory.corner) <= self.same for end in ends)
 
     # ------------------------------------------------------------------------------------------ what it remembers
 
@@ -365,6 +440,65 @@ class SubGoals:
         if memory.corner is not None:
             points.append((*memory.corner, "corner"))
         return Drawing(points=points)
+
+
+class SubGoalBug(ScriptedPolicy):
+    """What bugs that go from corner to corner share; each chooses the next corner by a rule of its own.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
+        turn: which of two equally good corners to take, seen from the line to the goal.
+        leave_rule: "any" or "front", see SubGoals.
+        jump: change of the reading that makes an open point [m]; None: 0.5, for small robots less.
+        discrete: whether actions are numbers of the discrete table.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "any",
+        jump: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, discrete=discrete)
+        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
+        self.side = side_of(turn)
+
+    def start(self) -> SubGoalMemory:
+        """Memory of a new episode."""
+        return SubGoalMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: Any) -> Velocity:
+        """One decision."""
+        profile = self.sub_goals.look(view)
+        velocity = self.sub_goals.go_on(view, memory, profile)
+        if velocity is not None:
+            return velocity
+        if self.sub_goals.looks_again(view, memory, profile):
+            return STANDING
+        point = self.choose(view, memory, profile)
+        if point is None:
+            return self.sub_goals.give_up(memory, self.verdict(profile))
+        return self.sub_goals.set_out(view, memory, profile, point)
+
+    @abstractmethod
+    def choose(self, view: View, memory: Any, profile: Profile) -> OpenPoint | None:
+        """The open point to go to next; None where there is none."""
+
+    def verdict(self, profile: Profile) -> str:
+        """What it means that there is none."""
+        return "stuck"
+
+    def draw(self, memory: Any) -> Drawing:
+        """Sub-goals and the present corner."""
+        return self.sub_goals.draw(memory)
 
 
 def cheapest(points: list[OpenPoint], cost: Callable[[OpenPoint], float], side: int) -> OpenPoint | None:

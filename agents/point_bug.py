@@ -14,10 +14,10 @@ import math
 from dataclasses import dataclass
 
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Velocity
 
-from .boundary_following import LeaveRule, Turn, side_of, wrap
-from .open_points import OpenPoint, Profile, SubGoalMemory, SubGoals, goal_distance_of, rotation_to
+from .boundary_following import LeaveRule, Turn, wrap
+from .open_points import OpenPoint, Profile, SubGoalBug, SubGoalMemory, rotation_to
 
 BEHIND = math.radians(10.0)
 """Half width of the sector behind the robot in which a sudden point is the one it comes from [rad]."""
@@ -33,19 +33,11 @@ class PointBugMemory(SubGoalMemory):
     """Goal distance of the nearest sudden point so far (d_min) [m]."""
 
 
-class PointBug(ScriptedPolicy):
-    """PointBug.
+class PointBug(SubGoalBug):
+    """PointBug. Parameters not named here are those of SubGoalBug.
 
     Args:
-        sensors: what a driver knows of the robot.
-        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
         turn: which way the robot turns to find its first sudden point.
-        leave_rule: "any" or "front", see SubGoals.
-        jump: change of the reading that makes a sudden point [m]; None: 0.5, for small robots less.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
     """
 
     def __init__(
@@ -58,9 +50,7 @@ class PointBug(ScriptedPolicy):
         jump: float | None = None,
         discrete: bool = False,
     ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
-        self.side = side_of(turn)
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, jump=jump, discrete=discrete)
 
     def start(self) -> PointBugMemory:
         """Memory of a new episode."""
@@ -68,19 +58,21 @@ class PointBug(ScriptedPolicy):
 
     def act(self, view: View, memory: PointBugMemory) -> Velocity:
         """One decision."""
-        profile = self.sub_goals.look(view)
-        velocity = self.sub_goals.go_on(view, memory, profile)
-        if velocity is not None:
-            return velocity
-        if not profile.open_points:
-            return self.sub_goals.give_up(memory, "unreachable")
+        velocity = super().act(view, memory)
+        if memory.corner is not None:
+            memory.least_distance = min(memory.least_distance, math.dist(memory.corner, view.goal_position))
+        return velocity
+
+    def choose(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
+        """The first sudden point met when turning from the goal."""
         point = self._first_met(view, memory, profile)
-        if point is None:
-            return self.sub_goals.give_up(memory, "stuck")
-        distance = goal_distance_of(view, point.corner)
-        memory.least_distance = min(memory.least_distance, distance)
-        memory.turning_side = 1 if point.rotation < math.pi else -1
-        return self.sub_goals.set_out(view, memory, profile, point)
+        if point is not None:
+            memory.turning_side = 1 if point.rotation < math.pi else -1
+        return point
+
+    def verdict(self, profile: Profile) -> str:
+        """A full turn without a sudden point means that the goal is shut in, or the robot is."""
+        return "stuck" if profile.open_points else "unreachable"
 
     def _first_met(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
         """The first sudden point met when turning from the goal, one straight behind left out."""
@@ -96,7 +88,3 @@ class PointBug(ScriptedPolicy):
         x, y = view.to_robot(*memory.came_from)
         back = wrap(math.atan2(y, x) - view.goal_bearing)
         return abs(wrap(point.rotation - back)) <= BEHIND
-
-    def draw(self, memory: PointBugMemory) -> Drawing:
-        """Sub-goals and the present corner."""
-        return self.sub_goals.draw(memory)

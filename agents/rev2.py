@@ -15,51 +15,24 @@ Sensing assumed by both: contact (here the scan within the clearance), goal; by 
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Literal
 
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 
-from .boundary_following import (
-    TARGET_MOVED,
-    Boundary,
-    Contour,
-    LeaveRule,
-    Point,
-    Turn,
-    TurningMemory,
-    alternating_side,
-    side_of,
-)
+from .alg2 import Alg2, Alg2Memory
+from .boundary_following import Contour, LeaveRule, Turn, alternating_side
 
 VARIANTS = ("s001", "noborio")
 
 
-@dataclass
-class Rev2Memory(TurningMemory):
-    """Memory of Rev2; what is not of BugMemory serves "noborio"."""
-
-    nearest: float = math.inf
-    """Smallest distance to the goal on the trip before this decision [m]."""
-    goal: Point | None = None
-    """The target that this distance belongs to, odometry frame [m]."""
-
-
-class Rev2(ScriptedPolicy):
-    """Rev2.
+class Rev2(Alg2):
+    """Rev2. Parameters not named here are those of BoundaryBug.
 
     Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at the first wall; it alternates.
-        leave_rule: "front" or "any", see Boundary.
         variant: "s001" or "noborio", see above.
-        discrete: whether actions are numbers of the discrete table.
 
     Raises:
-        ValueError: a clearance not above the radius, an unknown turn, rule or variant.
+        ValueError: an unknown variant; and what BoundaryBug refuses.
     """
 
     def __init__(
@@ -72,63 +45,22 @@ class Rev2(ScriptedPolicy):
         variant: Literal["s001", "noborio"] = "s001",
         discrete: bool = False,
     ) -> None:
-        super().__init__(sensors, discrete=discrete)
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
         if variant not in VARIANTS:
             raise ValueError(f"variant must be one of {list(VARIANTS)}, got {variant!r}")
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
         self.remembers = variant == "noborio"
 
-    def start(self) -> Rev2Memory:
-        """Memory of a new episode."""
-        return Rev2Memory(mode="motion_to_goal")
+    def hit(self, view: View, memory: Alg2Memory) -> None:
+        """Begin to follow what blocks the way to the goal, to the other side than last time."""
+        self.boundary.hit_and_trace(view, memory, alternating_side(memory, self.side), view.goal_bearing)
+        if not self.remembers and self.boundary.is_looping(memory):
+            memory.verdict = "looping"
 
-    def act(self, view: View, memory: Rev2Memory) -> Velocity:
-        """One decision."""
-        self.boundary.advance(view, memory)
-        self._follow_target(view, memory)
-        velocity = self._decide(view, memory)
-        memory.nearest = min(memory.nearest, view.goal_distance)
-        return velocity
-
-    def _follow_target(self, view: View, memory: Rev2Memory) -> None:
-        """Distances and marks belong to a target that stands; begin anew when it has moved."""
-        if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
-            memory.goal = view.goal_position
-            memory.nearest = view.goal_distance
-            self.boundary.forget_marks(memory)
-
-    def _decide(self, view: View, memory: Rev2Memory) -> Velocity:
-        boundary = self.boundary
-        if memory.contour is not None and not memory.is_turning:
-            self._watch(view, memory, memory.contour)
-        if memory.is_turning:
-            velocity = boundary.walk_back(view, memory)
-            if velocity is not None:
-                memory.mode = "walking_back"
-                return velocity
-        if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
-            if velocity is not None:
-                memory.mode = "motion_to_goal"
-                return velocity
-            boundary.hit_and_trace(view, memory, alternating_side(memory, self.side), view.goal_bearing)
-            if not self.remembers and boundary.is_looping(memory):
-                memory.verdict = "looping"
-        memory.mode = "boundary_following"
-        return boundary.follow(view, memory)
-
-    def _watch(self, view: View, memory: Rev2Memory, contour: Contour) -> None:
+    def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
-        distance = view.goal_distance
-        is_nearer = distance < memory.nearest or not self.remembers
-        if is_nearer and self.boundary.is_free(view, view.goal_bearing, distance, contour):
-            self.boundary.leave_and_mark(view, memory)
+        if self.remembers:
+            super().watch(view, memory, contour)
+        elif self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
+            self.boundary.leave(view, memory)
         elif contour.is_lap_closed:
             memory.verdict = "unreachable"
-        elif self.remembers:
-            self.boundary.trace_contour(view, memory)
-
-    def draw(self, memory: Rev2Memory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

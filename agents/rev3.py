@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Velocity
 
-from .boundary_following import Boundary, BugMemory, Contour, LeaveRule, Mark, Point, Turn, alternating_side, side_of
+from .boundary_following import BoundaryBug, BugMemory, Contour, LeaveRule, Mark, Point, Turn, alternating_side
 
 SAVED = ("two", "all")
 BETTER = "follow_wall_to_better_take_off"
@@ -47,23 +47,18 @@ class Rev3Memory(BugMemory):
     """How many hit points there were when it last left nearer to the goal than all of them: no cycle holds those."""
 
 
-class Rev3(ScriptedPolicy):
-    """Rev3.
+class Rev3(BoundaryBug):
+    """Rev3. Parameters not named here are those of BoundaryBug.
 
     Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at the first wall; it alternates.
-        leave_rule: "front" or "any", see Boundary.
         mspdg: a better take-off is nearer to the goal than the last "two" hit points (the paper), or "all".
         early_stop: whether a lap without any free heading is enough to call the goal unreachable; the paper's robot
             walks a second one.
         guard: whether a hit point met again with the same side, however long ago, starts the search for a take-off
             nearer to the goal than all hit points. The paper's robot has no such memory.
-        discrete: whether actions are numbers of the discrete table.
 
     Raises:
-        ValueError: a clearance not above the radius, an unknown turn, rule or mspdg.
+        ValueError: an unknown mspdg; and what BoundaryBug refuses.
     """
 
     def __init__(
@@ -78,11 +73,9 @@ class Rev3(ScriptedPolicy):
         guard: bool = False,
         discrete: bool = False,
     ) -> None:
-        super().__init__(sensors, discrete=discrete)
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
         if mspdg not in SAVED:
             raise ValueError(f"mspdg must be one of {list(SAVED)}, got {mspdg!r}")
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
         self.mspdg = mspdg
         self.early_stop = early_stop
         self.guard = guard
@@ -182,7 +175,3 @@ class Rev3(ScriptedPolicy):
             memory.verdict = "looping"
         else:
             memory.is_lowered = True
-
-    def draw(self, memory: Rev3Memory) -> Drawing:
-        """Hit and leave points."""
-        return self.boundary.draw(memory)

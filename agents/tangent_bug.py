@@ -18,9 +18,9 @@ import math
 from dataclasses import dataclass, field
 
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Drawing, Velocity
 
-from .boundary_following import TARGET_MOVED, Boundary, BugMemory, LeaveRule, Point, Survey, Turn, is_ahead, side_of
+from .boundary_following import TARGET_MOVED, BoundaryBug, BugMemory, LeaveRule, Point, Survey, Turn, is_ahead
 from .tangent_graph import Node, TangentGraph
 
 COMMITMENT = 0.2
@@ -63,20 +63,17 @@ class TangentBugMemory(BugMemory):
     """What is known of this lap."""
 
 
-class TangentBug(ScriptedPolicy):
-    """TangentBug.
+class TangentBug(BoundaryBug):
+    """TangentBug. Parameters not named here are those of BoundaryBug.
 
     Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
         turn: which way to turn at a wall that has no end in sight, or equally near ones.
         leave_rule: "any": leave for a place in any direction (the algorithm as published); "front": only within 90
             degrees of the direction of travel.
         r_max: how far to look [m]; None: as far as the LIDAR sees.
-        discrete: whether actions are numbers of the discrete table.
 
     Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule, an r_max not above the clearance.
+        ValueError: an r_max not above the clearance; and what BoundaryBug refuses.
     """
 
     def __init__(
@@ -89,9 +86,7 @@ class TangentBug(ScriptedPolicy):
         r_max: float | None = None,
         discrete: bool = False,
     ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
         if r_max is not None and not r_max > self.boundary.clearance:
             raise ValueError(f"r_max must be above the clearance of {self.boundary.clearance:g} m, got {r_max!r}")
         self.r_max = sensors.range if r_max is None else min(r_max, sensors.range)
@@ -338,7 +333,7 @@ class TangentBug(ScriptedPolicy):
 
     def draw(self, memory: TangentBugMemory) -> Drawing:
         """Hit and leave points, and where it goes."""
-        drawing = self.boundary.draw(memory)
+        drawing = super().draw(memory)
         if memory.destination is None or memory.contour is not None:
             return drawing
         return Drawing(points=[*drawing.points, (*memory.destination, "candidate")])

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import copy
 import math
+from abc import abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,14 +20,12 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.observation import Sensors, View
-from bug_gym.policy import Drawing, Velocity, braking_radius
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity, braking_radius
 
-from .boundary_following import STANDING, TARGET_MOVED, Boundary, BugMemory, Contour, MLine, Point, go_along, side_of
+from .boundary_following import STANDING, TARGET_MOVED, Boundary, BugMemory, Contour, LeaveRule, Point, Turn, side_of
+from .m_line import ON_LINE, MLine, MLineMemory, go_along, nearer_crossing
 
 F64 = NDArray[np.float64]
-
-ON_LINE = 0.1
-"""How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
 
 NEAR = 2.5
 """Up to where T_i is right before the robot, in steps: the contour between them is not straight, but free."""
@@ -60,11 +59,9 @@ class Elsewhere(View):
 
 
 @dataclass
-class Scout(BugMemory):
+class Scout(MLineMemory):
     """Bug2 at the intermediate target T_i. One is never changed: a step makes a new one."""
 
-    line: MLine | None = None
-    """The M-line."""
     hit_distance: float = math.inf
     """Distance from the last hit point H to the goal [m]."""
     crossing_distance: float = math.inf
@@ -366,16 +363,11 @@ class Vision:
 
     def _may_leave(self, view: View, scout: Scout, contour: Contour) -> bool:
         """Whether the last step crossed the M-line nearer to the goal than the hit point, with a free way on."""
-        line = scout.m_line
-        crossing = line.crossing(contour.before, contour.position)
-        if crossing is None and abs(line.offset(view.position)) <= self.on_line:
-            crossing = view.position  # it grazes the line without crossing it
-        if crossing is None or math.dist(crossing, line.goal) > scout.hit_distance - self.on_line:
+        distance = nearer_crossing(self.boundary, view, contour, scout.m_line, scout.hit_distance)
+        if distance is None:
             return False
-        scout.crossing_distance = math.dist(crossing, line.goal)
-        if self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
-            return True
-        return self.boundary.leave_rule == "any" and self.boundary.points_away(view, view.goal_bearing, contour)
+        scout.crossing_distance = distance
+        return self.boundary.may_go_on(view, contour)
 
     def jump(self, scan: Scan, memory: VisionMemory, reference: float) -> bool:
         """Step 4: T_i is the visible point of the M-line nearest to the goal, if any is nearer than `reference` [m].
@@ -448,3 +440,55 @@ class Vision:
         if memory.position is not None:
             segments.append((*memory.position, *target, "plan"))
         return Drawing(points=[*drawing.points, (*target, "target")], segments=segments)
+
+
+class VisBug(ScriptedPolicy):
+    """VisBug but for the places on the M-line that it takes in step 4.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: centre to wall while following [m]; None: body radius and one step.
+        turn: which way to turn at a wall.
+        leave_rule: "any": leave at a crossing wherever the goal lies (the algorithm as published); "front": only with
+            the goal within 90 degrees of the direction of travel.
+        vision_range: how far the robot looks [m]; None: as far as its LIDAR.
+        discrete: whether actions are numbers of the discrete table.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "any",
+        vision_range: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, discrete=discrete)
+        self.vision = Vision(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range)
+
+    def start(self) -> VisionMemory:
+        """Memory of a new episode."""
+        return VisionMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: VisionMemory) -> Velocity:
+        """One decision."""
+        vision = self.vision
+        scan = vision.look(view, memory)
+        if not vision.sees_goal(scan, memory):
+            vision.walk_ahead(scan, memory)
+            while vision.jump(scan, memory, self.reference(view, memory.scout)):
+                vision.walk_ahead(scan, memory)
+        return vision.move(scan, memory)
+
+    @abstractmethod
+    def reference(self, view: View, scout: Scout) -> float:
+        """How near to the goal [m] a visible place on the M-line must be to be taken for T_i."""
+
+    def draw(self, memory: VisionMemory) -> Drawing:
+        """Hit and leave points, the M-line and T_i."""
+        return self.vision.draw(memory)

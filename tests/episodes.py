@@ -99,6 +99,20 @@ CANONICAL_POLYGONS: dict[str, list[list[float]]] = {
 }
 
 
+def in_world(episode: Episode, places: Any) -> NDArray[np.float64]:
+    """Places (k, 2) of the odometry frame, which has no error here, in the world."""
+    x, y, heading = episode.path[0]
+    cos, sin = math.cos(heading), math.sin(heading)
+    points: NDArray[np.float64] = np.asarray(places).reshape(-1, 2) @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+    return points
+
+
+def goal_distances(episode: Episode, places: Any = None) -> NDArray[np.float64]:
+    """Distances to the goal (k,) of places (k, 2) of the odometry frame, or of each place of the way [m]."""
+    points = episode.path[:, :2] if places is None else in_world(episode, places)
+    return np.asarray(np.linalg.norm(points - episode.simulation.world.layout(0).goals[0], axis=1))
+
+
 def canonical_world(world: str, *, angle: float = 0.0, mirrored: bool = False) -> dict[str, Any]:
     """A canonical world, mirrored about the line from start to goal, then turned about the start."""
     mirror = np.array([1.0, -1.0 if mirrored else 1.0])
@@ -265,3 +279,35 @@ class UTrap:
         c = self.c
         slab = Slab(self.x0, self.x0 + self.a + self.t, self.b + self.t, self.b + self.t, self.distance, c)
         return slab.shortest("left")
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Square ring about (10, 0), half sides 3.5 and 4, round the goal (10.3, 0.2) or round the start; clearance c."""
+
+    c: float = 0.5
+
+    @property
+    def first(self) -> float:
+        """From the start outside to the contour; Pythagoras for the goal 0.2 m aside [m]."""
+        return (10.0 - 4.0 - self.c) * math.hypot(10.3, 0.2) / 10.3
+
+    @property
+    def lap(self) -> float:
+        """Of the rounded contour outside [m]."""
+        return 4.0 * 8.0 + 2.0 * math.pi * self.c
+
+    @property
+    def first_inside(self) -> float:
+        """From the start in the middle to the contour [m]."""
+        return 3.5 - self.c
+
+    @property
+    def lap_inside(self) -> float:
+        """Of the contour inside, which has concave corners only [m]."""
+        return 8.0 * (3.5 - self.c)
+
+
+RING_ROUND_THE_START = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+RING_ROUND_THE_START |= {"start": [10, 0, 0], "goal": [0, 0]}
+"""The world of the scenario "ring" with the ring round the start."""

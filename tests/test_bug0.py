@@ -1,8 +1,7 @@
-"""Bug0 and Bug2 against closed forms, the ring and the map of Oni and Wang."""
+"""Bug0 and Bug2 against closed forms and the map of Oni and Wang."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import pytest
@@ -40,26 +39,6 @@ def test_bug0_that_leaves_in_any_direction_stays_in_the_trap(turn: str) -> None:
     assert episode.verdict == "looping"
 
 
-@pytest.mark.parametrize("policy", ["bug0", "bug2"])
-def test_a_goal_shut_in_is_unreachable_after_one_lap(policy: str) -> None:
-    episode = run_episode(policy, "ring", CLOSED_FORM_SENSORS, clearance=0.5)
-    # Start to contour, then the rounded square of side 8 at the clearance; Pythagoras for the goal 0.2 m aside.
-    first = 5.5 * math.hypot(10.3, 0.2) / 10.3
-    lap = 4.0 * 8.0 + 2.0 * math.pi * 0.5
-    assert episode.verdict == "unreachable"
-    assert first + lap - 0.3 <= episode.length <= 1.03 * (first + lap)
-
-
-@pytest.mark.parametrize("turn", ["left", "right"])
-def test_bug2_shut_in_itself_says_so_after_one_lap(turn: str) -> None:
-    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
-    world |= {"start": [10, 0, 0], "goal": [0, 0]}
-    episode = run_episode("bug2", "ring", {**CLOSED_FORM_SENSORS, "world": world}, clearance=0.5, turn=turn)
-    expected = 3.0 + 24.0
-    assert episode.verdict == "unreachable"
-    assert expected - 0.3 <= episode.length <= 1.03 * expected
-
-
 # Ideal lengths on the map of Oni and Wang at a clearance of 1 m, turning left, rounded contour (None: cycles for ever).
 BUG0_ROUTES = {"AB": 17.10, "AC": None, "AD": 42.82, "BA": None, "BC": None, "BD": 31.68}
 BUG0_ROUTES |= {"CA": None, "CB": 10.90, "CD": None, "DA": 44.90, "DB": 57.24, "DC": None}
@@ -78,11 +57,3 @@ def test_the_routes_of_oni_and_wang(policy: str, routes: dict[str, float | None]
         return
     assert episode.outcome == "success"
     assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
-
-
-@pytest.mark.parametrize(("policy", "world", "length"), CASES, ids=lambda case: case if isinstance(case, str) else "")
-@pytest.mark.parametrize("seed", range(3))
-def test_noise_of_the_ranges_changes_no_outcome(policy: str, world: str, length: Any, seed: int) -> None:
-    scenario = canonical_world(world)
-    scenario["lidar"] |= {"noise": 0.02, "dropout": 0.01}
-    assert run_episode(policy, scenario, seed=seed, clearance=0.5).outcome == "success"

@@ -27,7 +27,7 @@ LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 CORE_LAYERS = range(4)  # their runs are functions of (seed, episode, time)
 
 COMPILED = {"kernels"}  # numba's cache misses a change in a compiled callee of another file, so there is one file
-COMPOSED = {"agents.com1_rev3"}  # its paper defines it as a composition of two algorithms
+COMPOSED = {"agents.rev1", "agents.rev2"}  # their paper defines them as a change of another algorithm
 # `evaluate` takes policies by name
 KNOWS_AGENTS = {
     "suites",
