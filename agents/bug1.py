@@ -2,7 +2,8 @@
 
 Source: Lumelsky and Stepanov (1987). Sensing assumed: contact (here the scan within the clearance), goal, own position.
 Memory kept: the nearest point of the boundary, the lengths of the lap and of the way to that point, the trace of the
-lap. States: motion_to_goal, boundary_following (the lap), return_to_closest. Guarantee: reaches the goal or declares it
+lap. States: motion_to_goal, boundary_following (the lap), return_to_closest (along the trace), return_along_wall (where
+the trace is blocked, or too narrow for a robot that turns slowly). Guarantee: reaches the goal or declares it
 unreachable, when the lap is closed and the wall at the nearest point stands between it and the goal. Length: at most
 D + 1.5 sum(p_i) over the obstacles met, p_i their perimeters at the clearance; D + 2 sum(p_i) with the rule "same".
 """
@@ -99,6 +100,8 @@ class Bug1(BoundaryBug):
             velocity = self._go_back(view, memory, contour)
             if velocity is not None:
                 return velocity
+        elif contour is not None and memory.mode == "return_along_wall":
+            self._come_round(view, memory, contour)
         if memory.contour is None:
             velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
             if velocity is not None:
@@ -175,11 +178,21 @@ class Bug1(BoundaryBug):
         return speed * math.cos(bearing), speed * math.sin(bearing)
 
     def _wait(self, view: View, memory: Bug1Memory, contour: Contour) -> Velocity:
-        """Stand before something that was not there on the lap; if it stays, walk round it too."""
+        """Stand before something in the way back; if it stays, return with the hand on the wall."""
         contour.waited += self.sensors.drive.step
         if contour.waited > WAIT:
-            self._leave(view, memory)
+            memory.mode = "return_along_wall"
+            memory.contour = self.boundary.lay_hand(view, self.side, view.nearest()[1])
         return 0.0, 0.0
+
+    def _come_round(self, view: View, memory: Bug1Memory, contour: Contour) -> None:
+        """Leave where the wall leads past the nearest point; one lap without it begins all anew."""
+        assert memory.closest is not None
+        if math.dist(view.position, memory.closest.place) <= self.boundary.step:
+            self._leave(view, memory)
+        elif contour.is_lap_closed:
+            memory.mode = "boundary_following"
+            memory.gate, memory.trace, memory.closest = contour.gate, [], None
 
     def draw(self, memory: Bug1Memory) -> Drawing:
         """Hit and leave points, and the nearest point of the lap."""
