@@ -105,7 +105,7 @@ def test_evaluate_prints_a_table_and_fills_a_folder(tmp_path: Path, capsys: pyte
     arguments = ["--scenario", "empty", *OPEN, "--policies", policies, "--episodes", "2", "--out", str(out)]
     assert main(["evaluate", *arguments]) == 0
     printed = capsys.readouterr().out
-    assert "go_to_goal" in printed and "100.0" in printed
+    assert "go_to_goal" in printed and "100 [" in printed
     rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
     assert {(row["policy"], row["seed"]) for row in rows} == {
         (policy, seed) for policy in policies.split(",") for seed in (0, 1)
