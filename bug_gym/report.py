@@ -315,8 +315,8 @@ def _number(value: float, digits: int) -> str:
 
 
 def _percent(share: float, n: int) -> str:
-    """A share of n episodes in percent, with a decimal where one episode is less than one percent."""
-    return f"{100.0 * share:.{int(n > 100)}f}"
+    """A share of n episodes in percent, with a decimal where rounding would hide a single episode."""
+    return f"{100.0 * share:.{int(n >= 200)}f}"
 
 
 def _replace(path: Path, text: str) -> None:

@@ -70,7 +70,7 @@ def test_a_narrow_screen_folds_names_and_no_numbers() -> None:
     assert "100 [34, 100]" in printed(summarise(rows), width=60)
 
 
-def test_percents_have_a_decimal_where_an_episode_is_less_than_one() -> None:
+def test_percents_have_a_decimal_where_rounding_would_hide_an_episode() -> None:
     rows = [replace(ROWS[0], seed=seed) for seed in range(200)]
     # Wilson's lower bound at 200 of 200 is 200 / (200 + 1.96^2) = 0.9812.
     assert "100.0 [98.1, 100.0]" in printed(summarise(rows))
