@@ -133,7 +133,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             raise ValueError(f"reset_mask is an array of {self.num_envs} bools, got {mask!r}")
         if not mask.any():
             raise ValueError("reset_mask names no row, expected at least one")
-        return mask
+        return mask.copy()  # infos keep it
 
     def step(self, actions: Any) -> tuple[Observation, NDArray[np.float64], Bools, Bools, Infos]:
         """Drive for one step in each row; with NEXT_STEP, start anew instead in rows that ended in the last one."""
@@ -190,7 +190,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 def with_masks(infos: Infos, mask: Bools) -> Infos:
     """Values of the rows in a mask (n,) as gymnasium's vector infos.
 
-    Each value becomes an array (n,), zero (None for objects) in the other rows, beside `_key`: the rows that have it.
+    Each value becomes an array (n,), zero (None for objects) in the other rows, beside `_key`: the rows that have it, which
+    is one array for all keys.
     """
     masked: Infos = {}
     for name, values in infos.items():
@@ -201,5 +202,5 @@ def with_masks(infos: Infos, mask: Bools) -> Infos:
         else:
             masked[name] = np.full(len(mask), None if values.dtype == object else 0, dtype=values.dtype)
             masked[name][mask] = values
-        masked[f"_{name}"] = mask.copy()
+        masked[f"_{name}"] = mask
     return masked
