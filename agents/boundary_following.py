@@ -349,8 +349,9 @@ class Boundary:
         return view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius
 
     def can_reach_goal(self, view: View, bearing: float, distance: float) -> bool:
-        """Whether the body passes to a goal that lies nearer to a wall than the clearance."""
-        if distance > 2.0 * self.clearance + self.sensors.goal_radius:
+        """Whether the body passes to a goal that lies nearer to a wall than the clearance; False for any other place."""
+        is_goal = abs(distance - view.goal_distance) <= 1e-6
+        if not is_goal or distance > 2.0 * self.clearance + self.sensors.goal_radius:
             return False
         return view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius
 

@@ -15,6 +15,7 @@ from bug_gym.agents.critical_point_bug import CriticalPointBug
 from bug_gym.agents.e_bug import EBug
 from bug_gym.agents.open_points import OpenPoint, Profile, SubGoals
 from bug_gym.observation import Sensors, View
+from bug_gym.reproductions import hd_bug_tables
 from bug_gym.simulation import Simulation
 
 C = 0.5
@@ -311,3 +312,11 @@ def test_a_target_that_moves_is_caught(policy: str) -> None:
 def test_a_jump_that_is_not_above_0_is_refused(policy: str, jump: float) -> None:
     with pytest.raises(ValueError, match="jump"):
         make_policy(policy, "static", jump=jump)
+
+
+@pytest.mark.parametrize(
+    ("policy", "reach", "seed"), [("k_bug", 10.0, 10018), ("e_bug", 5.0, 10000), ("e_bug", 5.0, 10013)]
+)
+def test_a_corner_close_by_is_not_taken_for_the_goal(policy: str, reach: float, seed: int) -> None:
+    """There a wall stands before the next corner, both nearer than the radius within which a goal is reached."""
+    assert run_episode(policy, hd_bug_tables.field(200, reach), seed=seed).outcome == "success"
