@@ -3004,6 +3004,28 @@ def restart_robots(
             observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
+FARES = 5  # numbers of a robot besides its reward terms: reward, path_length, time, min_clearance, goal_distance
+
+
+@kernel
+def read_fares(
+    floats: Floats, ints: Integers, spec: Record, rows: Integers, numbers: Floats, outcome: Integers
+) -> None:
+    """Copy how the robots of the worlds `rows` (n,) fare, in one pass: `numbers` (FARES + TERMS, n, R), `outcome` (n, R)."""
+    s = spec[0]
+    for i in range(rows.size):
+        f, k = floats[rows[i]], ints[rows[i]]
+        for r in range(s.robots):
+            outcome[i, r] = k[s.outcome + r]
+            numbers[0, i, r] = f[s.reward + r]
+            numbers[1, i, r] = f[s.path_length + r]
+            numbers[2, i, r] = f[s.time]
+            numbers[3, i, r] = f[s.min_clearance + r]
+            numbers[4, i, r] = f[s.goal_distance + r]
+            for term in range(TERMS):
+                numbers[FARES + term, i, r] = f[s.terms + TERMS * r + term]
+
+
 # ---------------------------------------------------------------------------------------------- placing obstacles
 
 TRIES = 1000  # for one obstacle

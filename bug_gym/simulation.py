@@ -51,6 +51,20 @@ class Transition(NamedTuple):
         return Transition(observation[:, robot], reward[:, robot], terminated[:, robot], truncated[:, robot])
 
 
+class Fares(NamedTuple):
+    """How the robots (n, R) of some rows fare."""
+
+    outcome: NDArray[np.int64]
+    """Codes, as task.OUTCOMES."""
+    reward: NDArray[np.float64]
+    path_length: NDArray[np.float64]
+    time: NDArray[np.float64]
+    min_clearance: NDArray[np.float64]
+    goal_distance: NDArray[np.float64]
+    terms: NDArray[np.float64]
+    """Reward terms (n, R, terms), as task.REWARD_TERMS."""
+
+
 class RobotStep(NamedTuple):
     """What the last step gave one robot, as Python's own values."""
 
@@ -158,8 +172,8 @@ class Simulation:
     def _seed(self, rows: Rows, seeds: Sequence[int | None] | None) -> None:
         seed, episode = self.world.seed, self.world.episode
         if seeds is None:
-            fresh = rows[~self._seeded[rows]]
             episode[rows] += 1
+            fresh = rows[~self._seeded[rows]] if not self._all_seeded else ()
             if len(fresh):
                 seed[fresh] = np.random.SeedSequence().generate_state(len(fresh), np.uint64) >> np.uint64(2)
                 episode[fresh] = 0
@@ -260,36 +274,39 @@ class Simulation:
 
     # ------------------------------------------------------------------------------------------ reading
 
-    def _read(self, name: str, rows: Rows) -> NDArray[Any]:
-        """A copy (n, R) of an array with one number a robot."""
-        values = self.world.array(name)
-        return values.copy() if rows is self.all_rows else values[rows]
-
     def observations(self, rows: Rows | None = None) -> NDArray[np.float32]:
         """Flat observations (n, R, D), a copy."""
         if rows is None or rows is self.all_rows:
             return self.world.observation.copy()
         return self.world.observation[rows]
 
-    def transition(self, rows: Rows) -> Transition:
-        """What the last step gave for the rows."""
-        outcome = self._read("outcome", rows)
-        terminated = (outcome == kernels.SUCCESS) | (outcome == kernels.COLLISION)
-        return Transition(self.observations(rows), self._read("reward", rows), terminated, outcome == kernels.TIMEOUT)
+    def fares(self, rows: Rows) -> Fares:
+        """How the robots of the rows fare, copies; what asks for both `transition` and `info` reads it once for both."""
+        numbers = np.empty((kernels.FARES + kernels.TERMS, len(rows), self.robots))
+        outcome = np.empty((len(rows), self.robots), dtype=np.int64)
+        kernels.read_fares(self.world.floats, self.world.ints, self.world.spec, rows, numbers, outcome)
+        reward, path_length, time, min_clearance, goal_distance = numbers[: kernels.FARES]
+        terms = numbers[kernels.FARES :].transpose(1, 2, 0)
+        return Fares(outcome, reward, path_length, time, min_clearance, goal_distance, terms)
 
-    def info(self, rows: Rows | None = None) -> dict[str, NDArray[Any]]:
+    def transition(self, rows: Rows, fares: Fares | None = None) -> Transition:
+        """What the last step gave for the rows."""
+        outcome, reward = (fares or self.fares(rows))[:2]
+        terminated = (outcome == kernels.SUCCESS) | (outcome == kernels.COLLISION)
+        return Transition(self.observations(rows), reward, terminated, outcome == kernels.TIMEOUT)
+
+    def info(self, rows: Rows | None = None, fares: Fares | None = None) -> dict[str, NDArray[Any]]:
         """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms), as task.REWARD_TERMS."""
-        rows = self.all_rows if rows is None else rows
-        outcome = self._read("outcome", rows)
+        fares = fares or self.fares(self.all_rows if rows is None else rows)
         return {
-            "is_success": outcome == kernels.SUCCESS,
-            "collision": outcome == kernels.COLLISION,
-            "outcome": task.OUTCOME_NAMES[outcome],
-            "path_length": self._read("path_length", rows),
-            "time": np.repeat(self._read("time", rows), self.robots, axis=1),
-            "min_clearance": self._read("min_clearance", rows),
-            "goal_distance": self._read("goal_distance", rows),
-            "reward_terms": self._read("terms", rows).reshape(len(rows), self.robots, kernels.TERMS),
+            "is_success": fares.outcome == kernels.SUCCESS,
+            "collision": fares.outcome == kernels.COLLISION,
+            "outcome": task.OUTCOME_NAMES.take(fares.outcome),
+            "path_length": fares.path_length,
+            "time": fares.time,
+            "min_clearance": fares.min_clearance,
+            "goal_distance": fares.goal_distance,
+            "reward_terms": fares.terms,
         }
 
     def robot_step(self, row: int = 0, robot: int = 0) -> RobotStep:

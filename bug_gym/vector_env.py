@@ -24,7 +24,7 @@ from bug_gym.navigation_env import (
     require_one_robot,
     with_most_steps,
 )
-from bug_gym.simulation import Simulation
+from bug_gym.simulation import Fares, Simulation
 from bug_gym.task import REWARD_TERMS
 
 Bools = NDArray[np.bool_]
@@ -147,24 +147,27 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             simulation.reset(ended)
         else:
             raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")
-        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows).of_robot(0)
+        fares = simulation.fares(simulation.all_rows)
+        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows, fares).of_robot(0)
         self._ended = terminated | truncated
         infos: Infos = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             infos, ended = self._final_infos(flat), np.flatnonzero(self._ended)
             flat[ended] = simulation.reset(ended)[:, 0]
             self._ended[:] = False
+            fares = simulation.fares(simulation.all_rows)
         self._pictures.record()
-        return self.spaces.present_batch(flat), reward, terminated, truncated, infos | self._infos(self._everywhere())
+        infos |= self._infos(self._everywhere(), fares)
+        return self.spaces.present_batch(flat), reward, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture (H, W, 3) of each row, RGB uint8; None without a render mode."""
         return self._pictures.frames() or None
 
-    def _infos(self, mask: Bools) -> Infos:
-        """The contract's info of the rows in the mask, as arrays with masks."""
-        rows = self.simulation.all_rows if mask.all() else np.flatnonzero(mask)
-        infos: Infos = {name: values[:, 0] for name, values in self.simulation.info(rows).items()}
+    def _infos(self, mask: Bools, fares: Fares | None = None) -> Infos:
+        """The contract's info of the rows in the mask, as arrays with masks; `fares`: of those rows, if read before."""
+        fares = fares or self.simulation.fares(np.flatnonzero(mask))
+        infos: Infos = {name: values[:, 0] for name, values in self.simulation.info(fares=fares).items()}
         infos["reward_terms"] = dict(zip(REWARD_TERMS, infos["reward_terms"].T, strict=True))
         return with_masks(infos, mask)
 
