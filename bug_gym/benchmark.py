@@ -208,7 +208,7 @@ def single_speed(scenario: dict[str, Any], seconds: float) -> float:
 
 
 def single_speed_with_draws(scenario: dict[str, Any], seconds: float) -> float:
-    """The same by Gymnasium's own benchmark, in which `action_space.sample()` takes longer than the step."""
+    """The same by Gymnasium's own benchmark, which draws each action from the space."""
     env = gym.make("BugGym/Navigation-v0", scenario=scenario)
     duration: Any = seconds  # a whole number by its annotation, though part of a second will do
     return benchmark_step(env, duration, seed=0) / 1000.0

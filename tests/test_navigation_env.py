@@ -24,7 +24,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 import bug_gym
 from bug_gym.config import load
 from bug_gym.kinematics import discrete_actions
-from bug_gym.navigation_env import NavigationEnv
+from bug_gym.navigation_env import ActionBox, NavigationEnv
 from bug_gym.observation import Sensors
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -169,6 +169,20 @@ def test_a_spec_written_as_json_makes_the_same_env(name: str) -> None:
     first, second = gym.make(spec), gym.make(again)
     assert data_equivalence(first.reset(seed=1), second.reset(seed=1), exact=True)
     assert second.observation_space.shape == (9 + 2 + 3 + 2,)
+
+
+def test_actions_are_drawn_as_from_any_box() -> None:
+    ours, plain = ActionBox(), gym.spaces.Box(-1.0, 1.0, (2,), dtype=np.float32)
+    assert ours == plain
+    for seed in range(20):
+        ours.seed(seed)
+        plain.seed(seed)
+        for space in (ours, pickle.loads(pickle.dumps(ours)), copy.deepcopy(ours)):
+            twin = copy.deepcopy(plain)
+            for _ in range(50):
+                np.testing.assert_array_equal(space.sample(), twin.sample(), strict=True)
+    with pytest.raises(gym.error.Error, match="mask"):
+        ours.sample(mask=np.ones(2))  # type: ignore[arg-type]
 
 
 def test_info_has_the_same_keys_and_types_at_reset_and_step(env: NavigationEnv) -> None:
