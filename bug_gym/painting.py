@@ -106,6 +106,7 @@ def load_pygame() -> ModuleType:
     try:
         import pygame
         import pygame.font
+        import pygame.surfarray
     except ImportError as error:
         raise ImportError("drawing needs pygame-ce: pip install 'bug-gym[render]'") from error
     return pygame

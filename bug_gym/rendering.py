@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bug_gym import pixels
 from bug_gym.clips import Frame
 from bug_gym.painting import (
     FAINT,
@@ -59,7 +60,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger("bug_gym")
 
 PAINT = 2
-"""Pixels that are painted for one of the frame, along each side."""
+"""Pixels that are painted for one of the frame, along each side; `pixels.halve` averages them."""
 
 
 class Canvas:
@@ -275,12 +276,13 @@ class Canvas:
 
     def _finish(self, large: pygame.Surface, labels: Sequence[str], note: str) -> Frame:
         """Average the large surface down, write around it and read the pixels."""
-        pygame = load_pygame()
-        small = pygame.transform.smoothscale(large, (self.width, self.height))
+        small = load_pygame().Surface((self.width, self.height), 0, 32)
+        pixels.halve(packed(large), packed(small))
         self._write_caption(small, note)
         self._write_legend(small, labels)
-        pixels = bytearray(pygame.image.tobytes(small, "RGB"))
-        return np.frombuffer(pixels, dtype=np.uint8).reshape(self.height, self.width, 3)
+        frame = np.empty((self.height, self.width, 3), dtype=np.uint8)
+        pixels.unpack(packed(small), frame)
+        return frame
 
     def _write_caption(self, small: pygame.Surface, note: str) -> None:
         """Above the world: whose episode it is on the left; time, outcome and note on the right."""
@@ -328,6 +330,12 @@ class Canvas:
         pygame.font.init()
         self._font = pygame.font.Font(None, round(0.75 * self.margin))
         return self._font.render(text, True, color)
+
+
+def packed(surface: pygame.Surface) -> pixels.Packed:
+    """The pixels (H, W) of a surface of 32 bits, a view that keeps it locked while it lives."""
+    view: pixels.Packed = load_pygame().surfarray.pixels2d(surface).T
+    return view
 
 
 def even(length: float) -> int:

@@ -18,7 +18,7 @@ LAYERS = (
     ("world", "scenarios", "floor_plans", "maps", "shortest_path"),
     ("observation", "task"),
     ("simulation", "policy", "collisions"),
-    ("navigation_env", "vector_env", "robots_env", "clips", "painting", "rendering", "metrics", "intervals"),
+    ("navigation_env", "vector_env", "robots_env", "clips", "pixels", "painting", "rendering", "metrics", "intervals"),
     ("__init__", "agents", "suites", "rollout", "held_out", "evaluation", "report", "benchmark", "gallery"),
     ("reproductions",),
     ("cli", "__main__"),

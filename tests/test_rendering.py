@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym import painting, rendering
+from bug_gym import painting, pixels, rendering
 from bug_gym.clips import Frame
 from bug_gym.policy import Drawing
 from bug_gym.rendering import Canvas, Window, episode_picture
@@ -551,3 +551,16 @@ def test_frames_need_no_display() -> None:
         [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stderr
+
+
+# ---------------------------------------------------------------------------------------------- pixels
+
+
+def test_pictures_are_averaged_down_and_read_colour_by_colour() -> None:
+    colors = np.random.default_rng(0).integers(0, 256, (14, 22, 3))
+    large = (colors @ [1 << 16, 1 << 8, 1]).astype(np.uint32)
+    small, rgb = np.zeros((7, 11), dtype=np.uint32), np.zeros((7, 11, 3), dtype=np.uint8)
+    pixels.halve(large, small)
+    pixels.unpack(small, rgb)
+    means = colors.reshape(7, 2, 11, 2, 3).mean(axis=(1, 3))
+    assert (rgb == np.floor(means + 0.5)).all()
