@@ -1,14 +1,15 @@
 """Draws what HD-BUG sees and decides, as Figs. 21 to 24 of its paper do: `python docs/make_hd_bug.py` (extra `render`).
 
-Four moments of four episodes as hd_bug.png: a still field (light and shadow areas, candidates by cost), terrain, movers
-with their predicted ways, a moving target; and one episode among movers as hd_bug.gif.
+Four moments of four episodes, one picture each: hd_bug_static.png (light and shadow areas, candidates by cost),
+hd_bug_terrain.png, hd_bug_dynamic.png (movers with their predicted ways), hd_bug_moving_target.png; and one episode among
+movers as hd_bug.gif.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from bug_gym.clips import grid, save_gif, save_png
+from bug_gym.clips import save_gif, save_png
 from bug_gym.config import load
 from bug_gym.rendering import Canvas, Frame
 from bug_gym.rollout import Rollout, film
@@ -50,7 +51,8 @@ def moment(scenario: str, overrides: dict[str, object], seed: int, steps: int) -
 
 
 if __name__ == "__main__":
-    save_png(DOCS / "hd_bug.png", grid([moment(*described) for described in MOMENTS], 2))
+    for described in MOMENTS:
+        save_png(DOCS / f"hd_bug_{described[0]}.png", moment(*described))
     rollout, canvas = rollout_of(*FILMED)
     step = rollout.simulation.scenario.time.step
     save_gif(DOCS / "hd_bug.gif", film(rollout, canvas, every=EVERY, scan=False), 2.0 / (step * EVERY))
