@@ -173,6 +173,11 @@ class Lines(Protocol):
         """Value, low and high at each x, by name."""
 
 
+COLORS = tuple(f"C{number}" for number in range(10))
+STYLES = (("-", "o"), ("--", "s"), (":", "^"))
+"""Line and marker of the first ten lines, of the next ten, and so on."""
+
+
 def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
     """Draw each set of lines with its intervals, side by side, into a PNG.
 
@@ -184,15 +189,20 @@ def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
     except ImportError as error:
         raise ImportError("curves need matplotlib: pip install 'bug-gym[report]'") from error
     figure = Figure(figsize=(6.5 * len(curves), 4.5), layout="constrained")
+    names = list(dict.fromkeys(name for one in curves for name in one.lines))
     for axes, one in zip(figure.subplots(1, len(curves), squeeze=False)[0], curves, strict=True):
         places = range(len(one.x))  # evenly spaced: the values grow by factors
         for name, points in one.lines.items():
             middle, low, high = zip(*points, strict=True)
-            (line,) = axes.plot(places, middle, marker="o", label=name)
-            axes.fill_between(places, low, high, color=line.get_color(), alpha=0.1)
+            kind, color = divmod(names.index(name), len(COLORS))
+            dashes, marker = STYLES[kind % len(STYLES)]
+            axes.plot(places, middle, dashes, color=COLORS[color], marker=marker, label=name)
+            axes.fill_between(places, low, high, color=COLORS[color], alpha=0.3 / len(names))
         axes.set_xticks(list(places), [f"{value:g}" for value in one.x])
         axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=(-0.02, 1.02))
-        axes.legend(fontsize="small")
+    known = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
+    handles = {name: handle for handle, name in reversed(known)}
+    figure.legend([handles[name] for name in names], names, loc="outside right center", fontsize="small")
     partial = path.with_name(f"{path.stem}.partial.png")
     figure.savefig(partial, dpi=100)
     partial.replace(path)
