@@ -11,6 +11,7 @@ No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit
 from __future__ import annotations
 
 import math
+import os
 import uuid
 from collections.abc import Callable
 from pathlib import Path
@@ -34,6 +35,7 @@ OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy",
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 PROCESS = uuid.uuid4().hex[:12]
+DISPATCHERS: list[Any] = []
 
 
 def kernel(function: Function) -> Function:
@@ -54,7 +56,21 @@ def with_own_files(dispatcher: Any) -> Any:
     """
     files = dispatcher._cache._cache_file
     files._data_name_pattern = files._data_name_pattern.replace(".{number", f".{PROCESS}.{{number")
+    DISPATCHERS.append(dispatcher)
     return dispatcher
+
+
+def take_own_name() -> None:
+    """Give a forked process files of its own; it comes with the names of its parent's."""
+    global PROCESS
+    parent, PROCESS = PROCESS, uuid.uuid4().hex[:12]
+    for dispatcher in DISPATCHERS:
+        files = dispatcher._cache._cache_file
+        files._data_name_pattern = files._data_name_pattern.replace(parent, PROCESS)
+
+
+if hasattr(os, "register_at_fork"):  # not on Windows, where no process forks
+    os.register_at_fork(after_in_child=take_own_name)
 
 
 def is_compiled() -> bool:
@@ -3135,7 +3151,7 @@ def place_body(f: Floats, k: Integers, s: Record, p: Record, b: int, moves: bool
 def law_in_turn(laws: int, number: int) -> int:
     """The law of mover number `number`, where the laws of these bits take turns."""
     bits = (laws & 1) + (laws >> 1 & 1) + (laws >> 2 & 1)
-    turn = number % 3 if bits == 3 else number & (bits - 1)
+    turn = number % 3 if bits == 3 else number & (bits - 1)  # number % bits would divide, for each mover of each world
     if laws & BOUNCE_BIT:
         if turn == 0:
             return BOUNCE

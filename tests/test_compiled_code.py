@@ -8,6 +8,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 MODULE = """
 from bug_gym.kernels import kernel
 
@@ -53,3 +55,28 @@ def test_processes_that_compile_at_once_do_not_write_one_anothers_code(tmp_path:
     third = python("import double; print(double.double(1.5), double.double(21))")
     told = subprocess.run(third, cwd=tmp_path, env=settings, check=True, capture_output=True, text=True)
     assert told.stdout.split() == ["3.0", "42"]
+
+
+FORKED = """
+import os, double
+def pattern():
+    return double.double._cache._cache_file._data_name_pattern
+read, write = os.pipe()
+if os.fork() == 0:
+    os.write(write, pattern().encode())
+    os._exit(0)
+os.wait()
+print(pattern(), os.read(read, 1000).decode())
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no process forks here")
+def test_a_forked_process_writes_files_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "double.py").write_text(MODULE)
+    settings = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    told = subprocess.run(
+        [sys.executable, "-c", FORKED], cwd=tmp_path, env=settings, check=True, capture_output=True, text=True
+    )
+    parent, child = told.stdout.split()
+    assert parent != child
+    assert len(parent) == len(child)
