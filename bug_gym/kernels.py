@@ -31,7 +31,15 @@ Flags = npt.NDArray[np.bool_]
 Record = Any  # of SPEC or FIELD; numba reads its fields as attributes
 
 # _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
-OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+}
+# What is only called from compiled code needs no place of its own on disk: its callers hold it.
+CALLED = {**OPTIONS, "cache": False}
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 PROCESS = uuid.uuid4().hex[:12]
@@ -43,9 +51,14 @@ def kernel(function: Function) -> Function:
     return cast(Function, with_own_files(njit(**OPTIONS)(function)))
 
 
+def called(function: Function) -> Function:
+    """Compiles a function that only others of this file call."""
+    return cast(Function, njit(**CALLED)(function))
+
+
 def inlined(function: Function) -> Function:
-    """Compiles a function that is copied into its callers."""
-    return cast(Function, with_own_files(njit(forceinline=True, **OPTIONS)(function)))
+    """Compiles a function that is copied into its callers, which are all in this file."""
+    return cast(Function, njit(forceinline=True, **CALLED)(function))
 
 
 def with_own_files(dispatcher: Any) -> Any:
@@ -420,7 +433,7 @@ def point_wall_square(px: float, py: float, x1: float, y1: float, x2: float, y2:
     return x * x + y * y
 
 
-@kernel
+@called
 def point_wall_distance(px: float, py: float, x1: float, y1: float, x2: float, y2: float) -> float:
     """Distance of a point to a segment."""
     return math.sqrt(point_wall_square(px, py, x1, y1, x2, y2))
@@ -452,7 +465,7 @@ def nearest_to_wall(
 # Event times are computed once a leg, so a step costs an addition a body however many obstacles there are.
 
 
-@kernel
+@called
 def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> float:
     """Time and normal of body b's next contact with a still obstacle or the border, from its place at `now`.
 
@@ -508,7 +521,7 @@ def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> fl
     return now + best * far / speed
 
 
-@kernel
+@called
 def walker_number(s: Record, b: int) -> int:
     """A number for body b that does not depend on how much room its row has for other bodies."""
     first_polygon: int = s.discs
@@ -520,7 +533,7 @@ def walker_number(s: Record, b: int) -> int:
     return 3 * (b - first_goal) + 2
 
 
-@kernel
+@called
 def take_heading(f: Floats, k: Integers, s: Record, b: int) -> float:
     """Give a random walker its next heading and return how long it keeps it [s]."""
     key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_WALK)
@@ -533,7 +546,7 @@ def take_heading(f: Floats, k: Integers, s: Record, b: int) -> float:
     return between(key, 2 * walker_number(s, b) + 1, low, high)
 
 
-@kernel
+@called
 def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) -> float:
     """Point body b at its next way-point; returns the time of arrival, infinite where it stays for ever."""
     count = k[s.way_count + b]
@@ -556,7 +569,7 @@ def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) ->
     return now + distance / speed
 
 
-@kernel
+@called
 def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Set the next event of a body that has just been placed or has just had one."""
     law = k[s.body_law + b]
@@ -576,7 +589,7 @@ def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
             f[s.body_ny + b] = 0.0
 
 
-@kernel
+@called
 def handle_event(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Reflect, turn or take the next way-point: body b stands at the place of its event, at time `now`."""
     law = k[s.body_law + b]
@@ -605,7 +618,7 @@ def handle_event(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
 MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits until the next step and goes on then
 
 
-@kernel
+@called
 def move_body(f: Floats, k: Integers, s: Record, b: int, start: float, end: float) -> None:
     """Bring body b from its place at `start` to its place at `end`, through all its events between."""
     f[s.last_x + b] = f[s.body_x + b]
@@ -696,7 +709,7 @@ def steering_floats(walls: int, bodies: int, circles: int) -> int:
     return 2 * bodies + 6 * (walls + 2 * bodies + 2 * circles)
 
 
-@kernel
+@called
 def edge_range(lines: Floats, i: int, count: int, speed: float) -> tuple[float, float]:
     """The part of half plane i's edge that half planes 0 ... count - 1 and the greatest speed leave: low and high.
 
@@ -756,7 +769,7 @@ def nearest_velocity(lines: Floats, count: int, speed: float, wish_x: float, wis
     return vx, vy, count
 
 
-@kernel
+@called
 def farthest_velocity(lines: Floats, count: int, speed: float, nx: float, ny: float) -> tuple[float, float, bool]:
     """The velocity farthest along a unit vector within half planes and the greatest speed; and whether there is one."""
     vx, vy = speed * nx, speed * ny
@@ -820,7 +833,7 @@ def add_half_plane(lines: Floats, count: int, nx: float, ny: float, c: float) ->
     return count + 1
 
 
-@kernel
+@called
 def add_wall_half_planes(
     f: Floats,
     s: Record,
@@ -852,7 +865,7 @@ def add_wall_half_planes(
     return count
 
 
-@kernel
+@called
 def add_still_half_planes(f: Floats, k: Integers, s: Record, b: int, lines: Floats) -> int:
     """Half planes that keep body b off still discs, still polygons and the border; returns how many.
 
@@ -936,7 +949,7 @@ def escape_velocity(
     return along * ex - vx, along * ey - vy, -ey, ex
 
 
-@kernel
+@called
 def add_avoidance(
     f: Floats,
     s: Record,
@@ -987,7 +1000,7 @@ def add_avoidance(
     return hard, soft
 
 
-@kernel
+@called
 def add_robots(
     f: Floats, k: Integers, s: Record, footprint: Floats, b: int, lines: Floats, hard: int, spare: Floats, soft: int
 ) -> tuple[int, int]:
@@ -1009,7 +1022,7 @@ def add_robots(
     return hard, soft
 
 
-@kernel
+@called
 def wish_of(f: Floats, k: Integers, s: Record, b: int, start: float) -> tuple[float, float]:
     """The velocity that body b of a crowd would like: straight to its goal, or past what holds it up, on its right.
 
@@ -1030,7 +1043,7 @@ def wish_of(f: Floats, k: Integers, s: Record, b: int, start: float) -> tuple[fl
     return speed * (cos * dx - sin * dy), speed * (sin * dx + cos * dy)
 
 
-@kernel
+@called
 def crowd_velocity(
     f: Floats,
     k: Integers,
@@ -1085,7 +1098,7 @@ def is_inside(f: Floats, s: Record, first: int, walls: int, x: float, y: float) 
     return inside
 
 
-@kernel
+@called
 def has_room(f: Floats, s: Record, first: int, walls: int, x: float, y: float, room: float) -> bool:
     """Whether a range of walls keeps this distance from a point."""
     for w in range(first, first + walls):
@@ -1110,7 +1123,7 @@ def is_open(f: Floats, k: Integers, s: Record, x: float, y: float, room: float) 
     return True
 
 
-@kernel
+@called
 def draw_free_goal(f: Floats, k: Integers, s: Record, b: int) -> None:
     """Put body b's goal to a place that is free for it, or to its own where none is found."""
     xmin, ymin, xmax, ymax = math.inf, math.inf, -math.inf, -math.inf
@@ -1128,7 +1141,7 @@ def draw_free_goal(f: Floats, k: Integers, s: Record, b: int) -> None:
             return
 
 
-@kernel
+@called
 def take_goal(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Give body b of a crowd the goal whose turn it is, and the time when it gives that up."""
     count = k[s.way_count + b]
@@ -1142,7 +1155,7 @@ def take_goal(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     f[s.body_patience + b] = now + PATIENCE + DETOUR * distance / speed if speed > 0.0 else math.inf
 
 
-@kernel
+@called
 def go_on_from_goal(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Take the next goal where body b of a crowd has reached its own, or has tried for too long."""
     if k[s.way_count + b] == 1:
@@ -1198,7 +1211,7 @@ def slide(lines: Floats, count: int, wish_x: float, wish_y: float, vx: float, vy
     return (x, y) if failed == count else (0.0, 0.0)
 
 
-@kernel
+@called
 def evade_velocity(f: Floats, k: Integers, s: Record, b: int, start: float, lines: Floats) -> tuple[float, float]:
     """The velocity of body b, which flees the nearest robot in sight and else wanders at its calm speed."""
     x, y = f[s.body_x + b], f[s.body_y + b]
@@ -1234,7 +1247,7 @@ def is_there(f: Floats, k: Integers, s: Record, b: int, time: float) -> bool:
     return b >= first_goal or begin <= time <= end
 
 
-@kernel
+@called
 def recorded_place(f: Floats, k: Integers, s: Record, b: int, time: float) -> tuple[float, float]:
     """Where body b is at a time, straight between two records; times may only rise from call to call."""
     first, count = k[s.way_first + b], k[s.way_count + b]
@@ -1248,7 +1261,7 @@ def recorded_place(f: Floats, k: Integers, s: Record, b: int, time: float) -> tu
     return x + share * (f[s.way_x + w + 1] - x), y + share * (f[s.way_y + w + 1] - y)
 
 
-@kernel
+@called
 def follow_record(f: Floats, k: Integers, s: Record, b: int, start: float, end: float) -> None:
     """Bring body b to where it is at `start`, or where it appears, with the velocity to where it is at `end`.
 
@@ -1267,7 +1280,7 @@ def follow_record(f: Floats, k: Integers, s: Record, b: int, start: float, end: 
 # All three.
 
 
-@kernel
+@called
 def begin_steered(f: Floats, k: Integers, s: Record, b: int) -> None:
     """Start the episode of a body that looks."""
     f[s.body_event + b] = math.inf
@@ -1291,7 +1304,7 @@ def begin_steered(f: Floats, k: Integers, s: Record, b: int) -> None:
             f[s.body_x + b], f[s.body_y + b] = AWAY, AWAY
 
 
-@kernel
+@called
 def steer_bodies(
     f: Floats,
     k: Integers,
@@ -1344,7 +1357,7 @@ def _samples_before(distance: float) -> np.int64:
     return (np.int64(1) << np.int64(count)) - np.int64(1)
 
 
-@kernel
+@called
 def samples_inside(regions: Floats, at: int, x: float, y: float, cos: float, sin: float) -> np.int64:
     """Bits of the samples along a ray from (x, y) that lie in the region at `regions[at]`; bit 0 is (x, y) itself.
 
@@ -1510,7 +1523,7 @@ def swung_circle(f: Floats, s: Record, footprint: Floats, r: int, c: int, share:
     return x + cos * ox - sin * oy, y + sin * ox + cos * oy
 
 
-@kernel
+@called
 def swing_contact(
     f: Floats,
     s: Record,
@@ -1622,7 +1635,7 @@ def disc_contacts(
     return first, clearance
 
 
-@kernel
+@called
 def wall_contacts(
     f: Floats,
     s: Record,
@@ -1723,7 +1736,7 @@ def obstacle_contact(
     return first, clearance
 
 
-@kernel
+@called
 def robots_contact(
     f: Floats, s: Record, footprint: Floats, stops: Floats, a: int, b: int, end: float
 ) -> tuple[float, float]:
@@ -1799,7 +1812,7 @@ def settle_robots(
         settle_among_robots(f, k, s, footprint, stops, verdicts)
 
 
-@kernel
+@called
 def settle_among_robots(
     f: Floats, k: Integers, s: Record, footprint: Floats, stops: Floats, verdicts: Integers
 ) -> None:
@@ -2680,7 +2693,7 @@ def _cos_pi(t: np.float32) -> np.float32:
     return z * (SIN_1 + square * (SIN_3 + square * (SIN_5 + square * (SIN_7 + square * SIN_9))))
 
 
-@kernel
+@called
 def _drop_beams(
     ranges: Ranges, beams: int, far: np.float32, lost_below: np.int32, low: np.uint32, high: np.uint32
 ) -> None:
@@ -2690,7 +2703,7 @@ def _drop_beams(
         ranges[i] = far if np.int32(draw >> np.uint32(8)) < lost_below else ranges[i]
 
 
-@kernel
+@called
 def add_noise(
     ranges: Ranges, beams: int, reach: float, min_range: float, sigma: float, dropout: float, key: np.uint64
 ) -> None:
@@ -2876,7 +2889,7 @@ def wall_gap(f: Floats, s: Record, w: int, x: float, y: float) -> float:
     return point_wall_distance(x, y, f[at], f[at + 1], f[at + 2], f[at + 3])
 
 
-@kernel
+@called
 def clearance_at(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> float:
     """Distance from robot r's body to the nearest obstacle, border and other robot [m], at its present pose."""
     nearest = math.inf
@@ -2909,7 +2922,7 @@ def clearance_at(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -
     return nearest
 
 
-@kernel
+@called
 def begin_robot(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> None:
     """Start the run of robot r at the pose that it has."""
     g = k[s.goal_body + r]
@@ -2929,19 +2942,9 @@ def begin_robot(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) ->
     f[s.min_clearance + r] = f[s.clearance + r]
 
 
-@kernel
-def begin_row(
-    f: Floats,
-    k: Integers,
-    observation: Ranges,
-    s: Record,
-    beams: Floats,
-    footprint: Floats,
-    regions: Floats,
-    scratch: Floats,
-    scratch_int: Integers,
-) -> None:
-    """Start the episode of a row whose obstacles, poses and goals have been placed."""
+@called
+def begin_world(f: Floats, k: Integers, s: Record, footprint: Floats) -> None:
+    """Start the episode of a row whose obstacles, poses and goals have been placed, but for what the robots see."""
     f[s.time] = 0.0
     k[s.steps] = 0
     fastest, steered = 0.0, 0
@@ -2963,8 +2966,6 @@ def begin_row(
     k[s.steered_count] = steered
     for r in range(s.robots):
         begin_robot(f, k, s, footprint, r)
-    for r in range(s.robots):
-        observe(f, k, observation[r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 @kernel
@@ -2984,7 +2985,10 @@ def begin_rows(
     s = spec[0]
     for i in range(rows.size):
         n = rows[i]
-        begin_row(floats[n], ints[n], observation[n], s, beams, footprint, regions, scratch, scratch_int)
+        f, k = floats[n], ints[n]
+        begin_world(f, k, s, footprint)
+        for r in range(s.robots):
+            observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 @kernel
@@ -3049,7 +3053,7 @@ ATTEMPTS = 20  # at a whole world
 BOUNCE_BIT, WALK_BIT, CROWD_BIT = 1, 2, 4  # of FIELD.laws
 
 
-@kernel
+@called
 def place_start_and_goal(f: Floats, k: Integers, s: Record, p: Record, key: np.uint64, draw: int) -> int:
     """Draw the robots' starts (side by side, 2 m apart) and the goal; returns the next draw, or -1 where none fits."""
     goal = s.discs + s.polygons
@@ -3117,13 +3121,13 @@ def is_pedestrian(p: Record, b: int) -> bool:
     return bool(p.moving_discs - p.pedestrians <= b < p.moving_discs)
 
 
-@kernel
+@called
 def is_crowded(f: Floats, s: Record, p: Record, b: int, x: float, y: float, radius: float) -> bool:
     """Whether a mover of this bounding radius at (x, y) overlaps one of those placed before body b."""
     return is_taken(f, s, 0, min(b, p.moving_discs), x, y, radius) or is_taken(f, s, s.discs, b, x, y, radius)
 
 
-@kernel
+@called
 def place_body(f: Floats, k: Integers, s: Record, p: Record, b: int, moves: bool, key: np.uint64, draw: int) -> int:
     """Draw size and place of body b; returns the next draw, or -1 where nothing is free."""
     crowded = moves and (p.laws & CROWD_BIT != 0 or p.pedestrians > 0)
@@ -3147,7 +3151,7 @@ def place_body(f: Floats, k: Integers, s: Record, p: Record, b: int, moves: bool
     return -1
 
 
-@kernel
+@called
 def law_in_turn(laws: int, number: int) -> int:
     """The law of mover number `number`, where the laws of these bits take turns."""
     bits = (laws & 1) + (laws >> 1 & 1) + (laws >> 2 & 1)
@@ -3159,7 +3163,7 @@ def law_in_turn(laws: int, number: int) -> int:
     return RANDOM_WALK if laws & WALK_BIT and turn == 0 else CROWD
 
 
-@kernel
+@called
 def set_motion(f: Floats, k: Integers, s: Record, p: Record, b: int, number: int, key: np.uint64, draw: int) -> int:
     """Give mover number `number` its law and speed; returns the next draw."""
     if is_pedestrian(p, b):
@@ -3189,7 +3193,7 @@ def add_wall(f: Floats, s: Record, w: int, x1: float, y1: float, x2: float, y2: 
     f[s.wall + 4 * w + 3] = y2
 
 
-@kernel
+@called
 def shape_polygon(f: Floats, k: Integers, s: Record, p: Record, number: int, key: np.uint64, draw: int) -> int:
     """Give polygon `number` its corners, star-shaped round its place; returns the next draw.
 
@@ -3228,7 +3232,7 @@ def shape_polygon(f: Floats, k: Integers, s: Record, p: Record, number: int, key
     return draw + 2 * corners
 
 
-@kernel
+@called
 def place_border(f: Floats, k: Integers, s: Record, p: Record) -> None:
     """Append the four walls of the bounds."""
     w = k[s.wall_count]
@@ -3241,7 +3245,7 @@ def place_border(f: Floats, k: Integers, s: Record, p: Record) -> None:
     k[s.wall_count] = w + 4
 
 
-@kernel
+@called
 def place_obstacles(f: Floats, k: Integers, s: Record, p: Record, key: np.uint64, draw: int) -> int:
     """Place all obstacles, the still ones first; returns the next draw, or -1 - (how many found a place)."""
     placed = 0
@@ -3279,7 +3283,7 @@ def place_obstacles(f: Floats, k: Integers, s: Record, p: Record, key: np.uint64
     return draw
 
 
-@kernel
+@called
 def place_field(f: Floats, k: Integers, s: Record, p: Record) -> int:
     """Draw the whole world of a row from its seed and episode.
 
@@ -3355,7 +3359,7 @@ def way_to_point(along: float, beside: float, radius: float) -> float:
     return max(along - math.sqrt(room), 0.0)
 
 
-@kernel
+@called
 def first_contact(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> tuple[float, int]:
     """`free_distance` along `angle`, and the number of the scan point that the disc touches there, -1 for none."""
     cos, sin = math.cos(angle), math.sin(angle)
@@ -3727,7 +3731,7 @@ def foretold_range(px: Floats, py: Floats, ranges: Floats, first: int, second: i
     return way
 
 
-@kernel
+@called
 def goes_on_straight(px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, i: int, way: int) -> bool:
     """Whether the wall seen by beam i and those before it, counted in the direction `way`, foretells the next range."""
     n = ranges.size
@@ -3743,7 +3747,7 @@ def goes_on_straight(px: Floats, py: Floats, ranges: Floats, reach: float, jump:
     return bool(abs(foretold_range(px, py, ranges, before, i, ahead) - ranges[ahead]) <= straight)
 
 
-@kernel
+@called
 def meet_in_corner(px: Floats, py: Floats, ranges: Floats, reach: float, i: int, j: int) -> bool:
     """Whether the walls seen before beam i and after its neighbour j run into each other between the two beams.
 
@@ -3890,7 +3894,7 @@ def sweep_disc(
                 free[k], beam[k] = way, i if share < 0.5 else j
 
 
-@kernel
+@called
 def beams_between(
     px: Floats,
     py: Floats,
@@ -3931,7 +3935,7 @@ def beams_between(
     return count
 
 
-@kernel
+@called
 def touch_along(
     px: Floats, py: Floats, link: Flags, radius: float, angle: float, chosen: Integers, count: int
 ) -> tuple[float, int, float, float]:
