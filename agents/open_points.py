@@ -182,9 +182,10 @@ class SubGoals:
     def look(self, view: View) -> Profile:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
         radius, reach, ranges = self.radius, view.sensors.range, self._filled(view)
+        noise = view.sensors.range_noise
         x, y = view.sensors.beam_directions * ranges
         link = np.empty(len(x), dtype=np.bool_)
-        kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, self._wraps, link)
+        kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, noise, self._wraps, link)
         first = view.goal_bearing
         cos, sin = np.cos(first + self._headings), np.sin(first + self._headings)
         free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)

@@ -3681,28 +3681,36 @@ def first_seen_free(
 
 
 @inlined
-def foretold_range(px: Floats, py: Floats, ranges: Floats, first: int, second: int, beam: int) -> float:
-    """Range of `beam` [m] if it met the straight line through the points of two other beams."""
+def is_foretold(
+    px: Floats, py: Floats, ranges: Floats, slack: float, noise: float, first: int, second: int, beam: int
+) -> bool:
+    """Whether `beam` meets the straight line through the points of the two neighbours before it, within `slack` [m].
+
+    Or farther off it by three times what noise makes of the ranges: on a line the inverse ranges of three neighbours
+    have no second difference, and at a small angle to a wall the nearer two foretell the third badly.
+    """
     tx, ty = px[second] - px[first], py[second] - py[first]
-    across: float = (px[beam] * ty - py[beam] * tx) / ranges[beam]
-    way: float = (px[second] * ty - py[second] * tx) / across
-    return way
+    foretold: float = (px[beam] * ty - py[beam] * tx) / ((px[second] * ty - py[second] * tx) * ranges[beam])
+    u, v, w = 1.0 / ranges[first], 1.0 / ranges[second], 1.0 / ranges[beam]
+    spread = math.sqrt(u**4 + 4.0 * v**4 + w**4)
+    return bool(abs(w - foretold) <= slack * w * max(foretold, 0.0) + 3.0 * noise * spread)
 
 
 @kernel
-def goes_on_straight(px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, i: int, way: int) -> bool:
+def goes_on_straight(
+    px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, noise: float, i: int, way: int
+) -> bool:
     """Whether the wall seen by beam i and those before it, counted in the direction `way`, foretells the next range."""
     n = ranges.size
     ahead, before, earlier = (i + way) % n, (i - way) % n, (i - 2 * way) % n
     straight = 0.2 * jump
     if ranges[before] >= reach:
         return False
-    if abs(ranges[i] - ranges[before]) > jump:  # then those two must lie on a line with a third
-        if ranges[earlier] >= reach:
-            return False
-        if not abs(foretold_range(px, py, ranges, earlier, before, i) - ranges[i]) <= straight:
-            return False
-    return bool(abs(foretold_range(px, py, ranges, before, i, ahead) - ranges[ahead]) <= straight)
+    # After a jump those two must lie on a line with a third.
+    is_jump = abs(ranges[i] - ranges[before]) > jump
+    if is_jump and (ranges[earlier] >= reach or not is_foretold(px, py, ranges, straight, noise, earlier, before, i)):
+        return False
+    return is_foretold(px, py, ranges, straight, noise, before, i, ahead)
 
 
 @kernel
@@ -3727,7 +3735,15 @@ def meet_in_corner(px: Floats, py: Floats, ranges: Floats, reach: float, i: int,
 
 @kernel
 def link_beams(
-    px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, gap: float, wraps: bool, link: Flags
+    px: Floats,
+    py: Floats,
+    ranges: Floats,
+    reach: float,
+    jump: float,
+    gap: float,
+    noise: float,
+    wraps: bool,
+    link: Flags,
 ) -> None:
     """Which beams see one surface together with their next neighbour, into `link` (B,).
 
@@ -3742,6 +3758,7 @@ def link_beams(
         reach: range that means "nothing seen" [m].
         jump: change of range that is one [m].
         gap: a distance that no disc passes [m].
+        noise: standard deviation of the ranges [m].
         wraps: whether the last beam is the first one's neighbour.
         link: result (B,), whether beam i and beam i + 1 see one surface.
     """
@@ -3755,8 +3772,8 @@ def link_beams(
             link[i] = True
         else:
             link[i] = (
-                goes_on_straight(px, py, ranges, reach, jump, i, 1)
-                or goes_on_straight(px, py, ranges, reach, jump, j, -1)
+                goes_on_straight(px, py, ranges, reach, jump, noise, i, 1)
+                or goes_on_straight(px, py, ranges, reach, jump, noise, j, -1)
                 or meet_in_corner(px, py, ranges, reach, i, j)
             )
 

@@ -113,7 +113,7 @@ def test_the_free_ways_are_those_of_a_disc_along_finely_sampled_walls(seed: int)
     radius, m = 0.3, 90
     x, y = sensors.beam_directions * view.ranges
     link = np.empty(48, dtype=np.bool_)
-    kernels.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, True, link)
+    kernels.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, 0.0, True, link)
     angles = 2.0 * math.pi / m * np.arange(m) + 0.123
     free, beam = np.empty(m), np.empty(m, dtype=np.int64)
     kernels.sweep_disc(
