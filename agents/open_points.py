@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -55,6 +55,9 @@ TIE = 0.01
 SHORT = 0.5
 """By how much of its distance an end in sight may seem to move between two decisions, along the line of sight."""
 
+LOOKS = 5
+"""How often it looks again at most: an end that the beams hardly tell comes and goes for ever."""
+
 LONGEST_ROUND = 1.5 * math.pi
 """Turning after which a corner is left whatever lies behind it: a post has no other side [rad]."""
 
@@ -68,6 +71,8 @@ class OpenPoint(NamedTuple):
     """+1: its left end, which the robot passes with the wall on its right; -1: its right end."""
     rotation: float
     """Angle from the goal's bearing to the heading that passes it, counter-clockwise, in [0, 2 pi) [rad]."""
+    farthest: Point
+    """Up to where the obstacle may go on unseen, between this beam and the next, robot's frame [m]."""
 
     def sub_goal(self, offset: float) -> Point:
         """The place at an offset [m] from the corner, square to the line of sight, robot's frame [m]."""
@@ -105,6 +110,8 @@ class Visit(NamedTuple):
 
     corner: Point
     """Odometry frame [m]."""
+    first_seen: Point
+    """Where it seemed to be when it was chosen: what lies between has been passed. Odometry frame [m]."""
     side: int
     """See OpenPoint."""
     odometer: float
@@ -121,8 +128,10 @@ class SubGoalMemory(BugMemory):
     """On which side it passes the corner, see OpenPoint."""
     first_seen: Point = (0.0, 0.0)
     """Where the corner seemed to be when it was chosen, odometry frame [m]."""
+    farthest: Point = (0.0, 0.0)
+    """Up to where from there it may turn out to be, odometry frame [m]."""
     drift: float = 0.0
-    """How far from there it may turn out to be [m]."""
+    """How far beside the line between the two it may turn out to be [m]."""
     came_from: Point | None = None
     """Where it set out for the present corner; None before the first. Odometry frame [m]."""
     sub_goals: list[Point] = field(default_factory=list)
@@ -139,8 +148,8 @@ class SubGoalMemory(BugMemory):
     """Open points in sight at the last decision but this; None at the first."""
     sees: list[End] | None = None
     """Open points in sight now."""
-    has_looked_again: bool = False
-    """Whether it has stood for a second look before it chooses."""
+    looks: int = 0
+    """How often it has stood for another look before it chooses."""
 
 
 class SubGoals:
@@ -182,20 +191,21 @@ class SubGoals:
     def look(self, view: View) -> Profile:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
         radius, reach, ranges = self.radius, view.sensors.range, self._filled(view)
+        noise = view.sensors.range_noise
         x, y = view.sensors.beam_directions * ranges
         link = np.empty(len(x), dtype=np.bool_)
-        kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, self._wraps, link)
+        kernels.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, noise, self._wraps, link)
         first = view.goal_bearing
         cos, sin = np.cos(first + self._headings), np.sin(first + self._headings)
         free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)
         kernels.sweep_disc(x, y, ranges, reach, link, radius, first, cos, sin, free, beam)
-        found, side = np.empty((HEADINGS, 3)), np.empty(HEADINGS, dtype=np.int64)
+        found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
         chosen = np.empty(len(x), dtype=np.int64)
         count = kernels.find_open_points(
-            x, y, ranges, reach, link, radius, first, free, beam, self.jump, chosen, found, side
+            x, y, ranges, reach, link, radius, first, free, beam, self.jump, noise, self._wraps, chosen, found, side
         )
         ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
-        points = [OpenPoint((at_x, at_y), hand, rotation % (2.0 * math.pi)) for (rotation, at_x, at_y), hand in ends]
+        points = [OpenPoint((u, v), hand, turn % (2.0 * math.pi), (w, z)) for (turn, u, v, w, z), hand in ends]
         return Profile(float(free[0]), int(beam[0]), link, points, ranges)
 
     def _filled(self, view: View) -> NDArray[np.float64]:
@@ -231,10 +241,15 @@ class SubGoals:
         beams = np.arange(first, last + 1) % count
         return (view.sensors.beam_directions[:, beams] * profile.ranges[beams]).T
 
-    def is_known(self, view: View, point: OpenPoint, corners: Iterable[Point]) -> bool:
-        """Whether an open point's corner is one of those remembered."""
+    def is_visited(self, view: View, memory: SubGoalMemory, point: OpenPoint) -> bool:
+        """Whether an open point's corner is one that the robot has gone round, as far as the scan can tell."""
+        ends = view.to_odometry(*point.corner), view.to_odometry(*point.farthest)
+        return any(distance_between(ends, (visit.first_seen, visit.corner)) <= self.same for visit in memory.visits)
+
+    def is_blocked(self, view: View, memory: SubGoalMemory, point: OpenPoint) -> bool:
+        """Whether an open point's corner is one that is out of reach."""
         place = view.to_odometry(*point.corner)
-        return any(math.dist(place, corner) <= self.same for corner in corners)
+        return any(math.dist(place, corner) <= self.same for corner in memory.blocked)
 
     def _seen_twice(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points that were in sight at the last decision too: a beam without a return opens a wall for once."""
@@ -244,10 +259,12 @@ class SubGoals:
         return [point for point in profile.open_points if any(self._is_end(view, point, end) for end in seen)]
 
     def looks_again(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
-        """Whether to stand for one decision before a choice: an open point is in sight that was not there before."""
-        is_sure = memory.has_looked_again or len(self._seen_twice(view, memory, profile)) == len(profile.open_points)
-        memory.has_looked_again = True
-        return not is_sure
+        """Whether to stand for one decision before a choice: two looks running have not shown the same open points."""
+        points, seen = profile.open_points, memory.seen or []
+        is_same = len(self._seen_twice(view, memory, profile)) == len(points)
+        is_same &= all(any(self._is_end(view, point, end) for point in points) for end in seen)
+        memory.looks += 1
+        return not is_same and memory.looks <= LOOKS
 
     def _is_end(self, view: View, point: OpenPoint, end: End) -> bool:
         """Whether an open point is one of the last decision.
@@ -262,17 +279,19 @@ class SubGoals:
         return point.side == end.side and abs(across) <= self._drift(point) and abs(along) <= short
 
     def _drift(self, point: OpenPoint) -> float:
-        """How far from where it is seen now a corner may turn out to be [m]."""
+        """How far beside where it is seen now a corner may turn out to be [m]."""
         return max(self.same, 1.5 * self._spacing * math.hypot(*point.corner))
 
     def new_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points in sight whose corners are neither visited nor out of reach."""
-        known = [*(visit.corner for visit in memory.visits), *memory.blocked]
-        return [point for point in self._seen_twice(view, memory, profile) if not self.is_known(view, point, known)]
+        points = [
+            point for point in self._seen_twice(view, memory, profile) if not self.is_blocked(view, memory, point)
+        ]
+        return [point for point in points if not self.is_visited(view, memory, point)]
 
     def other_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points in sight that are not out of reach, nor the corner that the robot is at."""
-        points = [p for p in self._seen_twice(view, memory, profile) if not self.is_known(view, p, memory.blocked)]
+        points = [p for p in self._seen_twice(view, memory, profile) if not self.is_blocked(view, memory, p)]
         if not memory.visits:
             return points
         # Round a disc the next end in sight is hardly further than what made the last one be gone round.
@@ -296,7 +315,7 @@ class SubGoals:
         if velocity is not None:
             memory.contour = memory.corner = None
             memory.waited = 0.0
-            memory.has_looked_again = False
+            memory.looks = 0
             memory.mode = "motion_to_goal"
         return velocity
 
@@ -304,11 +323,12 @@ class SubGoals:
         """First velocity to the sub-goal of an open point."""
         memory.corner = memory.first_seen = view.to_odometry(*point.corner)
         memory.side = point.side
+        memory.farthest = view.to_odometry(*point.farthest)
         memory.drift = self._drift(point)
         memory.came_from = view.position
         memory.contour = None
         memory.waited = 0.0
-        memory.has_looked_again = False
+        memory.looks = 0
         memory.mode = "motion_to_sub_goal"
         memory.sub_goals.append(view.to_odometry(*point.sub_goal(self.boundary.clearance)))
         return self._approach(view, memory, profile) or STANDING
@@ -376,12 +396,14 @@ class SubGoals:
         """Move the corner to where the scan shows it now: from afar its last point in sight fell between two beams."""
         assert memory.corner is not None
         x, y = view.to_robot(*memory.corner)
-        best = math.inf
+        best, corner = math.inf, memory.corner
         for point in profile.open_points:
             place = view.to_odometry(*point.corner)
             distance = math.dist(point.corner, (x, y))
-            if point.side == memory.side and distance < best and math.dist(place, memory.first_seen) <= memory.drift:
-                best, memory.corner = distance, place
+            aside = kernels.point_wall_distance(*place, *memory.first_seen, *memory.farthest)
+            if point.side == memory.side and distance < best and aside <= memory.drift:
+                best, corner = distance, place
+        memory.corner = corner
 
     def _leg(self, view: View, x: float, y: float, side: int) -> Velocity | None:
         """Velocity straight to where the robot passes a corner at x, y [m] at the clearance; None where it cannot.
@@ -423,7 +445,7 @@ class SubGoals:
 
     def _note_visit(self, memory: SubGoalMemory, corner: Point) -> None:
         """The corner is passed; the third time round the same one on the same side is a loop."""
-        visit = Visit(corner, memory.side, memory.odometer)
+        visit = Visit(corner, memory.first_seen, memory.side, memory.odometer)
         earlier = 0
         for other in memory.visits:
             is_same = other.side == visit.side and math.dist(other.corner, corner) <= self.same
@@ -512,6 +534,12 @@ def cheapest(points: list[OpenPoint], cost: Callable[[OpenPoint], float], side: 
     costs = [cost(point) for point in points]
     equal = [point for point, value in zip(points, costs, strict=True) if value <= min(costs) + TIE]
     return min(equal, key=lambda point: rotation_to(point, side), default=None)
+
+
+def distance_between(first: tuple[Point, Point], second: tuple[Point, Point]) -> float:
+    """Distance between two straight lines that do not cross, each from one point to another [m]."""
+    ends = (*((end, second) for end in first), *((end, first) for end in second))
+    return min(kernels.point_wall_distance(*end, *begin, *until) for end, (begin, until) in ends)
 
 
 def rotation_to(point: OpenPoint, side: int) -> float:

@@ -433,7 +433,7 @@ def point_wall_square(px: float, py: float, x1: float, y1: float, x2: float, y2:
     return x * x + y * y
 
 
-@called
+@kernel
 def point_wall_distance(px: float, py: float, x1: float, y1: float, x2: float, y2: float) -> float:
     """Distance of a point to a segment."""
     return math.sqrt(point_wall_square(px, py, x1, y1, x2, y2))
@@ -3723,28 +3723,38 @@ def first_seen_free(
 
 
 @inlined
-def foretold_range(px: Floats, py: Floats, ranges: Floats, first: int, second: int, beam: int) -> float:
-    """Range of `beam` [m] if it met the straight line through the points of two other beams."""
+def is_foretold(
+    px: Floats, py: Floats, ranges: Floats, slack: float, noise: float, first: int, second: int, beam: int
+) -> bool:
+    """Whether `beam` meets the straight line through the points of the two neighbours before it, within `slack` [m].
+
+    Or farther off it by three times what noise makes of the ranges: on a line the inverse ranges of three neighbours
+    have no second difference, and at a small angle to a wall the nearer two foretell the third badly. Not where noise
+    leaves it open whether that beam meets the line at all.
+    """
     tx, ty = px[second] - px[first], py[second] - py[first]
-    across: float = (px[beam] * ty - py[beam] * tx) / ranges[beam]
-    way: float = (px[second] * ty - py[second] * tx) / across
-    return way
+    foretold: float = (px[beam] * ty - py[beam] * tx) / ((px[second] * ty - py[second] * tx) * ranges[beam])
+    u, v, w = 1.0 / ranges[first], 1.0 / ranges[second], 1.0 / ranges[beam]
+    spread = u**4 + 4.0 * v**4
+    error = slack * w * foretold + 3.0 * noise * math.sqrt(spread + w**4)
+    return bool(foretold > 3.0 * noise * math.sqrt(spread) and abs(w - foretold) <= error)
 
 
 @called
-def goes_on_straight(px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, i: int, way: int) -> bool:
+def goes_on_straight(
+    px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, noise: float, i: int, way: int
+) -> bool:
     """Whether the wall seen by beam i and those before it, counted in the direction `way`, foretells the next range."""
     n = ranges.size
     ahead, before, earlier = (i + way) % n, (i - way) % n, (i - 2 * way) % n
     straight = 0.2 * jump
     if ranges[before] >= reach:
         return False
-    if abs(ranges[i] - ranges[before]) > jump:  # then those two must lie on a line with a third
-        if ranges[earlier] >= reach:
-            return False
-        if not abs(foretold_range(px, py, ranges, earlier, before, i) - ranges[i]) <= straight:
-            return False
-    return bool(abs(foretold_range(px, py, ranges, before, i, ahead) - ranges[ahead]) <= straight)
+    # After a jump those two must lie on a line with a third.
+    is_jump = abs(ranges[i] - ranges[before]) > jump
+    if is_jump and (ranges[earlier] >= reach or not is_foretold(px, py, ranges, straight, noise, earlier, before, i)):
+        return False
+    return is_foretold(px, py, ranges, straight, noise, before, i, ahead)
 
 
 @called
@@ -3769,7 +3779,15 @@ def meet_in_corner(px: Floats, py: Floats, ranges: Floats, reach: float, i: int,
 
 @kernel
 def link_beams(
-    px: Floats, py: Floats, ranges: Floats, reach: float, jump: float, gap: float, wraps: bool, link: Flags
+    px: Floats,
+    py: Floats,
+    ranges: Floats,
+    reach: float,
+    jump: float,
+    gap: float,
+    noise: float,
+    wraps: bool,
+    link: Flags,
 ) -> None:
     """Which beams see one surface together with their next neighbour, into `link` (B,).
 
@@ -3784,6 +3802,7 @@ def link_beams(
         reach: range that means "nothing seen" [m].
         jump: change of range that is one [m].
         gap: a distance that no disc passes [m].
+        noise: standard deviation of the ranges [m].
         wraps: whether the last beam is the first one's neighbour.
         link: result (B,), whether beam i and beam i + 1 see one surface.
     """
@@ -3797,8 +3816,8 @@ def link_beams(
             link[i] = True
         else:
             link[i] = (
-                goes_on_straight(px, py, ranges, reach, jump, i, 1)
-                or goes_on_straight(px, py, ranges, reach, jump, j, -1)
+                goes_on_straight(px, py, ranges, reach, jump, noise, i, 1)
+                or goes_on_straight(px, py, ranges, reach, jump, noise, j, -1)
                 or meet_in_corner(px, py, ranges, reach, i, j)
             )
 
@@ -3974,6 +3993,28 @@ def is_one_surface(link: Flags, i: int, j: int) -> bool:
     return bool(linked == count)
 
 
+@called
+def farthest_end(
+    px: Floats, py: Floats, ranges: Floats, link: Flags, noise: float, wraps: bool, last: int, way: int
+) -> tuple[float, float]:
+    """Up to where a wall may go on unseen whose last point in sight is that of a beam, counted in the direction `way`.
+
+    That is where it would meet the next beam, which has missed it: at a small angle to a wall, far away. As far as three
+    times the noise of the two ranges that foretell it.
+    """
+    n = ranges.size
+    before, after = (last - way) % n, (last + way) % n
+    behind, ahead = (before, last) if way > 0 else (last, after)
+    is_edge = not wraps and not 0 <= last + way < n
+    if is_edge or link[ahead] or not link[behind]:
+        return px[last], py[last]
+    u, v = 1.0 / ranges[before], 1.0 / ranges[last]
+    bend = 2.0 * (px[before] * px[last] + py[before] * py[last]) * u * v
+    least = bend * v - u - 3.0 * noise * math.sqrt(u**4 + 4.0 * v**4)
+    share = 1.0 / max(least * ranges[after], 1.0)
+    return share * px[after], share * py[after]
+
+
 @kernel
 def find_open_points(
     px: Floats,
@@ -3986,6 +4027,8 @@ def find_open_points(
     free: Floats,
     beam: Integers,
     jump: float,
+    noise: float,
+    wraps: bool,
     chosen: Integers,
     found: Floats,
     side: Integers,
@@ -4003,9 +4046,11 @@ def find_open_points(
         free: free way along each heading (m,) [m], from `sweep_disc`.
         beam: the beam that saw what ends it (m,), from `sweep_disc`.
         jump: change of the free way that is one [m].
+        noise: standard deviation of the ranges [m].
+        wraps: whether the last beam is the first one's neighbour.
         chosen: scratch (B,).
-        found: result (m, 3): the heading where the nearer surface ends, counted from heading 0 [rad], and x and y of
-            the point touched there [m].
+        found: result (m, 5): the heading where the nearer surface ends, counted from heading 0 [rad], x and y of the
+            point touched there, and of the `farthest_end` [m].
         side: result (m,), +1 where the nearer surface ends counter-clockwise, -1 where it ends clockwise.
 
     Returns:
@@ -4023,16 +4068,19 @@ def find_open_points(
         surface = beam[k]
         if change < 0.0:
             inside, outside, surface = outside, inside, beam[after]
-        _, _, x, y = touch_along(px, py, link, radius, first + inside, chosen, seen)
+        _, last, x, y = touch_along(px, py, link, radius, first + inside, chosen, seen)
         # Headings are coarse: at a small angle to a wall the disc touches it far before its end.
         for _ in range(8):
             middle = 0.5 * (inside + outside)
             _, touched, touched_x, touched_y = touch_along(px, py, link, radius, first + middle, chosen, seen)
             if is_one_surface(link, surface, touched):
-                inside, x, y = middle, touched_x, touched_y
+                inside, last, x, y = middle, touched, touched_x, touched_y
             else:
                 outside = middle
-        found[count, 0], found[count, 1], found[count, 2] = inside, x, y
         side[count] = 1 if change > 0.0 else -1
+        found[count, 0], found[count, 1], found[count, 2] = inside, x, y
+        found[count, 3], found[count, 4] = x, y
+        if last >= 0:
+            found[count, 3:] = farthest_end(px, py, ranges, link, noise, wraps, last, side[count])
         count += 1
     return count

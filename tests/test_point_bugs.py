@@ -72,8 +72,8 @@ def test_the_open_points_of_a_slab_are_its_two_ends_in_sight() -> None:
 
 def test_a_sub_goal_lies_at_the_clearance_square_to_the_line_of_sight_on_the_free_side() -> None:
     # The figures that Das, Dutta and Debnath's formulas give for the slab's right end, their sign put right.
-    assert OpenPoint((8.0, -3.0), -1, 0.0).sub_goal(C) == pytest.approx((7.824, -3.468), abs=1e-3)
-    assert OpenPoint((8.0, -3.0), 1, 0.0).sub_goal(C) == pytest.approx((8.176, -2.532), abs=1e-3)
+    assert OpenPoint((8.0, -3.0), -1, 0.0, (8.0, -3.0)).sub_goal(C) == pytest.approx((7.824, -3.468), abs=1e-3)
+    assert OpenPoint((8.0, -3.0), 1, 0.0, (8.0, -3.0)).sub_goal(C) == pytest.approx((8.176, -2.532), abs=1e-3)
 
 
 @pytest.mark.parametrize(("spare", "ends"), [(-0.05, 2), (0.05, 4)])
@@ -113,7 +113,7 @@ def test_the_free_ways_are_those_of_a_disc_along_finely_sampled_walls(seed: int)
     radius, m = 0.3, 90
     x, y = sensors.beam_directions * view.ranges
     link = np.empty(48, dtype=np.bool_)
-    kernels.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, True, link)
+    kernels.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, 0.0, True, link)
     angles = 2.0 * math.pi / m * np.arange(m) + 0.123
     free, beam = np.empty(m), np.empty(m, dtype=np.int64)
     kernels.sweep_disc(
