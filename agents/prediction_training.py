@@ -3,11 +3,12 @@
 All see the same samples of the same worlds (prediction_data), and all are judged by the same cost: the distance of
 the predicted from the true place at each horizon, over what the Kalman filter's is there. Reinforcement learns from the
 costs of the answers that it tried (a contextual bandit: an episode is one answer), supervision from the cost's
-gradient. There are two of the first kind: PPO of stable-baselines3, whose baseline is a network's, and REINFORCE
-(Williams 1992) with many answers tried to each question, in pairs to either side of the network's own, so that what
-both have in common cancels. The model that did best in the validation worlds is kept.
+gradient. There are two of the first kind. PPO of stable-baselines3 tries a few answers to each question, and judges each
+by the others (leave one out: Kool et al. 2019, "Buy 4 REINFORCE samples, get a baseline for free!"), so that no network
+has to know what a question is worth. REINFORCE (Williams 1992) is told more: it judges each horizon by itself, in pairs
+of answers to either side of the network's own. The model that did best in the validation worlds is kept.
 
-    python -m bug_gym.agents.prediction_training reinforce --out results/rl_predictor
+    python -m bug_gym.agents.prediction_training ppo --out results/rl_predictor
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from safetensors.torch import save
 from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
@@ -57,6 +59,8 @@ from .sb3 import ArrayVecEnv
 
 PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")
 """Packages whose versions are kept with a model."""
+VALIDATIONS = 20
+"""Of a training by PPO, after its first."""
 
 
 @dataclass(frozen=True)
@@ -85,20 +89,26 @@ class PredictorSettings:
     """Learning rate at first; it falls to 0, for PPO linearly, else as a cosine."""
     tries: int = 16
     """Answers that REINFORCE tries to a question."""
-    answers: int = 8_000_000
+    answers: int = 100_000_000
     """Answers that PPO tries."""
+    group: int = 4
+    """Answers among them that are to the same question."""
     rows: int = 4096
     """Answers that PPO tries side by side."""
     rollout: int = 4
     """Answers in each row from one of PPO's updates to the next."""
-    ppo_batch: int = 2048
+    ppo_batch: int = 4096
     """Answers of one of PPO's gradients."""
-    ppo_epochs: int = 2
+    ppo_epochs: int = 1
     """Times that an update of PPO goes through its answers."""
+    clip_range: float = 1.0
+    """By what share PPO lets an answer's likelihood change; that of eight numbers with little noise changes soon."""
+    max_grad_norm: float = 10.0
+    """Length that PPO's gradients are cut to; they grow as the noise shrinks."""
     log_std: float = -2.5
-    """Logarithm of the noise of tried answers at first, of each number; PPO learns it."""
+    """Logarithm of the noise of tried answers at first, of each number."""
     last_log_std: float = -4.0
-    """The same at the end of REINFORCE."""
+    """The same at the end; between them it falls evenly."""
 
     @property
     def sources(self) -> tuple[str | Path, ...]:
@@ -144,9 +154,16 @@ class AnswerVecEnv(ArrayVecEnv):
         samples: what is asked, in an order drawn from `seed`.
         rows: how many are asked side by side.
         seed: of the order.
+        group: how many adjacent rows are asked the same.
+
+    Raises:
+        ValueError: the rows can't be told off in such groups.
     """
 
-    def __init__(self, samples: Samples, rows: int, seed: int) -> None:
+    def __init__(self, samples: Samples, rows: int, seed: int, *, group: int) -> None:
+        if group < 1 or rows % group:
+            raise ValueError(f"group: got {group}, expected a divisor of the {rows} rows")
+        self.group = group
         self.render_mode = None
         observation = gym.spaces.Box(-3.0, 3.0, (WIDTH,), dtype=np.float32)
         super().__init__(rows, observation, gym.spaces.Box(-1.0, 1.0, (ANSWERS,), dtype=np.float32))
@@ -157,7 +174,8 @@ class AnswerVecEnv(ArrayVecEnv):
         self._given = np.zeros((rows, ANSWERS), dtype=np.float32)
 
     def _ask(self) -> NDArray[np.float32]:
-        self._asked = self._rng.integers(len(self.samples.features), size=self.num_envs)
+        questions = self._rng.integers(len(self.samples.features), size=self.num_envs // self.group)
+        self._asked = questions.repeat(self.group)
         return self.samples.features[self._asked]
 
     def reset(self) -> NDArray[np.float32]:
@@ -318,15 +336,48 @@ def tried_slopes(given: torch.Tensor, right: torch.Tensor, *, noise: float, pair
     return slopes
 
 
-class _Validation(BaseCallback):
-    """Validates PPO from time to time."""
+def gains_over_others(rewards: NDArray[np.float32], group: int) -> NDArray[np.float32]:
+    """By how much each reward (..., n) is above the mean of the others of its group of adjacent ones."""
+    groups = rewards.reshape(-1, group)
+    others = (groups.sum(axis=1, keepdims=True) - groups) / (group - 1)
+    gains: NDArray[np.float32] = (groups - others).reshape(rewards.shape)
+    return gains
 
-    def __init__(self, curve: Curve, every: int) -> None:
+
+class GroupBuffer(RolloutBuffer):
+    """PPO's answers, each judged by the others to the same question: these know nothing of its noise, so nothing is biased.
+
+    Args:
+        group: how many adjacent rows are asked the same.
+
+    Raises:
+        ValueError: a group without others.
+    """
+
+    def __init__(self, *args: Any, group: int, **kwargs: Any) -> None:
+        if group < 2:
+            raise ValueError(f"group: got {group}, expected at least 2")
+        self.group = group
+        super().__init__(*args, **kwargs)
+
+    def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: NDArray[np.bool_]) -> None:
+        """Advantages of episodes of one step; what the value network says is not asked."""
+        self.advantages = gains_over_others(self.rewards, self.group)
+        self.returns = self.rewards
+
+
+class _Progress(BaseCallback):
+    """Validates PPO from time to time, and shrinks its noise."""
+
+    def __init__(self, settings: PredictorSettings, curve: Curve, log_std: torch.Tensor) -> None:
         super().__init__()
-        self.curve, self.every = curve, every
+        self.settings, self.curve, self.log_std = settings, curve, log_std
 
     def _on_rollout_start(self) -> None:
-        if self.num_timesteps >= len(self.curve.points) * self.every:
+        settings = self.settings
+        done = self.num_timesteps / settings.answers
+        self.log_std.fill_(settings.log_std + done * (settings.last_log_std - settings.log_std))
+        if done >= len(self.curve.points) / VALIDATIONS:
             self.curve.add(self.num_timesteps)
 
     def _on_step(self) -> bool:
@@ -334,8 +385,8 @@ class _Validation(BaseCallback):
 
 
 def train_ppo(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
-    """Train by PPO with a discount of 0: one answer, one reward."""
-    env = AnswerVecEnv(with_mirrored(training), settings.rows, settings.seed)
+    """Train by PPO, an episode being one answer; the baseline is that of GroupBuffer, so its value network learns nothing."""
+    env = AnswerVecEnv(with_mirrored(training), settings.rows, settings.seed, group=settings.group)
     ppo = PPO(
         "MlpPolicy",
         env,
@@ -343,23 +394,23 @@ def train_ppo(settings: PredictorSettings, training: Samples, validation: Sample
         n_steps=settings.rollout,
         batch_size=settings.ppo_batch,
         n_epochs=settings.ppo_epochs,
-        gamma=0.0,
-        gae_lambda=0.0,
-        policy_kwargs={
-            "net_arch": {"pi": list(settings.hidden), "vf": [32]},
-            "activation_fn": nn.ReLU,
-            "log_std_init": settings.log_std,
-        },
+        clip_range=settings.clip_range,
+        max_grad_norm=settings.max_grad_norm,
+        vf_coef=0.0,
+        rollout_buffer_class=GroupBuffer,
+        rollout_buffer_kwargs={"group": settings.group},
+        policy_kwargs={"net_arch": {"pi": list(settings.hidden), "vf": []}, "activation_fn": nn.ReLU},
         seed=settings.seed,
         device="cpu",
     )
     policy = ppo.policy
     assert isinstance(policy, ActorCriticPolicy)
+    policy.log_std.requires_grad_(False)
     model = Answering(nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net))
     if settings.start_from is not None:
         load_weights(settings.start_from / WEIGHTS, model)
     curve = Curve(model, validation)
-    ppo.learn(settings.answers, callback=_Validation(curve, settings.answers // 40))
+    ppo.learn(settings.answers, callback=_Progress(settings, curve, policy.log_std))
     curve.add(ppo.num_timesteps)
     model.load_state_dict(curve.best)
     return model, curve
@@ -370,7 +421,7 @@ TRAININGS = {"ppo": train_ppo, "reinforce": train_reinforce, "supervised": train
 
 
 HOW = {
-    "ppo": "PPO of stable-baselines3 with a discount of 0, one answer an episode",
+    "ppo": "PPO of stable-baselines3, one answer an episode, judged by the others to the same question",
     "reinforce": "REINFORCE, answers tried in pairs on either side",
     "supervised": "supervision by the gradient of the cost",
 }
@@ -417,7 +468,12 @@ def card(name: str, record: dict[str, Any]) -> str:
     last, settings, made_on = record["curve"][-1], record["settings"], record["machine"]
     count, tried = record["samples"], last["samples"]
     begun = f", begun from {Path(settings['start_from']).name}" if settings["start_from"] else ""
-    each = f", {settings['tries']} answers to each" if settings["kind"] == "reinforce" else ""
+    tries = {
+        "ppo": f"{tried:,} answers, {settings['group']} to a question",
+        "reinforce": f"{tried:,} samples, {settings['tries']} answers to each",
+        "supervised": f"{tried:,} samples",
+    }
+    counted = "answers" if settings["kind"] == "ppo" else "samples"
     lines = [
         f"# {name}",
         "",
@@ -425,14 +481,14 @@ def card(name: str, record: dict[str, Any]) -> str:
         f"- Algorithm: {HOW[settings['kind']]}; layers {list(settings['hidden'])}{begun}",
         f"- Worlds: {settings['worlds']} for training and {settings['validation_worlds']} for validation of each of "
         f"{', '.join(record['sources'])}; {count['training']:,} and {count['validation']:,} tracks in them",
-        f"- {tried:,} samples{each}, in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), seed "
-        f"{settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
+        f"- {tries[settings['kind']]}, in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), "
+        f"seed {settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
         f"- Made again by `python -m bug_gym.agents.prediction_training {settings['kind']} --out FOLDER`",
         "",
         "Mean distance [m] of the predicted from the true place in the validation worlds; the first line is about the "
         "Kalman filter's where the training begins from scratch. Held-out results: `bug-gym reproduce predictors`.",
         "",
-        f"| samples | {' | '.join(f'{horizon:g} s' for horizon in record['horizons'])} |",
+        f"| {counted} | {' | '.join(f'{horizon:g} s' for horizon in record['horizons'])} |",
         "|---" * (1 + len(record["horizons"])) + "|",
     ]
     for point in record["curve"]:

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
+import gymnasium as gym
 import torch
 
 from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor
@@ -24,8 +25,10 @@ from bug_gym.agents.prediction_training import (
     Answering,
     AnswerVecEnv,
     Curve,
+    GroupBuffer,
     PredictorSettings,
     costs_at_horizons,
+    gains_over_others,
     gather,
     main,
     network,
@@ -111,13 +114,79 @@ def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
 
 def test_a_reward_is_by_how_much_the_answer_beats_the_filter() -> None:
     samples = drifting(50, 0)
-    env = AnswerVecEnv(samples, 8, 0)
+    env = AnswerVecEnv(samples, 8, 0, group=1)
     env.reset()
     _, rewards, ended, _ = env.step(np.tile(samples.answers[0], (8, 1)))
     filters = cost_of(errors_of(np.zeros((1, ANSWERS)), samples.answers[:1]))[0]
     assert rewards == pytest.approx(np.full(8, filters), abs=1e-6) and ended.all()
     env.step(np.zeros((8, ANSWERS), dtype=np.float32))
     assert env.step(np.zeros((8, ANSWERS), dtype=np.float32))[1] == pytest.approx(np.zeros(8))
+
+
+def test_the_rows_of_a_group_are_asked_the_same() -> None:
+    env = AnswerVecEnv(drifting(50, 0), 12, 0, group=4)
+    first = env.reset()
+    second, rewards, _, _ = env.step(np.tile(np.linspace(0.0, 0.1, 4, dtype=np.float32)[:, None], (3, ANSWERS)))
+    for questions in (first, second):
+        groups = np.asarray(questions).reshape(3, 4, WIDTH)
+        assert np.array_equal(groups, groups[:, :1].repeat(4, axis=1))
+        assert not np.array_equal(groups[0], groups[1])
+    assert rewards.reshape(3, 4).std(axis=1).min() > 0.0
+
+
+@pytest.mark.parametrize("group", [0, 5])
+def test_rows_that_make_no_groups_are_refused(group: int) -> None:
+    with pytest.raises(ValueError, match="expected a divisor of the 12 rows"):
+        AnswerVecEnv(drifting(50, 0), 12, 0, group=group)
+
+
+def others_mean(rewards: list[float], index: int) -> float:
+    """Of all but one: the plain way."""
+    others = [reward for other, reward in enumerate(rewards) if other != index]
+    return sum(others) / len(others)
+
+
+@pytest.mark.parametrize("group", [2, 3, 8])
+def test_an_answer_is_judged_by_the_others_to_its_question(group: int) -> None:
+    rewards = np.random.default_rng(0).normal(size=(5, 6 * group)).astype(np.float32)
+    expected = [
+        [
+            float(reward) - others_mean(one.tolist(), index)
+            for one in row.reshape(6, group)
+            for index, reward in enumerate(one)
+        ]
+        for row in rewards
+    ]
+    gains = gains_over_others(rewards, group)
+    assert gains == pytest.approx(np.array(expected), abs=1e-5)
+    assert gains.reshape(-1, group).sum(axis=1) == pytest.approx(np.zeros(30), abs=1e-5)
+
+
+def test_judging_by_the_others_biases_no_gradient() -> None:
+    rng = np.random.default_rng(0)
+    noise, slope = rng.normal(size=(100_000, 4, 2)), np.array([1.0, -2.0])
+    worths = rng.normal(scale=10.0, size=(100_000, 1))  # of the questions: what the baseline has to take away
+    gains = gains_over_others((worths + noise @ slope).astype(np.float32), 4)
+    estimate = (gains[..., None] * noise).mean(axis=(0, 1))
+    # Each of 400,000 terms deviates by about 3, their mean by 0.005.
+    assert estimate == pytest.approx(slope, abs=0.03)
+
+
+def test_the_buffer_judges_each_step_of_a_rollout_within_its_groups() -> None:
+    space = gym.spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
+    buffer = GroupBuffer(2, space, space, n_envs=4, group=2)
+    rewards = np.array([[1.0, 3.0, 0.0, 0.5], [2.0, 2.0, -1.0, 1.0]], dtype=np.float32)
+    ended, nothing = np.ones(4, dtype=np.bool_), torch.zeros(4)
+    for row in rewards:
+        buffer.add(np.zeros((4, 1)), np.zeros((4, 1)), row, ended, nothing, nothing)
+    buffer.compute_returns_and_advantage(nothing, ended)
+    assert buffer.advantages.tolist() == [[-2.0, 2.0, -0.5, 0.5], [0.0, 0.0, -2.0, 2.0]]
+    assert buffer.returns.tolist() == rewards.tolist()
+
+
+def test_an_answer_without_others_is_refused() -> None:
+    with pytest.raises(ValueError, match="expected at least 2"):
+        TRAININGS["ppo"](replace(QUICK, group=1), drifting(100, 0), drifting(100, 1))
 
 
 def test_mirroring_twice_changes_nothing() -> None:
