@@ -102,6 +102,10 @@ class PredictorSettings:
     last_log_std: float = -4.0
     """The same at the end; between them it falls evenly."""
 
+    def __post_init__(self) -> None:
+        if self.tries < 2 or self.tries % 2:
+            raise ValueError(f"tries: got {self.tries}, expected an even number of answers")
+
     @property
     def sources(self) -> tuple[str | Path, ...]:
         """What it learns from, as prediction_data.world_of takes it."""

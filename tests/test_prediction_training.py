@@ -186,6 +186,12 @@ def test_the_buffer_keeps_what_each_answer_gained() -> None:
     assert samples.returns.numpy() == pytest.approx(expected.mean(axis=(1, 2))[order])
 
 
+@pytest.mark.parametrize("tries", [0, 1, 3])
+def test_answers_that_nothing_judges_are_refused(tries: int) -> None:
+    with pytest.raises(ValueError, match=f"tries: got {tries}, expected an even number"):
+        replace(QUICK, tries=tries)
+
+
 def test_mirroring_twice_changes_nothing() -> None:
     samples = drifting(20, 0)
     twice = with_mirrored(with_mirrored(samples))
