@@ -2,12 +2,14 @@
 
 All see the same samples of the same worlds (prediction_data), and all are judged by the same cost: the distance of
 the predicted from the true place at each horizon, over what the Kalman filter's is there. Reinforcement learns from the
-costs of the answers that it tried (a contextual bandit: an episode is one answer), supervision from the cost's
-gradient. There are two of the first kind: PPO of stable-baselines3, whose baseline is a network's, and REINFORCE
-(Williams 1992) with many answers tried to each question, in pairs to either side of the network's own, so that what
-both have in common cancels. The model that did best in the validation worlds is kept.
+costs of the answers that it tried (a contextual bandit: an episode is one question), supervision from the cost's
+gradient. Reinforcement tries many answers to each question, and judges what was tried at a horizon by the cost at that
+horizon. There are two of this kind. PPO of stable-baselines3 measures an answer against the others to its question (leave
+one out: Kool et al. 2019, "Buy 4 REINFORCE samples, get a baseline for free!"), so that no network has to know what a
+question is worth. REINFORCE (Williams 1992) tries them in pairs to either side of the network's own, so that what both
+have in common cancels. The model that did best in the validation worlds is kept.
 
-    python -m bug_gym.agents.prediction_training reinforce --out results/rl_predictor
+    python -m bug_gym.agents.prediction_training ppo --out results/rl_predictor
 """
 
 from __future__ import annotations
@@ -29,8 +31,12 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from safetensors.torch import save
 from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.type_aliases import RolloutBufferSamples, Schedule
+from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 from torch import nn
 
@@ -78,27 +84,27 @@ class PredictorSettings:
     seed: int = 0
     """Of the weights, the order of the samples, and PPO's noise."""
     epochs: int = 5
-    """Times that the samples are gone through, each of them as it is and mirrored; not by PPO."""
+    """Times that the samples are gone through, each of them as it is and mirrored; PPO draws as many."""
     batch: int = 2048
-    """Samples of a gradient; not PPO's."""
+    """Samples of a gradient."""
     rate: float = 1e-3
     """Learning rate at first; it falls to 0, for PPO linearly, else as a cosine."""
     tries: int = 16
-    """Answers that REINFORCE tries to a question."""
-    answers: int = 8_000_000
-    """Answers that PPO tries."""
-    rows: int = 4096
-    """Answers that PPO tries side by side."""
+    """Answers that reinforcement tries to a question."""
     rollout: int = 4
-    """Answers in each row from one of PPO's updates to the next."""
-    ppo_batch: int = 2048
-    """Answers of one of PPO's gradients."""
-    ppo_epochs: int = 2
-    """Times that an update of PPO goes through its answers."""
+    """Batches that PPO collects before it learns from them."""
+    clip_range: float = 1.0
+    """By what share PPO lets the likelihood of what it tried change; with little noise it changes soon."""
+    max_grad_norm: float = 10.0
+    """Length that PPO's gradients are cut to; they grow as the noise shrinks."""
     log_std: float = -2.5
-    """Logarithm of the noise of tried answers at first, of each number; PPO learns it."""
+    """Logarithm of the noise of tried answers at first, of each number."""
     last_log_std: float = -4.0
-    """The same at the end of REINFORCE."""
+    """The same at the end; between them it falls evenly."""
+
+    def __post_init__(self) -> None:
+        if self.tries < 2 or self.tries % 2:
+            raise ValueError(f"tries: got {self.tries}, expected an even number of answers")
 
     @property
     def sources(self) -> tuple[str | Path, ...]:
@@ -138,23 +144,26 @@ def with_mirrored(samples: Samples) -> Samples:
 
 
 class AnswerVecEnv(ArrayVecEnv):
-    """Samples as episodes of one step: the action is the answer, the reward by how much it beats the Kalman filter's.
+    """Samples as episodes of one step: an action is some answers, the reward by how much they beat the Kalman filter's.
+
+    What each answer gains at each horizon stands in `gains` (rows, tries, HORIZONS); a reward is the mean of a row.
 
     Args:
         samples: what is asked, in an order drawn from `seed`.
         rows: how many are asked side by side.
         seed: of the order.
+        tries: how many answers each of them gets.
     """
 
-    def __init__(self, samples: Samples, rows: int, seed: int) -> None:
+    def __init__(self, samples: Samples, rows: int, seed: int, *, tries: int) -> None:
         self.render_mode = None
         observation = gym.spaces.Box(-3.0, 3.0, (WIDTH,), dtype=np.float32)
-        super().__init__(rows, observation, gym.spaces.Box(-1.0, 1.0, (ANSWERS,), dtype=np.float32))
+        super().__init__(rows, observation, gym.spaces.Box(-1.0, 1.0, (tries, ANSWERS), dtype=np.float32))
         self.samples = samples
-        self._filter_costs = cost_of(errors_of(np.zeros_like(samples.answers), samples.answers))
+        self.gains: NDArray[np.float32] = np.zeros((rows, tries, len(HORIZONS)), dtype=np.float32)
         self._rng = np.random.default_rng(seed)
         self._asked = np.zeros(rows, dtype=np.int64)
-        self._given = np.zeros((rows, ANSWERS), dtype=np.float32)
+        self._given = np.zeros((rows, tries, ANSWERS), dtype=np.float32)
 
     def _ask(self) -> NDArray[np.float32]:
         self._asked = self._rng.integers(len(self.samples.features), size=self.num_envs)
@@ -170,10 +179,11 @@ class AnswerVecEnv(ArrayVecEnv):
 
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Rewards of the answers, and the next questions."""
-        cost = cost_of(errors_of(self._given, self.samples.answers[self._asked]))
-        rewards = (self._filter_costs[self._asked] - cost).astype(np.float32)
+        right = torch.from_numpy(self.samples.answers[self._asked])[:, None]
+        costs = costs_at_horizons(torch.from_numpy(self._given), right)
+        self.gains = (costs_at_horizons(torch.zeros_like(right), right) - costs).numpy()
         ended = np.ones(self.num_envs, dtype=np.bool_)
-        return self._ask(), rewards, ended, [{} for _ in range(self.num_envs)]
+        return self._ask(), self.gains.mean(axis=(1, 2)), ended, [{} for _ in range(self.num_envs)]
 
     def close(self) -> None:
         """Nothing is held."""
@@ -318,15 +328,90 @@ def tried_slopes(given: torch.Tensor, right: torch.Tensor, *, noise: float, pair
     return slopes
 
 
-class _Validation(BaseCallback):
-    """Validates PPO from time to time."""
+class TriedAnswers(DiagGaussianDistribution):
+    """Independent answers to each question about the network's own; each of their horizons has its own likelihood."""
 
-    def __init__(self, curve: Curve, every: int) -> None:
+    def __init__(self, tries: int) -> None:
+        super().__init__(ANSWERS)
+        self.tries = tries
+
+    def proba_distribution(self, mean_actions: torch.Tensor, log_std: torch.Tensor) -> TriedAnswers:
+        """About the network's answers (n, ANSWERS)."""
+        return super().proba_distribution(mean_actions[:, None].expand(-1, self.tries, -1), log_std)
+
+    def log_prob(self, actions: torch.Tensor) -> torch.Tensor:
+        """Of tried answers (n, tries, ANSWERS), or flat: (n, tries, HORIZONS)."""
+        # torch's distributions are untyped.
+        each: torch.Tensor = self.distribution.log_prob(actions.reshape(-1, self.tries, ANSWERS))  # type: ignore[no-untyped-call]
+        return each.reshape(-1, self.tries, len(HORIZONS), 2).sum(dim=-1)
+
+
+class AnsweringPolicy(ActorCriticPolicy):
+    """A policy of stable-baselines3 whose actions are TriedAnswers."""
+
+    action_space: gym.spaces.Box
+
+    def _build(self, lr_schedule: Schedule) -> None:
+        self.action_dist = TriedAnswers(self.action_space.shape[0])
+        super()._build(lr_schedule)
+
+
+def gains_over_others(gains: NDArray[np.float32]) -> NDArray[np.float32]:
+    """By how much each answer's gains (..., tries, HORIZONS) are above the mean of the others' to its question."""
+    tries = gains.shape[-2]
+    others: NDArray[np.float32] = (gains.sum(axis=-2, keepdims=True) - gains) / (tries - 1)
+    return gains - others
+
+
+class AnswerBuffer(RolloutBuffer):
+    """PPO's rollouts, with a likelihood and an advantage of each answer at each horizon.
+
+    PPO's loss is a mean over its elements, whatever they are: so each of them has its own ratio and is clipped by itself.
+    An answer is judged by the others to its question. They know nothing of its noise, so that nothing is biased.
+
+    Args:
+        env: whose gains are judged.
+    """
+
+    def __init__(self, *args: Any, env: AnswerVecEnv, **kwargs: Any) -> None:
+        self.env = env
+        super().__init__(*args, **kwargs)
+
+    def reset(self) -> None:
+        """Forget all."""
+        super().reset()
+        shape = (self.buffer_size, *self.env.gains.shape)
+        self.gains, self.log_probs = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
+
+    def add(self, *args: Any, **kwargs: Any) -> None:
+        """Keep one step of all rows, and what its answers gained."""
+        self.gains[self.pos] = self.env.gains
+        super().add(*args, **kwargs)
+
+    def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: NDArray[np.bool_]) -> None:
+        """Advantages of episodes of one step; what the value network says is not asked."""
+        self.advantages, self.returns = gains_over_others(self.gains), self.rewards
+
+    def _get_samples(self, batch_inds: NDArray[np.int64], env: VecNormalize | None = None) -> RolloutBufferSamples:
+        parts = (self.observations, self.actions, self.values, self.log_probs, self.advantages, self.returns)
+        observations, actions, values, log_probs, advantages, returns = (
+            self.to_torch(part[batch_inds]) for part in parts
+        )
+        return RolloutBufferSamples(observations, actions, values.flatten(), log_probs, advantages, returns.flatten())
+
+
+class _Progress(BaseCallback):
+    """Validates PPO after each epoch, and shrinks its noise."""
+
+    def __init__(self, settings: PredictorSettings, curve: Curve, log_std: torch.Tensor) -> None:
         super().__init__()
-        self.curve, self.every = curve, every
+        self.settings, self.curve, self.log_std = settings, curve, log_std
 
     def _on_rollout_start(self) -> None:
-        if self.num_timesteps >= len(self.curve.points) * self.every:
+        settings = self.settings
+        done = self.num_timesteps / self.locals["total_timesteps"]
+        self.log_std.fill_(settings.log_std + done * (settings.last_log_std - settings.log_std))
+        if done >= len(self.curve.points) / settings.epochs:
             self.curve.add(self.num_timesteps)
 
     def _on_step(self) -> bool:
@@ -334,32 +419,33 @@ class _Validation(BaseCallback):
 
 
 def train_ppo(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
-    """Train by PPO with a discount of 0: one answer, one reward."""
-    env = AnswerVecEnv(with_mirrored(training), settings.rows, settings.seed)
+    """Train by PPO of stable-baselines3; its value network learns nothing, as AnswerBuffer doesn't ask it."""
+    data = with_mirrored(training)
+    env = AnswerVecEnv(data, min(settings.batch, len(data.features)), settings.seed, tries=settings.tries)
     ppo = PPO(
-        "MlpPolicy",
+        AnsweringPolicy,
         env,
         learning_rate=lambda left: settings.rate * left,
         n_steps=settings.rollout,
-        batch_size=settings.ppo_batch,
-        n_epochs=settings.ppo_epochs,
-        gamma=0.0,
-        gae_lambda=0.0,
-        policy_kwargs={
-            "net_arch": {"pi": list(settings.hidden), "vf": [32]},
-            "activation_fn": nn.ReLU,
-            "log_std_init": settings.log_std,
-        },
+        batch_size=env.num_envs,
+        n_epochs=1,
+        clip_range=settings.clip_range,
+        max_grad_norm=settings.max_grad_norm,
+        vf_coef=0.0,
+        rollout_buffer_class=AnswerBuffer,
+        rollout_buffer_kwargs={"env": env},
+        policy_kwargs={"net_arch": {"pi": list(settings.hidden), "vf": []}, "activation_fn": nn.ReLU},
         seed=settings.seed,
         device="cpu",
     )
     policy = ppo.policy
-    assert isinstance(policy, ActorCriticPolicy)
+    assert isinstance(policy, AnsweringPolicy)
+    policy.log_std.requires_grad_(False)
     model = Answering(nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net))
     if settings.start_from is not None:
         load_weights(settings.start_from / WEIGHTS, model)
     curve = Curve(model, validation)
-    ppo.learn(settings.answers, callback=_Validation(curve, settings.answers // 40))
+    ppo.learn(settings.epochs * len(data.features), callback=_Progress(settings, curve, policy.log_std))
     curve.add(ppo.num_timesteps)
     model.load_state_dict(curve.best)
     return model, curve
@@ -370,7 +456,7 @@ TRAININGS = {"ppo": train_ppo, "reinforce": train_reinforce, "supervised": train
 
 
 HOW = {
-    "ppo": "PPO of stable-baselines3 with a discount of 0, one answer an episode",
+    "ppo": "PPO of stable-baselines3, each answer judged by the others to its question",
     "reinforce": "REINFORCE, answers tried in pairs on either side",
     "supervised": "supervision by the gradient of the cost",
 }
@@ -417,7 +503,7 @@ def card(name: str, record: dict[str, Any]) -> str:
     last, settings, made_on = record["curve"][-1], record["settings"], record["machine"]
     count, tried = record["samples"], last["samples"]
     begun = f", begun from {Path(settings['start_from']).name}" if settings["start_from"] else ""
-    each = f", {settings['tries']} answers to each" if settings["kind"] == "reinforce" else ""
+    each = "" if settings["kind"] == "supervised" else f", {settings['tries']} answers to each"
     lines = [
         f"# {name}",
         "",
@@ -425,8 +511,8 @@ def card(name: str, record: dict[str, Any]) -> str:
         f"- Algorithm: {HOW[settings['kind']]}; layers {list(settings['hidden'])}{begun}",
         f"- Worlds: {settings['worlds']} for training and {settings['validation_worlds']} for validation of each of "
         f"{', '.join(record['sources'])}; {count['training']:,} and {count['validation']:,} tracks in them",
-        f"- {tried:,} samples{each}, in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), seed "
-        f"{settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
+        f"- {tried:,} samples{each}, in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), "
+        f"seed {settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
         f"- Made again by `python -m bug_gym.agents.prediction_training {settings['kind']} --out FOLDER`",
         "",
         "Mean distance [m] of the predicted from the true place in the validation worlds; the first line is about the "
@@ -450,7 +536,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--validation-worlds", type=int, default=PredictorSettings.validation_worlds)
     parser.add_argument("--epochs", type=int, default=PredictorSettings.epochs)
     parser.add_argument("--rate", type=float, default=PredictorSettings.rate, help="learning rate at first")
-    parser.add_argument("--answers", type=int, default=PredictorSettings.answers, help="answers that PPO tries")
     parser.add_argument("--real", type=Path, help="recorded pedestrians (csv) to learn from instead of the laws")
     parser.add_argument("--start-from", type=Path, help="folder of a predictor to train on")
     parser.add_argument("--threads", type=int, default=2)

@@ -13,19 +13,23 @@ pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with th
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
 import torch
+from stable_baselines3.common.distributions import DiagGaussianDistribution
 
 from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor
 from bug_gym.agents.model_folder import TRAINED_FOLDER, open_graph
 from bug_gym.agents.prediction import make_predictor
 from bug_gym.agents.prediction_data import Samples
-from bug_gym.agents.prediction_features import ANSWERS, WIDTH, cost_of, errors_of
+from bug_gym.agents.prediction_features import ANSWERS, HORIZONS, KALMAN_ERRORS, WIDTH, cost_of, errors_of
 from bug_gym.agents.prediction_training import (
     TRAININGS,
+    AnswerBuffer,
     Answering,
     AnswerVecEnv,
     Curve,
     PredictorSettings,
+    TriedAnswers,
     costs_at_horizons,
+    gains_over_others,
     gather,
     main,
     network,
@@ -39,7 +43,7 @@ from bug_gym.observation import Sensors
 Kind = Literal["ppo", "reinforce", "supervised"]
 KINDS = get_args(Kind)
 
-QUICK = PredictorSettings("ppo", hidden=(32,), epochs=10, batch=256, answers=60_000, rows=512, rollout=1, ppo_batch=256)
+QUICK = PredictorSettings("ppo", hidden=(32,), epochs=10, batch=256, rollout=1)
 
 
 def drifting(count: int, seed: int) -> Samples:
@@ -59,7 +63,7 @@ def test_what_can_be_learnt_is_learnt(kind: Kind) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_same_seed_gives_the_same_model(kind: Kind) -> None:
-    settings = replace(QUICK, kind=kind, epochs=1, answers=4096)
+    settings = replace(QUICK, kind=kind, epochs=1)
     models = [TRAININGS[kind](settings, drifting(1000, 0), drifting(100, 1))[0] for _ in range(2)]
     first, second = (model.state_dict() for model in models)
     assert all(torch.equal(first[name], second[name]) for name in first)
@@ -109,15 +113,83 @@ def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
         )
 
 
-def test_a_reward_is_by_how_much_the_answer_beats_the_filter() -> None:
+def test_a_reward_is_by_how_much_the_answers_beat_the_filter() -> None:
     samples = drifting(50, 0)
-    env = AnswerVecEnv(samples, 8, 0)
+    env = AnswerVecEnv(samples, 8, 0, tries=2)
     env.reset()
-    _, rewards, ended, _ = env.step(np.tile(samples.answers[0], (8, 1)))
-    filters = cost_of(errors_of(np.zeros((1, ANSWERS)), samples.answers[:1]))[0]
-    assert rewards == pytest.approx(np.full(8, filters), abs=1e-6) and ended.all()
-    env.step(np.zeros((8, ANSWERS), dtype=np.float32))
-    assert env.step(np.zeros((8, ANSWERS), dtype=np.float32))[1] == pytest.approx(np.zeros(8))
+    right_and_filters = np.stack([samples.answers[0], np.zeros(ANSWERS, dtype=np.float32)])
+    _, rewards, ended, _ = env.step(np.tile(right_and_filters, (8, 1, 1)))
+    by_filter = errors_of(np.zeros((1, ANSWERS)), samples.answers[:1])
+    assert env.gains[:, 0] == pytest.approx(np.tile(by_filter / KALMAN_ERRORS, (8, 1)), abs=1e-5)
+    assert env.gains[:, 1] == pytest.approx(np.zeros((8, len(HORIZONS))))
+    assert rewards == pytest.approx(np.full(8, 0.5 * cost_of(by_filter)[0]), abs=1e-5) and ended.all()
+
+
+def others_mean(rewards: list[float], index: int) -> float:
+    """Of all but one: the plain way."""
+    others = rewards[:index] + rewards[index + 1 :]
+    return sum(others) / len(others)
+
+
+@pytest.mark.parametrize("tries", [2, 3, 8])
+def test_an_answer_is_judged_by_the_others_to_its_question(tries: int) -> None:
+    gains = np.random.default_rng(0).normal(size=(5, 6, tries, len(HORIZONS))).astype(np.float32)
+    expected = np.empty_like(gains)
+    for step, row, index, horizon in np.ndindex(gains.shape):
+        own = float(gains[step, row, index, horizon])
+        expected[step, row, index, horizon] = own - others_mean(gains[step, row, :, horizon].tolist(), index)
+    found = gains_over_others(gains)
+    assert found == pytest.approx(expected, abs=1e-5)
+    assert found.sum(axis=2) == pytest.approx(np.zeros((5, 6, len(HORIZONS))), abs=1e-5)
+
+
+def test_judging_by_the_others_biases_no_gradient() -> None:
+    rng = np.random.default_rng(0)
+    noise, slope = rng.normal(size=(100_000, 4, 2)), np.array([1.0, -2.0])
+    worths = rng.normal(scale=10.0, size=(100_000, 1))  # of the questions: what the baseline has to take away
+    gains = gains_over_others((worths + noise @ slope)[..., None].astype(np.float32))
+    estimate = (gains * noise).mean(axis=(0, 1))
+    # Each of 400,000 terms deviates by about 3, their mean by 0.005.
+    assert estimate == pytest.approx(slope, abs=0.03)
+
+
+def test_the_likelihood_of_an_answer_is_that_of_its_horizons() -> None:
+    rng = np.random.default_rng(0)
+    means, tried = (torch.from_numpy(rng.uniform(-1.0, 1.0, shape)) for shape in ((5, ANSWERS), (5, 3, ANSWERS)))
+    tries = TriedAnswers(3).proba_distribution(means, torch.full((ANSWERS,), -1.0))
+    plain = DiagGaussianDistribution(ANSWERS)
+    expected = [plain.proba_distribution(means, torch.full((ANSWERS,), -1.0)).log_prob(tried[:, k]) for k in range(3)]
+    for given in (tried, tried.flatten(start_dim=1)):
+        found = tries.log_prob(given)
+        assert found.shape == (5, 3, len(HORIZONS))
+        assert found.sum(dim=2).numpy() == pytest.approx(torch.stack(expected, dim=1).numpy())
+
+
+def test_the_buffer_keeps_what_each_answer_gained() -> None:
+    env = AnswerVecEnv(drifting(5000, 0), 4, 0, tries=2)  # so many that none is asked twice
+    buffer = AnswerBuffer(3, env.observation_space, env.action_space, device="cpu", n_envs=4, env=env)
+    asked, gains = env.reset(), []
+    nothing, likelihoods = torch.zeros(4), torch.zeros(4, 2, len(HORIZONS))
+    for answers in np.random.default_rng(0).uniform(-1.0, 1.0, (3, 4, 2, ANSWERS)).astype(np.float32):
+        following, rewards, ended, _ = env.step(answers)
+        buffer.add(asked, answers, rewards, ended, nothing, likelihoods)
+        gains.append(env.gains)
+        asked = np.asarray(following)
+    buffer.compute_returns_and_advantage(nothing, ended)
+    samples = next(buffer.get(12))
+    order = [
+        int(np.flatnonzero((buffer.observations == asked).all(axis=1))[0]) for asked in samples.observations.numpy()
+    ]
+    # SB3 puts the steps of a row one after the other.
+    expected = np.stack(gains, axis=1).reshape(12, 2, len(HORIZONS))
+    assert samples.advantages.numpy() == pytest.approx(gains_over_others(expected)[order])
+    assert samples.returns.numpy() == pytest.approx(expected.mean(axis=(1, 2))[order])
+
+
+@pytest.mark.parametrize("tries", [0, 1, 3])
+def test_answers_that_nothing_judges_are_refused(tries: int) -> None:
+    with pytest.raises(ValueError, match=f"tries: got {tries}, expected an even number"):
+        replace(QUICK, tries=tries)
 
 
 def test_mirroring_twice_changes_nothing() -> None:
@@ -146,7 +218,7 @@ def test_the_graph_answers_as_the_network_does(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_command_trains_and_writes_a_predictor(tmp_path: Path) -> None:
     out = tmp_path / "own_predictor"
-    main(["ppo", "--out", str(out), "--worlds", "1", "--validation-worlds", "1", "--answers", "16384"])
+    main(["ppo", "--out", str(out), "--worlds", "1", "--validation-worlds", "1", "--epochs", "1"])
     assert {path.name for path in out.iterdir()} >= {GRAPH, CONFIG, "card.md"}
     assert "# own_predictor" in (out / "card.md").read_text(encoding="utf-8")
 

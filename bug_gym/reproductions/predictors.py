@@ -34,7 +34,7 @@ WORLDS = 50
 CROSSINGS = 100
 """Of each recorded scene."""
 SCENES = {"ETH": "pedestrians_eth.csv", "hotel": "pedestrians_hotel.csv"}
-LEARNED: dict[str, Literal["supervised", "reinforce"]] = {"supervised": "supervised", "rl": "reinforce"}
+LEARNED: dict[str, Literal["supervised", "ppo"]] = {"supervised": "supervised", "rl": "ppo"}
 """Predictors that are trained further with a scene, and how."""
 TIMES: F64 = np.array([0.8, 1.6, 2.4, 3.2, 4.0, 4.8])
 ASKED = (0, 1, 3, 5)
