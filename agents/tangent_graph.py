@@ -89,7 +89,7 @@ class TangentGraph:
         """Number of the run that each heading belongs to (m,), -1 for none."""
         self._gap = 2.0 * radius
         self._piece = np.empty(len(x), dtype=np.int64)
-        kernels.find_pieces(x, y, self._gap, GROWTH * spacing, self._piece)
+        kernels.find_pieces(x, y, self._gap, GROWTH * spacing, view.sensors.range_noise, self._piece)
         kernels.find_runs(
             x, y, self._piece, self.bearings, radius, self.reach, self._gap, self.free, self.contacts, self.run_of
         )

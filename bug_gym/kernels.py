@@ -3389,16 +3389,28 @@ def free_distances(px: Floats, py: Floats, angles: Floats, radius: float, reach:
 
 
 @inlined
-def continues(ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether a chord (bx, by) between scan points goes on along the chord (ax, ay) beside it, as on one wall."""
+def continues(px: Floats, py: Floats, gap: float, noise: float, g: int, h: int, i: int) -> bool:
+    """Whether the wall through the scan points g and h, neighbours, goes on to the next one i.
+
+    Their chords are in line within 15 degrees, and the second is not over two and a half times as long. Nor is i nearer
+    to the robot than the line through g and h by more than `gap` [m] and three times what noise makes of the ranges: that
+    is something behind the end of the wall. It may be farther away, for walls bend away. Where noise leaves it open
+    whether the line is met at all, the wall ends.
+    """
+    ax, ay, bx, by = px[h] - px[g], py[h] - py[g], px[i] - px[h], py[i] - py[h]
     first, second = ax * ax + ay * ay, bx * bx + by * by
     along = ax * bx + ay * by
-    # within 15 degrees, and not over two and a half times as long
-    return along > 0.0 and along * along > 0.933 * first * second and second < 6.25 * first
+    if not (along > 0.0 and along * along > 0.933 * first * second and second < 6.25 * first):
+        return False
+    u, v, w = 1.0 / math.hypot(px[g], py[g]), 1.0 / math.hypot(px[h], py[h]), 1.0 / math.hypot(px[i], py[i])
+    foretold = (px[i] * ay - py[i] * ax) * w / (px[h] * ay - py[h] * ax)
+    spread = u**4 + 4.0 * v**4
+    error = gap * w * foretold + 3.0 * noise * math.sqrt(spread + w**4)
+    return bool(foretold > 3.0 * noise * math.sqrt(spread) and w - foretold <= error)
 
 
 @kernel
-def find_pieces(px: Floats, py: Floats, gap: float, growth: float, piece: Integers) -> None:
+def find_pieces(px: Floats, py: Floats, gap: float, growth: float, noise: float, piece: Integers) -> None:
     """Scan points, in the order of their beams around the full circle, cut into pieces of wall that hang together.
 
     Args:
@@ -3407,6 +3419,7 @@ def find_pieces(px: Floats, py: Floats, gap: float, growth: float, piece: Intege
         gap: neighbours not farther apart than this hang together [m].
         growth: nor those not farther apart than this share of their distance from the robot; beyond that only those
             in line with the points beside them: a wall that the beams meet at a small angle.
+        noise: standard deviation of the ranges [m].
         piece: result (k,), number of each point's piece.
     """
     n = px.size
@@ -3420,7 +3433,7 @@ def find_pieces(px: Floats, py: Floats, gap: float, growth: float, piece: Intege
             continue
         g = h - 1 if h > 0 else n - 1
         j = i + 1 if i + 1 < n else 0
-        if continues(px[h] - px[g], py[h] - py[g], x, y) or continues(px[j] - px[i], py[j] - py[i], x, y):
+        if continues(px, py, gap, noise, g, h, i) or continues(px, py, gap, noise, j, i, h):
             continue
         piece[i] = 1
         first = i if first < 0 else first

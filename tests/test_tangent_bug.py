@@ -265,6 +265,22 @@ def test_a_wall_that_the_beams_meet_at_a_small_angle_hangs_together() -> None:
     assert set(graph.run_of[graph.run_of >= 0].tolist()) == {graph.run_at((0.0, -0.5))}
 
 
+def test_what_stands_behind_the_end_of_a_wall_is_not_that_wall() -> None:
+    """The wall's last points and the plate's first are nearly in line, but the wall would be met 3 m behind the plate."""
+    graph = graph_of([(1.0, -0.45, 7.0, -0.45), (9.4, -0.4, 9.4, 2.0)], beams=180)
+    assert graph.run_at((3.0, -0.45)) != graph.run_at((9.4, 1.0))
+
+
+@pytest.mark.parametrize("range_", [25.0, 60.0])
+def test_a_border_in_sight_does_not_lengthen_a_wall(range_: float) -> None:
+    """The robot was sent round the whole obstacle, whose far end seemed to lie on the border."""
+    overrides = {"world.bounds": [-3, -14, 31, 13], "world.start": "A", "world.goal": "D", "lidar.range": range_}
+    episode = run_episode("tangent_bug", "oni_wang", {**overrides, "lidar.beams": 360})
+    layout = episode.simulation.world.layout(0)
+    way = shortest_path(layout.circles, layout.polygons, layout.border, (0.0, 0.0), layout.goals[0], radius=0.2)
+    assert way.length <= episode.full_length <= 1.05 * way.length
+
+
 def test_an_end_behind_something_nearer_is_the_way_past_that() -> None:
     """The far wall goes on behind a near plate on the left; the disc passes the plate on its right."""
     graph = graph_of([(7.0, -1.0, 7.0, 4.0), (3.0, 1.0, 3.0, 2.0)])
