@@ -27,7 +27,7 @@ from bug_gym.config import dump
 
 from .model_folder import CONFIG, GRAPH, WEIGHTS, read_config, sha256
 from .robot_model import RobotModel
-from .training_settings import AnySettings
+from .training_settings import AnySettings, load_settings, training_names
 
 PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")
 """Packages beside those of `machine()` whose versions are kept with a model."""
@@ -133,11 +133,21 @@ def gather(folders: Sequence[Path], out: Path) -> Path:
     return out
 
 
+def command(record: Mapping[str, Any]) -> str:
+    """What to type to train a model again; what a YAML of one's own said is kept in its config.json."""
+    name, seeds = record["name"], len(record["runs"])
+    words = [f"bug-gym train {name}.yaml"]
+    if name in training_names():
+        shipped = json.loads(load_settings(name).model_dump_json())
+        changed = {key: value for key, value in record["settings"].items() if value != shipped[key]}
+        words = [f"bug-gym train {name}", *(f"--set '{key}={json.dumps(value)}'" for key, value in changed.items())]
+    return " ".join([*words, f"--seeds {seeds}"] if seeds > 1 else words)
+
+
 def card(record: Mapping[str, Any]) -> str:
     """What people want to know of a model before they use it, as Markdown."""
     settings, runs, made_on = record["settings"], record["runs"], record["machine"]
     scenarios = ", ".join(str(scenario) for scenario in settings["scenarios"])
-    seeds = f" --seeds {len(runs)}" if len(runs) > 1 else ""
     memory = f"a history of {record['history']} steps ago" if record["history"] else "none"
     robot = record["robot"]
     lines = [
@@ -149,8 +159,7 @@ def card(record: Mapping[str, Any]) -> str:
         f"- Algorithm: {settings['algo'].upper()} of stable-baselines3 {made_on['stable_baselines3']}, "
         f"layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}, "
         f"begun from {settings['start_from'] or 'scratch'}",
-        f"- Made again by `bug-gym train {record['name']}{seeds}`; the model here is of seed {record['seed']}, "
-        "which did best in its validation",
+        f"- Made again by `{command(record)}`; the model here is of seed {record['seed']}, which did best in its validation",
         f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",
         "",
         "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with th
 import torch
 
 from bug_gym.agents.model_folder import read_config
+from bug_gym.agents.models import command
 from bug_gym.agents.networks import RobotEncoding
 from bug_gym.agents.robot_model import RobotModel
 from bug_gym.agents.training import Rollouts, make_model, make_training_env, robot_of, train
@@ -273,7 +275,17 @@ def test_the_command_trains_several_seeds_and_gathers_the_best(
     made_at = (out / "seed-0" / "policy.onnx").stat().st_mtime_ns
     assert main([*arguments, "--set", "gamma=0.9"]) == 0
     assert (out / "seed-0" / "policy.onnx").stat().st_mtime_ns == made_at  # what is done is not done again
-    assert config["name"] == "tiny" and "--seeds 2" in (out / "agent" / "card.md").read_text(encoding="utf-8")
+    assert "`bug-gym train tiny.yaml --seeds 2`" in (out / "agent" / "card.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("changes", [{}, {"history": [], "gamma": 0.9}])
+def test_the_command_on_a_card_gives_the_settings_that_were_trained(changes: dict[str, Any]) -> None:
+    settings = load_settings("ppo_rush", changes)
+    record = {"name": "ppo_rush", "settings": json.loads(settings.model_dump_json()), "runs": {"0": {}}}
+    words = shlex.split(command(record))
+    pairs = [word.partition("=") for word in words[3:] if word != "--set"]
+    assert words[:3] == ["bug-gym", "train", "ppo_rush"]
+    assert load_settings("ppo_rush", {key: json.loads(value) for key, _, value in pairs}) == settings
 
 
 def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
