@@ -5,7 +5,8 @@ unlimited; goal. Memory kept: where it set out, the side it turns to, the least 
 motion_to_goal, motion_to_sub_goal, corner_rounding. The robot faces the goal; where something is in the way it turns
 until the reading jumps, goes there, and begins again. It turns to that side of the line to the goal on which the last
 sudden point lay, and ignores what is straight behind. A full turn without a sudden point is "unreachable" by
-definition. Guarantee: none, it can cycle (then "looping"). Length bound: none.
+definition; here only where all beams hang together in one wall, else "stuck": few beams may miss a narrow way.
+Guarantee: none, it can cycle (then "looping"). Length bound: none.
 """
 
 from __future__ import annotations
@@ -71,8 +72,8 @@ class PointBug(SubGoalBug):
         return point
 
     def verdict(self, profile: Profile) -> str:
-        """A full turn without a sudden point means that the goal is shut in, or the robot is."""
-        return "stuck" if profile.open_points else "unreachable"
+        """A full turn without a sudden point, along one wall: the robot is shut in, without its goal."""
+        return "stuck" if profile.open_points or not profile.link.all() else "unreachable"
 
     def _first_met(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
         """The first sudden point met when turning from the goal, one straight behind left out."""
