@@ -16,6 +16,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "without backtracking": {"backtrack": False},
     "predictor constant_velocity": {"predictor": "constant_velocity"},
     "predictor none": {"predictor": "none"},
+    "predictor supervised": {"predictor": "supervised"},
+    "predictor rl": {"predictor": "rl"},
 }
 WORLDS: dict[str, dict[str, Any]] = {
     "500 still obstacles": {"scenario": hd_bug_tables.field(500, 10.0)},
