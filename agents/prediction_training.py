@@ -18,7 +18,7 @@ import argparse
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -463,19 +463,45 @@ HOW = {
 """What a card says of them."""
 
 
-def train(settings: PredictorSettings, out: Path, training: Samples, validation: Samples) -> None:
-    """Train a predictor and write it into a folder; one that begins with another's weights has its layers."""
+def train(
+    settings: PredictorSettings, out: Path, training: Samples, validation: Samples, *, repeats: Sequence[int] = ()
+) -> None:
+    """Train a predictor and write it into a folder; one that begins with another's weights has its layers.
+
+    Args:
+        settings: what it learns, and how.
+        out: the folder.
+        training: what it learns from.
+        validation: what it is judged by.
+        repeats: other seeds to train with, to see how much depends on the seed; only their curves are kept.
+    """
     if settings.start_from is not None:
         begun = read_record(settings.start_from / CONFIG, "predictor", {"settings"})["settings"]
         settings = replace(settings, hidden=tuple(begun["hidden"]))
     model, curve = TRAININGS[settings.kind](settings, training, validation)
-    write_predictor(out, settings, model, curve, (len(training.features), len(validation.features)))
+    curves = {seed: TRAININGS[settings.kind](replace(settings, seed=seed), training, validation)[1] for seed in repeats}
+    counts = len(training.features), len(validation.features)
+    write_predictor(out, settings, model, curve, counts, {seed: one.points for seed, one in curves.items()})
 
 
 def write_predictor(
-    folder: Path, settings: PredictorSettings, model: Answering, curve: Curve, samples: tuple[int, int]
+    folder: Path,
+    settings: PredictorSettings,
+    model: Answering,
+    curve: Curve,
+    samples: tuple[int, int],
+    repeats: Mapping[int, list[dict[str, Any]]] | None = None,
 ) -> None:
-    """Write a model and what made it into a folder; `samples`: how many of training and of validation."""
+    """Write a model and what made it into a folder.
+
+    Args:
+        folder: where to.
+        settings: how it was trained.
+        model: the network.
+        curve: of its training.
+        samples: how many there were for training and for validation.
+        repeats: curves of the same training with other seeds.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_graph(folder / GRAPH, model.eval(), (WIDTH,))
     with replaced_when_done(folder / WEIGHTS) as partial:
@@ -489,6 +515,7 @@ def write_predictor(
         "sources": [source.name if isinstance(source, Path) else source for source in settings.sources],
         "samples": {"training": samples[0], "validation": samples[1]},
         "curve": curve.points,
+        "repeats": {str(seed): points for seed, points in (repeats or {}).items()},
         "machine": machine() | {"threads": torch.get_num_threads()} | {name: version(name) for name in PACKAGES},
         "sha256": {name: sha256((folder / name).read_bytes()) for name in (GRAPH, WEIGHTS)},
     }
@@ -503,6 +530,7 @@ def card(name: str, record: dict[str, Any]) -> str:
     last, settings, made_on = record["curve"][-1], record["settings"], record["machine"]
     count, tried = record["samples"], last["samples"]
     begun = f", begun from {Path(settings['start_from']).name}" if settings["start_from"] else ""
+    seeds = f" --seeds {1 + len(record['repeats'])}" if record["repeats"] else ""
     each = "" if settings["kind"] == "supervised" else f", {settings['tries']} answers to each"
     lines = [
         f"# {name}",
@@ -513,7 +541,7 @@ def card(name: str, record: dict[str, Any]) -> str:
         f"{', '.join(record['sources'])}; {count['training']:,} and {count['validation']:,} tracks in them",
         f"- {tried:,} samples{each}, in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), "
         f"seed {settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
-        f"- Made again by `python -m bug_gym.agents.prediction_training {settings['kind']} --out FOLDER`",
+        f"- Made again by `python -m bug_gym.agents.prediction_training {settings['kind']}{seeds} --out FOLDER`",
         "",
         "Mean distance [m] of the predicted from the true place in the validation worlds; the first line is about the "
         "Kalman filter's where the training begins from scratch. Held-out results: `bug-gym reproduce predictors`.",
@@ -523,6 +551,17 @@ def card(name: str, record: dict[str, Any]) -> str:
     ]
     for point in record["curve"]:
         lines.append(f"| {point['samples']:,} | {' | '.join(f'{error:.3f}' for error in point['errors'])} |")
+    if record["repeats"]:
+        curves = {settings["seed"]: record["curve"], **record["repeats"]}
+        title = (
+            f"The same over prediction_features.KALMAN_ERRORS, in the mean; the model is of seed {settings['seed']}:"
+        )
+        lines += ["", title, "", f"| samples | {' | '.join(f'seed {seed}' for seed in curves)} |"]
+        lines += ["|---" * (1 + len(curves)) + "|"]
+        for points in zip(*curves.values(), strict=True):
+            lines.append(
+                f"| {points[0]['samples']:,} | {' | '.join(format(point['cost'], '.3f') for point in points)} |"
+            )
     return "\n".join([*lines, ""])
 
 
@@ -531,7 +570,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m bug_gym.agents.prediction_training", description=main.__doc__)
     parser.add_argument("kind", choices=sorted(TRAININGS))
     parser.add_argument("--out", type=Path, required=True, help="folder for the model")
-    parser.add_argument("--seed", type=int, default=PredictorSettings.seed)
+    parser.add_argument("--seed", type=int, default=PredictorSettings.seed, help="of the model")
+    parser.add_argument(
+        "--seeds", type=int, default=1, help="how many times it is trained, to see how much a seed does"
+    )
     parser.add_argument("--worlds", type=int, default=PredictorSettings.worlds, help="training worlds of each law")
     parser.add_argument("--validation-worlds", type=int, default=PredictorSettings.validation_worlds)
     parser.add_argument("--epochs", type=int, default=PredictorSettings.epochs)
@@ -540,10 +582,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--start-from", type=Path, help="folder of a predictor to train on")
     parser.add_argument("--threads", type=int, default=2)
     options = vars(parser.parse_args(arguments))
-    out, threads = options.pop("out"), options.pop("threads")
+    out, threads, seeds = options.pop("out"), options.pop("threads"), options.pop("seeds")
     torch.set_num_threads(threads)
     settings = PredictorSettings(**options)
-    train(settings, out, *gather_for(settings, workers=threads))
+    repeats = range(settings.seed + 1, settings.seed + seeds)
+    train(settings, out, *gather_for(settings, workers=threads), repeats=repeats)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -33,6 +34,7 @@ from bug_gym.agents.prediction_training import (
     gather,
     main,
     network,
+    train,
     tried_slopes,
     with_mirrored,
     write_predictor,
@@ -101,6 +103,18 @@ def test_a_training_begins_with_the_weights_that_it_is_given(tmp_path: Path) -> 
             replace(settings, kind=kind, start_from=tmp_path, epochs=1), drifting(1000, 2), drifting(500, 1)
         )
         assert further.points[0]["cost"] == min(point["cost"] for point in curve.points)
+
+
+def test_a_card_shows_how_much_a_seed_does(tmp_path: Path) -> None:
+    settings = replace(QUICK, kind="supervised", epochs=2)
+    samples = drifting(1000, 0), drifting(100, 1)
+    train(settings, tmp_path, *samples, repeats=[1])
+    record = json.loads((tmp_path / CONFIG).read_text(encoding="utf-8"))
+    _, other = TRAININGS["supervised"](replace(settings, seed=1), *samples)
+    costs = [point["cost"] for point in other.points]
+    assert [point["cost"] for point in record["repeats"]["1"]] == costs
+    text = (tmp_path / "card.md").read_text(encoding="utf-8")
+    assert "--seeds 2" in text and f"{record['curve'][-1]['cost']:.3f} | {costs[-1]:.3f} |" in text
 
 
 def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
