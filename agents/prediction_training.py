@@ -341,8 +341,8 @@ class TriedAnswers(DiagGaussianDistribution):
 
     def log_prob(self, actions: torch.Tensor) -> torch.Tensor:
         """Of tried answers (n, tries, ANSWERS), or flat: (n, tries, HORIZONS)."""
-        # torch's distributions are untyped.
-        each: torch.Tensor = self.distribution.log_prob(actions.reshape(-1, self.tries, ANSWERS))  # type: ignore[no-untyped-call]
+        normal: Any = self.distribution  # torch's distributions are untyped
+        each: torch.Tensor = normal.log_prob(actions.reshape(-1, self.tries, ANSWERS))
         return each.reshape(-1, self.tries, len(HORIZONS), 2).sum(dim=-1)
 
 
