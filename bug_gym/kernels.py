@@ -3389,6 +3389,26 @@ def free_distances(px: Floats, py: Floats, angles: Floats, radius: float, reach:
 
 
 @inlined
+def bend_of(px: Floats, py: Floats, slack: float, noise: float, g: int, h: int, i: int) -> tuple[float, float]:
+    """By how much point i lies before the straight line through the points g and h, neighbours, in inverse ranges.
+
+    On a line the inverse ranges of three neighbours have no second difference, and at a small angle to a wall the nearer
+    two foretell the third badly.
+
+    Returns:
+        The bend [1/m], positive where i is nearer than the line; infinite where noise leaves it open whether that line is
+        met at all. And how much of it `slack` [m] and three times what noise makes of the ranges account for.
+    """
+    ax, ay = px[h] - px[g], py[h] - py[g]
+    u, v, w = 1.0 / math.hypot(px[g], py[g]), 1.0 / math.hypot(px[h], py[h]), 1.0 / math.hypot(px[i], py[i])
+    foretold = (px[i] * ay - py[i] * ax) * w / (px[h] * ay - py[h] * ax)
+    spread = u**4 + 4.0 * v**4
+    if not foretold > 3.0 * noise * math.sqrt(spread):
+        return math.inf, 0.0
+    return w - foretold, slack * w * foretold + 3.0 * noise * math.sqrt(spread + w**4)
+
+
+@inlined
 def continues(px: Floats, py: Floats, gap: float, noise: float, g: int, h: int, i: int) -> bool:
     """Whether the wall through the scan points g and h, neighbours, goes on to the next one i.
 
@@ -3402,11 +3422,8 @@ def continues(px: Floats, py: Floats, gap: float, noise: float, g: int, h: int, 
     along = ax * bx + ay * by
     if not (along > 0.0 and along * along > 0.933 * first * second and second < 6.25 * first):
         return False
-    u, v, w = 1.0 / math.hypot(px[g], py[g]), 1.0 / math.hypot(px[h], py[h]), 1.0 / math.hypot(px[i], py[i])
-    foretold = (px[i] * ay - py[i] * ax) * w / (px[h] * ay - py[h] * ax)
-    spread = u**4 + 4.0 * v**4
-    error = gap * w * foretold + 3.0 * noise * math.sqrt(spread + w**4)
-    return bool(foretold > 3.0 * noise * math.sqrt(spread) and w - foretold <= error)
+    bend, error = bend_of(px, py, gap, noise, g, h, i)
+    return bend <= error
 
 
 @kernel
@@ -3736,21 +3753,10 @@ def first_seen_free(
 
 
 @inlined
-def is_foretold(
-    px: Floats, py: Floats, ranges: Floats, slack: float, noise: float, first: int, second: int, beam: int
-) -> bool:
-    """Whether `beam` meets the straight line through the points of the two neighbours before it, within `slack` [m].
-
-    Or farther off it by three times what noise makes of the ranges: on a line the inverse ranges of three neighbours
-    have no second difference, and at a small angle to a wall the nearer two foretell the third badly. Not where noise
-    leaves it open whether that beam meets the line at all.
-    """
-    tx, ty = px[second] - px[first], py[second] - py[first]
-    foretold: float = (px[beam] * ty - py[beam] * tx) / ((px[second] * ty - py[second] * tx) * ranges[beam])
-    u, v, w = 1.0 / ranges[first], 1.0 / ranges[second], 1.0 / ranges[beam]
-    spread = u**4 + 4.0 * v**4
-    error = slack * w * foretold + 3.0 * noise * math.sqrt(spread + w**4)
-    return bool(foretold > 3.0 * noise * math.sqrt(spread) and abs(w - foretold) <= error)
+def is_foretold(px: Floats, py: Floats, slack: float, noise: float, first: int, second: int, beam: int) -> bool:
+    """Whether `beam` meets the straight line through the points of the two neighbours before it, see `bend_of`."""
+    bend, error = bend_of(px, py, slack, noise, first, second, beam)
+    return abs(bend) <= error
 
 
 @called
@@ -3765,9 +3771,9 @@ def goes_on_straight(
         return False
     # After a jump those two must lie on a line with a third.
     is_jump = abs(ranges[i] - ranges[before]) > jump
-    if is_jump and (ranges[earlier] >= reach or not is_foretold(px, py, ranges, straight, noise, earlier, before, i)):
+    if is_jump and (ranges[earlier] >= reach or not is_foretold(px, py, straight, noise, earlier, before, i)):
         return False
-    return is_foretold(px, py, ranges, straight, noise, before, i, ahead)
+    return is_foretold(px, py, straight, noise, before, i, ahead)
 
 
 @called
