@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.kernels import Flags, Floats, Integers, kernel
+from bug_gym.compiling import kernel
+from bug_gym.kernels import Flags, Floats, Integers
 
 F64 = NDArray[np.float64]
 Point = tuple[float, float]

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.kernels import Flags, Floats, Integers, inlined, kernel
+from bug_gym.compiling import inlined, kernel
+from bug_gym.kernels import Flags, Floats, Integers
 
 Bytes = NDArray[np.uint8]
 Counts = NDArray[np.int16]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.kernels import Floats, Integers, kernel
+from bug_gym.compiling import kernel
+from bug_gym.kernels import Floats, Integers
 
 
 @kernel

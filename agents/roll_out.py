@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.kernels import Floats, kernel
+from bug_gym.compiling import kernel
+from bug_gym.kernels import Floats
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
 
 F64 = NDArray[np.float64]

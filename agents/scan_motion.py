@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.kernels import Floats, kernel
+from bug_gym.compiling import kernel
+from bug_gym.kernels import Floats
 from bug_gym.observation import View
 
 STILL = 0.05

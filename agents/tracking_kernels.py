@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from bug_gym.kernels import Flags, Floats, Integers, inlined, kernel
+from bug_gym.compiling import inlined, kernel
+from bug_gym.kernels import Flags, Floats, Integers
 
 TRACKS = 96
 """Places for tracks in a memory."""

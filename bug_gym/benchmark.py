@@ -18,6 +18,7 @@ from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
@@ -40,6 +41,10 @@ IMPORT = "from time import perf_counter as now; begin = now(); import bug_gym; p
 MAKE = (
     "import gymnasium as gym, bug_gym; from time import perf_counter as now; begin = now(); "
     "gym.make('BugGym/Dynamic-v0').reset(seed=0); print(now() - begin)"
+)
+COMPILE = (
+    "from time import perf_counter as now; begin = now(); import gymnasium as gym, bug_gym; "
+    "env = gym.make('BugGym/Dynamic-v0'); env.reset(seed=0); env.step(env.action_space.sample()); print(now() - begin)"
 )
 """What a fresh interpreter is asked to time, and prints [s]."""
 
@@ -90,7 +95,10 @@ def run_benchmark(
 def measure(task: Task, repeats: int) -> Measurement:
     """Measure one thing several times, after once that doesn't count: it compiles and warms up."""
     name, unit, once = task
-    once()
+    if once is compilation_time:  # nothing to warm up, and half a minute long
+        repeats = 1
+    else:
+        once()
     samples = [once() for _ in range(repeats)]
     return Measurement(name, unit, statistics.median(samples), min(samples), max(samples))
 
@@ -297,13 +305,27 @@ def start_tasks() -> Iterator[Task]:
     """Seconds until a fresh interpreter is ready."""
     yield "import bug_gym", "s", partial(fresh_time, IMPORT)
     yield "gym.make and reset, compiled before", "s", partial(fresh_time, MAKE)
+    yield "import, gym.make, reset and step, nothing compiled before (once)", "s", compilation_time
 
 
-def fresh_time(code: str) -> float:
-    """What a fresh interpreter prints [s]."""
+def fresh_time(code: str, **settings: str) -> float:
+    """What a fresh interpreter prints [s], with settings of its environment."""
     checkout = Path(bug_gym.__file__).parents[1]  # so that it is found there where it is not installed
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=checkout)
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=checkout,
+        env=os.environ | settings,
+    )
     return float(run.stdout)
+
+
+def compilation_time() -> float:
+    """Time until a first environment has made its first step where numba has kept nothing [s]."""
+    with TemporaryDirectory() as empty:
+        return fresh_time(COMPILE, NUMBA_CACHE_DIR=empty)
 
 
 def decision_tasks() -> Iterator[Task]:

@@ -11,18 +11,16 @@ No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit
 from __future__ import annotations
 
 import math
-import os
-import uuid
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils as numba_cgutils
-from numba.extending import intrinsic
+
+from .compiling import called, inlined, kernel, vectors
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -30,71 +28,11 @@ Ranges = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
 Record = Any  # of SPEC or FIELD; numba reads its fields as attributes
 
-# _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
-OPTIONS: dict[str, Any] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "no_cfunc_wrapper": True,
-    "_nrt": False,
-}
-# What is only called from compiled code needs no place of its own on disk: its callers hold it.
-CALLED = {**OPTIONS, "cache": False}
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-PROCESS = uuid.uuid4().hex[:12]
-DISPATCHERS: list[Any] = []
-
-
-def kernel(function: Function) -> Function:
-    """Compiles a function of its own."""
-    return cast(Function, with_own_files(njit(**OPTIONS)(function)))
-
-
-def called(function: Function) -> Function:
-    """Compiles a function that only others of this file call."""
-    return cast(Function, njit(**CALLED)(function))
-
-
-def inlined(function: Function) -> Function:
-    """Compiles a function that is copied into its callers, which are all in this file."""
-    return cast(Function, njit(forceinline=True, **CALLED)(function))
-
-
-def with_own_files(dispatcher: Any) -> Any:
-    """A dispatcher that writes compiled code to files that no other process writes.
-
-    Numba numbers the files of a function's signatures by what its index holds: of two processes that compile different
-    signatures at once, one could write the other's file, and the index then give that code to the wrong types.
-    """
-    files = dispatcher._cache._cache_file
-    files._data_name_pattern = files._data_name_pattern.replace(".{number", f".{PROCESS}.{{number")
-    DISPATCHERS.append(dispatcher)
-    return dispatcher
-
-
-def take_own_name() -> None:
-    """Give a forked process files of its own; it comes with the names of its parent's."""
-    global PROCESS
-    parent, PROCESS = PROCESS, uuid.uuid4().hex[:12]
-    for dispatcher in DISPATCHERS:
-        files = dispatcher._cache._cache_file
-        files._data_name_pattern = files._data_name_pattern.replace(parent, PROCESS)
-
-
-if hasattr(os, "register_at_fork"):  # not on Windows, where no process forks
-    os.register_at_fork(after_in_child=take_own_name)
-
 
 def is_compiled() -> bool:
     """Whether the kernels are ready: compiled in this process, or kept on disk by numba's cache."""
     dispatcher: Any = step_rows
     return bool(dispatcher.signatures) or any(Path(dispatcher.stats.cache_path).glob("kernels.step_rows-*.nbi"))
-
-
-def vectors(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function whose LLVM code is written out (its first parameter is numba's and not the caller's)."""
-    return cast(Callable[..., Any], intrinsic(function))
 
 
 # ---------------------------------------------------------------------------------------------- codes
@@ -342,7 +280,7 @@ def between(key: np.uint64, draw: int, low: float, high: float) -> float:
     return low + (high - low) * uniform(key, draw)
 
 
-@kernel
+@called
 def normal(key: np.uint64, index: int) -> float:
     """Number `index` of `key`, of the standard normal distribution (Box-Muller). Independent of `uniform`'s numbers."""
     own_key = _mix64(np.uint64(key) ^ np.uint64(0xD1B54A32D192ED03))
@@ -357,7 +295,7 @@ def normal(key: np.uint64, index: int) -> float:
 NEVER = 2.0
 
 
-@kernel
+@called
 def disc_contact(dx: float, dy: float, ex: float, ey: float, distance: float) -> float:
     """First fraction at which a point from (dx, dy) along (ex, ey) comes within `distance` of the origin, or NEVER."""
     a = ex * ex + ey * ey
@@ -385,13 +323,13 @@ def chord_square(dx: float, dy: float, ex: float, ey: float, end: float) -> floa
     return x * x + y * y
 
 
-@kernel
+@called
 def nearest_on_chord(dx: float, dy: float, ex: float, ey: float, end: float) -> float:
     """Smallest distance from the origin of a point going from (dx, dy) along (ex, ey) up to the fraction `end`."""
     return math.sqrt(chord_square(dx, dy, ex, ey, end))
 
 
-@kernel
+@called
 def wall_contact(
     px: float, py: float, ex: float, ey: float, x1: float, y1: float, x2: float, y2: float, distance: float
 ) -> float:
@@ -439,7 +377,7 @@ def point_wall_distance(px: float, py: float, x1: float, y1: float, x2: float, y
     return math.sqrt(point_wall_square(px, py, x1, y1, x2, y2))
 
 
-@kernel
+@called
 def nearest_to_wall(
     px: float, py: float, ex: float, ey: float, x1: float, y1: float, x2: float, y2: float, end: float
 ) -> float:
@@ -737,7 +675,7 @@ def edge_range(lines: Floats, i: int, count: int, speed: float) -> tuple[float, 
     return low, high
 
 
-@kernel
+@called
 def nearest_velocity(lines: Floats, count: int, speed: float, wish_x: float, wish_y: float) -> tuple[float, float, int]:
     """The velocity nearest to a wish within `count` half planes and the greatest speed, by an incremental programme.
 
@@ -785,7 +723,7 @@ def farthest_velocity(lines: Floats, count: int, speed: float, nx: float, ny: fl
     return vx, vy, True
 
 
-@kernel
+@called
 def least_violation(
     lines: Floats, hard: int, first: int, count: int, speed: float, vx: float, vy: float, spare: Floats
 ) -> tuple[float, float]:
@@ -909,7 +847,7 @@ def add_still_half_planes(f: Floats, k: Integers, s: Record, b: int, lines: Floa
 # Crowd: optimal reciprocal collision avoidance of van den Berg, Guy, Lin and Manocha (2011).
 
 
-@kernel
+@called
 def escape_velocity(
     px: float, py: float, vx: float, vy: float, together: float, horizon: float, step: float
 ) -> tuple[float, float, float, float]:
@@ -1086,7 +1024,7 @@ def crowd_velocity(
     return vx, vy
 
 
-@kernel
+@called
 def is_inside(f: Floats, s: Record, first: int, walls: int, x: float, y: float) -> bool:
     """Whether a point lies within the rings that a range of walls makes (even-odd rule)."""
     inside = False
@@ -1108,7 +1046,7 @@ def has_room(f: Floats, s: Record, first: int, walls: int, x: float, y: float, r
     return True
 
 
-@kernel
+@called
 def is_open(f: Floats, k: Integers, s: Record, x: float, y: float, room: float) -> bool:
     """Whether a point lies within the border and keeps this distance from it and from still obstacles."""
     first, walls = k[s.border_first], k[s.border_walls]
@@ -1171,7 +1109,7 @@ def go_on_from_goal(f: Floats, k: Integers, s: Record, b: int, now: float) -> No
 # Evade.
 
 
-@kernel
+@called
 def keeps(lines: Floats, count: int, vx: float, vy: float) -> bool:
     """Whether a velocity lies within half planes."""
     for i in range(count):
@@ -1180,7 +1118,7 @@ def keeps(lines: Floats, count: int, vx: float, vy: float) -> bool:
     return True
 
 
-@kernel
+@called
 def slide(lines: Floats, count: int, wish_x: float, wish_y: float, vx: float, vy: float) -> tuple[float, float]:
     """The velocity of the wish's speed nearest in direction to it within half planes that let v = 0 through.
 
@@ -1236,7 +1174,7 @@ def evade_velocity(f: Floats, k: Integers, s: Record, b: int, start: float, line
 # Replay.
 
 
-@kernel
+@called
 def is_there(f: Floats, k: Integers, s: Record, b: int, time: float) -> bool:
     """Whether body b is in the world at a time: a mover from its first to its last record, a goal always."""
     first = k[s.way_first + b]
@@ -3096,7 +3034,7 @@ def is_taken(f: Floats, s: Record, begin: int, end: int, x: float, y: float, roo
     return False
 
 
-@kernel
+@called
 def is_free(f: Floats, k: Integers, s: Record, p: Record, x: float, y: float, radius: float, moves: bool) -> bool:
     """Whether an obstacle of this bounding radius may stand at (x, y), given what has been placed before."""
     goal = s.discs + s.polygons
@@ -3695,7 +3633,7 @@ def join_scan(
     return count, total
 
 
-@kernel
+@called
 def is_seen_free(
     x: float,
     y: float,
@@ -3998,7 +3936,7 @@ def touch_along(
     return free, beam, x, y
 
 
-@kernel
+@called
 def is_one_surface(link: Flags, i: int, j: int) -> bool:
     """Whether beams i and j see one surface: all neighbours between them, the shorter way round, are linked."""
     n = link.size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from bug_gym.kernels import kernel
+from bug_gym.compiling import kernel
 
 Packed = npt.NDArray[np.uint32]
 """Pixels (H, W) as 0x00RRGGBB."""

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from bug_gym.compiling import called
+
 MODULE = """
-from bug_gym.kernels import kernel
+from bug_gym.compiling import kernel
 
 @kernel
 def double(x):
@@ -55,6 +57,56 @@ def test_processes_that_compile_at_once_do_not_write_one_anothers_code(tmp_path:
     third = python("import double; print(double.double(1.5), double.double(21))")
     told = subprocess.run(third, cwd=tmp_path, env=settings, check=True, capture_output=True, text=True)
     assert told.stdout.split() == ["3.0", "42"]
+
+
+PARTS = """
+from bug_gym.compiling import called, inlined, kernel
+
+@called
+def power(x, n):
+    y = x * 0 + 1
+    for _ in range(n):
+        y *= x
+    return y
+
+@inlined
+def cube(x):
+    return power(x, 3)
+
+@kernel
+def sum_of_powers(x):
+    return power(x, 0) + power(x, 1) + power(x, 2) + cube(x)
+"""
+USE = """
+import parts
+print(parts.sum_of_powers(2), parts.sum_of_powers(0.5))
+print(*(len(function.overloads) for function in (parts.sum_of_powers, parts.cube, parts.power)))
+print(sum(parts.sum_of_powers.stats.cache_hits.values()))
+"""
+
+
+def test_a_kernel_holds_what_it_calls_which_is_compiled_once_for_all_constants(tmp_path: Path) -> None:
+    (tmp_path / "parts.py").write_text(PARTS)
+    settings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+
+    def told() -> list[str]:
+        use = [sys.executable, "-c", USE]
+        return subprocess.run(
+            use, cwd=tmp_path, env=settings, check=True, capture_output=True, text=True
+        ).stdout.splitlines()
+
+    sums = "15 1.875"
+    assert told() == [sums, "2 2 2", "0"]
+    assert told() == [sums, "2 0 0", "2"], "the second process finds the kernel on disk and its parts in it"
+
+
+def test_what_is_compiled_for_kernels_says_so_to_python() -> None:
+    with pytest.raises(TypeError, match="double is compiled for kernels only; make it a @kernel"):
+        called(double)(21)
+
+
+def double(x: int) -> int:
+    return x + x
 
 
 FORKED = """

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiled import for_python
 from numpy.typing import NDArray
 
 from bug_gym import kernels
@@ -17,6 +18,8 @@ from bug_gym.simulation import Simulation
 F64 = NDArray[np.float64]
 
 EARLY = 1e-5
+
+obstacle_contact = for_python(kernels.obstacle_contact)
 """A contact of a circle that swings comes at most so much too early [m], see kernels.SWING."""
 
 
@@ -213,9 +216,7 @@ def touches(simulation: Simulation, before: list[float], after: list[float]) -> 
     world.pose[0, 0] = before
     world.array("next_pose")[0] = after
     _, index = world.make_scratch()
-    first, _ = kernels.obstacle_contact(
-        world.floats[0], world.ints[0], world.spec[0], world.footprint, 0, 1.0, index[1:]
-    )
+    first, _ = obstacle_contact(world.floats[0], world.ints[0], world.spec[0], world.footprint, 0, 1.0, index[1:])
     return bool(first <= 1.0)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from compiled import for_python
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -18,7 +19,12 @@ from bug_gym.simulation import Simulation
 from bug_gym.world import Layout
 
 F64 = NDArray[np.float64]
-CONTACTS: Any = kernels
+
+disc_contact: Any = for_python(kernels.disc_contact)
+nearest_on_chord: Any = for_python(kernels.nearest_on_chord)
+nearest_to_wall: Any = for_python(kernels.nearest_to_wall)
+sin_cos: Any = for_python(kernels.sin_cos)
+wall_contact: Any = for_python(kernels.wall_contact)
 
 RADIUS = 0.2  # of the robots here [m]
 FAST = {"kinematics": "holonomic", "radius": RADIUS, "max_speed": 20.0}  # 2 m in a step of 0.1 s
@@ -42,7 +48,7 @@ def test_sine_and_cosine_are_the_librarys_to_two_units_in_the_last_place() -> No
     quarters = 0.5 * math.pi * np.arange(-9, 10)
     random = np.random.default_rng(1).uniform(-1.0, 1.0, 2000)
     for angle in [*quarters, *(math.pi * random), *(6000.0 * random)]:
-        sin, cos = CONTACTS.sin_cos(angle)
+        sin, cos = sin_cos(angle)
         assert abs(sin - math.sin(angle)) <= 3.0 * math.ulp(math.sin(angle))  # the library may be off by one
         assert abs(cos - math.cos(angle)) <= 3.0 * math.ulp(math.cos(angle))
 
@@ -69,7 +75,7 @@ def test_a_chord_touches_a_wall_exactly_when_shapely_finds_it_within_the_distanc
         wall = shapely.LineString([first, second])
         if wall.distance(shapely.Point(start)) <= distance:
             continue
-        fraction = CONTACTS.wall_contact(*start, *motion, *first, *second, distance)
+        fraction = wall_contact(*start, *motion, *first, *second, distance)
         gap = shapely.LineString([start, start + motion]).distance(wall) - distance
         assert (fraction <= 1.0) == (gap < 0.0), (start, motion, first, second, distance)
         seen[gap < 0.0] += 1
@@ -85,7 +91,7 @@ def test_a_chord_touches_a_disc_exactly_when_its_nearest_point_is_within_the_dis
     for start, motion, _first, _second, distance in random_chords(3000):
         if math.hypot(*start) <= distance:
             continue
-        fraction = CONTACTS.disc_contact(*start, *motion, distance)
+        fraction = disc_contact(*start, *motion, distance)
         chord = shapely.LineString([start, start + motion])
         touches = chord.distance(shapely.Point(0, 0)) < distance
         assert (fraction <= 1.0) == touches
@@ -101,23 +107,23 @@ def test_the_nearest_point_of_a_chord_to_a_disc_and_to_a_wall_is_shapelys() -> N
     for start, motion, first, second, end in random_chords(2000):
         chord = shapely.LineString([start, start + end * motion])
         wall = shapely.LineString([first, second])
-        nearest = CONTACTS.nearest_on_chord(*(start - first), *motion, end)
+        nearest = nearest_on_chord(*(start - first), *motion, end)
         assert nearest == pytest.approx(chord.distance(shapely.Point(first)), abs=1e-12)
         if not chord.intersects(wall):
-            nearest = CONTACTS.nearest_to_wall(*start, *motion, *first, *second, end)
+            nearest = nearest_to_wall(*start, *motion, *first, *second, end)
             assert nearest == pytest.approx(chord.distance(wall), abs=1e-12)
 
 
 def test_a_body_that_touches_and_leaves_or_slides_along_has_no_contact() -> None:
-    assert CONTACTS.disc_contact(1.0, 0.0, 0.5, 0.0, 1.0) == CONTACTS.NEVER
-    assert CONTACTS.disc_contact(1.0, 0.0, 0.0, 5.0, 1.0) == CONTACTS.NEVER
-    assert CONTACTS.wall_contact(0.0, 0.5, 0.0, 1.0, -9.0, 0.0, 9.0, 0.0, 0.5) == CONTACTS.NEVER
-    assert CONTACTS.wall_contact(0.0, 0.5, 3.0, 0.0, -9.0, 0.0, 9.0, 0.0, 0.5) == CONTACTS.NEVER
+    assert disc_contact(1.0, 0.0, 0.5, 0.0, 1.0) == kernels.NEVER
+    assert disc_contact(1.0, 0.0, 0.0, 5.0, 1.0) == kernels.NEVER
+    assert wall_contact(0.0, 0.5, 0.0, 1.0, -9.0, 0.0, 9.0, 0.0, 0.5) == kernels.NEVER
+    assert wall_contact(0.0, 0.5, 3.0, 0.0, -9.0, 0.0, 9.0, 0.0, 0.5) == kernels.NEVER
 
 
 def test_a_body_that_touches_and_approaches_has_contact_at_once() -> None:
-    assert CONTACTS.disc_contact(1.0, 0.0, -0.5, 0.1, 1.0) == 0.0
-    assert CONTACTS.wall_contact(0.0, 0.5, 1.0, -1e-9, -9.0, 0.0, 9.0, 0.0, 0.5) == 0.0
+    assert disc_contact(1.0, 0.0, -0.5, 0.1, 1.0) == 0.0
+    assert wall_contact(0.0, 0.5, 1.0, -1e-9, -9.0, 0.0, 9.0, 0.0, 0.5) == 0.0
 
 
 # ------------------------------------------------------------------------------------------------ nothing tunnels

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from compiled import for_python
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
@@ -22,6 +23,10 @@ from bug_gym.world import Capacity, Layout, Mover
 F64 = NDArray[np.float64]
 
 STEP = 0.1
+
+escape_velocity = for_python(kernels.escape_velocity)
+least_violation = for_python(kernels.least_violation)
+nearest_velocity = for_python(kernels.nearest_velocity)
 
 
 def scenario(movers: list[dict[str, Any]] | None = None, **parts: Any) -> dict[str, Any]:
@@ -124,7 +129,7 @@ def test_the_nearest_velocity_within_half_planes_is_that_of_trying_every_corner(
     for _ in range(2000):
         lines = random_half_planes(rng, int(rng.integers(0, 7)), -1.0)
         speed, wish = float(rng.uniform(0.3, 1.5)), rng.uniform(-1.5, 1.5, 2)
-        vx, vy, failed = kernels.nearest_velocity(lines.ravel(), len(lines), speed, *wish)
+        vx, vy, failed = nearest_velocity(lines.ravel(), len(lines), speed, *wish)
         expected = nearest_by_trying(lines, speed, wish)
         assert (failed == len(lines)) == (expected is not None)
         if expected is not None:
@@ -155,12 +160,12 @@ def test_where_half_planes_leave_nothing_the_worst_of_them_is_missed_by_the_leas
         hard[:, 2] = np.minimum(hard[:, 2], 0.0)
         soft = random_half_planes(rng, int(rng.integers(2, 7)), -0.3)
         lines, speed = np.vstack([hard, soft]), float(rng.uniform(0.3, 1.5))
-        vx, vy, failed = kernels.nearest_velocity(lines.ravel(), len(lines), speed, *rng.uniform(-1, 1, 2))
+        vx, vy, failed = nearest_velocity(lines.ravel(), len(lines), speed, *rng.uniform(-1, 1, 2))
         assert failed >= len(hard), "to stand keeps the hard ones"
         if failed == len(lines):
             continue
         spare = np.zeros(lines.size)
-        vx, vy = kernels.least_violation(lines.ravel(), len(hard), failed, len(lines), speed, vx, vy, spare)
+        vx, vy = least_violation(lines.ravel(), len(hard), failed, len(lines), speed, vx, vy, spare)
         assert math.hypot(vx, vy) <= speed + 1e-9
         assert (hard[:, :2] @ [vx, vy] >= hard[:, 2] - 1e-8).all()
         missed = float((soft[:, 2] - soft[:, :2] @ [vx, vy]).max())
@@ -171,7 +176,7 @@ def test_where_half_planes_leave_nothing_the_worst_of_them_is_missed_by_the_leas
 def escape(place: F64, velocity: F64, together: float, horizon: float) -> tuple[float, float, float, float]:
     """`kernels.escape_velocity` of vectors."""
     (px, py), (vx, vy) = place.tolist(), velocity.tolist()
-    return kernels.escape_velocity(px, py, vx, vy, together, horizon, STEP)
+    return escape_velocity(px, py, vx, vy, together, horizon, STEP)
 
 
 def meets(place: F64, velocities: F64, together: float, horizon: float) -> NDArray[np.bool_]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiled import for_python
 from episodes import (
     CANONICAL_POLYGONS,
     CLOSED_FORM_SENSORS,
@@ -30,6 +31,8 @@ from bug_gym.agents import make_policy
 from bug_gym.simulation import Simulation
 
 POLICIES = ["vis_bug_21", "vis_bug_22"]
+
+is_seen_free = for_python(kernels.is_seen_free)
 SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
 WITH_EYES: dict[str, Callable[[str], float]] = {
     "slab": SLAB.shortest,
@@ -331,7 +334,7 @@ def test_a_wall_that_ends_between_two_beams_hides_the_place_beside_its_last_poin
     points, ends = joined(ranges, reach=10.0)
 
     def is_visible(px: NDArray[np.float64], py: NDArray[np.float64]) -> bool:
-        return kernels.is_seen_free(*place, ranges, 0.0, math.radians(4.0), True, px, py, 0.3)
+        return is_seen_free(*place, ranges, 0.0, math.radians(4.0), True, px, py, 0.3)
 
     assert is_visible(*points)
     assert not is_visible(*np.concatenate([points, ends], axis=1))
@@ -343,7 +346,7 @@ def is_seen(place: tuple[float, float], ranges: list[float], radius: float, *, r
     seen = values < reach
     x, y = (values * cos)[seen], (values * sin)[seen]
     angle_step = 2.0 * math.pi / len(ranges)
-    return bool(kernels.is_seen_free(*place, values, 0.0, angle_step, True, x, y, radius))
+    return bool(is_seen_free(*place, values, 0.0, angle_step, True, x, y, radius))
 
 
 def test_a_place_behind_a_wall_is_not_seen_even_between_two_of_its_points() -> None:
