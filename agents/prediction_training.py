@@ -42,7 +42,7 @@ from torch import nn
 
 from bug_gym.benchmark import machine
 from bug_gym.clips import replaced_when_done
-from bug_gym.held_out import TRAINING_SEEDS, VALIDATION_SEEDS
+from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 
 from .learned_prediction import CONFIG, GRAPH, WEIGHTS
 from .model_folder import read_record, sha256
@@ -75,6 +75,8 @@ class PredictorSettings:
     """Training worlds of each motion law, or crossings of the recorded pedestrians."""
     validation_worlds: int = 25
     """The same for validation."""
+    test_worlds: int = 50
+    """Held-out worlds of each law, by which the card judges it."""
     real: Path | None = None
     """Recorded pedestrians to learn from instead of the laws."""
     start_from: Path | None = None
@@ -133,6 +135,14 @@ def gather_for(settings: PredictorSettings, *, workers: int = 1) -> tuple[Sample
         gather(settings.sources, training, workers=workers),
         gather(settings.sources, validation, workers=workers),
     )
+
+
+def gather_held_out(settings: PredictorSettings, *, workers: int = 1) -> dict[str, Samples]:
+    """The samples of worlds that neither training nor validation saw, by motion law; of a recording none are left."""
+    if settings.real is not None:
+        return {}
+    seeds = range(TEST_SEEDS, TEST_SEEDS + settings.test_worlds)
+    return {str(law): gather([law], seeds, workers=workers) for law in settings.sources}
 
 
 def with_mirrored(samples: Samples) -> Samples:
@@ -464,7 +474,13 @@ HOW = {
 
 
 def train(
-    settings: PredictorSettings, out: Path, training: Samples, validation: Samples, *, repeats: Sequence[int] = ()
+    settings: PredictorSettings,
+    out: Path,
+    training: Samples,
+    validation: Samples,
+    *,
+    held_out: Mapping[str, Samples] | None = None,
+    repeats: Sequence[int] = (),
 ) -> None:
     """Train a predictor and write it into a folder; one that begins with another's weights has its layers.
 
@@ -472,7 +488,8 @@ def train(
         settings: what it learns, and how.
         out: the folder.
         training: what it learns from.
-        validation: what it is judged by.
+        validation: what the best weights are chosen by.
+        held_out: what it is judged by in the end, by name.
         repeats: other seeds to train with, to see how much depends on the seed; only their curves are kept.
     """
     if settings.start_from is not None:
@@ -481,7 +498,8 @@ def train(
     model, curve = TRAININGS[settings.kind](settings, training, validation)
     curves = {seed: TRAININGS[settings.kind](replace(settings, seed=seed), training, validation)[1] for seed in repeats}
     counts = len(training.features), len(validation.features)
-    write_predictor(out, settings, model, curve, counts, {seed: one.points for seed, one in curves.items()})
+    repeated = {seed: one.points for seed, one in curves.items()}
+    write_predictor(out, settings, model, curve, counts, held_out=held_out, repeats=repeated)
 
 
 def write_predictor(
@@ -490,6 +508,8 @@ def write_predictor(
     model: Answering,
     curve: Curve,
     samples: tuple[int, int],
+    *,
+    held_out: Mapping[str, Samples] | None = None,
     repeats: Mapping[int, list[dict[str, Any]]] | None = None,
 ) -> None:
     """Write a model and what made it into a folder.
@@ -500,6 +520,7 @@ def write_predictor(
         model: the network.
         curve: of its training.
         samples: how many there were for training and for validation.
+        held_out: others, by name, that it is judged by.
         repeats: curves of the same training with other seeds.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -514,6 +535,7 @@ def write_predictor(
         "settings": asdict(settings),
         "sources": [source.name if isinstance(source, Path) else source for source in settings.sources],
         "samples": {"training": samples[0], "validation": samples[1]},
+        "held_out": {name: judged(model, some) for name, some in (held_out or {}).items()},
         "curve": curve.points,
         "repeats": {str(seed): points for seed, points in (repeats or {}).items()},
         "machine": machine() | {"threads": torch.get_num_threads()} | {name: version(name) for name in PACKAGES},
@@ -525,6 +547,17 @@ def write_predictor(
         partial.write_text(card(folder.name, record), encoding="utf-8")
 
 
+def judged(model: nn.Module, samples: Samples) -> dict[str, Any]:
+    """Number of samples, and mean errors [m] (HORIZONS,) of a model's predictions and of the Kalman filter's in them."""
+    by_filter = errors_of(np.zeros_like(samples.answers), samples.answers).mean(axis=0)
+    by_model = validation_errors(model, samples)
+    return {
+        "tracks": len(samples.features),
+        "errors": [round(error, 4) for error in by_model.tolist()],
+        "filter_errors": [round(error, 4) for error in by_filter.tolist()],
+    }
+
+
 def card(name: str, record: dict[str, Any]) -> str:
     """What people want to know of a predictor, as Markdown."""
     last, settings, made_on = record["curve"][-1], record["settings"], record["machine"]
@@ -532,6 +565,8 @@ def card(name: str, record: dict[str, Any]) -> str:
     begun = f", begun from {Path(settings['start_from']).name}" if settings["start_from"] else ""
     seeds = f" --seeds {1 + len(record['repeats'])}" if record["repeats"] else ""
     each = "" if settings["kind"] == "supervised" else f", {settings['tries']} answers to each"
+    columns = " | ".join(f"{horizon:g} s" for horizon in record["horizons"])
+    rule = "|---" * (1 + len(record["horizons"])) + "|"
     lines = [
         f"# {name}",
         "",
@@ -543,11 +578,26 @@ def card(name: str, record: dict[str, Any]) -> str:
         f"seed {settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
         f"- Made again by `python -m bug_gym.agents.prediction_training {settings['kind']}{seeds} --out FOLDER`",
         "",
-        "Mean distance [m] of the predicted from the true place in the validation worlds; the first line is about the "
-        "Kalman filter's where the training begins from scratch. Held-out results: `bug-gym reproduce predictors`.",
+    ]
+    if record["held_out"]:
+        lines += [
+            f"Mean distance [m] of the predicted from the true place in {settings['test_worlds']} worlds each that neither "
+            "training nor validation saw, and the Kalman filter's after it; `bug-gym reproduce predictors` asks all of "
+            "them at more times, with intervals.",
+            "",
+            f"| worlds | {columns} |",
+            rule,
+        ]
+        for source, one in record["held_out"].items():
+            pairs = zip(one["errors"], one["filter_errors"], strict=True)
+            lines.append(f"| {source} | {' | '.join(f'{error:.3f} ({filters:.3f})' for error, filters in pairs)} |")
+        lines.append("")
+    lines += [
+        "The same in the validation worlds, as it learned; the first line is about the Kalman filter's where the training "
+        "begins from scratch.",
         "",
-        f"| samples | {' | '.join(f'{horizon:g} s' for horizon in record['horizons'])} |",
-        "|---" * (1 + len(record["horizons"])) + "|",
+        f"| samples | {columns} |",
+        rule,
     ]
     for point in record["curve"]:
         lines.append(f"| {point['samples']:,} | {' | '.join(f'{error:.3f}' for error in point['errors'])} |")
@@ -576,6 +626,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--worlds", type=int, default=PredictorSettings.worlds, help="training worlds of each law")
     parser.add_argument("--validation-worlds", type=int, default=PredictorSettings.validation_worlds)
+    parser.add_argument(
+        "--test-worlds", type=int, default=PredictorSettings.test_worlds, help="held-out worlds of each law"
+    )
     parser.add_argument("--epochs", type=int, default=PredictorSettings.epochs)
     parser.add_argument("--rate", type=float, default=PredictorSettings.rate, help="learning rate at first")
     parser.add_argument("--real", type=Path, help="recorded pedestrians (csv) to learn from instead of the laws")
@@ -586,7 +639,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     torch.set_num_threads(threads)
     settings = PredictorSettings(**options)
     repeats = range(settings.seed + 1, settings.seed + seeds)
-    train(settings, out, *gather_for(settings, workers=threads), repeats=repeats)
+    samples = gather_for(settings, workers=threads)
+    train(settings, out, *samples, held_out=gather_held_out(settings, workers=threads), repeats=repeats)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor
 from bug_gym.agents.model_folder import TRAINED_FOLDER, open_graph
 from bug_gym.agents.prediction import make_predictor
 from bug_gym.agents.prediction_data import Samples
-from bug_gym.agents.prediction_features import ANSWERS, HORIZONS, KALMAN_ERRORS, WIDTH, cost_of, errors_of
+from bug_gym.agents.prediction_features import ANSWERS, HORIZONS, KALMAN_ERRORS, TOP_SPEED, WIDTH, cost_of, errors_of
 from bug_gym.agents.prediction_training import (
     TRAININGS,
     AnswerBuffer,
@@ -115,6 +115,21 @@ def test_a_card_shows_how_much_a_seed_does(tmp_path: Path) -> None:
     assert [point["cost"] for point in record["repeats"]["1"]] == costs
     text = (tmp_path / "card.md").read_text(encoding="utf-8")
     assert "--seeds 2" in text and f"{record['curve'][-1]['cost']:.3f} | {costs[-1]:.3f} |" in text
+
+
+def test_a_card_judges_by_worlds_that_the_training_did_not_see(tmp_path: Path) -> None:
+    settings = replace(QUICK, kind="supervised", epochs=3)
+    unseen = drifting(200, 2)
+    train(settings, tmp_path, drifting(1000, 0), drifting(100, 1), held_out={"drifting": unseen})
+    judged = json.loads((tmp_path / CONFIG).read_text(encoding="utf-8"))["held_out"]["drifting"]
+    predictor = LearnedPredictor(Sensors.of(load("dynamic")), tmp_path)
+    assert judged["tracks"] == len(unseen.features)
+    assert judged["errors"] == pytest.approx(
+        errors_of(predictor.answer(unseen.features), unseen.answers).mean(axis=0), abs=1e-4
+    )
+    assert judged["filter_errors"] == pytest.approx(0.2 * TOP_SPEED * HORIZONS, abs=1e-4)
+    first = f"{judged['errors'][0]:.3f} ({judged['filter_errors'][0]:.3f})"
+    assert f"| drifting | {first} |" in (tmp_path / "card.md").read_text(encoding="utf-8")
 
 
 def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
@@ -232,7 +247,7 @@ def test_the_graph_answers_as_the_network_does(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_command_trains_and_writes_a_predictor(tmp_path: Path) -> None:
     out = tmp_path / "own_predictor"
-    main(["ppo", "--out", str(out), "--worlds", "1", "--validation-worlds", "1", "--epochs", "1"])
+    main(["ppo", "--out", str(out), "--worlds", "1", "--validation-worlds", "1", "--test-worlds", "1", "--epochs", "1"])
     assert {path.name for path in out.iterdir()} >= {GRAPH, CONFIG, "card.md"}
     assert "# own_predictor" in (out / "card.md").read_text(encoding="utf-8")
 
