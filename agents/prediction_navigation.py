@@ -6,7 +6,7 @@ how far the answers are to be trusted: a gain of each number, and an offset of e
 from evolution strategies (Salimans et al. 2017): two changes to either side of the present one drive through the same
 world, and the difference of their returns counts, over its deviation as in Mania et al. 2018.
 
-    python -m bug_gym.agents.prediction_navigation results/rl_predictor --out results/rl_navigation
+    python -m bug_gym.agents.prediction_navigation results/rl_predictor --out results/navigation.json --worlds rush
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .prediction_features import ANSWERS, HORIZONS
 F64 = NDArray[np.float64]
 
 LAWS = ("bounce", "random_walk", "crowd")
-"""Of the movers that HD-BUG drives among."""
+"""Of the movers in the worlds that HD-BUG drives in, unless it is told others."""
 NUMBERS = ANSWERS + len(HORIZONS)
 """Of a change: a gain of each number of an answer, less 1, and an offset of each velocity ahead."""
 
@@ -45,16 +45,18 @@ NUMBERS = ANSWERS + len(HORIZONS)
 class NavigationSettings:
     """How the second stage is trained."""
 
+    worlds: tuple[str, ...] = LAWS
+    """Motion laws, each of which stands for its `crowded` worlds, and names of scenarios; they take turns."""
     rounds: int = 12
     """Steps of the gradient."""
     pairs: int = 15
-    """Pairs of changes tried in a round, each in a world of its own; the laws take turns."""
+    """Pairs of changes tried in a round, each in a world of its own."""
     noise: float = 0.3
     """Standard deviation of the numbers of a change that is tried."""
     rate: float = 0.1
     """Length of a step, for a gradient of one deviation."""
     validation_worlds: int = 20
-    """Worlds of each law in which the result is compared with the predictor as it was."""
+    """Of each kind, in which the result is compared with the predictor as it was."""
     seed: int = 0
     """Of the changes that are tried."""
 
@@ -96,9 +98,9 @@ class Run(NamedTuple):
         return self.progress - float(self.collided)
 
 
-def drive(folder: Path, change: F64, law: str, seed: int) -> Run:
-    """A run of HD-BUG with a changed predictor through a crowded world of a law."""
-    simulation = Simulation(crowded(law))
+def drive(folder: Path, change: F64, world: str, seed: int) -> Run:
+    """A run of HD-BUG with a changed predictor through a crowded world of a motion law, or of a scenario."""
+    simulation = Simulation(crowded(world) if world in LAWS else load(world))
     policy: Any = make_policy("hd_bug", simulation)
     policy.predictor = ChangedPredictor(policy.sensors, folder, change)
     observation, state = simulation.reset(seeds=[seed])[:, 0], None
@@ -115,13 +117,13 @@ def drive(folder: Path, change: F64, law: str, seed: int) -> Run:
 def search(folder: Path, settings: NavigationSettings, *, workers: int = 1) -> tuple[F64, list[float]]:
     """The change (NUMBERS,) that the rounds lead to, and the mean return of each round."""
     rng = np.random.default_rng(settings.seed)
-    change, means = np.zeros(NUMBERS), []
+    change, means, worlds = np.zeros(NUMBERS), [], settings.worlds
     with Parallel(n_jobs=workers) as parallel:
         for number in range(settings.rounds):
             ways = rng.standard_normal((settings.pairs, NUMBERS))
             first = TRAINING_SEEDS + number * settings.pairs
             runs = parallel(
-                delayed(drive)(folder, change + side * settings.noise * way, LAWS[pair % len(LAWS)], first + pair)
+                delayed(drive)(folder, change + side * settings.noise * way, worlds[pair % len(worlds)], first + pair)
                 for pair, way in enumerate(ways)
                 for side in (1.0, -1.0)
             )
@@ -133,9 +135,10 @@ def search(folder: Path, settings: NavigationSettings, *, workers: int = 1) -> t
     return change, means
 
 
-def compare(folder: Path, change: F64, worlds: int, *, workers: int = 1) -> dict[str, Any]:
-    """How the change does in `worlds` validation worlds of each law, beside the predictor as it was."""
-    asked = [(law, VALIDATION_SEEDS + number) for number in range(worlds) for law in LAWS]
+def compare(folder: Path, change: F64, settings: NavigationSettings, *, workers: int = 1) -> dict[str, Any]:
+    """How the change does in the validation worlds, beside the predictor as it was."""
+    seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.validation_worlds)
+    asked = [(world, seed) for seed in seeds for world in settings.worlds]
     before, after = (
         Parallel(n_jobs=workers)(delayed(drive)(folder, numbers, *world) for world in asked)
         for numbers in (np.zeros(NUMBERS), change)
@@ -160,14 +163,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m bug_gym.agents.prediction_navigation", description=main.__doc__)
     parser.add_argument("folder", type=Path, help="of the predictor")
     parser.add_argument("--out", type=Path, required=True, help="file for what was found, as JSON")
-    for name, default in asdict(NavigationSettings()).items():
+    defaults = asdict(NavigationSettings())
+    del defaults["worlds"]
+    parser.add_argument(
+        "--worlds", nargs="+", default=LAWS, help="motion laws of crowded worlds, or scenarios", metavar="WORLD"
+    )
+    for name, default in defaults.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
     parser.add_argument("--workers", type=int, default=1)
     options = vars(parser.parse_args(arguments))
     folder, out, workers = options.pop("folder"), options.pop("out"), options.pop("workers")
-    settings = NavigationSettings(**options)
+    settings = NavigationSettings(**{**options, "worlds": tuple(options["worlds"])})
     change, means = search(folder, settings, workers=workers)
-    found = compare(folder, change, settings.validation_worlds, workers=workers)
+    found = compare(folder, change, settings, workers=workers)
     record = {"settings": asdict(settings), "returns": means, "change": change.tolist(), "validation": found}
     with replaced_when_done(out) as partial:
         partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
