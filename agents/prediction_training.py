@@ -85,7 +85,7 @@ class PredictorSettings:
     """Widths of the network's layers; `train` takes those of `start_from` where there is one."""
     seed: int = 0
     """Of the weights, the order of the samples, and PPO's noise."""
-    epochs: int = 5
+    epochs: int = 15
     """Times that the samples are gone through, each of them as it is and mirrored; PPO draws as many."""
     batch: int = 2048
     """Samples of a gradient."""
