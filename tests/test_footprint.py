@@ -18,9 +18,9 @@ from bug_gym.simulation import Simulation
 F64 = NDArray[np.float64]
 
 EARLY = 1e-5
+"""A contact of a circle that swings comes at most so much too early [m], see kernels.SWING."""
 
 obstacle_contact = for_python(kernels.obstacle_contact)
-"""A contact of a circle that swings comes at most so much too early [m], see kernels.SWING."""
 
 
 def make(body: list[list[float]], *, step: float = 0.1, **world: Any) -> Simulation:
