@@ -20,7 +20,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils as numba_cgutils
 
-from .compiling import called, inlined, kernel, vectors
+from bug_gym.compiling import called, inlined, kernel, vectors
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
