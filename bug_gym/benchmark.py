@@ -20,7 +20,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -60,8 +60,15 @@ class Measurement:
     greatest: float
 
 
-Task = tuple[str, str, Callable[[], float]]
-"""Name, unit, and what measures it once."""
+class Task(NamedTuple):
+    """What is measured."""
+
+    name: str
+    unit: str
+    once: Callable[[], float]
+    """Measures it once."""
+    is_cold: bool = False
+    """Whether it counts the first time, and is not repeated."""
 
 
 def run_benchmark(
@@ -94,13 +101,10 @@ def run_benchmark(
 
 def measure(task: Task, repeats: int) -> Measurement:
     """Measure one thing several times, after once that doesn't count: it compiles and warms up."""
-    name, unit, once = task
-    if once is compilation_time:  # nothing to warm up, and half a minute long
-        repeats = 1
-    else:
-        once()
-    samples = [once() for _ in range(repeats)]
-    return Measurement(name, unit, statistics.median(samples), min(samples), max(samples))
+    if not task.is_cold:
+        task.once()
+    samples = [task.once() for _ in range(1 if task.is_cold else repeats)]
+    return Measurement(task.name, task.unit, statistics.median(samples), min(samples), max(samples))
 
 
 def machine() -> dict[str, Any]:
@@ -156,13 +160,13 @@ def speed_tasks(worlds: int, seconds: float) -> Iterator[Task]:
     for shapes in ("circles", "squares"):
         for obstacles, beams in CASES:
             once = partial(vector_speed, busy_world(shapes, obstacles, beams), worlds, seconds)
-            yield f"VectorEnv: {obstacles} {shapes}, {beams} beams", unit, once
+            yield Task(f"VectorEnv: {obstacles} {shapes}, {beams} beams", unit, once)
     if find_spec("stable_baselines3"):
-        yield "SB3 VecEnv: 20 circles, 64 beams", unit, partial(sb3_speed, worlds, seconds)
+        yield Task("SB3 VecEnv: 20 circles, 64 beams", unit, partial(sb3_speed, worlds, seconds))
     for obstacles in (20, 100):
         scenario, title = busy_world("circles", obstacles, 180), f"gym.make: {obstacles} circles, 180 beams"
-        yield title, unit, partial(single_speed, scenario, seconds)
-        yield f"{title}, each action drawn", unit, partial(single_speed_with_draws, scenario, seconds)
+        yield Task(title, unit, partial(single_speed, scenario, seconds))
+        yield Task(f"{title}, each action drawn", unit, partial(single_speed_with_draws, scenario, seconds))
 
 
 def random_actions(worlds: int) -> np.ndarray:
@@ -231,15 +235,17 @@ def part_tasks(worlds: int, seconds: float) -> Iterator[Task]:
     """Microseconds of each part of a step of one world among many, and of a new world."""
     scenario, blind = busy_world("circles", 100, 180), busy_world("circles", 100, 1)
     title = "step (100 circles, 180 beams)"
-    yield f"{title}: core", "us", partial(part_time, "core", scenario, worlds, seconds)
-    yield "step (100 circles, 1 beam): core", "us", partial(part_time, "core", blind, worlds, seconds)
-    yield f"{title}: infos", "us", partial(part_time, "reading", scenario, worlds, seconds)
-    yield f"{title}: resets", "us", partial(part_time, "new worlds", scenario, worlds, seconds)
+    yield Task(f"{title}: core", "us", partial(part_time, "core", scenario, worlds, seconds))
+    yield Task("step (100 circles, 1 beam): core", "us", partial(part_time, "core", blind, worlds, seconds))
+    yield Task(f"{title}: infos", "us", partial(part_time, "reading", scenario, worlds, seconds))
+    yield Task(f"{title}: resets", "us", partial(part_time, "new worlds", scenario, worlds, seconds))
     if find_spec("pygame"):
-        yield "frame of 600 x 600 pixels: 500 moving squares", "ms", partial(frame_time, seconds)
+        yield Task("frame of 600 x 600 pixels: 500 moving squares", "ms", partial(frame_time, seconds))
     for obstacles, beams in CASES:
         scenario = busy_world("circles", obstacles, beams)
-        yield f"new world: {obstacles} circles, {beams} beams", "us", partial(new_world_time, scenario, worlds, seconds)
+        yield Task(
+            f"new world: {obstacles} circles, {beams} beams", "us", partial(new_world_time, scenario, worlds, seconds)
+        )
 
 
 def part_time(part: str, scenario: dict[str, Any], worlds: int, seconds: float) -> float:
@@ -303,9 +309,9 @@ def new_world_time(scenario: dict[str, Any], worlds: int, seconds: float) -> flo
 
 def start_tasks() -> Iterator[Task]:
     """Seconds until a fresh interpreter is ready."""
-    yield "import bug_gym", "s", partial(fresh_time, IMPORT)
-    yield "gym.make and reset, compiled before", "s", partial(fresh_time, MAKE)
-    yield "import, gym.make, reset and step, nothing compiled before (once)", "s", compilation_time
+    yield Task("import bug_gym", "s", partial(fresh_time, IMPORT))
+    yield Task("gym.make and reset, compiled before", "s", partial(fresh_time, MAKE))
+    yield Task("import, gym.make, reset and step, nothing compiled before (once)", "s", compilation_time, is_cold=True)
 
 
 def fresh_time(code: str, **settings: str) -> float:
@@ -333,7 +339,7 @@ def decision_tasks() -> Iterator[Task]:
     from bug_gym.agents import playable_names
 
     for name in playable_names():
-        yield f"decision: {name}", "us", partial(decision_time, name)
+        yield Task(f"decision: {name}", "us", partial(decision_time, name))
 
 
 def decision_time(policy: str) -> float:
