@@ -34,29 +34,29 @@ class Agent(NamedTuple):
 
 
 AGENTS: dict[str, Agent] = {
-    "random": Agent("random:Random", "floor", "-"),
-    "go_to_goal": Agent("go_to_goal:GoToGoal", "floor", "-"),
-    "bug0": Agent("bug0:Bug0", "bug", "Lumelsky and Stepanov 1986"),
-    "com": Agent("bug0:Bug0", "bug", "Lumelsky and Stepanov 1986; Sankaranarayanan and Vidyasagar 1990"),
-    "bug0_plus": Agent("bug0_plus:Bug0Plus", "bug", "Oni and Wang"),
-    "bug1": Agent("bug1:Bug1", "bug", "Lumelsky and Stepanov 1987"),
-    "bug2": Agent("bug2:Bug2", "bug", "Lumelsky and Stepanov 1987"),
-    "com1": Agent("com1:Com1", "bug", "Sankaranarayanan and Vidyasagar 1990"),
-    "class1": Agent("class1:Class1", "bug", "Noborio 1992"),
-    "alg1": Agent("alg1:Alg1", "bug", "Sankaranarayanan and Vidyasagar 1990"),
-    "alg2": Agent("alg2:Alg2", "bug", "Sankaranarayanan and Vidyasagar 1990"),
-    "rev1": Agent("rev1:Rev1", "bug", "Horiuchi and Noborio 2001"),
-    "rev2": Agent("rev2:Rev2", "bug", "McGuire et al. 2019; Horiuchi and Noborio 2001"),
-    "rev3": Agent("rev3:Rev3", "bug", "Oni and Wang"),
-    "vis_bug_21": Agent("vis_bug_21:VisBug21", "bug", "Lumelsky and Skewis 1990"),
-    "vis_bug_22": Agent("vis_bug_22:VisBug22", "bug", "Lumelsky and Skewis 1990"),
-    "dist_bug": Agent("dist_bug:DistBug", "bug", "Kamon and Rivlin 1997"),
-    "tangent_bug": Agent("tangent_bug:TangentBug", "bug", "Kamon, Rimon and Rivlin 1998"),
-    "point_bug": Agent("point_bug:PointBug", "bug", "Buniyamin et al. 2011"),
-    "k_bug": Agent("k_bug:KBug", "bug", "Langer et al. 2007"),
-    "e_bug": Agent("e_bug:EBug", "bug", "Meddah and Dib 2015"),
-    "hd_bug": Agent("hd_bug:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
-    "critical_point_bug": Agent("critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
+    "random": Agent("floors.random:Random", "floor", "-"),
+    "go_to_goal": Agent("floors.go_to_goal:GoToGoal", "floor", "-"),
+    "bug0": Agent("bugs.bug0:Bug0", "bug", "Lumelsky and Stepanov 1986"),
+    "com": Agent("bugs.bug0:Bug0", "bug", "Lumelsky and Stepanov 1986; Sankaranarayanan and Vidyasagar 1990"),
+    "bug0_plus": Agent("bugs.bug0_plus:Bug0Plus", "bug", "Oni and Wang"),
+    "bug1": Agent("bugs.bug1:Bug1", "bug", "Lumelsky and Stepanov 1987"),
+    "bug2": Agent("bugs.bug2:Bug2", "bug", "Lumelsky and Stepanov 1987"),
+    "com1": Agent("bugs.com1:Com1", "bug", "Sankaranarayanan and Vidyasagar 1990"),
+    "class1": Agent("bugs.class1:Class1", "bug", "Noborio 1992"),
+    "alg1": Agent("bugs.alg1:Alg1", "bug", "Sankaranarayanan and Vidyasagar 1990"),
+    "alg2": Agent("bugs.alg2:Alg2", "bug", "Sankaranarayanan and Vidyasagar 1990"),
+    "rev1": Agent("bugs.rev1:Rev1", "bug", "Horiuchi and Noborio 2001"),
+    "rev2": Agent("bugs.rev2:Rev2", "bug", "McGuire et al. 2019; Horiuchi and Noborio 2001"),
+    "rev3": Agent("bugs.rev3:Rev3", "bug", "Oni and Wang"),
+    "vis_bug_21": Agent("bugs.vis_bug_21:VisBug21", "bug", "Lumelsky and Skewis 1990"),
+    "vis_bug_22": Agent("bugs.vis_bug_22:VisBug22", "bug", "Lumelsky and Skewis 1990"),
+    "dist_bug": Agent("bugs.dist_bug:DistBug", "bug", "Kamon and Rivlin 1997"),
+    "tangent_bug": Agent("bugs.tangent_bug:TangentBug", "bug", "Kamon, Rimon and Rivlin 1998"),
+    "point_bug": Agent("bugs.point_bug:PointBug", "bug", "Buniyamin et al. 2011"),
+    "k_bug": Agent("bugs.k_bug:KBug", "bug", "Langer et al. 2007"),
+    "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
+    "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
+    "critical_point_bug": Agent("bugs.critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
 }
 LEARNED = {
     "ppo_static": "Schulman et al. 2017",
@@ -68,7 +68,9 @@ LEARNED = {
     "dqn_candidates": "Mnih et al. 2015",
 }
 """Reference of each shipped model of agents/trained."""
-AGENTS |= {name: Agent("learned:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()}
+AGENTS |= {
+    name: Agent("learning.play:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()
+}
 
 
 def policy_names() -> list[str]:
@@ -133,8 +135,8 @@ def make_policy(name: str, source: Any, **parameters: Any) -> Policy:
 def _entry(name: str) -> tuple[str, dict[str, Any]]:
     """The "module:Class" behind a name or path, and the parameters that are fixed by it."""
     if name.endswith(".zip"):
-        return "learned:ZipPolicy", {"path": Path(name).expanduser()}
+        return "learning.play:ZipPolicy", {"path": Path(name).expanduser()}
     if "/" in name or os.sep in name:
-        return "learned:LearnedPolicy", {"model": Path(name).expanduser()}
+        return "learning.play:LearnedPolicy", {"model": Path(name).expanduser()}
     line = agent(name)
     return line.entry_point, {"model": line.model} if line.model else {}

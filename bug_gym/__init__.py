@@ -49,7 +49,7 @@ def register_envs() -> None:
                 kwargs={"scenario": scenario},
             )
     if PREDICTION_ID not in gym.registry:
-        gym.register(PREDICTION_ID, entry_point="bug_gym.agents.prediction_env:PredictionEnv")
+        gym.register(PREDICTION_ID, entry_point="bug_gym.agents.prediction.env:PredictionEnv")
     if hasattr(pettingzoo, "register") and ROBOTS_ID not in pettingzoo.parallel_registry:  # PettingZoo 1.27 and later
         pettingzoo.register("parallel", ROBOTS_ID, "bug_gym.robots_env:parallel_env")
         pettingzoo.register("aec", ROBOTS_ID, "bug_gym.robots_env:env")

@@ -27,7 +27,7 @@ import numpy as np
 from gymnasium.utils.performance import benchmark_step
 
 import bug_gym
-from bug_gym.clips import replaced_when_done
+from bug_gym.drawing.clips import replaced_when_done
 from bug_gym.evaluation import evaluate, progress_bar
 from bug_gym.simulation import Simulation
 
@@ -274,7 +274,7 @@ def part_time(part: str, scenario: dict[str, Any], worlds: int, seconds: float) 
 
 def frame_time(seconds: float) -> float:
     """Time of a picture [ms]."""
-    from bug_gym.rendering import Canvas
+    from bug_gym.drawing.canvas import Canvas
 
     scenario = busy_world("squares", 500, 180)
     scenario["world"] |= {"bounds": [-20, -20, 20, 20], "sizes": [0.15, 0.35]}

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
+    from bug_gym.evaluation.suites import PolicyEntry
     from bug_gym.simulation import Simulation
-    from bug_gym.suites import PolicyEntry
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 
@@ -201,7 +201,7 @@ def _assignments(pairs: Sequence[str]) -> dict[str, Any]:
 
 def _policy(text: str) -> PolicyEntry:
     """A policy from NAME[:PARAMETER=VALUE...], which is also what tables call it."""
-    from bug_gym.suites import PolicyEntry
+    from bug_gym.evaluation.suites import PolicyEntry
 
     name, *pairs = re.split(r":(?=\w+=)", text)
     return PolicyEntry(text, name, _assignments(pairs))
@@ -236,7 +236,7 @@ def _policies() -> list[tuple[str, str]]:
 
 
 def _suites() -> list[tuple[str, str]]:
-    from bug_gym.suites import SUITE_FOLDER, suite_names
+    from bug_gym.evaluation.suites import SUITE_FOLDER, suite_names
 
     return [(name, _first_comment(SUITE_FOLDER / f"{name}.yaml")) for name in suite_names()]
 
@@ -251,7 +251,7 @@ def _reproductions() -> list[tuple[str, str]]:
 
 
 def _trainings() -> list[tuple[str, str]]:
-    from bug_gym.agents.training_settings import TRAIN_FOLDER, training_names
+    from bug_gym.agents.learning.settings import TRAIN_FOLDER, training_names
 
     return [(name, _first_comment(TRAIN_FOLDER / f"{name}.yaml")) for name in training_names()]
 
@@ -285,8 +285,8 @@ def show(options: argparse.Namespace) -> None:
         _save_world(save, simulation)
         print(f"{save}: {name}, seed {options.seed}, as an explicit world")
     if out:
-        from bug_gym.clips import save_png
-        from bug_gym.rendering import Canvas
+        from bug_gym.drawing.canvas import Canvas
+        from bug_gym.drawing.clips import save_png
 
         save_png(out, Canvas(simulation, size=options.size).draw(scan=False))
         length = simulation.shortest_path().length
@@ -294,8 +294,8 @@ def show(options: argparse.Namespace) -> None:
 
 
 def _save_world(path: Path, simulation: Simulation) -> None:
-    from bug_gym.clips import replaced_when_done
     from bug_gym.config import to_yaml
+    from bug_gym.drawing.clips import replaced_when_done
     from bug_gym.scenarios import as_explicit
 
     explicit = as_explicit(simulation.scenario, simulation.world.layout(0))
@@ -309,9 +309,9 @@ def evaluate(options: argparse.Namespace) -> None:
     from rich.console import Console
 
     from bug_gym.evaluation import evaluate
-    from bug_gym.intervals import compare, summarise
-    from bug_gym.report import print_differences, print_table
-    from bug_gym.suites import load_suite
+    from bug_gym.evaluation.intervals import compare, summarise
+    from bug_gym.evaluation.report import print_differences, print_table
+    from bug_gym.evaluation.suites import load_suite
 
     rows = evaluate(
         [_policy(text) for text in options.policies.split(",")] if options.policies else None,
@@ -335,12 +335,12 @@ def evaluate(options: argparse.Namespace) -> None:
 def train(options: argparse.Namespace) -> None:
     """Train a policy, or go on with a training that was cut off; the folder it writes is a policy for `evaluate`."""
     try:
-        from bug_gym.agents.training import train_seeds
+        from bug_gym.agents.learning.training import train_seeds
     except ModuleNotFoundError as error:
         raise ImportError(
             "training needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'"
         ) from error
-    from bug_gym.agents.training_settings import load_settings
+    from bug_gym.agents.learning.settings import load_settings
 
     overrides = _assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
     overrides |= {"start_from": options.start_from} if options.start_from else {}
@@ -359,12 +359,12 @@ def train(options: argparse.Namespace) -> None:
 
 def render(options: argparse.Namespace) -> None:
     """Draw an episode of a policy, or of several side by side: a film, or one picture of the whole path."""
-    from bug_gym.clips import grid, save_gif, save_mp4, save_png, together
     from bug_gym.config import load
+    from bug_gym.drawing.canvas import Canvas
+    from bug_gym.drawing.clips import grid, save_gif, save_mp4, save_png, together
     from bug_gym.evaluation import progress_bar
-    from bug_gym.rendering import Canvas
-    from bug_gym.rollout import Rollout, film, portrait
-    from bug_gym.suites import ScenarioEntry
+    from bug_gym.evaluation.rollout import Rollout, film, portrait
+    from bug_gym.evaluation.suites import ScenarioEntry
 
     out = _writable(options.out)
     save = {".gif": save_gif, ".mp4": save_mp4}.get(out.suffix)
@@ -392,8 +392,8 @@ def gallery(options: argparse.Namespace) -> None:
     """Draw every bug on one map: their ways in one picture, and as a film."""
     from bug_gym.agents import AGENTS
     from bug_gym.config import load
-    from bug_gym.gallery import draw_gallery
-    from bug_gym.suites import PolicyEntry
+    from bug_gym.evaluation.gallery import draw_gallery
+    from bug_gym.evaluation.suites import PolicyEntry
 
     bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name != "com"]
     entries = [_policy(text) for text in options.policies.split(",")] if options.policies else map(PolicyEntry.of, bugs)
@@ -409,8 +409,8 @@ def reproduce(options: argparse.Namespace) -> None:
 
     from rich.console import Console
 
-    from bug_gym.clips import replaced_when_done
-    from bug_gym.report import draw_curves, print_text_table
+    from bug_gym.drawing.clips import replaced_when_done
+    from bug_gym.evaluation.report import draw_curves, print_text_table
     from bug_gym.reproductions import reproduction
     from bug_gym.reproductions.result import Settings
 

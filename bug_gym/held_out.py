@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.config import Scenario
-from bug_gym.intervals import wilson_interval
+from bug_gym.evaluation.intervals import wilson_interval
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import Sensors
 from bug_gym.policy import Policy

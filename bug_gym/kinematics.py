@@ -1,6 +1,6 @@
 """Kinematics of a robot seen from its driver: a desired velocity -> the action of its kinematics, and back.
 
-The motion itself is compiled (kernels.drive); this is the inverse that scripted policies and discrete actions use.
+The motion itself is compiled (kernels.drive.drive); this is the inverse that scripted policies and discrete actions use.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ from bug_gym.observation import Sensors, as_dict, dict_space, flat_space
 from bug_gym.simulation import Simulation
 
 if TYPE_CHECKING:
-    from bug_gym.clips import Frame
-    from bug_gym.rendering import Canvas, Window
+    from bug_gym.drawing.canvas import Canvas, Window
+    from bug_gym.drawing.clips import Frame
 
 F32 = NDArray[np.float32]
 ObservationForm = Literal["dict", "flat"]
@@ -122,7 +122,7 @@ class Pictures:
         self._canvases: list[Canvas] = []
         self._window: Window | None = None
         if render_mode is not None:
-            from bug_gym.rendering import Canvas
+            from bug_gym.drawing.canvas import Canvas
 
             self._canvases = [Canvas(simulation, row=row) for row in range(simulation.count)]
 
@@ -133,7 +133,7 @@ class Pictures:
         if self.render_mode != "human":
             return
         if self._window is None:
-            from bug_gym.rendering import Window
+            from bug_gym.drawing.canvas import Window
 
             self._window = Window(self._canvases[0], self._fps)
         self._window.update()

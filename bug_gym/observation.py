@@ -1,6 +1,6 @@
 """What a robot observes: the table of fields, their spaces, and the named view for policies.
 
-The core writes one flat float32 vector a robot (kernels.observe); a Dict observation is that vector cut by this table.
+The core writes one flat float32 vector a robot (kernels.sensing.observe); a Dict observation is that vector cut by this table.
 """
 
 from __future__ import annotations

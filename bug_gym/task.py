@@ -1,6 +1,6 @@
 """The task of the robots: reach the goal, touch nothing, in time. Names of reward terms and outcomes.
 
-The arithmetic is compiled (kernels.judge); this is its vocabulary and what a scenario's weights mean.
+The arithmetic is compiled (kernels.step.judge); this is its vocabulary and what a scenario's weights mean.
 """
 
 from __future__ import annotations

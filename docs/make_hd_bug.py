@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bug_gym.clips import save_gif, save_png
 from bug_gym.config import load
-from bug_gym.rendering import Canvas, Frame
-from bug_gym.rollout import Rollout, film
-from bug_gym.suites import PolicyEntry, ScenarioEntry
+from bug_gym.drawing.canvas import Canvas, Frame
+from bug_gym.drawing.clips import save_gif, save_png
+from bug_gym.evaluation.rollout import Rollout, film
+from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
 
 DOCS = Path(__file__).parent
 SIZE = 420  # pixels

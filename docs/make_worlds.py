@@ -147,8 +147,8 @@ def write_example_map(folder: Path) -> str:
 
 def draw_all(folder: Path) -> None:
     """The picture of each family."""
-    from bug_gym.clips import save_png
-    from bug_gym.rendering import Canvas
+    from bug_gym.drawing.canvas import Canvas
+    from bug_gym.drawing.clips import save_png
     from bug_gym.simulation import Simulation
 
     folder.mkdir(exist_ok=True)

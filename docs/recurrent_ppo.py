@@ -11,9 +11,9 @@ import time
 import torch
 from sb3_contrib import RecurrentPPO
 
-from bug_gym.agents.networks import RobotEncoding
-from bug_gym.agents.training import make_training_env, robot_of
-from bug_gym.agents.training_settings import load_settings
+from bug_gym.agents.learning.networks import RobotEncoding
+from bug_gym.agents.learning.settings import load_settings
+from bug_gym.agents.learning.training import make_training_env, robot_of
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, play
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

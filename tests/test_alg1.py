@@ -26,7 +26,7 @@ from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.polygon import orient
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.alg1 import Alg1
+from bug_gym.agents.bugs.alg1 import Alg1
 from bug_gym.observation import View
 from bug_gym.simulation import Simulation
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bug_gym.evaluation import evaluate
-from bug_gym.metrics import EpisodeRow
+from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions.avoidable import appeared, is_avoidable
 
 

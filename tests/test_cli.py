@@ -16,9 +16,9 @@ from bug_gym import benchmark, cli
 from bug_gym.agents import policy_names
 from bug_gym.cli import main, make_parser
 from bug_gym.config import scenario_names
-from bug_gym.rollout import Rollout
+from bug_gym.evaluation.rollout import Rollout
+from bug_gym.evaluation.suites import suite_names
 from bug_gym.simulation import Simulation
-from bug_gym.suites import suite_names
 
 OPEN = ["--set", "world.goal=[2, 0]", "--set", "lidar.beams=8"]
 """Makes `empty` a matter of some twenty steps."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym.clips import Frame, grid, save_gif, save_mp4, save_png, together
-from bug_gym.rendering import Canvas
+from bug_gym.drawing.canvas import Canvas
+from bug_gym.drawing.clips import Frame, grid, save_gif, save_mp4, save_png, together
 from bug_gym.simulation import Simulation
 
 

@@ -14,15 +14,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from bug_gym import evaluation, rollout
+from bug_gym import evaluation
 from bug_gym.agents import make_policy, policy_names
 from bug_gym.config import load, scenario_names
-from bug_gym.evaluation import evaluate, make_plan, typical
-from bug_gym.metrics import EpisodeRow
+from bug_gym.evaluation import evaluate, make_plan, rollout, typical
+from bug_gym.evaluation.rollout import Rollout
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry, load_suite, suite_names
 from bug_gym.observation import Sensors, View
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
-from bug_gym.rollout import Rollout
-from bug_gym.suites import PolicyEntry, ScenarioEntry, load_suite, suite_names
 
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
 """Nothing but a straight line of 8 m, at 1 m/s."""

@@ -11,16 +11,16 @@ import pytest
 from compiled import for_python
 from numpy.typing import NDArray
 
-from bug_gym import kernels
 from bug_gym.config import ScenarioError, load
+from bug_gym.kernels import contact
 from bug_gym.simulation import Simulation
 
 F64 = NDArray[np.float64]
 
 EARLY = 1e-5
-"""A contact of a circle that swings comes at most so much too early [m], see kernels.SWING."""
+"""A contact of a circle that swings comes at most so much too early [m], see body.SWING."""
 
-obstacle_contact = for_python(kernels.obstacle_contact)
+obstacle_contact = for_python(contact.obstacle_contact)
 
 
 def make(body: list[list[float]], *, step: float = 0.1, **world: Any) -> Simulation:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym.agents.history import TOP_SPEED, History, history_width, with_history
-from bug_gym.agents.robot_model import RobotModel
+from bug_gym.agents.learning.history import TOP_SPEED, History, history_width, with_history
+from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.config import load
 from bug_gym.observation import Sensors
 from bug_gym.simulation import Simulation

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import binom, norm, trim_mean
 
-from bug_gym.intervals import (
+from bug_gym.evaluation.intervals import (
     COMPARED,
     OVERALL,
     Summary,
@@ -25,7 +25,7 @@ from bug_gym.intervals import (
     summarise,
     wilson_interval,
 )
-from bug_gym.metrics import OUTCOMES, EpisodeRow
+from bug_gym.evaluation.rows import OUTCOMES, EpisodeRow
 
 FloatArray = NDArray[np.float64]
 BLANK = EpisodeRow(

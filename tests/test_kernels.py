@@ -14,17 +14,17 @@ from compiled import for_python
 from numpy.typing import NDArray
 from scipy import stats
 
-from bug_gym import kernels
+from bug_gym.kernels import chords, geometry
 from bug_gym.simulation import Simulation
 from bug_gym.world import Layout
 
 F64 = NDArray[np.float64]
 
-disc_contact: Any = for_python(kernels.disc_contact)
-nearest_on_chord: Any = for_python(kernels.nearest_on_chord)
-nearest_to_wall: Any = for_python(kernels.nearest_to_wall)
-sin_cos: Any = for_python(kernels.sin_cos)
-wall_contact: Any = for_python(kernels.wall_contact)
+disc_contact: Any = for_python(chords.disc_contact)
+nearest_on_chord: Any = for_python(chords.nearest_on_chord)
+nearest_to_wall: Any = for_python(chords.nearest_to_wall)
+sin_cos: Any = for_python(geometry.sin_cos)
+wall_contact: Any = for_python(chords.wall_contact)
 
 RADIUS = 0.2  # of the robots here [m]
 FAST = {"kinematics": "holonomic", "radius": RADIUS, "max_speed": 20.0}  # 2 m in a step of 0.1 s
@@ -115,10 +115,10 @@ def test_the_nearest_point_of_a_chord_to_a_disc_and_to_a_wall_is_shapelys() -> N
 
 
 def test_a_body_that_touches_and_leaves_or_slides_along_has_no_contact() -> None:
-    assert disc_contact(1.0, 0.0, 0.5, 0.0, 1.0) == kernels.NEVER
-    assert disc_contact(1.0, 0.0, 0.0, 5.0, 1.0) == kernels.NEVER
-    assert wall_contact(0.0, 0.5, 0.0, 1.0, -9.0, 0.0, 9.0, 0.0, 0.5) == kernels.NEVER
-    assert wall_contact(0.0, 0.5, 3.0, 0.0, -9.0, 0.0, 9.0, 0.0, 0.5) == kernels.NEVER
+    assert disc_contact(1.0, 0.0, 0.5, 0.0, 1.0) == chords.NEVER
+    assert disc_contact(1.0, 0.0, 0.0, 5.0, 1.0) == chords.NEVER
+    assert wall_contact(0.0, 0.5, 0.0, 1.0, -9.0, 0.0, 9.0, 0.0, 0.5) == chords.NEVER
+    assert wall_contact(0.0, 0.5, 3.0, 0.0, -9.0, 0.0, 9.0, 0.0, 0.5) == chords.NEVER
 
 
 def test_a_body_that_touches_and_approaches_has_contact_at_once() -> None:

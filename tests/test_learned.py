@@ -15,9 +15,9 @@ import pytest
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
 from bug_gym.agents import AGENTS, make_policy, policy_names
-from bug_gym.agents.learned import as_env_actions
-from bug_gym.agents.model_folder import TRAINED_FOLDER, read_config, trained_names
-from bug_gym.agents.robot_model import RobotModel
+from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
+from bug_gym.agents.learning.play import as_env_actions
+from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.evaluation import evaluate, make_plan
 from bug_gym.held_out import play
 from bug_gym.kinematics import discrete_actions
@@ -120,7 +120,7 @@ def test_a_continuous_action_becomes_the_nearest_discrete_one_and_a_number_its_a
 @pytest.mark.parametrize("name", LEARNED)
 def test_the_graph_computes_what_the_model_in_stable_baselines3_does(name: str) -> None:
     pytest.importorskip("stable_baselines3")
-    from bug_gym.agents.training import InTraining, rebuild
+    from bug_gym.agents.learning.training import InTraining, rebuild
 
     simulation, flats = observations(scenario_of(name))
     config = read_config(TRAINED_FOLDER / name)

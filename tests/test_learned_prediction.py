@@ -11,11 +11,11 @@ import pytest
 
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
-from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor
-from bug_gym.agents.model_folder import TRAINED_FOLDER
+from bug_gym.agents.learning.folder import TRAINED_FOLDER
 from bug_gym.agents.prediction import make_predictor
-from bug_gym.agents.prediction_data import displacement_errors, law_world, moments
-from bug_gym.agents.prediction_features import HORIZONS
+from bug_gym.agents.prediction.features import HORIZONS
+from bug_gym.agents.prediction.learned import CONFIG, GRAPH, LearnedPredictor
+from bug_gym.agents.prediction.samples import displacement_errors, law_world, moments
 from bug_gym.config import load
 from bug_gym.held_out import VALIDATION_SEEDS
 from bug_gym.observation import Sensors

@@ -11,7 +11,7 @@ pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `pla
 
 from test_ros_map import write_map
 
-from bug_gym.agents.model_folder import TRAINED_FOLDER, read_config, trained_names
+from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
 from bug_gym.reproductions import learned, ppo_curve, reproduction

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym.metrics import EpisodeRow, earliest_intercept, spl, turns_and_turning
+from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_and_turning
 
 FloatArray = NDArray[np.float64]
 TURN = np.array([[0.6, -0.8], [0.8, 0.6]])

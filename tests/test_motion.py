@@ -16,6 +16,7 @@ from scipy.optimize import linprog
 
 from bug_gym import kernels
 from bug_gym.config import Crowd, Evade, Replay, ScenarioError, load
+from bug_gym.kernels import avoidance
 from bug_gym.recordings import load_recording
 from bug_gym.simulation import Simulation
 from bug_gym.world import Capacity, Layout, Mover
@@ -24,9 +25,9 @@ F64 = NDArray[np.float64]
 
 STEP = 0.1
 
-escape_velocity = for_python(kernels.escape_velocity)
-least_violation = for_python(kernels.least_violation)
-nearest_velocity = for_python(kernels.nearest_velocity)
+escape_velocity = for_python(avoidance.escape_velocity)
+least_violation = for_python(avoidance.least_violation)
+nearest_velocity = for_python(avoidance.nearest_velocity)
 
 
 def scenario(movers: list[dict[str, Any]] | None = None, **parts: Any) -> dict[str, Any]:
@@ -174,7 +175,7 @@ def test_where_half_planes_leave_nothing_the_worst_of_them_is_missed_by_the_leas
 
 
 def escape(place: F64, velocity: F64, together: float, horizon: float) -> tuple[float, float, float, float]:
-    """`kernels.escape_velocity` of vectors."""
+    """`avoidance.escape_velocity` of vectors."""
     (px, py), (vx, vy) = place.tolist(), velocity.tolist()
     return escape_velocity(px, py, vx, vy, together, horizon, STEP)
 

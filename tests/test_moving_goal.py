@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bug_gym.agents.moving_goal import LONGEST_LEAD, MovingGoal, meeting_time
+from bug_gym.agents.hd_bug.moving_goal import LONGEST_LEAD, MovingGoal, meeting_time
 
 STEP = 0.1
 

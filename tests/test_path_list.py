@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bug_gym.agents.path_list import PathList, PathNode
+from bug_gym.agents.hd_bug.path_list import PathList, PathNode
 
 PACE = 0.5
 

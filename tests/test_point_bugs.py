@@ -11,9 +11,10 @@ from episodes import OTHER, RING_ROUND_THE_START, Disc, Episode, Ring, Slab, UTr
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
-from bug_gym.agents.critical_point_bug import CriticalPointBug
-from bug_gym.agents.e_bug import EBug
-from bug_gym.agents.open_points import OpenPoint, Profile, SubGoals
+from bug_gym.agents.bugs.critical_point_bug import CriticalPointBug
+from bug_gym.agents.bugs.e_bug import EBug
+from bug_gym.agents.scan import open_ways
+from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoals
 from bug_gym.observation import Sensors, View
 from bug_gym.reproductions import hd_bug_tables
 from bug_gym.simulation import Simulation
@@ -113,10 +114,10 @@ def test_the_free_ways_are_those_of_a_disc_along_finely_sampled_walls(seed: int)
     radius, m = 0.3, 90
     x, y = sensors.beam_directions * view.ranges
     link = np.empty(48, dtype=np.bool_)
-    kernels.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, 0.0, True, link)
+    open_ways.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, 0.0, True, link)
     angles = 2.0 * math.pi / m * np.arange(m) + 0.123
     free, beam = np.empty(m), np.empty(m, dtype=np.int64)
-    kernels.sweep_disc(
+    open_ways.sweep_disc(
         x, y, view.ranges, sensors.range, link, radius, 0.123, np.cos(angles), np.sin(angles), free, beam
     )
     px, py = view.points

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym.agents.prediction import PREDICTORS, Prediction, last_velocities, make_predictor, predictor_names
-from bug_gym.agents.tracking import Tracks
+from bug_gym.agents.prediction import PREDICTORS, make_predictor, predictor_names
+from bug_gym.agents.prediction.plain import last_velocities
+from bug_gym.agents.prediction.predictor import Prediction
+from bug_gym.agents.tracking.tracker import Tracks
 from bug_gym.config import load
 from bug_gym.observation import Sensors
 

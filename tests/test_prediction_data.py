@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 from tracked import disc, last_tracks, world_of
 
-from bug_gym.agents.prediction_data import (
-    LAWS,
-    STREET,
-    displacement_errors,
-    law_world,
-    match,
-    moments,
-    samples_of,
-)
-from bug_gym.agents.prediction_features import ANSWERS, HORIZONS, WIDTH
+from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, WIDTH
+from bug_gym.agents.prediction.samples import LAWS, STREET, displacement_errors, law_world, match, moments, samples_of
 from bug_gym.config import load
 from bug_gym.simulation import Simulation
 

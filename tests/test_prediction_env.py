@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from bug_gym.agents.prediction_env import PredictionEnv
-from bug_gym.agents.prediction_features import ANSWERS, KALMAN_ERRORS
+from bug_gym.agents.prediction.env import PredictionEnv
+from bug_gym.agents.prediction.features import ANSWERS, KALMAN_ERRORS
 
 ID = "BugGym/Prediction-v0"
 

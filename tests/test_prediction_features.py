@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym.agents.prediction_features import (
+from bug_gym.agents.prediction.features import (
     ANSWERS,
     HEADINGS,
     HORIZONS,
@@ -27,7 +27,7 @@ from bug_gym.agents.prediction_features import (
     mirrored_answers,
     mirrored_features,
 )
-from bug_gym.agents.tracking import Tracks
+from bug_gym.agents.tracking.tracker import Tracks
 
 F64 = NDArray[np.float64]
 

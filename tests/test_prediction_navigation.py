@@ -10,11 +10,11 @@ import pytest
 
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
-from bug_gym.agents import prediction_navigation
-from bug_gym.agents.learned_prediction import LearnedPredictor
-from bug_gym.agents.model_folder import TRAINED_FOLDER
-from bug_gym.agents.prediction_features import ANSWERS, WIDTH
-from bug_gym.agents.prediction_navigation import (
+from bug_gym.agents.learning.folder import TRAINED_FOLDER
+from bug_gym.agents.prediction import second_stage as prediction_navigation
+from bug_gym.agents.prediction.features import ANSWERS, WIDTH
+from bug_gym.agents.prediction.learned import LearnedPredictor
+from bug_gym.agents.prediction.second_stage import (
     LAWS,
     NUMBERS,
     ChangedPredictor,

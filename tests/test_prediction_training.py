@@ -16,12 +16,12 @@ pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `pla
 import torch
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 
-from bug_gym.agents.learned_prediction import CONFIG, GRAPH, LearnedPredictor
-from bug_gym.agents.model_folder import TRAINED_FOLDER, open_graph
+from bug_gym.agents.learning.folder import TRAINED_FOLDER, open_graph
 from bug_gym.agents.prediction import make_predictor
-from bug_gym.agents.prediction_data import Samples
-from bug_gym.agents.prediction_features import ANSWERS, HORIZONS, KALMAN_ERRORS, TOP_SPEED, WIDTH, cost_of, errors_of
-from bug_gym.agents.prediction_training import (
+from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, KALMAN_ERRORS, TOP_SPEED, WIDTH, cost_of, errors_of
+from bug_gym.agents.prediction.learned import CONFIG, GRAPH, LearnedPredictor
+from bug_gym.agents.prediction.samples import Samples
+from bug_gym.agents.prediction.training import (
     TRAININGS,
     AnswerBuffer,
     Answering,

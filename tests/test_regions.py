@@ -325,7 +325,7 @@ def test_a_region_that_cannot_be_is_refused_by_its_key() -> None:
 
 def test_regions_tint_the_floor_the_darker_the_larger_their_factor() -> None:
     pytest.importorskip("pygame", reason="pygame-ce comes with the extra `render`")
-    from bug_gym.rendering import Canvas
+    from bug_gym.drawing.canvas import Canvas
 
     canvas = Canvas(make(REGIONS, world={"start": [-9, -9, 0]}))
     frame = canvas.draw(scan=False)

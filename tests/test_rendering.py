@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym import painting, pixels, rendering
-from bug_gym.clips import Frame
+from bug_gym.drawing import canvas as rendering
+from bug_gym.drawing import painting, pixels
+from bug_gym.drawing.canvas import Canvas, Window, episode_picture
+from bug_gym.drawing.clips import Frame
 from bug_gym.policy import Drawing
-from bug_gym.rendering import Canvas, Window, episode_picture
 from bug_gym.simulation import Simulation
 
 WORLD: dict[str, Any] = {

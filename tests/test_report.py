@@ -14,10 +14,10 @@ import pytest
 from rich.console import Console
 
 from bug_gym.agents import policy_names
-from bug_gym.agents.model_folder import trained_names
-from bug_gym.intervals import Summary, compare, summarise
-from bug_gym.metrics import EpisodeRow
-from bug_gym.report import print_differences, print_table, write_summary
+from bug_gym.agents.learning.folder import trained_names
+from bug_gym.evaluation.intervals import Summary, compare, summarise
+from bug_gym.evaluation.report import print_differences, print_table, write_summary
+from bug_gym.evaluation.rows import EpisodeRow
 
 BLANK = EpisodeRow(
     "a", "box", 0, 0, "success", "", True, 8.0, 80, 8.0, 0.2, 8.0, 1.0, nan, 0.5, 0, 0.0, 0.004, 0.01, 0.1

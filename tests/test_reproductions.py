@@ -10,7 +10,7 @@ import shapely
 from episodes import run_episode
 
 from bug_gym.cli import main
-from bug_gym.report import draw_curves
+from bug_gym.evaluation.report import draw_curves
 from bug_gym.reproductions import REPRODUCTIONS, barn, bug_no_way, reproduction
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout

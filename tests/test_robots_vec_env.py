@@ -12,9 +12,9 @@ pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with th
 from stable_baselines3 import PPO
 
 import bug_gym
-from bug_gym.agents.training import InTraining, make_training_env, robot_of
-from bug_gym.agents.training_settings import load_settings
-from bug_gym.agents.vec_envs import JoinedVecEnv, RobotsVecEnv
+from bug_gym.agents.learning.settings import load_settings
+from bug_gym.agents.learning.training import InTraining, make_training_env, robot_of
+from bug_gym.agents.learning.vec_envs import JoinedVecEnv, RobotsVecEnv
 from bug_gym.config import load
 from bug_gym.held_out import play
 from bug_gym.simulation import Simulation

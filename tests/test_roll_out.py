@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym.agents.roll_out import FADING, Movers, RollOut, Velocities, roll_out
+from bug_gym.agents.hd_bug.roll_out import FADING, Movers, RollOut, Velocities, roll_out
 from bug_gym.kinematics import TURN_IN_PLACE, Drive, steering
 from bug_gym.simulation import Simulation
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym.agents.scan_motion import STILL, has_moved
+from bug_gym.agents.scan.motion import STILL, has_moved
 from bug_gym.config import load
 from bug_gym.observation import Sensors, View
 from bug_gym.simulation import Simulation

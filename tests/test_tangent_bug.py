@@ -23,7 +23,7 @@ from episodes import (
 )
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.tangent_graph import TangentGraph
+from bug_gym.agents.walls.tangent_graph import TangentGraph
 from bug_gym.config import load
 from bug_gym.observation import Sensors, View, width
 from bug_gym.shortest_path import reachable, shortest_path

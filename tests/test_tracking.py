@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from tracked import STEP, disc, last_tracks, track, world_of
 
-from bug_gym.agents.tracking import Tracker, TrackerMemory, Tracks
+from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
 from bug_gym.observation import Sensors, View
 from bug_gym.simulation import Simulation
 

@@ -26,13 +26,13 @@ from episodes import (
 from numpy.typing import NDArray
 from shapely.geometry import LineString, Polygon
 
-from bug_gym import kernels
 from bug_gym.agents import make_policy
+from bug_gym.agents.scan import joined as chains
 from bug_gym.simulation import Simulation
 
 POLICIES = ["vis_bug_21", "vis_bug_22"]
 
-is_seen_free = for_python(kernels.is_seen_free)
+is_seen_free = for_python(chains.is_seen_free)
 SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
 WITH_EYES: dict[str, Callable[[str], float]] = {
     "slab": SLAB.shortest,
@@ -295,7 +295,7 @@ def joined(
     """What `join_scan` makes of a scan all round: points of walls, and places up to which they may go on."""
     values, cos, sin = scan_of(ranges.tolist())
     points = np.empty((2, round(len(ranges) * (3 + gap / spacing))))
-    count, total = kernels.join_scan(values, cos, sin, reach, is_round, gap, spacing, points[0], points[1])
+    count, total = chains.join_scan(values, cos, sin, reach, is_round, gap, spacing, points[0], points[1])
     return points[:, :count], points[:, count:total]
 
 
@@ -372,9 +372,9 @@ def test_the_first_visible_place_of_a_row_is_found() -> None:
     scan = (ranges, 0.0, math.radians(1.0), True, (ranges * cos)[seen], (ranges * sin)[seen], 0.2)
     # Places (5, k): hidden until the wall's end at 19 degrees with the disc's radius, asin(0.2 / 3), beyond it.
     first = math.ceil(5.0 * math.tan(math.radians(19.0) + math.asin(0.2 / 3.0)) / 0.1)
-    assert kernels.first_seen_free(5.0, 0.0, 0.0, 0.1, 60, 8.0, *scan) == first
-    assert kernels.first_seen_free(5.0, 0.0, 0.0, 0.1, first, 8.0, *scan) == -1
-    assert kernels.first_seen_free(5.0, 0.0, 0.0, 0.1, 60, 5.0, *scan) == -1
+    assert chains.first_seen_free(5.0, 0.0, 0.0, 0.1, 60, 8.0, *scan) == first
+    assert chains.first_seen_free(5.0, 0.0, 0.0, 0.1, first, 8.0, *scan) == -1
+    assert chains.first_seen_free(5.0, 0.0, 0.0, 0.1, 60, 5.0, *scan) == -1
 
 
 @pytest.mark.parametrize("vision_range", [0.29, -1.0, math.nan])

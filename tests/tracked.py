@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.tracking import Tracker, Tracks
+from bug_gym.agents.tracking.tracker import Tracker, Tracks
 from bug_gym.observation import Sensors, View
 from bug_gym.simulation import Simulation
 

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from bug_gym.evaluation import evaluate
-from bug_gym.metrics import EpisodeRow
+from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 SOURCE = Path(__file__).parent.parent / "configs" / "reproductions" / "oni_wang_table_1.yaml"

@@ -56,7 +56,7 @@ def reproduce(settings: Settings) -> Reproduction:
         ValueError: a data folder without the recorded scenes.
     """
     from bug_gym.agents.prediction import predictor_names
-    from bug_gym.agents.prediction_data import LAWS
+    from bug_gym.agents.prediction.samples import LAWS
 
     names = settings.policies or tuple(predictor_names())
     tasks: list[tuple[str, int, Path | None]] = [
@@ -111,7 +111,7 @@ def _scenes(data: Path | None) -> dict[str, Path]:
 def ask(label: str, seed: int, path: Path | None, names: Sequence[str]) -> tuple[F64, NDArray[np.bool_]]:
     """Errors (predictors, n, TIMES) [m] of n questions in one world, and whether the mover then turned (n,)."""
     from bug_gym.agents.prediction import make_predictor
-    from bug_gym.agents.prediction_data import displacement_errors, moments, world_of
+    from bug_gym.agents.prediction.samples import displacement_errors, moments, world_of
     from bug_gym.observation import Sensors
 
     scenario = world_of(path or label, seed)
@@ -140,8 +140,8 @@ def other_scene(scenes: dict[str, Path], settings: Settings) -> dict[str, Any]:
 
 def train_further(recording: Path, out: Path, settings: Settings) -> list[str]:
     """Train each of LEARNED on from its shipped weights with a recording; returns their folders."""
-    from bug_gym.agents.model_folder import TRAINED_FOLDER
-    from bug_gym.agents.prediction_training import PredictorSettings, gather_for, train
+    from bug_gym.agents.learning.folder import TRAINED_FOLDER
+    from bug_gym.agents.prediction.training import PredictorSettings, gather_for, train
 
     crossings = 4 * (settings.seeds or CROSSINGS)
     folders = []

@@ -1,0 +1,1 @@
+"""The Bug algorithms, one a file."""

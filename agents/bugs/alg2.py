@@ -1,0 +1,82 @@
+"""Alg2: leave a wall nearer to the goal than ever before; turn round once where an earlier hit or leave point is met.
+
+Source: Sankaranarayanan and Vidyasagar (1990). Sensing assumed: contact (here the scan within the clearance), goal, own
+position. Memory kept: the smallest distance to the goal on the whole trip, all hit and leave points, the trace along
+the present boundary. States: motion_to_goal, boundary_following, walking_back. Guarantee: reaches the goal or declares
+it unreachable. Length: at most D + 2 sum(p_i), p_i the perimeter of obstacle i at the clearance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bug_gym.agents.walls.boundary_following import TARGET_MOVED, BoundaryBug, Contour, Point, TurningMemory
+from bug_gym.observation import View
+from bug_gym.policy import Velocity
+
+
+@dataclass
+class Alg2Memory(TurningMemory):
+    """Memory of Alg2."""
+
+    nearest: float = math.inf
+    """Smallest distance to the goal on the trip before this decision [m]."""
+    goal: Point | None = None
+    """The target that this distance belongs to, odometry frame [m]."""
+
+
+class Alg2(BoundaryBug):
+    """Alg2; its parameters are those of BoundaryBug."""
+
+    def start(self) -> Alg2Memory:
+        """Memory of a new episode."""
+        return Alg2Memory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: Alg2Memory) -> Velocity:
+        """One decision."""
+        boundary = self.boundary
+        boundary.advance(view, memory)
+        self._follow_target(view, memory)
+        velocity = self._decide(view, memory)
+        memory.nearest = min(memory.nearest, view.goal_distance)
+        return velocity
+
+    def _follow_target(self, view: View, memory: Alg2Memory) -> None:
+        """Distances and marks belong to a target that stands; begin anew when it has moved."""
+        if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
+            memory.goal = view.goal_position
+            memory.nearest = view.goal_distance
+            self.boundary.forget_marks(memory)
+
+    def _decide(self, view: View, memory: Alg2Memory) -> Velocity:
+        boundary = self.boundary
+        if memory.contour is not None and not memory.is_turning:
+            self.watch(view, memory, memory.contour)
+        if memory.is_turning:
+            velocity = boundary.walk_back(view, memory)
+            if velocity is not None:
+                memory.mode = "walking_back"
+                return velocity
+        if memory.contour is None:
+            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            if velocity is not None:
+                memory.mode = "motion_to_goal"
+                return velocity
+            self.hit(view, memory)
+        memory.mode = "boundary_following"
+        return boundary.follow(view, memory)
+
+    def hit(self, view: View, memory: Alg2Memory) -> None:
+        """Begin to follow what blocks the way to the goal."""
+        self.boundary.hit_and_trace(view, memory, self.side, view.goal_bearing)
+
+    def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
+        """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
+        distance = view.goal_distance
+        if distance < memory.nearest and self.boundary.is_free(view, view.goal_bearing, distance, contour):
+            self.boundary.leave_and_mark(view, memory)
+        elif contour.is_lap_closed:
+            memory.verdict = "unreachable"
+        else:
+            self.boundary.trace_contour(view, memory)

@@ -1,0 +1,150 @@
+"""Bug0+: Bug0 that remembers its last two hit points and follows the wall to a better place once it meets one again.
+
+Source: Oni and Wang, who give Rev3 this memory and propose it for other bugs. Sensing assumed: contact (here the scan
+within the clearance), goal. Memory kept: the last two hit points, their distances to the goal and gates there. States:
+motion_to_goal, boundary_following, wall_following_to_better_take_off. Guarantee: none proven; cycles of one or two hit
+points are broken, longer ones end as "looping". Length bound: none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from bug_gym.agents.walls.boundary_following import (
+    CLOSER,
+    TARGET_MOVED,
+    BoundaryBug,
+    BugMemory,
+    Contour,
+    Gate,
+    LeaveRule,
+    Point,
+    Turn,
+)
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Velocity
+
+
+@dataclass
+class SavedHit:
+    """A hit point that the robot would know again."""
+
+    place: Point
+    """Odometry frame [m]."""
+    distance: float
+    """To the goal [m]."""
+    gate: Gate | None = None
+    """Door across the contour there; None if the robot left before it went along the wall."""
+
+
+@dataclass
+class Bug0PlusMemory(BugMemory):
+    """Memory of Bug0+."""
+
+    saved: list[SavedHit] = field(default_factory=list)
+    """The last hit point, and before it in the list the one before."""
+    goal: Point = (0.0, 0.0)
+    """Where the target was when their distances were measured, odometry frame [m]."""
+    is_free_nearer: bool = False
+    """Whether the way was free somewhere on this lap nearer to the goal than its hit point, if not near enough."""
+
+
+class Bug0Plus(BoundaryBug):
+    """Bug0+. Parameters not named here are those of BoundaryBug.
+
+    Args:
+        early_stop: whether a first lap without a free heading is proof enough; if not, it takes the second that the
+            rules as published ask for.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "front",
+        early_stop: bool = False,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
+        self.early_stop = early_stop
+        self.closer = CLOSER * self.boundary.step
+
+    def start(self) -> Bug0PlusMemory:
+        """Memory of a new episode."""
+        return Bug0PlusMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: Bug0PlusMemory) -> Velocity:
+        """One decision."""
+        boundary = self.boundary
+        boundary.advance(view, memory)
+        self._watch_target(view, memory)
+        contour = memory.contour
+        if contour is not None:
+            if self._may_leave(view, memory, contour):
+                boundary.leave(view, memory)
+                memory.mode = "motion_to_goal"
+            else:
+                self._watch_saved_hits(memory, contour)
+        if memory.contour is None:
+            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            if velocity is not None:
+                return velocity
+            self._hit(view, memory)
+        return boundary.follow(view, memory)
+
+    def _watch_target(self, view: View, memory: Bug0PlusMemory) -> None:
+        """Forget the hit points when the target has moved: their distances belong to its old place."""
+        if math.dist(memory.goal, view.goal_position) <= TARGET_MOVED:
+            return
+        memory.goal = view.goal_position
+        memory.saved = []
+        memory.is_free_nearer = False
+        if memory.contour is not None:
+            memory.saved = [SavedHit(view.position, view.goal_distance)]
+            memory.mode = "boundary_following"
+
+    def _hit(self, view: View, memory: Bug0PlusMemory) -> None:
+        """Follow what blocks the way to the goal, to a better place at once if the hit point is a saved one."""
+        reach = self.boundary.gate_half_width
+        is_known = any(math.dist(hit.place, view.position) <= reach for hit in memory.saved)
+        memory.mode = "wall_following_to_better_take_off" if is_known else "boundary_following"
+        self.boundary.hit(view, memory, self.side, view.goal_bearing)
+        memory.saved = [*memory.saved[-1:], SavedHit(view.position, view.goal_distance)]
+        memory.is_free_nearer = False
+        if self.boundary.is_looping(memory):
+            memory.verdict = "looping"
+
+    def _may_leave(self, view: View, memory: Bug0PlusMemory, contour: Contour) -> bool:
+        """Whether the heading to the goal is free and, on the way to a better place, this is one."""
+        distance = view.goal_distance
+        if not self.boundary.is_free(view, view.goal_bearing, distance, contour):
+            return False
+        if memory.mode == "boundary_following":
+            return True
+        memory.is_free_nearer |= distance <= memory.saved[-1].distance - self.closer
+        return distance <= min(hit.distance for hit in memory.saved) - self.closer
+
+    def _watch_saved_hits(self, memory: Bug0PlusMemory, contour: Contour) -> None:
+        """Change the state, or give up, at a saved hit point."""
+        *before, last = memory.saved
+        last.gate = contour.gate
+        if contour.is_lap_closed:
+            if memory.mode == "wall_following_to_better_take_off":
+                # A lap without a free heading nearer than its own hit point is proof; without one nearer than a hit
+                # point on another obstacle it is not.
+                memory.verdict = "looping" if memory.is_free_nearer else "unreachable"
+            elif self.early_stop:
+                memory.verdict = "unreachable"
+            memory.mode = "wall_following_to_better_take_off"
+        elif contour.odometer > self.boundary.arming_length and any(self._passes(contour, hit.gate) for hit in before):
+            memory.mode = "wall_following_to_better_take_off"
+
+    def _passes(self, contour: Contour, gate: Gate | None) -> bool:
+        """Whether the last step went through a gate of an earlier contour."""
+        if gate is None:
+            return False
+        width = self.boundary.gate_half_width
+        return gate.is_passed(contour.before, contour.position, width, contour.heading_before)

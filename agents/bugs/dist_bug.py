@@ -1,0 +1,179 @@
+"""DistBug: follow a wall until the free way in sight toward the goal leads nearer to it than the wall has come.
+
+Source: Kamon and Rivlin (1997); turning always left is from Ng and Braeunl (2007). Sensing assumed: contact (here the
+scan within the clearance), the free way toward the goal up to r_max, goal, own position. Memory kept: the least
+distance to the goal on this boundary (d_min), a gate there. States: motion_to_goal, boundary_following. Guarantee:
+reaches the goal or declares it unreachable. Length: a lap for each hit at most, and not over D / STEP hits; two laps
+and further hits only where the last resort below is needed.
+
+With F the free way toward the goal, a wall is left where the goal is in sight (d - F <= 0) or d - F <= d_min - STEP.
+The published proof asks for a STEP not above the thickness of walls. Where the next obstacle stands nearer than STEP no
+such place is seen at all; so a lap without one is followed by Bug1's test at the nearest point, see Boundary.survey.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from bug_gym.agents.walls.boundary_following import (
+    TARGET_MOVED,
+    BoundaryBug,
+    BugMemory,
+    Contour,
+    LeaveRule,
+    Point,
+    Survey,
+    Turn,
+    is_ahead,
+    wrap,
+)
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Velocity
+
+SideRule = Literal["fixed", "goal"]
+
+SIDE_RULES = ("fixed", "goal")
+
+SQUARE = math.radians(3.0)
+"""A wall met at less than this from a right angle has no side nearer to the goal's direction [rad]."""
+
+
+@dataclass
+class DistBugMemory(BugMemory):
+    """Memory of DistBug."""
+
+    target: Point | None = None
+    """Where the target was when the distances below were measured, odometry frame [m]."""
+    closest: float = math.inf
+    """d_min: least distance to the goal on this boundary, from the hit point on [m]."""
+    hit_distance: float = math.inf
+    """Distance to the goal at the last hit point [m]."""
+    best: float = math.inf
+    """The least of those [m]."""
+    promised: float = math.inf
+    """Distance to the goal at which the next wall stands, as seen from the last leave point [m]."""
+    trust: float = math.inf
+    """How far the scan is believed [m]."""
+    survey: Survey = field(default_factory=Survey)
+    """What is known of this lap."""
+
+
+class DistBug(BoundaryBug):
+    """DistBug. Parameters not named here are those of BoundaryBug.
+
+    Args:
+        turn: which way to turn at a wall; with side_rule "goal" only where it is met at a right angle.
+        leave_rule: "any": leave wherever the goal lies (the algorithm as published); "front": only with the goal within
+            90 degrees of the direction of travel.
+        side_rule: "fixed": always to the side of `turn`; "goal": the way along the wall that turns less from the goal.
+        step: STEP, by how much nearer a leave must lead [m].
+        r_max: how far to look toward the goal [m]; None: as far as the LIDAR sees.
+
+    Raises:
+        ValueError: an unknown side rule, a step or r_max not above 0; and what BoundaryBug refuses.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "any",
+        side_rule: SideRule = "fixed",
+        step: float = 0.5,
+        r_max: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
+        if side_rule not in SIDE_RULES:
+            raise ValueError(f"side_rule must be one of {list(SIDE_RULES)}, got {side_rule!r}")
+        if not (step > 0.0 and math.isfinite(step)):
+            raise ValueError(f"step must be above 0 m, got {step!r}")
+        if r_max is not None and not r_max > 0.0:
+            raise ValueError(f"r_max must be above 0 m, got {r_max!r}")
+        self.side_rule = side_rule
+        self.step = step
+        self.r_max = sensors.range if r_max is None else min(r_max, sensors.range)
+
+    def start(self) -> DistBugMemory:
+        """Memory of a new episode."""
+        return DistBugMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: DistBugMemory) -> Velocity:
+        """One decision."""
+        boundary = self.boundary
+        boundary.advance(view, memory)
+        self._watch_target(view, memory)
+        if memory.contour is not None:
+            self._look_for_leave(view, memory, memory.contour)
+        if memory.contour is None:
+            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            if velocity is not None:
+                return velocity
+            self._hit(view, memory)
+        return boundary.follow(view, memory)
+
+    def _watch_target(self, view: View, memory: DistBugMemory) -> None:
+        """Forget distances to a place that the target has left."""
+        if memory.target is not None and math.dist(memory.target, view.goal_position) <= TARGET_MOVED:
+            return
+        memory.target = view.goal_position
+        memory.closest = memory.hit_distance = memory.best = memory.promised = math.inf
+        memory.survey = Survey()
+
+    def _hit(self, view: View, memory: DistBugMemory) -> None:
+        """Begin to follow what blocks the way to the goal."""
+        distance = view.goal_distance
+        if distance > memory.promised + 2.0 * self.boundary.step:
+            # The scan promised more than there was: believe it half as far until a hit is nearer than all before.
+            memory.trust = 0.5 * min(memory.trust, self.r_max)
+        elif distance < memory.best:
+            memory.trust = math.inf
+        memory.best = min(memory.best, distance)
+        memory.closest = memory.hit_distance = distance
+        memory.survey = Survey()
+        memory.mode = "boundary_following"
+        self.boundary.hit(view, memory, self._turn(view), view.goal_bearing)
+
+    def _turn(self, view: View) -> int:
+        """The side to turn to at the wall in front."""
+        if self.side_rule == "fixed":
+            return self.side
+        _, wall = view.nearest(view.goal_bearing, 0.5 * math.pi)
+        angle = wrap(wall - view.goal_bearing)
+        if abs(angle) < SQUARE:
+            return self.side
+        return -1 if angle > 0.0 else 1
+
+    def _look_for_leave(self, view: View, memory: DistBugMemory, contour: Contour) -> None:
+        """Leave, or give up after a lap."""
+        distance = view.goal_distance
+        memory.closest = min(memory.closest, distance)
+        next_wall = self._next_wall(view, memory, contour)
+        if next_wall > memory.closest - self.step:
+            advice = self.boundary.survey(view, contour, memory.survey, memory.hit_distance)
+            if advice != "leave":
+                memory.verdict = advice
+                return
+            next_wall = memory.survey.next_wall
+        memory.promised = next_wall
+        memory.mode = "motion_to_goal"
+        self.boundary.leave(view, memory)
+
+    def _next_wall(self, view: View, memory: DistBugMemory, contour: Contour) -> float:
+        """Distance to the goal at the end of the free way toward it, d - F [m].
+
+        Minus infinity with the goal in sight, infinite where the way must not be taken.
+        """
+        boundary, bearing = self.boundary, view.goal_bearing
+        travel = contour.heading if boundary.leave_rule == "front" else None
+        if travel is not None and not is_ahead(travel, bearing + view.heading):
+            return math.inf
+        reach = min(self.r_max, memory.trust)
+        if boundary.sees_goal(view, reach):
+            return -math.inf
+        free = boundary.certain_way(view, bearing) - (boundary.clearance - boundary.inner)
+        return view.goal_distance - min(free, reach)

@@ -1,0 +1,90 @@
+"""PointBug: from sudden point to sudden point, taking the first that a turning range sensor meets.
+
+Source: Buniyamin, Ngah, Wan Ngah and Mohamad (2011). Sensing assumed: a range sensor that turns with the robot, long or
+unlimited; goal. Memory kept: where it set out, the side it turns to, the least goal distance of a sudden point. States:
+motion_to_goal, motion_to_sub_goal, corner_rounding. The robot faces the goal; where something is in the way it turns
+until the reading jumps, goes there, and begins again. It turns to that side of the line to the goal on which the last
+sudden point lay, and ignores what is straight behind. A full turn without a sudden point is "unreachable" by
+definition; here only where all beams hang together in one wall, else "stuck": few beams may miss a narrow way.
+Guarantee: none, it can cycle (then "looping"). Length bound: none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bug_gym.agents.walls.boundary_following import LeaveRule, Turn, wrap
+from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoalBug, SubGoalMemory, rotation_to
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Velocity
+
+BEHIND = math.radians(10.0)
+"""Half width of the sector behind the robot in which a sudden point is the one it comes from [rad]."""
+
+
+@dataclass
+class PointBugMemory(SubGoalMemory):
+    """Memory of PointBug."""
+
+    turning_side: int = 0
+    """Side to which the robot turns from the goal: +1 left, -1 right; 0 before the first sudden point."""
+    least_distance: float = math.inf
+    """Goal distance of the nearest sudden point so far (d_min) [m]."""
+
+
+class PointBug(SubGoalBug):
+    """PointBug. Parameters not named here are those of SubGoalBug.
+
+    Args:
+        turn: which way the robot turns to find its first sudden point.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "right",
+        leave_rule: LeaveRule = "any",
+        jump: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, jump=jump, discrete=discrete)
+
+    def start(self) -> PointBugMemory:
+        """Memory of a new episode."""
+        return PointBugMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: PointBugMemory) -> Velocity:
+        """One decision."""
+        velocity = super().act(view, memory)
+        if memory.corner is not None:
+            memory.least_distance = min(memory.least_distance, math.dist(memory.corner, view.goal_position))
+        return velocity
+
+    def choose(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
+        """The first sudden point met when turning from the goal."""
+        point = self._first_met(view, memory, profile)
+        if point is not None:
+            memory.turning_side = 1 if point.rotation < math.pi else -1
+        return point
+
+    def verdict(self, profile: Profile) -> str:
+        """A full turn without a sudden point, along one wall: the robot is shut in, without its goal."""
+        return "stuck" if profile.open_points or not profile.link.all() else "unreachable"
+
+    def _first_met(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
+        """The first sudden point met when turning from the goal, one straight behind left out."""
+        others = self.sub_goals.other_points(view, memory, profile)
+        points = [point for point in others if not self._is_behind(view, memory, point)]
+        side = memory.turning_side or self.side
+        return min(points, key=lambda point: rotation_to(point, side), default=None)
+
+    def _is_behind(self, view: View, memory: PointBugMemory, point: OpenPoint) -> bool:
+        """Whether a sudden point lies where the robot comes from."""
+        if memory.came_from is None:
+            return False
+        x, y = view.to_robot(*memory.came_from)
+        back = wrap(math.atan2(y, x) - view.goal_bearing)
+        return abs(wrap(point.rotation - back)) <= BEHIND

@@ -1,0 +1,1 @@
+"""Policies that nothing should do worse than: the floor of every comparison."""

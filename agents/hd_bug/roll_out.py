@@ -1,0 +1,144 @@
+"""What would come of a desired velocity among things that move: the roll-outs behind HD-BUG's two-phase avoidance.
+
+Each candidate is a desired velocity that the robot holds. It is rolled out with the robot's own kinematics and compared,
+time by time, with the predicted places of the tracks. All coordinates are in the odometry frame [m].
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.compiling import kernel
+from bug_gym.kernels.layout import Floats
+from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
+
+F64 = NDArray[np.float64]
+
+
+FADING = 1.5
+"""Time constant with which a near miss ahead fades [s]."""
+
+
+class Velocities(NamedTuple):
+    """Desired velocities, m of them, that the robot would hold."""
+
+    directions: F64
+    """(m,) odometry frame [rad]."""
+    speeds: F64
+    """(m,) [m/s]."""
+    free: F64
+    """(m,) free way along each direction [m]; the robot stops at its end."""
+
+
+class Movers(NamedTuple):
+    """Where T discs are predicted to be at K times."""
+
+    places: F64
+    """Centres (T, K, 2) [m]."""
+    radii: F64
+    """Radii with what is not known of their places (T, K) [m]."""
+    margin: float
+    """Nearer than this is near [m]."""
+
+
+class RollOut(NamedTuple):
+    """What comes of m velocities."""
+
+    contact: F64
+    """Time until it meets something predicted (m,) [s]; infinite where it doesn't within the horizon."""
+    nearness: F64
+    """Penalty for passing nearer than the margin (m,): the squared shortfall as a share, fading with time."""
+    end: F64
+    """Where it is after the time to be compared at (m, 2) [m]."""
+
+
+def roll_out(
+    drive: Drive,
+    pose: tuple[float, float, float],
+    radius: float,
+    velocities: Velocities,
+    movers: Movers,
+    times: F64,
+    compare: int,
+) -> RollOut:
+    """Roll out desired velocities.
+
+    Args:
+        drive: kinematics and limits of the robot.
+        pose: x, y [m], heading [rad].
+        radius: of the robot [m].
+        velocities: desired ones.
+        movers: what is to be avoided.
+        times: (K,) rising, evenly spaced, the first one spacing from now [s].
+        compare: index of the time at which `end` is taken.
+    """
+    m = len(velocities.directions)
+    result = RollOut(np.empty(m), np.empty(m), np.empty((m, 2)))
+    is_holonomic, turn_gain = drive.kinematics == "holonomic", min(TURN_GAIN, 1.0 / drive.step)
+    _roll_out(is_holonomic, drive.max_turn_rate, turn_gain, *pose, radius, velocities, movers, times, compare, result)
+    return result
+
+
+@kernel
+def _roll_out(
+    is_holonomic: bool,
+    max_turn_rate: float,
+    turn_gain: float,
+    x: float,
+    y: float,
+    heading: float,
+    radius: float,
+    velocities: Velocities,
+    movers: Movers,
+    times: Floats,
+    compare: int,
+    result: RollOut,
+) -> None:
+    directions, speeds, free = velocities
+    predicted, radii, margin = movers
+    contact, nearness, end = result
+    tracks, count = radii.shape
+    dt = times[0]
+    for i in range(len(directions)):
+        px, py, theta = x, y, heading
+        left = free[i]
+        contact[i] = np.inf
+        nearness[i] = 0.0
+        ox, oy = px, py
+        for k in range(count):
+            if is_holonomic:
+                way = min(speeds[i] * dt, left)
+                px += way * math.cos(directions[i])
+                py += way * math.sin(directions[i])
+            else:
+                error = directions[i] - theta
+                error = math.atan2(math.sin(error), math.cos(error))
+                turn = min(max(turn_gain * error, -max_turn_rate), max_turn_rate) * dt
+                if abs(turn) > abs(error):
+                    turn = error
+                way = min(speeds[i] * math.cos(error) * dt, left) if abs(error) <= TURN_IN_PLACE else 0.0
+                px += way * math.cos(theta + 0.5 * turn)
+                py += way * math.sin(theta + 0.5 * turn)
+                theta += turn
+            left -= way
+            fade = math.exp(-times[k] / FADING)
+            for t in range(tracks):
+                reach = radius + radii[t, k]
+                dx, dy = predicted[t, k, 0] - px, predicted[t, k, 1] - py
+                square = dx * dx + dy * dy
+                if square >= (reach + margin) ** 2:
+                    continue
+                if square < reach * reach:
+                    if contact[i] == np.inf:
+                        contact[i] = times[k]
+                    nearness[i] = max(nearness[i], fade)
+                else:
+                    short = 1.0 - (math.sqrt(square) - reach) / margin
+                    nearness[i] = max(nearness[i], short * short * fade)
+            if k == compare:
+                ox, oy = px, py
+        end[i, 0], end[i, 1] = ox, oy

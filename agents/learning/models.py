@@ -1,0 +1,220 @@
+"""Models of stable-baselines3 on disk: as a folder that `make_policy` plays without torch, and as SB3's own zip."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import warnings
+import zipfile
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save
+from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.dqn.policies import DQNPolicy
+from stable_baselines3.sac.policies import SACPolicy
+
+from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, read_config, sha256
+from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
+from bug_gym.benchmark import machine
+from bug_gym.config import dump
+from bug_gym.drawing.clips import replaced_when_done
+
+PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")
+"""Packages beside those of `machine()` whose versions are kept with a model."""
+
+TELLING: dict[str, type[BaseAlgorithm]] = {
+    "clip_range": PPO,
+    "target_entropy": SAC,
+    "exploration_final_eps": DQN,
+    "policy_delay": TD3,
+    "gae_lambda": A2C,
+}
+"""Algorithm by a setting that only it has, looked for in this order; SB3's zip does not name it."""
+
+
+class Decision(torch.nn.Module):
+    """What a model does, without chance: observations (n, D) to actions (n, 2), or to numbers (n,) of actions."""
+
+    def __init__(self, model: BaseAlgorithm) -> None:
+        super().__init__()
+        self.policy = model.policy
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """The actions."""
+        if isinstance(self.policy, (SACPolicy, DQNPolicy)):
+            action: torch.Tensor = self.policy._predict(observation, deterministic=True)
+            return action
+        assert isinstance(self.policy, ActorCriticPolicy)
+        features = self.policy.extract_features(observation, self.policy.pi_features_extractor)
+        assert isinstance(features, torch.Tensor)
+        return torch.clamp(self.policy.action_net(self.policy.mlp_extractor.forward_actor(features)), -1.0, 1.0)
+
+
+def write_onnx(path: Path, model: BaseAlgorithm) -> None:
+    """Write a model's decisions as an ONNX graph, encoding of the observation included."""
+    shape = model.observation_space.shape
+    assert shape is not None
+    write_graph(path, Decision(model).eval(), shape)
+
+
+def write_graph(path: Path, decision: torch.nn.Module, shape: Sequence[int]) -> None:
+    """Write what takes observations (n, *shape) to actions as an ONNX graph."""
+    example = torch.ones(2, *shape)
+    with warnings.catch_warnings(), replaced_when_done(path) as partial:
+        warnings.simplefilter("ignore")  # the exporter's own notes on its future
+        torch.onnx.export(
+            decision,
+            (example,),
+            str(partial),
+            input_names=["observation"],
+            output_names=["action"],
+            dynamic_axes={"observation": {0: "n"}, "action": {0: "n"}},
+            dynamo=find_spec("onnxscript") is not None,
+        )
+
+
+def write_agent(
+    folder: Path, model: BaseAlgorithm, settings: AnySettings, robot: RobotModel, runs: Mapping[str, Any]
+) -> None:
+    """Write a model and all that made it into a folder.
+
+    Args:
+        folder: where to.
+        model: the model, with the weights that did best.
+        settings: of its training.
+        robot: what it was trained for.
+        runs: by seed: curve, best point of it, and held-out results.
+    """
+    write_onnx(folder / GRAPH, model)
+    with replaced_when_done(folder / WEIGHTS) as partial:
+        partial.write_bytes(save({name: value.contiguous() for name, value in model.policy.state_dict().items()}))
+    record = {
+        "name": settings.name,
+        "robot": robot.as_dict(),
+        "action": settings.action,
+        "history": list(settings.history),
+        "settings": json.loads(settings.model_dump_json()),
+        "scenarios": [dump(scenario) for scenario in settings.loaded],
+        "seed": int(next(iter(runs))),
+        "machine": machine() | {"threads": torch.get_num_threads()} | {name: version(name) for name in PACKAGES},
+        "sha256": {name: sha256((folder / name).read_bytes()) for name in (GRAPH, WEIGHTS)},
+        "runs": dict(runs),
+    }
+    _write_record(folder, record)
+
+
+def _write_record(folder: Path, record: Mapping[str, Any]) -> None:
+    with replaced_when_done(folder / CONFIG) as partial:
+        Path(partial).write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with replaced_when_done(folder / "card.md") as partial:
+        Path(partial).write_text(card(record), encoding="utf-8")
+
+
+def gather(folders: Sequence[Path], out: Path) -> Path:
+    """Copy the model that did best in its validation to `out`, with the curves and results of all of them."""
+    records = [read_config(folder) for folder in folders]
+    scores = [record["runs"][str(record["seed"])]["best"]["success"] for record in records]
+    best = scores.index(max(scores))
+    out.mkdir(exist_ok=True)
+    for name in (GRAPH, WEIGHTS):
+        shutil.copyfile(folders[best] / name, out / name)
+    runs = {seed: run for record in records for seed, run in record["runs"].items()}
+    _write_record(out, {**records[best], "runs": runs})
+    return out
+
+
+def command(record: Mapping[str, Any]) -> str:
+    """What to type to train a model again; what a YAML of one's own said is kept in its config.json."""
+    name, seeds = record["name"], len(record["runs"])
+    words = [f"bug-gym train {name}.yaml"]
+    if name in training_names():
+        shipped = json.loads(load_settings(name).model_dump_json())
+        changed = {key: value for key, value in record["settings"].items() if value != shipped[key]}
+        words = [f"bug-gym train {name}", *(f"--set '{key}={json.dumps(value)}'" for key, value in changed.items())]
+    return " ".join([*words, f"--seeds {seeds}"] if seeds > 1 else words)
+
+
+def card(record: Mapping[str, Any]) -> str:
+    """What people want to know of a model before they use it, as Markdown."""
+    settings, runs, made_on = record["settings"], record["runs"], record["machine"]
+    scenarios = ", ".join(str(scenario) for scenario in settings["scenarios"])
+    memory = f"a history of {record['history']} steps ago" if record["history"] else "none"
+    robot = record["robot"]
+    lines = [
+        f"# {record['name']}",
+        "",
+        f"- Task: the scenario{'s' * (len(settings['scenarios']) > 1)} {scenarios}",
+        f"- Robot: {robot['kinematics']}, radius {robot['radius']} m, up to {robot['max_speed']} m/s; "
+        f"{robot['beams']} beams of {robot['range']} m; a step of {robot['step']} s. Any other robot is refused.",
+        f"- Algorithm: {settings['algo'].upper()} of stable-baselines3 {made_on['stable_baselines3']}, "
+        f"layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}, "
+        f"begun from {settings['start_from'] or 'scratch'}",
+        f"- Made again by `{command(record)}`; the model here is of seed {record['seed']}, which did best in its validation",
+        f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",
+        "",
+        "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",
+        "",
+        "| seed | steps | minutes | CPU minutes | scenario | n | success | 95 % | collision | timeout | time [s] |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for seed, run in runs.items():
+        last = run["curve"][-1]
+        for name, held in run["held_out"].items():
+            spent = f"{last['steps']:,} | {last['seconds'] / 60:.1f} | {last['cpu_seconds'] / 60:.1f}"
+            interval = f"{100 * held['low']:.1f} - {100 * held['high']:.1f}"
+            shares = f"{100 * held['collision']:.1f} | {100 * held['timeout']:.1f} | {held['time'] or '-'}"
+            lines.append(
+                f"| {seed} | {spent} | {name} | {held['n']} | {100 * held['success']:.1f} | {interval} | {shares} |"
+            )
+    lines += ["", "Success in validation [%] by environment steps, one column a seed:", "", *_curve_lines(runs), ""]
+    return "\n".join(lines)
+
+
+def _curve_lines(runs: Mapping[str, Any]) -> list[str]:
+    by_steps: dict[int, dict[str, float]] = {}
+    for seed, run in runs.items():
+        for point in run["curve"]:
+            by_steps.setdefault(point["steps"], {})[seed] = 100.0 * point["success"]
+    lines = [f"| steps | {' | '.join(runs)} |", "|---" * (len(runs) + 1) + "|"]
+    for steps, found in sorted(by_steps.items()):
+        cells = (f"{found[seed]:.1f}" if seed in found else "-" for seed in runs)
+        lines.append(f"| {steps:,} | {' | '.join(cells)} |")
+    return lines
+
+
+def load_weights(path: Path, network: torch.nn.Module) -> None:
+    """Give a network the weights of a trained one of the same layers.
+
+    Raises:
+        ValueError: the file is missing or damaged, or of another network.
+    """
+    try:
+        network.load_state_dict(load_file(path))
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise ValueError(f"{path} cannot be read into this network: {error}") from None
+
+
+def load_zip(path: str | Path) -> BaseAlgorithm:
+    """A model that SB3 has saved. It is a pickle: reading it can run any code that its author put there.
+
+    Raises:
+        ValueError: no such file, or none of SB3's.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            keys = json.loads(archive.read("data"))
+    except (OSError, zipfile.BadZipFile, KeyError, ValueError) as error:
+        raise ValueError(f"{path} is no model of stable-baselines3: {error}") from None
+    kind = next((kind for key, kind in TELLING.items() if key in keys), None)
+    if kind is None:
+        raise ValueError(f"{path}: known are models of {', '.join(kind.__name__ for kind in TELLING.values())}")
+    return kind.load(path, device="cpu")

@@ -1,0 +1,159 @@
+"""Learned policies in play: an ONNX graph run by onnxruntime, without torch.
+
+Shipped ones lie in agents/trained/NAME; `bug-gym train` writes folders of the same kind. A model is made for one robot
+and one scanner, and is refused for any other.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read_config
+from bug_gym.agents.learning.history import History, with_history
+from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.kinematics import discrete_actions
+from bug_gym.observation import Sensors, as_dict
+from bug_gym.policy import MisfitError, Observation, flat_observation
+
+
+class LearnedPolicy:
+    """A trained model.
+
+    Decides without chance: `deterministic` is ignored. Where the model has a memory, `state` is a 1-tuple of the
+    History of all rows together, changed in place.
+
+    Args:
+        sensors: the robot that it is to drive.
+        discrete: whether the env takes numbers of discrete actions.
+        model: name of a shipped model, or a folder.
+
+    Raises:
+        MisfitError: the model was made for another robot.
+        ValueError: no such model, or its files are damaged.
+        ImportError: onnxruntime is not installed.
+    """
+
+    one_by_one: ClassVar[bool] = True
+    """Asked for each robot alone by an evaluation, so that its times of decisions compare with those of others."""
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, model: str | Path) -> None:
+        folder = model_folder(model)
+        self.config = read_config(folder)
+        self.robot = RobotModel.from_dict(self.config["robot"])
+        require_fit(self.config["name"], self.robot, sensors)
+        self.sensors, self.discrete = sensors, discrete
+        self._lags = tuple(self.config["history"])
+        self._session = open_graph(folder / GRAPH, self.config["sha256"][GRAPH])
+        self._table = discrete_actions(sensors.drive)
+
+    def predict(
+        self,
+        observation: Observation,
+        state: tuple[History, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[Any], tuple[History, ...] | None]:
+        """Actions for one observation or a batch.
+
+        Args:
+            observation: Dict or flat, one or a batch (n, ...).
+            state: as the last call returned it.
+            episode_start: (n,) True where the observation is the first of an episode.
+            deterministic: ignored.
+
+        Returns:
+            Actions (2,) or (n, 2) float32, or numbers of discrete actions; and the state.
+
+        Raises:
+            ValueError: an observation of another size, or with a number that is not finite.
+        """
+        flat = flat_observation(observation, self.sensors)
+        rows = np.atleast_2d(flat)
+        if not np.isfinite(rows).all():
+            raise ValueError("the observation holds a number that is not finite")
+        rows, state = with_history(rows, state, episode_start, robot=self.robot, lags=self._lags)
+        (actions,) = self._session.run(None, {"observation": rows})
+        actions = as_env_actions(actions, self._table, discrete=self.discrete)
+        return (actions[0] if flat.ndim == 1 else actions), state
+
+
+class ZipPolicy:
+    """A model that SB3 has saved, as a policy; it was trained on our observations, Dict or flat.
+
+    Args:
+        sensors: the robot that it is to drive.
+        discrete: whether the env takes numbers of discrete actions.
+        path: the zip.
+        trust: whether to read it at all: a zip is a pickle and can run any code.
+
+    Raises:
+        MisfitError: the model was made for other observations.
+        ValueError: the zip is not trusted, or no model of SB3.
+    """
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, path: Path, trust: bool = False) -> None:
+        if trust is not True:
+            raise ValueError(
+                f"{path} is a pickle, which can run any code when it is read: "
+                "pass trust=True if you know where it comes from"
+            )
+        if not path.is_file():
+            raise ValueError(f"no file {path}")
+        from bug_gym.agents.learning.models import load_zip
+
+        self.model: Any = load_zip(path)
+        self.sensors, self.discrete = sensors, discrete
+        self._table = discrete_actions(sensors.drive)
+        flat = np.zeros(sensors.fields[-1].end, dtype=np.float32)
+        spaces = getattr(self.model.observation_space, "spaces", None)
+        self._is_dict = spaces is not None
+        came = {name: value.shape for name, value in as_dict(flat, sensors.fields).items()} if spaces else flat.shape
+        made_for = (
+            {name: space.shape for name, space in spaces.items()} if spaces else self.model.observation_space.shape
+        )
+        if came != made_for:
+            raise MisfitError(f"{path} was made for observations {made_for}, the robot's are {came}")
+
+    def predict(
+        self,
+        observation: Observation,
+        state: tuple[Any, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[Any], tuple[Any, ...] | None]:
+        """As SB3's `predict`, for Dict or flat observations, one or a batch."""
+        flat = flat_observation(observation, self.sensors)
+        fit: Any = as_dict(flat, self.sensors.fields) if self._is_dict else flat
+        actions, state = self.model.predict(fit, state, episode_start, deterministic)
+        return as_env_actions(actions, self._table, discrete=self.discrete), state
+
+
+def as_env_actions(actions: NDArray[Any], table: NDArray[np.float32], *, discrete: bool) -> NDArray[Any]:
+    """Actions of a model as the env takes them.
+
+    Args:
+        actions: (..., 2) in [-1, 1], or numbers (...) of discrete actions.
+        table: the discrete actions (m, 2).
+        discrete: whether the env takes numbers.
+    """
+    is_number = actions.dtype.kind in "iu"
+    if is_number == discrete:
+        return actions
+    if is_number:
+        return np.asarray(table[actions])
+    gaps = np.square(actions[..., None, :] - table).sum(axis=-1)
+    return np.asarray(gaps.argmin(axis=-1), dtype=np.int64)
+
+
+def require_fit(name: str, robot: RobotModel, sensors: Sensors) -> None:
+    """Raise a MisfitError where a model was made for another robot."""
+    try:
+        other = RobotModel.of(sensors)
+    except ValueError as error:
+        raise MisfitError(f"policy {name!r} does not fit this robot: {error}") from None
+    if differences := list(robot.differences(other)):
+        raise MisfitError(f"policy {name!r} was made for another robot: {'; '.join(differences)}")

@@ -1,0 +1,549 @@
+"""Training with stable-baselines3: settings in, a folder with the best model and all that made it out.
+
+The trained worlds, those of validation and those of evaluations are apart (bug_gym.held_out). A PPO training that was
+killed goes on from its last checkpoint, at the border of a rollout, and ends with the same model bit for bit.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import pickle
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import DQN, PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.type_aliases import RolloutBufferSamples
+
+from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, model_folder, read_config
+from bug_gym.agents.learning.history import with_history
+from bug_gym.agents.learning.models import gather, load_weights, write_agent
+from bug_gym.agents.learning.networks import RobotEncoding
+from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.agents.learning.settings import (
+    AnySettings,
+    DQNSettings,
+    OffPolicySettings,
+    PPOSettings,
+    SACSettings,
+    load_settings,
+)
+from bug_gym.agents.learning.vec_envs import HistoryVecEnv, TrainingEnv, join
+from bug_gym.config import Scenario
+from bug_gym.drawing.clips import replaced_when_done
+from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
+from bug_gym.observation import Sensors
+
+CHECKPOINT, CURVE = "checkpoint.pt", "curve.csv"
+"""Files of a training's folder."""
+
+SEED_BLOCK = 2**20
+"""Seeds of one training's worlds."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One validation."""
+
+    steps: int
+    """Environment steps so far."""
+    seconds: float
+    """Time spent on training [s]; validations and checkpoints do not count."""
+    cpu_seconds: float
+    """The same in time of processors [s]: what it would take one core that nobody else uses."""
+    success: float
+    """Share of successes, mean over the scenarios."""
+    collision: float
+    """Share of collisions."""
+    timeout: float
+    """Share of timeouts."""
+    time: float | None
+    """Mean time of a success [s]; None where there was none."""
+
+
+@dataclass
+class Progress:
+    """What a training knows besides its model."""
+
+    points: list[Point] = field(default_factory=list)
+    """Validations so far."""
+    best: dict[str, torch.Tensor] = field(default_factory=dict)
+    """Weights of the policy that did best in them."""
+    best_point: Point | None = None
+    """How it did."""
+    seconds: float = 0.0
+    """Time spent on training [s]."""
+    cpu_seconds: float = 0.0
+    """The same in time of processors [s]."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The parts of a training
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def robot_of(scenarios: Sequence[Scenario]) -> RobotModel:
+    """The robot that all scenarios share.
+
+    Raises:
+        ValueError: their robots differ.
+    """
+    first, *others = [RobotModel.of(Sensors.of(scenario)) for scenario in scenarios]
+    for scenario, other in zip(scenarios[1:], others, strict=True):
+        if differences := list(first.differences(other)):
+            raise ValueError(f"{scenario.name} has another robot than {scenarios[0].name}: {', '.join(differences)}")
+    return first
+
+
+def make_training_env(settings: AnySettings, seed: int) -> TrainingEnv:
+    """The worlds of a training, seeded.
+
+    Raises:
+        ValueError: fewer worlds than scenarios, or scenarios with different robots.
+    """
+    scenarios = settings.loaded
+    robot = robot_of(scenarios)
+    joined = join(scenarios, settings.n_envs, settings.action)
+    env = HistoryVecEnv(joined, robot, settings.history) if settings.history else joined
+    env.seed(TRAINING_SEEDS + seed * SEED_BLOCK)
+    return env
+
+
+def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgorithm:
+    """An untrained model of stable-baselines3."""
+    kwargs = settings.policy_kwargs
+    policy_kwargs: dict[str, Any] = {
+        "features_extractor_class": RobotEncoding,
+        "features_extractor_kwargs": {
+            "robot": robot_of(settings.loaded).as_dict(),
+            "lags": settings.history,
+            "linear": settings.encoding == "linear",
+        },
+        "net_arch": list(kwargs.net_arch),
+        "activation_fn": {"relu": partial(torch.nn.ReLU, inplace=True), "tanh": torch.nn.Tanh}[kwargs.activation_fn],
+    }
+    same: dict[str, Any] = {
+        "policy": settings.policy,
+        "env": env,
+        "learning_rate": settings.rate,
+        "gamma": settings.gamma,
+        "batch_size": settings.batch_size,
+        "seed": seed,
+        "device": "cpu",
+    }
+    model: BaseAlgorithm
+    if isinstance(settings, PPOSettings):
+        policy_kwargs["log_std_init"] = kwargs.log_std_init
+        own = ("n_steps", "n_epochs", "gae_lambda", "clip_range", "ent_coef", "vf_coef", "max_grad_norm")
+        model = PPO(
+            **same,
+            **{name: getattr(settings, name) for name in own},
+            policy_kwargs=policy_kwargs,
+            rollout_buffer_class=Rollouts,
+            rollout_buffer_kwargs={"seed": seed},
+        )
+    else:
+        model = _off_policy_model(settings, {**same, "policy_kwargs": policy_kwargs})
+    env.seed(TRAINING_SEEDS + seed * SEED_BLOCK)  # SB3 has just seeded it as it seeds itself
+    return model
+
+
+def _off_policy_model(settings: SACSettings | DQNSettings, same: Mapping[str, Any]) -> BaseAlgorithm:
+    shared = [name for name in OffPolicySettings.model_fields if name in OffPolicySettings.__annotations__]
+    own = {name: getattr(settings, name) for name in [*shared, *type(settings).__annotations__]}
+    for name in ("n_envs", "algo", "action"):
+        own.pop(name, None)
+    kind: type[SAC] | type[DQN] = SAC if isinstance(settings, SACSettings) else DQN
+    return kind(**{**own, **same})
+
+
+def rebuild(model: str | Path) -> BaseAlgorithm:
+    """A trained model of ours in SB3, with an env of its own, to train on.
+
+    Args:
+        model: name or folder.
+
+    Raises:
+        ValueError: its files are missing or damaged.
+    """
+    folder = model_folder(model)
+    config = read_config(folder)
+    settings = load_settings(config["settings"])
+    made = make_model(settings, make_training_env(settings, config["seed"]), config["seed"])
+    load_weights(folder / WEIGHTS, made.policy)
+    return made
+
+
+class Rollouts(RolloutBuffer):
+    """SB3's rollouts, shuffled by a generator of their own: it depends on how often it was asked and on nothing else."""
+
+    def __init__(self, *args: Any, seed: int, **kwargs: Any) -> None:
+        self.seed, self.rounds = seed, 0
+        super().__init__(*args, **kwargs)
+
+    def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
+        """All samples in a random order, in batches."""
+        names = ("observations", "actions", "values", "log_probs", "advantages", "returns")
+        if not self.generator_ready:
+            for name in names:
+                setattr(self, name, self.swap_and_flatten(getattr(self, name)))
+            self.generator_ready = True
+        arrays = [torch.from_numpy(getattr(self, name)) for name in names]
+        parts = [*arrays[:2], *(array.flatten() for array in arrays[2:])]
+        order = torch.from_numpy(np.random.default_rng((self.seed, self.rounds)).permutation(len(parts[0])))
+        self.rounds += 1
+        for some in torch.split(order, batch_size or len(order)):
+            yield RolloutBufferSamples(*(part[some] for part in parts))
+
+
+class InTraining:
+    """A model in training as a policy: flat observations, and a History where it has one."""
+
+    def __init__(self, model: BaseAlgorithm, robot: RobotModel, lags: Sequence[int]) -> None:
+        self.model, self.robot, self.lags = model, robot, lags
+
+    def predict(
+        self,
+        observation: Any,
+        state: tuple[Any, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[Any], tuple[Any, ...] | None]:
+        """Actions (n, ...) for flat observations (n, D); state is (History,) where there is one."""
+        observation, state = with_history(observation, state, episode_start, robot=self.robot, lags=self.lags)
+        actions, _ = self.model.predict(observation, deterministic=deterministic)
+        return actions, state
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# While it runs
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Keeper(BaseCallback):
+    """Validates, keeps the best model, saves checkpoints, and watches the clock; all at the borders of rollouts.
+
+    Args:
+        settings: of the training.
+        progress: of an earlier run of it, or a new one.
+        folder: where the curve and checkpoints go.
+        save: writes a checkpoint; None where the algorithm cannot go on from one.
+        minutes: time of training after which it ends early; None: it does not.
+        report: told the number of steps and the last validation.
+    """
+
+    def __init__(
+        self,
+        settings: AnySettings,
+        progress: Progress,
+        folder: Path,
+        *,
+        save: Callable[[], None] | None,
+        minutes: float | None,
+        report: Callable[[int, Point | None], None],
+    ) -> None:
+        super().__init__()
+        self.settings, self.progress, self.folder = settings, progress, folder
+        self._save, self._limit, self._report = save, None if minutes is None else 60.0 * minutes, report
+        self._scenarios = settings.loaded
+        self._robot = robot_of(self._scenarios)
+        self._began = self._began_cpu = 0.0
+        self._saved_at = -1
+        self.is_over = False
+        """Whether it has ended the training early, at a checkpoint."""
+
+    def _on_training_start(self) -> None:
+        self._saved_at = self.num_timesteps
+        self._start_clock()
+
+    def _start_clock(self) -> None:
+        self._began, self._began_cpu = time.perf_counter(), time.process_time()
+
+    def _stop_clock(self) -> None:
+        self.progress.seconds += time.perf_counter() - self._began
+        self.progress.cpu_seconds += time.process_time() - self._began_cpu
+
+    def _on_rollout_start(self) -> None:
+        # The callback's own count is that of the last step: it lags behind where a training goes on.
+        self.num_timesteps = self.model.num_timesteps
+        self._stop_clock()
+        steps, done = self.num_timesteps, self.progress.points
+        if steps >= self.settings.eval_freq + (done[-1].steps if done else 0):
+            self.validate()
+        self.is_over = self._limit is not None and self.progress.seconds >= self._limit
+        if self._save is not None and (self.is_over or steps >= self._saved_at + self.settings.save_freq):
+            self._save()
+            self._saved_at = steps
+        self._report(steps, done[-1] if done else None)
+        self._start_clock()
+
+    def _on_step(self) -> bool:
+        return not self.is_over
+
+    def _on_training_end(self) -> None:
+        self._stop_clock()
+        if not self.progress.points or self.progress.points[-1].steps < self.num_timesteps:
+            self.validate()
+        self._report(self.num_timesteps, self.progress.points[-1])
+
+    def validate(self) -> None:
+        """Drive through the validation worlds, and keep the model if none did better so far."""
+        policy = InTraining(self.model, self._robot, self.settings.history)
+        seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + self.settings.eval_episodes)
+        runs = [play(policy, scenario, seeds) for scenario in self._scenarios]
+        shares = {name: round(float(np.mean([run.ended(name).mean() for run in runs])), 6) for name in ENDS}
+        times = np.concatenate([run.time[run.ended("success")] for run in runs])
+        point = Point(
+            self.num_timesteps,
+            round(self.progress.seconds, 2),
+            round(self.progress.cpu_seconds, 2),
+            **shares,
+            time=round(float(times.mean()), 3) if len(times) else None,
+        )
+        self.progress.points.append(point)
+        if self.progress.best_point is None or point.success >= self.progress.best_point.success:
+            self.progress.best_point = point
+            weights = self.model.policy.state_dict()
+            self.progress.best = {name: value.detach().clone() for name, value in weights.items()}
+        for name, value in shares.items():
+            self.logger.record(f"validation/{name}", value)
+        write_curve(self.folder / CURVE, self.progress.points)
+
+
+def write_curve(path: Path, points: Sequence[Point]) -> None:
+    """Write validations as CSV."""
+    with replaced_when_done(path) as partial, Path(partial).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(Point.__annotations__))
+        writer.writeheader()
+        writer.writerows(asdict(point) for point in points)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Checkpoints
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def save_checkpoint(path: Path, model: PPO, env: TrainingEnv, progress: Progress, identity: Mapping[str, Any]) -> None:
+    """Write all that the rest of a PPO training depends on; a kill leaves the old file or the new one."""
+    buffer = model.rollout_buffer
+    assert isinstance(buffer, Rollouts)
+    state = {
+        "identity": dict(identity),
+        "policy": model.policy.state_dict(),
+        "optimizer": model.policy.optimizer.state_dict(),
+        "num_timesteps": model.num_timesteps,
+        "n_updates": model._n_updates,
+        "rounds": buffer.rounds,
+        "last_obs": model._last_obs,
+        "last_episode_starts": model._last_episode_starts,
+        "env": env.save(),
+        "torch": torch.get_rng_state(),
+        "points": [asdict(point) for point in progress.points],
+        "best": progress.best,
+        "best_point": None if progress.best_point is None else asdict(progress.best_point),
+        "seconds": progress.seconds,
+        "cpu_seconds": progress.cpu_seconds,
+    }
+    with replaced_when_done(path) as partial:
+        torch.save(_as_tensors(state), partial)
+
+
+def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
+    """What `save_checkpoint` wrote; it is read as data, no code in it is run.
+
+    Raises:
+        ValueError: it is damaged, or of another training.
+    """
+    try:
+        state: dict[str, Any] = _as_arrays(torch.load(path, weights_only=True))
+    except (RuntimeError, EOFError, ValueError, KeyError, OSError, pickle.UnpicklingError) as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+    for name, value in identity.items():
+        if state["identity"].get(name) != value:
+            raise ValueError(f"{path} is of another training: {name} was {state['identity'].get(name)}, is now {value}")
+    return state
+
+
+def restore(model: PPO, env: TrainingEnv, state: Mapping[str, Any]) -> Progress:
+    """Bring a new model and env to where a checkpoint was saved."""
+    model.policy.load_state_dict(state["policy"])
+    model.policy.optimizer.load_state_dict(state["optimizer"])
+    model.num_timesteps, model._n_updates = state["num_timesteps"], state["n_updates"]
+    buffer = model.rollout_buffer
+    assert isinstance(buffer, Rollouts)
+    buffer.rounds = state["rounds"]
+    env.reset()  # which gives every row an episode to put the saved one into
+    env.restore(state["env"])
+    model._last_obs, model._last_episode_starts = state["last_obs"], state["last_episode_starts"]
+    torch.set_rng_state(state["torch"])
+    best_point = state["best_point"]
+    return Progress(
+        [Point(**point) for point in state["points"]],
+        state["best"],
+        None if best_point is None else Point(**best_point),
+        state["seconds"],
+        state["cpu_seconds"],
+    )
+
+
+_ARRAY = "numpy"
+
+
+def _as_tensors(value: Any) -> Any:
+    """The value with arrays as marked tensors: torch reads tensors without running code."""
+    if isinstance(value, np.ndarray):
+        return (_ARRAY, torch.from_numpy(np.ascontiguousarray(value)))
+    if isinstance(value, dict):
+        return {key: _as_tensors(item) for key, item in value.items()}
+    return [_as_tensors(item) for item in value] if isinstance(value, list) else value
+
+
+def _as_arrays(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) == 2 and value[0] == _ARRAY:
+        return value[1].numpy()
+    if isinstance(value, dict):
+        return {key: _as_arrays(item) for key, item in value.items()}
+    return [_as_arrays(item) for item in value] if isinstance(value, list) else value
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The whole of it
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def train(
+    settings: AnySettings,
+    out: str | os.PathLike[str],
+    *,
+    seed: int = 0,
+    minutes: float | None = None,
+    threads: int | None = None,
+    tensorboard: bool = True,
+    progress: bool = False,
+) -> Progress:
+    """Train a model, or go on with a training that was cut off.
+
+    Args:
+        settings: what to train, from `load_settings`.
+        out: its folder: curve.csv, checkpoint.pt, TensorBoard's events, and in the end the agent, for `make_policy`.
+        seed: of the network and the worlds.
+        minutes: time of training after which it ends early; None: it does not.
+        threads: of torch; None: one for each core. Runs with different numbers differ in the last bits.
+        tensorboard: whether to write its events.
+        progress: whether to show a bar on the terminal.
+
+    Raises:
+        ValueError: a seed below 0, a model to begin with that does not fit, or `out` is of another training.
+    """
+    if seed < 0:
+        raise ValueError(f"seed must be at least 0, got {seed}")
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
+    torch.set_flush_denormal(True)
+    identity = {
+        "settings": json.loads(settings.model_dump_json()),
+        "seed": seed,
+        "threads": torch.get_num_threads(),
+        "torch": str(torch.__version__),
+    }
+    env = make_training_env(settings, seed)
+    model = make_model(settings, env, seed)
+    if settings.start_from is not None:
+        load_weights(model_folder(settings.start_from) / WEIGHTS, model.policy)
+    kept = Progress()
+    path, save = folder / CHECKPOINT, None
+    goes_on = isinstance(model, PPO) and path.exists()
+    if isinstance(model, PPO):
+        if goes_on:
+            kept = restore(model, env, load_checkpoint(path, identity))
+
+        def save() -> None:
+            save_checkpoint(path, model, env, kept, identity)
+
+    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
+    left = settings.n_timesteps - model.num_timesteps
+    with _bar(settings, shown=progress) as report:
+        keeper = Keeper(settings, kept, folder, save=save, minutes=minutes, report=report)
+        model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
+    if save is not None and not keeper.is_over:
+        save()
+    assert kept.best_point is not None  # the end of learning validates
+    model.policy.load_state_dict(kept.best)
+    policy = InTraining(model, robot_of(settings.loaded), settings.history)
+    tests = range(TEST_SEEDS, TEST_SEEDS + settings.test_episodes)
+    held_out = {scenario.name: play(policy, scenario, tests).summary() for scenario in settings.loaded}
+    run = {"curve": [asdict(point) for point in kept.points], "best": asdict(kept.best_point), "held_out": held_out}
+    write_agent(folder, model, settings, policy.robot, {str(seed): run})
+    env.close()
+    return kept
+
+
+def is_done(settings: AnySettings, folder: Path, seed: int) -> bool:
+    """Whether a folder holds the model of this training, and all of its steps were taken."""
+    if not (folder / CONFIG).exists():
+        return False
+    config = read_config(folder)
+    if config["settings"] != json.loads(settings.model_dump_json()) or config["seed"] != seed:
+        return False
+    return bool(config["runs"][str(seed)]["curve"][-1]["steps"] >= settings.n_timesteps)
+
+
+def train_seeds(
+    settings: AnySettings,
+    out: str | os.PathLike[str],
+    *,
+    seeds: Sequence[int] = (0,),
+    minutes: float | None = None,
+    threads: int | None = None,
+    progress: bool = False,
+) -> Path:
+    """Train a model for each seed; what is done already is not done again.
+
+    Args:
+        settings: what to train.
+        out: folder of the model; with several seeds `seed-0`, `seed-1` ... in it, and the best in `agent`.
+        seeds: one a model.
+        minutes, threads, progress: as `train` takes them.
+
+    Returns:
+        The folder of the model, of several the one that did best in its validation.
+    """
+    folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
+    for seed, folder in zip(seeds, folders, strict=True):
+        if not is_done(settings, folder, seed):
+            train(settings, folder, seed=seed, minutes=minutes, threads=threads, progress=progress)
+    return folders[0] if len(folders) == 1 else gather(folders, Path(out) / "agent")
+
+
+@contextmanager
+def _bar(settings: AnySettings, *, shown: bool) -> Iterator[Callable[[int, Point | None], None]]:
+    """A way to show how far a training is."""
+    if not shown:
+        yield lambda steps, point: None
+        return
+    from rich.console import Console
+    from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(settings.name, total=settings.n_timesteps)
+
+        def report(steps: int, point: Point | None) -> None:
+            told = "" if point is None else f" {100.0 * point.success:.1f} % success"
+            bar.update(task, completed=steps, description=settings.name + told)
+
+        yield report

@@ -1,0 +1,263 @@
+"""`VecEnv`s of stable-baselines3 for training: several scenarios, several robots, a history."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvWrapper
+
+from bug_gym.agents.learning.history import TOP_SPEED, History, history_width
+from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, Saved
+from bug_gym.config import Scenario
+from bug_gym.navigation_env import ActionForm, RobotSpaces
+from bug_gym.simulation import Simulation
+from bug_gym.world import Capacity, Snapshot
+
+F32 = NDArray[np.float32]
+
+
+class RobotsVecEnv(ArrayVecEnv):
+    """Worlds with several robots each, row n R + r = robot r of world n: one policy learns to drive them all.
+
+    A robot whose run has ended starts again from its start while the others go on, until the world's time is over;
+    then all start anew in the next episode. Where something stands on its start it waits, and its row tells of an end
+    in each step. Observations are flat; infos are as NavigationVecEnv's.
+
+    Args:
+        simulation: the worlds.
+        action: "continuous" or "discrete".
+    """
+
+    def __init__(self, simulation: Simulation, action: ActionForm) -> None:
+        self.simulation = simulation
+        self.spaces = RobotSpaces(simulation, "flat", action)
+        self.render_mode = None
+        rows = simulation.count * simulation.robots
+        super().__init__(rows, self.spaces.observation, self.spaces.action)
+        self._starts = np.zeros((simulation.count, simulation.robots, 3))
+        self._velocities = np.zeros((simulation.count, simulation.robots, 2))
+        self._returns, self._steps = np.zeros(rows), np.zeros(rows, dtype=np.int64)
+        self._made_at = time.time()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """At the next reset, world n starts episode 0 of seed + n."""
+        robots = self.simulation.robots
+        self._seeds = [None if seed is None else seed + row // robots for row in range(self.num_envs)]
+        return self._seeds
+
+    def reset(self) -> F32:
+        """Start an episode in each world."""
+        seeds = self._seeds[:: self.simulation.robots]
+        self._begin(self.simulation.all_rows, None if seeds[0] is None else seeds)
+        self._returns[:], self._steps[:] = 0.0, 0
+        self._reset_seeds()
+        self._reset_options()
+        return self.simulation.observations().reshape(self.num_envs, -1)
+
+    def _begin(self, worlds: NDArray[np.int64], seeds: Sequence[int | None] | None = None) -> None:
+        self.simulation.reset(worlds, seeds)
+        self._starts[worlds] = self.simulation.world.pose[worlds]
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the actions of the next `step_wait`."""
+        shape = (self.simulation.count, self.simulation.robots, 2)
+        self._velocities = self.spaces.velocities(actions, (self.num_envs,)).reshape(shape)
+
+    def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Drive for one step in each world, and start anew the robots whose run ends."""
+        simulation, world = self.simulation, self.simulation.world
+        drove = world.active.ravel()
+        simulation.advance(self._velocities)
+        observation, reward, _, _ = simulation.transition(simulation.all_rows)
+        flat, rewards = observation.reshape(self.num_envs, -1), reward.ravel()
+        self._returns += rewards
+        self._steps += 1
+        done = ~world.active.ravel()
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for row in np.flatnonzero(done).tolist():
+            infos[row] = self._final_info(row, flat[row].copy(), drove=bool(drove[row]))
+        worlds = np.flatnonzero(done.reshape(world.outcome.shape).any(axis=1))
+        if len(worlds):
+            is_over = world.steps[worlds] >= simulation.scenario.time.steps
+            if is_over.any():
+                self._begin(worlds[is_over])
+            simulation.restart_robots(worlds[~is_over], self._starts[worlds[~is_over]])
+            flat = simulation.observations().reshape(self.num_envs, -1)
+        self._returns[done], self._steps[done] = 0.0, 0
+        return flat, rewards.astype(np.float32), done, infos
+
+    def _final_info(self, row: int, flat: F32, *, drove: bool) -> dict[str, Any]:
+        if not drove:
+            return {"terminal_observation": flat}
+        last = self.simulation.robot_step(*divmod(row, self.simulation.robots))
+        seconds = round(time.time() - self._made_at, 6)
+        return last.info | {
+            "terminal_observation": flat,
+            "TimeLimit.truncated": last.truncated,
+            "episode": {"r": float(self._returns[row]), "l": int(self._steps[row]), "t": seconds},
+        }
+
+    def save(self) -> Saved:
+        """Copy all that the future depends on, but for the actions."""
+        (capacity, *arrays), seeded = self.simulation.save()
+        own = [self._starts.copy(), self._returns.copy(), self._steps.copy()]
+        return {"capacity": list(capacity), "arrays": arrays, "seeded": seeded, "own": own}
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to what `save` gave."""
+        self.simulation.restore((Snapshot(Capacity(*saved["capacity"]), *saved["arrays"]), saved["seeded"]))
+        for mine, value in zip((self._starts, self._returns, self._steps), saved["own"], strict=True):
+            mine[:] = value
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self.simulation.close()
+
+
+class JoinedVecEnv(ArrayVecEnv):
+    """The rows of several flat NavigationVecEnvs, one env's after the other's.
+
+    Raises:
+        ValueError: their observations differ in length, or their actions in kind.
+    """
+
+    def __init__(self, parts: Sequence[NavigationVecEnv | RobotsVecEnv]) -> None:
+        boxes = [part.observation_space for part in parts]
+        shapes = {box.shape for box in boxes} | {repr(part.action_space) for part in parts}
+        if len(shapes) != 2:
+            raise ValueError(f"scenarios to train in together need the same observations and actions, got {shapes}")
+        self.parts = list(parts)
+        low = np.min([box.low for box in boxes if isinstance(box, gym.spaces.Box)], axis=0)
+        high = np.max([box.high for box in boxes if isinstance(box, gym.spaces.Box)], axis=0)
+        self.render_mode = None
+        self._ends = np.cumsum([part.num_envs for part in parts])
+        space = gym.spaces.Box(low, high, dtype=np.float32)
+        super().__init__(int(self._ends[-1]), space, parts[0].action_space)
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """At the next reset, row k starts episode 0 of seed + k."""
+        self._seeds = []
+        for part, end in zip(self.parts, self._ends, strict=True):
+            self._seeds += part.seed(None if seed is None else seed + int(end) - part.num_envs)
+        return self._seeds
+
+    def reset(self) -> F32:
+        """Start an episode in each row."""
+        observations = [part.reset() for part in self.parts]
+        self.reset_infos = [info for part in self.parts for info in part.reset_infos]
+        self._reset_seeds()
+        self._reset_options()
+        return np.concatenate(observations)
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the actions of the next `step_wait`."""
+        for part, some in zip(self.parts, np.split(actions, self._ends[:-1]), strict=True):
+            part.step_async(some)
+
+    def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Drive for one step in each row."""
+        came = [part.step_wait() for part in self.parts]
+        observation, reward, done = (np.concatenate([step[number] for step in came]) for number in range(3))
+        return observation, reward, done, [info for step in came for info in step[3]]
+
+    def save(self) -> Saved:
+        """Copy all that the future depends on, but for the actions."""
+        return {"parts": [part.save() for part in self.parts]}
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to what `save` gave."""
+        for part, state in zip(self.parts, saved["parts"], strict=True):
+            part.restore(state)
+
+    def close(self) -> None:
+        """Close the parts."""
+        for part in self.parts:
+            part.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the env that holds each row."""
+        values = [value for part in self.parts for value in part.get_attr(attr_name)]
+        return [values[row] for row in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of every part."""
+        for part in self.parts:
+            part.set_attr(attr_name, value)
+
+
+FlatEnv = NavigationVecEnv | RobotsVecEnv | JoinedVecEnv
+
+
+class HistoryVecEnv(VecEnvWrapper):
+    """A flat VecEnv of ours whose observations go on with what a History tells of the last steps.
+
+    Args:
+        venv: the env, flat.
+        robot: its robots.
+        lags: of the History.
+    """
+
+    def __init__(self, venv: FlatEnv, robot: RobotModel, lags: Sequence[int]) -> None:
+        box = venv.observation_space
+        assert isinstance(box, gym.spaces.Box)
+        top = np.full(history_width(robot, lags), TOP_SPEED, dtype=np.float32)
+        space = gym.spaces.Box(np.concatenate([box.low, -top]), np.concatenate([box.high, top]), dtype=np.float32)
+        super().__init__(venv, observation_space=space)
+        self.inner = venv
+        self.history = History(robot, lags, venv.num_envs)
+
+    def reset(self) -> F32:
+        """Start an episode in each row."""
+        flat = self.inner.reset()
+        return self._with_history(flat, np.ones(self.num_envs, dtype=bool))
+
+    def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Drive for one step in each row."""
+        flat, reward, done, infos = self.inner.step_wait()
+        ended = np.flatnonzero(done)
+        if len(ended):
+            last = np.stack([infos[row]["terminal_observation"] for row in ended])
+            whole = np.concatenate([last, self.history.peek(last, ended)], axis=1)
+            for row, observation in zip(ended, whole, strict=True):
+                infos[row]["terminal_observation"] = observation
+        return self._with_history(flat, done), reward, done, infos
+
+    def _with_history(self, flat: F32, starts: NDArray[np.bool_]) -> F32:
+        return np.concatenate([flat, self.history.add(flat, starts)], axis=1)
+
+    def save(self) -> Saved:
+        """Copy all that the future depends on, but for the actions."""
+        return {"env": self.inner.save(), "history": self.history.save()}
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to what `save` gave."""
+        self.inner.restore(saved["env"])
+        self.history.restore(saved["history"])
+
+
+TrainingEnv = FlatEnv | HistoryVecEnv
+
+
+def join(scenarios: Sequence[Scenario], rows: int, action: ActionForm) -> FlatEnv:
+    """A flat VecEnv of about `rows` robots, shared evenly among the scenarios; each robot of a world is a row.
+
+    Raises:
+        ValueError: fewer rows than a world of each scenario has robots.
+    """
+    parts: list[NavigationVecEnv | RobotsVecEnv] = []
+    for scenario, some in zip(scenarios, np.array_split(np.arange(rows), len(scenarios)), strict=True):
+        worlds = len(some) // scenario.robots.count
+        if worlds < 1:
+            raise ValueError(f"n_envs: got {rows}, which leaves no world for {scenario.name}")
+        simulation = Simulation(scenario, worlds)
+        if scenario.robots.count > 1:
+            parts.append(RobotsVecEnv(simulation, action))
+        else:
+            parts.append(NavigationVecEnv(simulation, observation="flat", action=action, render_mode=None))
+    return parts[0] if len(parts) == 1 else JoinedVecEnv(parts)

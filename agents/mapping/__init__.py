@@ -1,0 +1,1 @@
+"""What a robot remembers of still obstacles, and the way through it."""

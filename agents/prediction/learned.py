@@ -1,0 +1,92 @@
+"""Learned predictors in play: an ONNX graph run by onnxruntime for all tracks at once, without torch.
+
+They answer what BugGym/Prediction-v0 asks. The shipped ones lie in agents/trained; prediction_training makes them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.learning.folder import TRAINED_FOLDER, open_graph, read_record
+from bug_gym.agents.prediction.features import HORIZONS, WIDTH, decode, encode
+from bug_gym.agents.prediction.predictor import Prediction, place_deviation
+from bug_gym.agents.tracking.tracker import Tracks
+from bug_gym.observation import Sensors
+
+F64 = NDArray[np.float64]
+
+GRAPH, WEIGHTS, CONFIG = "predictor.onnx", "predictor.safetensors", "predictor.json"
+"""Files of a predictor: what is played, what can be trained on, and what made it."""
+
+
+class LearnedPredictor:
+    """A trained network that corrects the Kalman filter's velocity at four horizons.
+
+    Args:
+        sensors: what a driver knows of the robot whose tracks are predicted.
+        folder: of the model.
+
+    Raises:
+        ValueError: no such model, or its files are damaged.
+        ImportError: onnxruntime is not installed.
+    """
+
+    def __init__(self, sensors: Sensors, folder: Path) -> None:
+        self.sensors = sensors
+        self.config = read_config(folder)
+        self._session = open_graph(folder / GRAPH, self.config["sha256"][GRAPH])
+        # An error is a distance, a spread that of one coordinate.
+        self._errors = np.concatenate([[0.0], np.array(self.config["errors"]) / np.sqrt(2.0)])
+
+    def predict(self, tracks: Tracks, times: F64) -> Prediction:
+        """Where the network says that movers go; what doesn't move stays.
+
+        The spread is the error that the network had in its validation, beside that of the place now.
+        """
+        moving = np.flatnonzero(tracks.moving)
+        places = np.repeat(tracks.position[:, None], len(times), axis=1)
+        spread = np.repeat(place_deviation(tracks)[:, None], len(times), axis=1)
+        if len(moving):
+            movers = tracks.select(moving)
+            features = encode(movers, self.sensors.angles, self.sensors.range)
+            places[moving] = decode(self.answer(features), movers, times)
+            grown = np.interp(times, np.concatenate([[0.0], HORIZONS]), self._errors)
+            spread[moving] = np.hypot(spread[moving], grown)
+        return Prediction(places, spread)
+
+    def answer(self, features: NDArray[np.float32]) -> NDArray[np.floating]:
+        """Answers (n, ANSWERS) for what is told of n movers (n, WIDTH)."""
+        (answers,) = self._session.run(None, {"observation": features})
+        answered: NDArray[np.floating] = answers
+        return answered
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """What a predictor's file says of it.
+
+    Raises:
+        ValueError: it is missing, damaged, or of a predictor that is told other things.
+    """
+    path = folder / CONFIG
+    config = read_record(path, "predictor", {"width", "horizons", "errors", "sha256"})
+    if config["width"] != WIDTH or config["horizons"] != HORIZONS.tolist():
+        raise ValueError(f"{path} is of a predictor that is told {config['width']} numbers, expected {WIDTH}")
+    return config
+
+
+class RLPredictor(LearnedPredictor):
+    """The shipped one trained by reinforcement."""
+
+    def __init__(self, sensors: Sensors) -> None:
+        super().__init__(sensors, TRAINED_FOLDER / "rl_predictor")
+
+
+class SupervisedPredictor(LearnedPredictor):
+    """The shipped one trained by supervision."""
+
+    def __init__(self, sensors: Sensors) -> None:
+        super().__init__(sensors, TRAINED_FOLDER / "supervised_predictor")

@@ -1,0 +1,35 @@
+"""What a predictor is and what it answers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.tracking.tracker import Tracks
+
+F64 = NDArray[np.float64]
+
+
+class Prediction(NamedTuple):
+    """Where T tracks will be at K times; in the odometry frame."""
+
+    places: F64
+    """Centres (T, K, 2) [m]."""
+    spread: F64
+    """Standard deviation of each coordinate (T, K) [m]."""
+
+
+class Predictor(Protocol):
+    """What HD-BUG asks of a predictor."""
+
+    def predict(self, tracks: Tracks, times: F64) -> Prediction:
+        """Where the tracks will be `times` (K,) [s] from now, none of them negative."""
+        ...
+
+
+def place_deviation(tracks: Tracks) -> F64:
+    """Standard deviation of each coordinate of the places (T,) [m]."""
+    deviation: F64 = np.sqrt(0.5 * (tracks.covariance[:, 0, 0] + tracks.covariance[:, 1, 1]))
+    return deviation

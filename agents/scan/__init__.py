@@ -1,0 +1,1 @@
+"""Compiled reading of scans for policies."""

@@ -1,0 +1,1 @@
+"""Tracking of what moves, out of scans alone."""

@@ -1,0 +1,128 @@
+"""The toolbox of bugs that know the M-line, the straight line from start to goal, and leave walls only on it.
+
+Source: Lumelsky and Stepanov (1987).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+from bug_gym.agents.walls.boundary_following import (
+    TARGET_MOVED,
+    Boundary,
+    BoundaryBug,
+    BugMemory,
+    Contour,
+    LeaveRule,
+    Point,
+    Turn,
+)
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, Velocity
+
+ON_LINE = 0.1
+"""How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
+
+
+@dataclass(frozen=True)
+class MLine:
+    """The straight line from a start to the goal that Bug2 and its relatives follow."""
+
+    start: Point
+    """Odometry frame [m]."""
+    goal: Point
+    """Odometry frame [m]."""
+
+    def offset(self, place: Point) -> float:
+        """Signed distance of a place from the line [m], positive to its left."""
+        (sx, sy), (gx, gy) = self.start, self.goal
+        length = math.dist(self.start, self.goal)
+        if length == 0.0:
+            return 0.0
+        return ((gx - sx) * (place[1] - sy) - (gy - sy) * (place[0] - sx)) / length
+
+    def crossing(self, before: Point, after: Point) -> Point | None:
+        """Where a step crosses the line, or None."""
+        first, second = self.offset(before), self.offset(after)
+        if first * second > 0.0 or first == second:
+            return None
+        share = first / (first - second)
+        return before[0] + share * (after[0] - before[0]), before[1] + share * (after[1] - before[1])
+
+    def ahead(self, place: Point, length: float) -> Point:
+        """The point of the line `length` [m] beyond the foot of a place, at most the goal."""
+        (sx, sy), (gx, gy) = self.start, self.goal
+        whole = math.dist(self.start, self.goal)
+        if whole == 0.0:
+            return self.goal
+        ux, uy = (gx - sx) / whole, (gy - sy) / whole
+        along = min((place[0] - sx) * ux + (place[1] - sy) * uy + length, whole)
+        return sx + along * ux, sy + along * uy
+
+
+@dataclass
+class MLineMemory(BugMemory):
+    """Memory of a bug with an M-line."""
+
+    line: MLine | None = None
+    """The M-line."""
+
+
+def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:
+    """`Boundary.go` on the M-line: a robot beside it steers back onto it. None at a hit point."""
+    target = line.ahead(view.position, 5.0 * boundary.step)
+    bearing = math.atan2(*reversed(view.to_robot(*target)))
+    return boundary.go(view, bearing, view.goal_distance)
+
+
+def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLine, limit: float) -> float | None:
+    """Distance to the goal [m] where the last step met the M-line, or None where it did not nearer than `limit` [m]."""
+    crossing = line.crossing(contour.before, contour.position)
+    if crossing is None and abs(line.offset(view.position)) <= ON_LINE * boundary.step:
+        crossing = view.position  # it grazes the line without crossing it
+    if crossing is None:
+        return None
+    distance = math.dist(crossing, line.goal)
+    return distance if distance <= limit - ON_LINE * boundary.step else None
+
+
+class MLineBug(BoundaryBug):
+    """What bugs with an M-line share. Parameters not named here are those of BoundaryBug.
+
+    Args:
+        leave_rule: "any": leave at a crossing wherever the goal lies (the algorithms as published); "front": only with
+            the goal within 90 degrees of the direction of travel.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "any",
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
+
+    def m_line(self, view: View, memory: MLineMemory) -> MLine:
+        """The M-line; drawn anew from here when the target has moved away from its end."""
+        goal = view.goal_position
+        if memory.line is None or math.dist(memory.line.goal, goal) > TARGET_MOVED:
+            memory.line = MLine(view.position, goal)
+            self.forget_distances(view, memory)
+        return memory.line
+
+    @abstractmethod
+    def forget_distances(self, view: View, memory: Any) -> None:
+        """The M-line is a new one: begin anew with what was measured on the last."""
+
+    def draw(self, memory: MLineMemory) -> Drawing:
+        """Hit and leave points and the M-line."""
+        drawing = super().draw(memory)
+        if memory.line is None:
+            return drawing
+        return Drawing(points=drawing.points, segments=[(*memory.line.start, *memory.line.goal, "m_line")])

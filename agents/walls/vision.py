@@ -1,0 +1,503 @@
+"""What VisBug-21 and VisBug-22 share: Bug2 walks ahead in the robot's mind, as far as the robot sees.
+
+Source: Lumelsky and Skewis (1990), the procedure "compute T_i". The *scout* stands at the intermediate target T_i and
+holds the registers of Bug2 there. It walks Bug2's path, M-line and contour, step by step over the present scan, and
+stops where the robot can no longer see it; the robot goes straight toward it. So the path that counts is Bug2's,
+whichever short cuts the robot takes, and with a vision range no wider than the clearance the robot is Bug2.
+
+A place is visible where the robot sees the whole disc of the clearance round it, and a disc can go straight to it.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from abc import abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.scan import joined
+from bug_gym.agents.walls.boundary_following import (
+    STANDING,
+    TARGET_MOVED,
+    Boundary,
+    BugMemory,
+    Contour,
+    LeaveRule,
+    Point,
+    Turn,
+    side_of,
+)
+from bug_gym.agents.walls.m_line import ON_LINE, MLine, MLineMemory, go_along, nearer_crossing
+from bug_gym.observation import Sensors, View
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity, braking_radius
+
+F64 = NDArray[np.float64]
+
+NEAR = 2.5
+"""Up to where T_i is right before the robot, in steps: the contour between them is not straight, but free."""
+
+MOST_STEPS = 200
+"""Steps that the scout takes in one decision at most; it goes on in the next one."""
+
+
+class Elsewhere(View):
+    """The present scan as a robot at another place would know it.
+
+    Args:
+        view: what the robot observes.
+        place: where it is not, odometry frame [m].
+        x: points' x (k,) in the robot's frame [m].
+        y: points' y (k,) [m].
+    """
+
+    __slots__ = ()
+
+    def __init__(self, view: View, place: Point, x: F64, y: F64) -> None:
+        dx, dy = view.to_robot(*place)
+        self.sensors = view.sensors
+        self.ranges = view.ranges
+        self.goal = (view.goal[0] - dx, view.goal[1] - dy)
+        self.pose = (place[0], place[1], view.heading)
+        self.velocity = view.velocity
+        self._flat = view._flat
+        self._trig = view._trig
+        self._points = (x - dx, y - dy)
+
+
+@dataclass
+class Scout(MLineMemory):
+    """Bug2 at the intermediate target T_i. One is never changed: a step makes a new one."""
+
+    hit_distance: float = math.inf
+    """Distance from the last hit point H to the goal [m]."""
+    crossing_distance: float = math.inf
+    """Distance from X, the last crossing of M-line and boundary, to the goal [m]."""
+
+    def copy(self) -> Scout:
+        """One that can be changed."""
+        lists = self.hits[:], self.leaves[:], self.hit_sides[:], self.hit_odometers[:]
+        other = copy.copy(self)
+        other.hits, other.leaves, other.hit_sides, other.hit_odometers = lists
+        other.contour = copy.copy(self.contour)
+        return other
+
+    @property
+    def place(self) -> Point:
+        """T_i, odometry frame [m]."""
+        assert self.position is not None
+        return self.position
+
+    @property
+    def m_line(self) -> MLine:
+        """The M-line."""
+        assert self.line is not None
+        return self.line
+
+
+@dataclass
+class VisionMemory(BugMemory):
+    """Memory of a bug that looks ahead. Hit and leave points are the scout's."""
+
+    trail: list[Scout] = field(default_factory=list)
+    """The scout and where it came from, step by step, since the robot last stood at it."""
+    way: list[Point] = field(default_factory=list)
+    """The robot's own places since then, odometry frame [m]."""
+    is_goal_seen: bool = False
+    """Whether T_i is the goal itself."""
+    seen_distance: float = math.inf
+    """Distance to the goal where it came in sight [m]."""
+    blind_until: float = 0.0
+    """The scout's odometer up to which it walks right before the robot, since it was lost from sight there [m]."""
+    restart_distance: float = math.inf
+    """Distance to the goal where the M-line was last drawn anew [m]."""
+
+    @property
+    def scout(self) -> Scout:
+        """The scout at T_i."""
+        return self.trail[-1]
+
+
+class Scan:
+    """What the robot sees now: walls as lines of points, and the free space between it and them.
+
+    Args:
+        view: the observation.
+        boundary: the robot's settings at walls.
+    """
+
+    def __init__(self, view: View, boundary: Boundary) -> None:
+        sensors = view.sensors
+        beams = len(sensors.angles)
+        self.view = view
+        self.boundary = boundary
+        self.nearest, _ = view.nearest()
+        # Noise must not close the view along a wall at the clearance.
+        self.radius = max(boundary.safe_radius, boundary.inner - 2.0 * sensors.range_noise)
+        self.first_angle = float(sensors.angles[0])
+        self.angle_step = float(sensors.angles[1] - sensors.angles[0]) if beams > 1 else 2.0 * math.pi
+        self.is_round = beams * self.angle_step > 2.0 * math.pi - 1e-6
+        gap, spacing = 2.0 * boundary.inner, 0.5 * boundary.inner
+        points = np.empty((2, 7 * beams))
+        cos, sin = sensors.beam_directions
+        count, total = joined.join_scan(view.ranges, cos, sin, sensors.range, self.is_round, gap, spacing, *points)
+        self.x, self.y = points[:, :count]
+        self.all = points[:, :total]
+        """Points of walls, and those up to which walls may go on unseen."""
+
+    def is_open(self, place: Point) -> bool:
+        """Whether nothing is in the way to a place that was visible, by a smaller disc than made it so."""
+        boundary, view = self.boundary, self.view
+        x, y = view.to_robot(*place)
+        bearing, distance = math.atan2(y, x), math.hypot(x, y)
+        if distance <= NEAR * boundary.step:
+            radius, distance = boundary.safe_radius, min(distance, boundary.step)
+        else:
+            radius = max(boundary.safe_radius, boundary.hit_radius - 2.0 * view.sensors.range_noise)
+        # A robot that came too near to a wall can still go along it.
+        radius = max(min(radius, 0.98 * self.nearest), braking_radius(view.sensors))
+        return view.free_distance(bearing, radius) >= min(distance, view.sensors.range)
+
+    def seen_from(self, place: Point) -> Elsewhere:
+        """The scan from a place of the odometry frame [m]."""
+        return Elsewhere(self.view, place, self.x, self.y)
+
+    def sees(self, place: Point, reach: float) -> bool:
+        """Whether a place of the odometry frame [m] is visible, at most `reach` [m] away."""
+        return self._first_seen(place, (0.0, 0.0), 1, reach, self.x, self.y) == 0
+
+    def sees_surely(self, place: Point, reach: float) -> bool:
+        """Whether it stays visible on the way to it, wherever between two beams the walls beside the way end."""
+        return self._first_seen(place, (0.0, 0.0), 1, reach, *self.all) == 0
+
+    def first_visible(self, line: MLine, stride: float, count: int, reach: float) -> Point | None:
+        """The first surely visible one of `count` places on the M-line, each `stride` [m] further from its goal."""
+        whole = math.dist(line.start, line.goal)
+        count = min(count, int(whole / stride))
+        if count <= 0:
+            return None
+        dx = (line.start[0] - line.goal[0]) * stride / whole
+        dy = (line.start[1] - line.goal[1]) * stride / whole
+        k = self._first_seen((line.goal[0] + dx, line.goal[1] + dy), (dx, dy), count, reach, *self.all) + 1
+        return None if k == 0 else (line.goal[0] + k * dx, line.goal[1] + k * dy)
+
+    def _first_seen(self, place: Point, stride: Point, count: int, reach: float, px: F64, py: F64) -> int:
+        """Number of the first one of `count` places that the points leave visible, or -1."""
+        x, y = self.view.to_robot(*place)
+        ex, ey = self.view.to_robot(place[0] + stride[0], place[1] + stride[1])
+        beams = self.view.ranges, self.first_angle, self.angle_step, self.is_round
+        return int(joined.first_seen_free(x, y, ex - x, ey - y, count, reach, *beams, px, py, self.radius))
+
+
+class Vision:
+    """The scout and the robot that goes after it.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: centre to wall while following [m]; None: body radius and one step.
+        turn: which way to turn at a wall.
+        leave_rule: "front" or "any", see Boundary.
+        vision_range: how far the robot looks, at most the LIDAR's range [m]; None: that.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
+    """
+
+    def __init__(
+        self, sensors: Sensors, *, clearance: float | None, turn: str, leave_rule: str, vision_range: float | None
+    ) -> None:
+        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
+        self.side = side_of(turn)
+        reach = sensors.range if vision_range is None else vision_range
+        if not reach >= self.boundary.clearance:
+            raise ValueError(
+                f"vision_range must be at least the clearance of {self.boundary.clearance} m, got {vision_range!r}"
+            )
+        self.reach = min(reach, sensors.range)
+        self.on_line = ON_LINE * self.boundary.step
+
+    # ------------------------------------------------------------------------------------------ what is seen now
+
+    def look(self, view: View, memory: VisionMemory) -> Scan:
+        """The present scan, with the memory brought up to it. Call once a decision, first."""
+        boundary, scan = self.boundary, Scan(view, self.boundary)
+        boundary.move_on(view, memory)
+        if not memory.trail:
+            self._begin(view, memory)
+        if boundary.sees_motion(view, memory):
+            self._disturb(memory)
+        self._follow_target(view, memory)
+        if math.dist(view.position, memory.scout.place) <= boundary.step:
+            memory.trail = [memory.scout]
+            memory.way = []
+        elif not (memory.is_goal_seen or scan.is_open(memory.scout.place)):
+            self._drop_hidden(scan, memory)
+        return scan
+
+    def _begin(self, view: View, memory: VisionMemory) -> None:
+        """Draw the M-line from here; the scout stands where the robot is."""
+        before = memory.scout if memory.trail else Scout()
+        scout = Scout(
+            hits=before.hits,
+            leaves=before.leaves,
+            hit_sides=before.hit_sides,
+            hit_odometers=before.hit_odometers,
+            odometer=before.odometer,
+            position=view.position,
+            line=MLine(view.position, view.goal_position),
+        )
+        memory.trail = [scout]
+        memory.way = []
+        memory.blind_until = 0.0
+        memory.restart_distance = view.goal_distance
+
+    def _disturb(self, memory: VisionMemory) -> None:
+        """Something near has moved: the lap on which the scout is proves nothing, wherever on it the scout stands."""
+        memory.trail = [scout.copy() for scout in memory.trail]
+        for scout in memory.trail:
+            if scout.contour is not None:
+                scout.contour.is_disturbed = True
+
+    def _follow_target(self, view: View, memory: VisionMemory) -> None:
+        """Draw the M-line anew where the target has moved away from its end."""
+        scout, goal = memory.scout, view.goal_position
+        is_at_end = math.dist(scout.place, scout.m_line.goal) <= 0.5 * self.boundary.step
+        moved = math.dist(scout.m_line.goal, goal)
+        if moved <= TARGET_MOVED and not (is_at_end and moved > self.boundary.step):
+            return
+        if scout.contour is None:
+            self._begin(view, memory)
+            return
+        distance = math.dist(scout.place, goal)
+        scout = copy.copy(scout)
+        scout.line, scout.hit_distance, scout.crossing_distance = MLine(scout.place, goal), distance, distance
+        memory.trail[-1] = scout
+        memory.restart_distance = math.inf
+
+    def _drop_hidden(self, scan: Scan, memory: VisionMemory) -> None:
+        """Take the scout back to where it is in sight; from there it walks right before the robot for a while."""
+        lost = memory.scout.odometer
+        while len(memory.trail) > 1 and not scan.is_open(memory.scout.place):
+            memory.trail.pop()
+        memory.blind_until = max(memory.blind_until, lost)
+        if not scan.is_open(memory.scout.place):
+            self._begin_nearer(scan.view, memory)
+
+    def _begin_nearer(self, view: View, memory: VisionMemory) -> bool:
+        """Begin anew from here, if this is nearer to the goal than where that happened last."""
+        if view.goal_distance >= memory.restart_distance - self.boundary.progress:
+            return False
+        self._begin(view, memory)
+        return True
+
+    # ------------------------------------------------------------------------------------------ compute T_i
+
+    def sees_goal(self, scan: Scan, memory: VisionMemory) -> bool:
+        """Step 1: whether the goal itself is T_i."""
+        view = scan.view
+        if memory.is_goal_seen:
+            memory.is_goal_seen = scan.is_open(view.goal_position) or self._can_reach(view)
+            if not memory.is_goal_seen:
+                self._lose_goal(scan, memory)
+        elif view.goal_distance <= self.reach and not self._is_blind(memory):
+            memory.is_goal_seen = scan.sees_surely(view.goal_position, self.reach) or self._can_reach(view)
+            memory.seen_distance = view.goal_distance
+        return memory.is_goal_seen
+
+    def _can_reach(self, view: View) -> bool:
+        """Whether the way is open to a goal that lies nearer to a wall than the clearance."""
+        return self.boundary.can_reach_goal(view, view.goal_bearing, view.goal_distance)
+
+    def _lose_goal(self, scan: Scan, memory: VisionMemory) -> None:
+        """The goal went out of sight on the way to it: go back to the scout, or begin anew from here."""
+        view = scan.view
+        is_near = view.goal_distance > memory.seen_distance - self.boundary.leave_length
+        if is_near and scan.is_open(memory.scout.place) or not self._begin_nearer(view, memory):
+            memory.blind_until = memory.scout.odometer + self.boundary.leave_length
+
+    def _is_blind(self, memory: VisionMemory) -> bool:
+        """Whether the scout must not go further than one step before the robot."""
+        return memory.scout.odometer < memory.blind_until
+
+    def walk_ahead(self, scan: Scan, memory: VisionMemory) -> None:
+        """Steps 2 and 3: the scout walks Bug2's path to the end of what is visible of it."""
+        view, step = scan.view, self.boundary.step
+        for _ in range(MOST_STEPS):
+            scout = memory.scout
+            if math.dist(scout.place, view.goal_position) <= self.boundary.sensors.goal_radius - self.on_line:
+                return  # Bug2 has arrived there
+            ahead = self._step(scan, scout)
+            memory.verdict = ahead.verdict
+            gap = math.dist(view.position, scout.place)
+            if ahead.verdict or math.dist(ahead.place, scout.place) < 1e-3 * step:
+                if gap <= step:
+                    memory.trail[-1] = ahead  # boxed in, and it counts how long
+                return
+            if gap > step:
+                if self._is_blind(memory) or not self._is_visible(scan, ahead):
+                    return
+            elif gap > self.on_line and not scan.is_open(ahead.place):
+                return
+            memory.trail.append(ahead)
+
+    def _is_visible(self, scan: Scan, scout: Scout) -> bool:
+        """Whether the scout's place is visible, and the wall that its hand is on."""
+        boundary, contour = self.boundary, scout.contour
+        if contour is not None and math.dist(scout.place, contour.wall) > boundary.clearance + boundary.step:
+            return False
+        return scan.sees(scout.place, self.reach - boundary.clearance)
+
+    def _step(self, scan: Scan, scout: Scout) -> Scout:
+        """The scout one step further on Bug2's path."""
+        boundary = self.boundary
+        view, ahead = scan.seen_from(scout.place), scout.copy()
+        contour = ahead.contour
+        if contour is not None:
+            if self._may_leave(view, ahead, contour):
+                boundary.leave(view, ahead)
+            elif contour.is_lap_closed:
+                ahead.verdict = "unreachable"
+                return ahead
+        velocity = go_along(boundary, view, ahead.m_line) if ahead.contour is None else None
+        if velocity is None:
+            if ahead.contour is None:
+                boundary.hit(view, ahead, self.side, view.goal_bearing)
+                ahead.hit_distance = ahead.crossing_distance = math.dist(view.position, ahead.m_line.goal)
+            velocity = boundary.follow(view, ahead)
+        drive = view.sensors.drive
+        boundary.move_on(scan.seen_from(view.to_odometry(velocity[0] * drive.step, velocity[1] * drive.step)), ahead)
+        return ahead
+
+    def _may_leave(self, view: View, scout: Scout, contour: Contour) -> bool:
+        """Whether the last step crossed the M-line nearer to the goal than the hit point, with a free way on."""
+        distance = nearer_crossing(self.boundary, view, contour, scout.m_line, scout.hit_distance)
+        if distance is None:
+            return False
+        scout.crossing_distance = distance
+        return self.boundary.may_go_on(view, contour)
+
+    def jump(self, scan: Scan, memory: VisionMemory, reference: float) -> bool:
+        """Step 4: T_i is the visible point of the M-line nearest to the goal, if any is nearer than `reference` [m].
+
+        Returns:
+            Whether it is.
+        """
+        if memory.verdict or self._is_blind(memory):
+            return False
+        scout, stride = memory.scout, self.boundary.step
+        place = scan.first_visible(
+            scout.m_line, stride, int(reference / stride) - 1, self.reach - self.boundary.clearance
+        )
+        if place is None:
+            return False
+        view, ahead = scan.seen_from(place), scout.copy()
+        if ahead.contour is not None:
+            self.boundary.leave(view, ahead)
+        self.boundary.move_on(view, ahead)
+        memory.trail.append(ahead)
+        return True
+
+    # ------------------------------------------------------------------------------------------ motion to T_i
+
+    def move(self, scan: Scan, memory: VisionMemory) -> Velocity:
+        """Velocity straight toward T_i; back on the own way while T_i is hidden."""
+        view, scout = scan.view, memory.scout
+        memory.hits, memory.hit_sides, memory.hit_odometers = scout.hits, scout.hit_sides, scout.hit_odometers
+        memory.leaves = scout.leaves
+        gap = math.dist(view.position, scout.place)
+        memory.mode = "motion_to_goal"
+        if not memory.is_goal_seen and scout.contour is not None:
+            memory.mode = "boundary_following" if gap <= NEAR * self.boundary.step else "motion_to_sub_goal"
+        if memory.is_goal_seen:
+            target = view.goal_position
+        elif scan.is_open(scout.place):
+            target = scout.place
+        else:
+            return self._go_back(scan, memory)
+        memory.way.append(view.position)
+        return self._go_straight(view, target)
+
+    def _go_back(self, scan: Scan, memory: VisionMemory) -> Velocity:
+        """Velocity on the own way back to where the scout was last visible; where that is blocked, begin anew."""
+        view, way = scan.view, memory.way
+        while way and math.dist(way[-1], view.position) <= 0.5 * self.boundary.step:
+            way.pop()
+        if way and scan.is_open(way[-1]):
+            return self._go_straight(view, way[-1])
+        self._begin(view, memory)
+        return STANDING
+
+    def _go_straight(self, view: View, place: Point) -> Velocity:
+        x, y = view.to_robot(*place)
+        distance = math.hypot(x, y)
+        if distance == 0.0:
+            return STANDING
+        share = min(distance, self.boundary.step) / (distance * view.sensors.drive.step)
+        return x * share, y * share
+
+    def draw(self, memory: VisionMemory) -> Drawing:
+        """Hit and leave points, the M-line, T_i and the way to it."""
+        drawing = self.boundary.draw(memory)
+        if not memory.trail:
+            return drawing
+        scout = memory.scout
+        start, goal = scout.m_line.start, scout.m_line.goal
+        target = goal if memory.is_goal_seen else scout.place
+        segments = [(*start, *goal, "m_line")]
+        if memory.position is not None:
+            segments.append((*memory.position, *target, "plan"))
+        return Drawing(points=[*drawing.points, (*target, "target")], segments=segments)
+
+
+class VisBug(ScriptedPolicy):
+    """VisBug but for the places on the M-line that it takes in step 4.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: centre to wall while following [m]; None: body radius and one step.
+        turn: which way to turn at a wall.
+        leave_rule: "any": leave at a crossing wherever the goal lies (the algorithm as published); "front": only with
+            the goal within 90 degrees of the direction of travel.
+        vision_range: how far the robot looks [m]; None: as far as its LIDAR.
+        discrete: whether actions are numbers of the discrete table.
+
+    Raises:
+        ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        turn: Turn = "left",
+        leave_rule: LeaveRule = "any",
+        vision_range: float | None = None,
+        discrete: bool = False,
+    ) -> None:
+        super().__init__(sensors, discrete=discrete)
+        self.vision = Vision(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range)
+
+    def start(self) -> VisionMemory:
+        """Memory of a new episode."""
+        return VisionMemory(mode="motion_to_goal")
+
+    def act(self, view: View, memory: VisionMemory) -> Velocity:
+        """One decision."""
+        vision = self.vision
+        scan = vision.look(view, memory)
+        if not vision.sees_goal(scan, memory):
+            vision.walk_ahead(scan, memory)
+            while vision.jump(scan, memory, self.reference(view, memory.scout)):
+                vision.walk_ahead(scan, memory)
+        return vision.move(scan, memory)
+
+    @abstractmethod
+    def reference(self, view: View, scout: Scout) -> float:
+        """How near to the goal [m] a visible place on the M-line must be to be taken for T_i."""
+
+    def draw(self, memory: VisionMemory) -> Drawing:
+        """Hit and leave points, the M-line and T_i."""
+        return self.vision.draw(memory)

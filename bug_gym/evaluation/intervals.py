@@ -1,0 +1,340 @@
+"""What many rows say, and how sure it is: intervals, summaries by policy and scenario, paired differences.
+
+Sources: Wilson 1927 (score interval of a share); Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the
+Statistical Precipice" (interquartile mean, resampling within strata); McNemar 1947, in its exact binomial form.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite, isnan, nan, sqrt
+from statistics import NormalDist
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bug_gym.evaluation.rows import FIELD_TYPES, EpisodeRow, json_fields
+
+FloatArray = NDArray[np.float64]
+Statistic = Callable[[FloatArray], FloatArray]
+"""Samples (B, n), one a row, to their statistics (B,)."""
+
+OVERALL = "(all)"
+"""Stands where a scenario's name would, in a summary over all scenarios."""
+
+COMPARED = ("success", "spl", "time_ratio", "path_length", "time", "min_clearance")
+"""Fields that `compare` compares."""
+_ON_SUCCESS = {"time", "steps", "path_length", "time_ratio", "min_clearance", "turns", "total_turning"}
+"""Fields that say something of a solved episode only: a crash after a second is no short time."""
+
+_BLOCK = 1_000_000
+"""Values resampled at a time: bounds the memory of a bootstrap over many rows."""
+
+
+class Interval(NamedTuple):
+    """Two bounds; both NaN where the sample says nothing about its own spread."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What many episodes of one policy say, in one scenario or in all; a mean over nothing is NaN.
+
+    Intervals are of 95 % and take rows as independent: several robots of one world make them too narrow.
+    """
+
+    policy: str
+    scenario: str
+    """Name of the scenario, or OVERALL: all rows of the policy pooled."""
+    n: int
+    """Rows."""
+    success: float
+    """Share of successes, with its Wilson interval."""
+    success_low: float
+    success_high: float
+    spl_n: int
+    """Rows in which SPL is defined."""
+    spl: float
+    """Mean SPL over those."""
+    spl_iqm: float
+    """Interquartile mean of SPL, with its interval by bootstrap within scenarios."""
+    spl_iqm_low: float
+    spl_iqm_high: float
+    path_ratio: float
+    """Path over shortest path, mean over successes."""
+    time: float
+    """Time [s], mean over successes."""
+    time_ratio: float
+    """Earliest time of meeting a moving target over time, mean over successes."""
+    collision: float
+    """Share of collisions."""
+    timeout: float
+    """Share of timeouts."""
+    gave_up: float
+    """Share of episodes in which the policy gave up."""
+    verdicts: dict[str, int]
+    """With which verdicts it gave up, and how often."""
+    min_clearance: float
+    """Smallest clearance of an episode [m], mean over successes: a collision has none, and is counted above."""
+    decision_time: float
+    """Median over rows of the mean time of a decision [s]."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Fields in order, fit for strict JSON as those of a row are."""
+        return json_fields(self)
+
+
+@dataclass(frozen=True, slots=True)
+class PairedDifference:
+    """Mean of a field of `policy` minus that of `baseline` in the same worlds, with its 95 % interval."""
+
+    policy: str
+    baseline: str
+    field: str
+    n: int
+    """Pairs in which both have the field."""
+    mean: float
+    low: float
+    high: float
+    p_value: float
+    """Exact McNemar test, for success only, else NaN; not corrected for the number of comparisons."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Fields in order, fit for strict JSON as those of a row are."""
+        return json_fields(self)
+
+
+def wilson_interval(successes: int, n: int, *, confidence: float = 0.95) -> Interval:
+    """Interval of a share whose score test does not reject it; honest at 0 and n successes, where others collapse."""
+    if n < 1 or not 0 <= successes <= n:
+        raise ValueError(f"expected n >= 1 and 0 <= successes <= n, came successes={successes}, n={n}")
+    z = NormalDist().inv_cdf(1.0 - _tail(confidence))
+    share, width = successes / n, z * z / n
+    centre = (share + width / 2.0) / (1.0 + width)
+    half = sqrt(share * (1.0 - share) * width + width * width / 4.0) / (1.0 + width)
+    # Written out at the ends: rounding would leave a bound just inside or outside [0, 1].
+    return Interval(0.0 if successes == 0 else centre - half, 1.0 if successes == n else centre + half)
+
+
+def interquartile_mean(values: ArrayLike) -> float:
+    """Mean of the middle half of the values (n,): a quarter of them, rounded down, is cut off at either end."""
+    return float(interquartile_means(_sample("values", values)[None, :])[0])
+
+
+def interquartile_means(samples: FloatArray) -> FloatArray:
+    """Interquartile mean of each row of samples (B, n), as (B,)."""
+    n = samples.shape[1]
+    cut = n // 4
+    middle = np.partition(samples, (cut, n - cut - 1), axis=1)[:, cut : n - cut]
+    return np.asarray(middle.mean(axis=1), dtype=np.float64)
+
+
+def means(samples: FloatArray) -> FloatArray:
+    """Mean of each row of samples (B, n), as (B,)."""
+    return np.asarray(samples.mean(axis=1), dtype=np.float64)
+
+
+def stratified_bootstrap(
+    strata: Sequence[ArrayLike], statistic: Statistic, *, resamples: int = 2000, seed: int = 0, confidence: float = 0.95
+) -> Interval:
+    """Percentile interval of a statistic of all values, each stratum resampled within itself.
+
+    A stratum keeps its size in every resample, so the differences between strata do not widen the interval. The bounds
+    are NaN where no stratum has two values: resampling a single value would only feign certainty.
+
+    Args:
+        strata: Values of each stratum, (n_s,) each; all finite.
+        statistic: Of the values of all strata pooled, row by row: (B, sum of n_s) to (B,).
+        resamples: How many resamples.
+        seed: Of the resampling; the same seed gives the same interval.
+        confidence: Share of the resampled statistics between the bounds.
+    """
+    if len(strata) == 0 or resamples < 1:
+        raise ValueError(f"expected strata and resamples >= 1, came {len(strata)} strata, resamples={resamples}")
+    tail = _tail(confidence)
+    groups = [_sample(f"stratum {index}", values) for index, values in enumerate(strata)]
+    if max(len(group) for group in groups) < 2:
+        return Interval(nan, nan)
+    rng = np.random.default_rng(seed)
+    block = max(1, _BLOCK // sum(len(group) for group in groups))
+    counts = [min(block, resamples - done) for done in range(0, resamples, block)]
+    estimates = np.concatenate([_statistics(statistic, _resample(groups, count, rng)) for count in counts])
+    low, high = np.quantile(estimates, (tail, 1.0 - tail))
+    return Interval(float(low), float(high))
+
+
+def exact_mcnemar(only_a: int, only_b: int) -> float:
+    """Two-sided p value that a and b succeed equally often, from the pairs in which only one of them did."""
+    if only_a < 0 or only_b < 0:
+        raise ValueError(f"expected counts >= 0, came only_a={only_a}, only_b={only_b}")
+    if only_a + only_b == 0:
+        return 1.0
+    from scipy.stats import binomtest  # a second of import, for this line only
+
+    return float(binomtest(only_a, only_a + only_b, 0.5).pvalue)
+
+
+def summarise(rows: Sequence[EpisodeRow], *, resamples: int = 2000, seed: int = 0) -> list[Summary]:
+    """Summaries by scenario and policy in order of first appearance, then over all scenarios.
+
+    Over all there is none of a policy that did not drive in each of them: it could not be compared.
+    """
+    groups: dict[tuple[str, str], list[EpisodeRow]] = {}
+    for row in rows:
+        groups.setdefault((row.scenario, row.policy), []).append(row)
+        groups.setdefault((OVERALL, row.policy), []).append(row)
+    if not groups:
+        raise ValueError("no rows to summarise")
+    scenarios, policies = dict.fromkeys(row.scenario for row in rows), dict.fromkeys(row.policy for row in rows)
+    if OVERALL in scenarios:
+        raise ValueError(f"no scenario may be named {OVERALL!r}")
+    for policy in policies:
+        _by_world(groups[OVERALL, policy])
+    everywhere = [policy for policy in policies if all((scenario, policy) in groups for scenario in scenarios)]
+    keys = [(scenario, policy) for scenario in scenarios for policy in policies if (scenario, policy) in groups]
+    keys += [(OVERALL, policy) for policy in everywhere]
+    return [_summary(key, groups[key], resamples=resamples, seed=seed) for key in keys]
+
+
+def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int, seed: int) -> Summary:
+    n, solved, outcomes = len(rows), [row for row in rows if row.success], Counter(row.outcome for row in rows)
+    success = wilson_interval(len(solved), n)
+    strata = _by_scenario((row.scenario, row.spl) for row in rows)
+    spls = [value for stratum in strata for value in stratum]
+    iqm = _bootstrap(strata, interquartile_means, resamples=resamples, seed=seed)
+    # The shortest path leads to the goal itself, a robot stops at its rim: the rest of the way counts too.
+    path_ratios = [
+        (row.path_length + row.goal_distance) / row.shortest_path_length
+        for row in solved
+        if 0.0 < row.shortest_path_length < inf
+    ]
+    return Summary(
+        scenario=key[0],
+        policy=key[1],
+        n=n,
+        success=len(solved) / n,
+        success_low=success.low,
+        success_high=success.high,
+        spl_n=len(spls),
+        spl=_mean(spls),
+        spl_iqm=interquartile_mean(spls) if spls else nan,
+        spl_iqm_low=iqm.low,
+        spl_iqm_high=iqm.high,
+        path_ratio=_mean(path_ratios),
+        time=_mean(row.time for row in solved),
+        time_ratio=_mean(row.time_ratio for row in solved),
+        collision=outcomes["collision"] / n,
+        timeout=outcomes["timeout"] / n,
+        gave_up=outcomes["gave_up"] / n,
+        verdicts=dict(sorted(Counter(row.verdict for row in rows if row.outcome == "gave_up").items())),
+        min_clearance=_mean(row.min_clearance for row in solved),
+        decision_time=float(np.median([row.decision_time_mean for row in rows])),
+    )
+
+
+def paired_difference(
+    rows_a: Sequence[EpisodeRow], rows_b: Sequence[EpisodeRow], field: str, *, resamples: int = 2000, seed: int = 0
+) -> PairedDifference:
+    """Difference a minus b of a field over the worlds (scenario, seed, robot) that both policies drove in.
+
+    Time, path, clearance and turning are compared where both succeeded, and no field where it is NaN or infinite for
+    either: n says in how many pairs it was. The interval is a bootstrap of the pairs within scenarios.
+    """
+    comparable = [name for name, kind in FIELD_TYPES.items() if kind is not str and name not in ("seed", "robot")]
+    if field not in comparable:
+        raise ValueError(f"field must be one of {', '.join(comparable)}, came {field!r}")
+    by_world_a, by_world_b = _by_world(rows_a), _by_world(rows_b)
+    pairs = [(row, by_world_b[world]) for world, row in by_world_a.items() if world in by_world_b]
+    if not pairs:
+        raise ValueError("the two policies have no world in common")
+    if field in _ON_SUCCESS:
+        pairs = [(a, b) for a, b in pairs if a.success and b.success]
+    strata = _by_scenario((a.scenario, float(getattr(a, field)) - float(getattr(b, field))) for a, b in pairs)
+    differences = [value for stratum in strata for value in stratum]
+    interval = _bootstrap(strata, means, resamples=resamples, seed=seed)
+    p_value = exact_mcnemar(differences.count(1.0), differences.count(-1.0)) if field == "success" else nan
+    names = rows_a[0].policy, rows_b[0].policy
+    return PairedDifference(*names, field, len(differences), _mean(differences), *interval, p_value)
+
+
+def compare(
+    rows: Sequence[EpisodeRow], baseline: str, *, resamples: int = 2000, seed: int = 0
+) -> list[PairedDifference]:
+    """Differences to the baseline in each of COMPARED, of each other policy that has a world in common with it."""
+    by_policy: dict[str, list[EpisodeRow]] = {}
+    for row in rows:
+        by_policy.setdefault(row.policy, []).append(row)
+    if baseline not in by_policy:
+        raise ValueError(f"baseline must be one of {', '.join(by_policy) or 'no policies'}, came {baseline!r}")
+    reference = by_policy.pop(baseline)
+    worlds = _by_world(reference).keys()
+    return [
+        paired_difference(others, reference, field, resamples=resamples, seed=seed)
+        for others in by_policy.values()
+        if worlds & _by_world(others).keys()
+        for field in COMPARED
+    ]
+
+
+def _by_world(rows: Sequence[EpisodeRow]) -> dict[tuple[str, int, int], EpisodeRow]:
+    """Rows of one policy by the world and robot they are of; a row that came twice would count twice."""
+    if len({row.policy for row in rows}) != 1:
+        raise ValueError(f"expected rows of one policy, came {sorted({row.policy for row in rows})}")
+    worlds = {(row.scenario, row.seed, row.robot): row for row in rows}
+    if len(worlds) != len(rows):
+        repeated = Counter((row.scenario, row.seed, row.robot) for row in rows).most_common(1)[0]
+        raise ValueError(f"{rows[0].policy} has {repeated[1]} rows for (scenario, seed, robot) = {repeated[0]}")
+    return worlds
+
+
+def _by_scenario(values: Iterable[tuple[str, float]]) -> list[list[float]]:
+    """Finite values grouped by scenario, which has to have one."""
+    strata: dict[str, list[float]] = {}
+    for scenario, value in values:
+        if isfinite(value):
+            strata.setdefault(scenario, []).append(value)
+    return list(strata.values())
+
+
+def _bootstrap(strata: Sequence[ArrayLike], statistic: Statistic, *, resamples: int, seed: int) -> Interval:
+    """`stratified_bootstrap`, with NaN bounds where nothing was measured."""
+    return stratified_bootstrap(strata, statistic, resamples=resamples, seed=seed) if strata else Interval(nan, nan)
+
+
+def _mean(values: Iterable[float]) -> float:
+    """Mean of the values that are not NaN; NaN over none."""
+    known = [value for value in values if not isnan(value)]
+    return float(np.mean(known)) if known else nan
+
+
+def _tail(confidence: float) -> float:
+    """Share outside a two-sided interval, on either side."""
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must lie between 0 and 1, came {confidence}")
+    return (1.0 - confidence) / 2.0
+
+
+def _sample(name: str, values: ArrayLike) -> FloatArray:
+    """Values as an array (n,), n >= 1, all finite."""
+    sample = np.asarray(values, dtype=np.float64)
+    if sample.ndim != 1 or sample.size == 0:
+        raise ValueError(f"{name} must be a list of at least one number, came shape {sample.shape}")
+    if not np.isfinite(sample).all():
+        raise ValueError(f"{name} must be finite, came {sample[~np.isfinite(sample)][0]}")
+    return sample
+
+
+def _resample(groups: Sequence[FloatArray], count: int, rng: np.random.Generator) -> FloatArray:
+    """Count resamples, (count, sum of sizes), each group drawn from itself with replacement."""
+    return np.concatenate([group[rng.integers(len(group), size=(count, len(group)))] for group in groups], axis=1)
+
+
+def _statistics(statistic: Statistic, samples: FloatArray) -> FloatArray:
+    """The statistic of each row, its shape checked: np.mean, say, would give one number for all of them."""
+    estimates = np.asarray(statistic(samples), dtype=np.float64)
+    if estimates.shape != samples.shape[:1]:
+        raise ValueError(f"statistic must map {samples.shape} to {samples.shape[:1]}, it gave {estimates.shape}")
+    return estimates

@@ -1,0 +1,339 @@
+"""Tables for people and files for programs from the summaries of an evaluation.
+
+On screen and in Markdown: one table a scenario, one over all scenarios where there are several, and one of the paired
+differences between policies. On disk: summary.json, summary.csv, differences.csv and summary.md, each replaced as a
+whole, so that a reader never meets half a file.
+"""
+
+import csv
+import io
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from bug_gym.evaluation.intervals import OVERALL, PairedDifference, Summary
+from bug_gym.evaluation.rows import EpisodeRow
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_NOTHING = "–"
+"""Stands where nothing was measured."""
+
+_COUNT = "n"
+"""Name of the column with the number of episodes."""
+
+
+def _success(summary: Summary) -> str:
+    share, low, high = (
+        _percent(share, summary.n) for share in (summary.success, summary.success_low, summary.success_high)
+    )
+    return f"{share} [{low}, {high}]"
+
+
+def _iqm(summary: Summary) -> str:
+    if isnan(summary.spl_iqm_low):
+        return _number(summary.spl_iqm, 2)
+    return f"{summary.spl_iqm:.2f} [{summary.spl_iqm_low:.2f}, {summary.spl_iqm_high:.2f}]"
+
+
+def _gave_up(summary: Summary) -> str:
+    verdicts = ", ".join(f"{verdict or 'no verdict'} {count}" for verdict, count in summary.verdicts.items())
+    return f"{_percent(summary.gave_up, summary.n)} ({verdicts})" if verdicts else _NOTHING
+
+
+class _Column(NamedTuple):
+    """A column of the tables; on screen there is room for some only."""
+
+    name: str
+    cell: Callable[[Summary], str]
+    on_screen: bool = True
+
+
+_COLUMNS = (
+    _Column("policy", lambda summary: summary.policy),
+    _Column(_COUNT, lambda summary: str(summary.n)),
+    _Column("success [%]", _success),
+    _Column("SPL", lambda summary: _number(summary.spl, 2)),
+    _Column("SPL, IQM", _iqm, on_screen=False),
+    _Column("path / shortest", lambda summary: _number(summary.path_ratio, 2)),
+    _Column("earliest / time", lambda summary: _number(summary.time_ratio, 2)),
+    _Column("time [s]", lambda summary: _number(summary.time, 1)),
+    _Column("collided [%]", lambda summary: _percent(summary.collision, summary.n)),
+    _Column("timeouts [%]", lambda summary: _percent(summary.timeout, summary.n), on_screen=False),
+    _Column("gave up [%]", _gave_up, on_screen=False),
+    _Column("decision [ms]", lambda summary: _number(1000.0 * summary.decision_time, 3)),
+)
+
+
+class _Measure(NamedTuple):
+    """A field of the rows in which policies are compared, as a column of the table of differences."""
+
+    field: str
+    name: str
+    scale: float
+    digits: int
+    on_screen: bool = True
+
+
+_MEASURES = (
+    _Measure("success", "success [%]", 100.0, 1),
+    _Measure("spl", "SPL", 1.0, 2),
+    _Measure("time_ratio", "earliest / time", 1.0, 2),
+    _Measure("time", "time [s]", 1.0, 1),
+    _Measure("path_length", "path [m]", 1.0, 2, on_screen=False),
+    _Measure("min_clearance", "clearance [m]", 1.0, 3, on_screen=False),
+)
+
+
+def print_table(summaries: Sequence[Summary], console: "Console") -> None:
+    """Print a table a scenario, and one over all of them where there are several; 80 columns are enough.
+
+    Where all lines have the same number of episodes, the title tells it.
+    """
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    for title, header, lines in _tables(summaries, [column for column in _COLUMNS if column.on_screen]):
+        counts = {line[header.index(_COUNT)] for line in lines}
+        if len(counts) == 1:
+            title = f"{title}, {counts.pop()} episodes a policy"
+            lines = [_without(line, header.index(_COUNT)) for line in lines]
+            header = _without(header, header.index(_COUNT))
+        # Text, not str: a name in square brackets is a name, not rich's markup.
+        table = Table(title=Text(title), box=SIMPLE_HEAD, padding=0, pad_edge=False)
+        table.add_column(header[0], overflow="fold")
+        for name in header[1:]:
+            # Two lines a header and no others: a narrow screen folds the names of policies, never a number.
+            breaks = (name.replace(" [", "\n[").replace(" / ", slash) for slash in (" /\n", "\n/ "))
+            narrow = min(breaks, key=lambda broken: max(map(len, broken.splitlines())))
+            table.add_column(Text(narrow), justify="right", no_wrap=True)
+        for line in lines:
+            table.add_row(*(Text(cell) for cell in line))
+        console.print(table)
+
+
+def _without(cells: Sequence[str], number: int) -> list[str]:
+    return [*cells[:number], *cells[number + 1 :]]
+
+
+def print_differences(differences: Sequence[PairedDifference], console: "Console") -> None:
+    """Print a table of the differences to the baseline, see `intervals.compare`; nothing where there are none."""
+    for title, header, lines in _difference_tables(
+        differences, [measure for measure in _MEASURES if measure.on_screen]
+    ):
+        print_text_table(title, header, lines, console)
+
+
+def print_text_table(title: str, header: Sequence[str], lines: Sequence[Sequence[str]], console: "Console") -> None:
+    """Print a table of text as wide as it needs to be: a number is never folded."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.measure import Measurement
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for number, name in enumerate(header):
+        table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
+    for line in lines:
+        table.add_row(*(Text(cell) for cell in line))
+    wide = console.options.update(width=10_000)
+    needed = Measurement.get(console, wide, table).maximum
+    # A console as wide as the table: a terminal folds the lines, but every number is there.
+    Console(file=console.file, width=max(console.width, needed)).print(table)
+
+
+class Lines(Protocol):
+    """What `draw_curves` draws: see reproductions.result.Curves."""
+
+    @property
+    def title(self) -> str:
+        """What stands above."""
+
+    @property
+    def x_label(self) -> str:
+        """What x is, with its unit."""
+
+    @property
+    def y_label(self) -> str:
+        """What y is, with its unit."""
+
+    @property
+    def x(self) -> Sequence[float]:
+        """The values of x."""
+
+    @property
+    def lines(self) -> Mapping[str, Sequence[tuple[float, float, float]]]:
+        """Value, low and high at each x, by name."""
+
+
+COLORS = tuple(f"C{number}" for number in range(10))
+STYLES = (("-", "o"), ("--", "s"), (":", "^"))
+"""Line and marker of the first ten lines, of the next ten, and so on."""
+
+
+def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
+    """Draw each set of lines with its intervals, side by side, into a PNG.
+
+    Raises:
+        ImportError: matplotlib is not installed (the extra `report`).
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError("curves need matplotlib: pip install 'bug-gym[report]'") from error
+    figure = Figure(figsize=(6.5 * len(curves), 4.5), layout="constrained")
+    names = list(dict.fromkeys(name for one in curves for name in one.lines))
+    for axes, one in zip(figure.subplots(1, len(curves), squeeze=False)[0], curves, strict=True):
+        places = range(len(one.x))  # evenly spaced: the values grow by factors
+        for name, points in one.lines.items():
+            middle, low, high = zip(*points, strict=True)
+            kind, color = divmod(names.index(name), len(COLORS))
+            dashes, marker = STYLES[kind % len(STYLES)]
+            axes.plot(places, middle, dashes, color=COLORS[color], marker=marker, label=name)
+            axes.fill_between(places, low, high, color=COLORS[color], alpha=0.3 / len(names))
+        axes.set_xticks(list(places), [f"{value:g}" for value in one.x])
+        axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=(-0.02, 1.02))
+    known = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
+    handles = {name: handle for handle, name in reversed(known)}
+    figure.legend([handles[name] for name in names], names, loc="outside right center", fontsize="small")
+    partial = path.with_name(f"{path.stem}.partial.png")
+    figure.savefig(partial, dpi=100)
+    partial.replace(path)
+
+
+def write_summary(
+    folder: str | os.PathLike[str],
+    rows: Sequence[EpisodeRow],
+    summaries: Sequence[Summary],
+    differences: Sequence[PairedDifference] = (),
+) -> None:
+    """Write summary.json (with the rows behind it), summary.csv, differences.csv and summary.md into a folder.
+
+    The folder is made where it is missing. The JSON is strict: NaN is null, infinity the string "inf"; the CSV leaves a
+    cell empty for NaN.
+    """
+    contents = {
+        "summary.json": _json(rows, summaries, differences),
+        "summary.csv": _csv(Summary, [_flat(summary) for summary in summaries]),
+        "differences.csv": _csv(PairedDifference, [difference.as_dict() for difference in differences]),
+        "summary.md": _markdown(summaries, differences),
+    }
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    for name, text in contents.items():
+        _replace(target / name, text)
+
+
+def _tables(summaries: Sequence[Summary], columns: Sequence[_Column]) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Title, header and lines of each table; a column in which nothing was measured is left out."""
+    if not summaries:
+        raise ValueError("no summaries to report")
+    by_scenario: dict[str, list[Summary]] = {}
+    for summary in summaries:
+        by_scenario.setdefault(summary.scenario, []).append(summary)
+    if len(by_scenario) == 2:
+        by_scenario.pop(OVERALL, None)
+    tables = []
+    for scenario, members in by_scenario.items():
+        filled = [[column.name, *(column.cell(member) for member in members)] for column in columns]
+        measured = [texts for texts in filled if any(text != _NOTHING for text in texts[1:])]
+        header, *lines = (list(line) for line in zip(*measured, strict=True))
+        tables.append(("all scenarios" if scenario == OVERALL else scenario, header, lines))
+    return tables
+
+
+def _difference_tables(
+    differences: Sequence[PairedDifference], measures: Sequence[_Measure]
+) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Title, header and lines of the table of differences, one or none; a column without a value is left out."""
+    policies = list(dict.fromkeys(difference.policy for difference in differences))
+    if not policies:
+        return []
+    by_key = {(difference.policy, difference.field): difference for difference in differences}
+    shares = [by_key[policy, "success"] for policy in policies]
+    filled = [
+        ["policy", *policies],
+        ["pairs", *(str(share.n) for share in shares)],
+        *([one.name, *(_difference(by_key[policy, one.field], one) for policy in policies)] for one in measures),
+    ]
+    filled.insert(3, ["p", *(f"{share.p_value:.2g}" for share in shares)])
+    measured = [texts for texts in filled if any(text != _NOTHING for text in texts[1:])]
+    header, *lines = (list(line) for line in zip(*measured, strict=True))
+    return [(f"difference to {differences[0].baseline} in the same worlds", header, lines)]
+
+
+def _difference(difference: PairedDifference, measure: _Measure) -> str:
+    mean, low, high = (
+        f"{measure.scale * value:+.{measure.digits}f}" for value in (difference.mean, difference.low, difference.high)
+    )
+    if isnan(difference.mean):
+        return _NOTHING
+    return mean if isnan(difference.low) else f"{mean} [{low}, {high}]"
+
+
+def _json(rows: Sequence[EpisodeRow], summaries: Sequence[Summary], differences: Sequence[PairedDifference]) -> str:
+    data = {
+        "summaries": [summary.as_dict() for summary in summaries],
+        "differences": [difference.as_dict() for difference in differences],
+        "rows": [row.as_dict() for row in rows],
+    }
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
+
+
+def _flat(summary: Summary) -> dict[str, Any]:
+    """A summary as one line of a CSV; verdicts as "unreachable:3 stuck:1"."""
+    verdicts = " ".join(f"{verdict}:{count}" for verdict, count in summary.verdicts.items())
+    return {**summary.as_dict(), "verdicts": verdicts}
+
+
+def _csv(kind: type[Summary] | type[PairedDifference], records: Sequence[Mapping[str, Any]]) -> str:
+    """One line a record, under the names of the fields."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=[field.name for field in fields(kind)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
+def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifference]) -> str:
+    parts = [
+        "# Summary",
+        "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
+        "over pairs with a bootstrap interval; p is of the exact McNemar test on success.",
+    ]
+    for title, header, lines in [*_tables(summaries, _COLUMNS), *_difference_tables(differences, _MEASURES)]:
+        rule = [":--", *("--:" for _ in header[1:])]
+        table = "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, rule, *lines))
+        parts += [f"## {title}", table]
+    return "\n\n".join(parts) + "\n"
+
+
+def _escape(cell: str) -> str:
+    """Keep a cell of a Markdown table one cell."""
+    return cell.replace("|", "\\|").replace("\n", " ")
+
+
+def _number(value: float, digits: int) -> str:
+    return _NOTHING if isnan(value) else f"{value:.{digits}f}"
+
+
+def _percent(share: float, n: int) -> str:
+    """A share of n episodes in percent, with a decimal where rounding would hide a single episode."""
+    return f"{100.0 * share:.{int(n >= 200)}f}"
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write beside the file and rename over it: whoever looks sees the old file or the new one."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_text(text, encoding="utf-8", newline="\n")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,329 @@
+"""Episodes of one policy, side by side in the rows of one Simulation, measured: one EpisodeRow a robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels, kinematics
+from bug_gym.drawing.canvas import Canvas
+from bug_gym.drawing.clips import Frame
+from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_and_turning
+from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
+from bug_gym.observation import Field as ObservationField
+from bug_gym.observation import Sensors, as_dict, width
+from bug_gym.policy import Drawing, Policy
+from bug_gym.simulation import Simulation
+from bug_gym.task import OUTCOMES
+
+SLOTS = 16
+"""Worlds that one simulation drives side by side."""
+
+F32 = NDArray[np.float32]
+World = tuple[str, int]
+"""Label of a scenario and seed."""
+Lengths = dict[World, list[float]]
+"""Shortest paths [m] of the robots of each world."""
+
+
+def is_privileged(policy: Policy) -> bool:
+    """Whether a policy reads the world's map."""
+    return bool(getattr(policy, "privileged", False))
+
+
+class _OneByOne:
+    """Asks a policy robot by robot, so that each decision has a time of its own."""
+
+    def __init__(self, policy: Policy, robots: int) -> None:
+        self._policy = policy
+        self._memories: list[tuple[Any, ...] | None] = [None] * robots
+
+    def begin(self, robot: int) -> None:
+        self._memories[robot] = None
+
+    def memory(self, robot: int) -> Any:
+        memories = self._memories[robot]
+        return memories[0] if memories else None
+
+    def decide(self, observation: F32, robots: NDArray[np.int64]) -> tuple[NDArray[Any], list[float]]:
+        """Actions (k, ...) of some robots and the time that each decision took [s]."""
+        actions, seconds = [], []
+        for robot in robots:
+            row, state = observation[robot], self._memories[robot]
+            begin = perf_counter()
+            action, state = self._policy.predict(row, state, deterministic=True)
+            seconds.append(perf_counter() - begin)
+            actions.append(action)
+            self._memories[robot] = state
+        return np.stack(actions), seconds
+
+
+class _AllAtOnce:
+    """Asks a policy for all robots in one call, as SB3's evaluate_policy does: its state may be of any form."""
+
+    def __init__(self, policy: Policy, robots: int, fields: tuple[ObservationField, ...]) -> None:
+        self._policy = policy
+        self._state: tuple[Any, ...] | None = None
+        self._starts = np.ones(robots, dtype=bool)
+        self._fields = fields if isinstance(getattr(policy, "observation_space", None), gym.spaces.Dict) else None
+
+    def begin(self, robot: int) -> None:
+        self._starts[robot] = True
+
+    def memory(self, robot: int) -> Any:
+        # A recurrent policy's state is a tuple too: of arrays for all robots together.
+        is_one_each = isinstance(self._state, tuple) and len(self._state) == len(self._starts)
+        return self._state[robot] if is_one_each and self._state else None
+
+    def decide(self, observation: F32, robots: NDArray[np.int64]) -> tuple[NDArray[Any], list[float]]:
+        """Actions (k, ...) of some robots and each one's share of the time that the call took [s]."""
+        batch = as_dict(observation, self._fields) if self._fields else observation
+        begin = perf_counter()
+        actions, self._state = self._policy.predict(batch, self._state, self._starts.copy(), deterministic=True)
+        share = (perf_counter() - begin) / len(observation)
+        self._starts[:] = False
+        return actions[robots], [share] * len(robots)
+
+
+@dataclass
+class _Trace:
+    """What is kept of one robot's episode while it runs."""
+
+    points: list[list[float]]
+    """Places x, y [m], one a step and the start."""
+    goals: list[list[float]]
+    """Places of a moving goal x, y [m], likewise."""
+    seconds: list[float]
+    """Time of each decision [s]."""
+
+
+class Rollout:
+    """Episodes of one policy, side by side in the rows of one Simulation; a row that has ended takes the next seed.
+
+    Robots are numbered row by row: robot r of row n is n R + r. A row starts with its seed, so what happens in it does
+    not depend on the other rows.
+
+    Args:
+        entry: the policy.
+        scenario: the scenario.
+        seeds: one a world.
+        lengths: shortest paths that are known.
+        slots: how many worlds at a time. A policy that reads the map gets one: it has to know whose map it reads.
+    """
+
+    def __init__(
+        self,
+        entry: PolicyEntry,
+        scenario: ScenarioEntry,
+        seeds: Sequence[int],
+        *,
+        lengths: Lengths | None = None,
+        slots: int = SLOTS,
+    ) -> None:
+        self.entry, self.scenario = entry, scenario
+        self._lengths = lengths or {}
+        self.simulation = Simulation(scenario.scenario, min(slots, len(seeds)))
+        self.policy = entry.make(self.simulation)
+        if is_privileged(self.policy) and self.simulation.count > 1:
+            self.simulation = Simulation(scenario.scenario)
+            self.policy = entry.make(self.simulation)
+        count, robots = self.simulation.count, self.simulation.robots
+        one_by_one = getattr(self.policy, "one_by_one", False) and not is_privileged(self.policy)
+        self._driver: _OneByOne | _AllAtOnce = (
+            _OneByOne(self.policy, count * robots)
+            if one_by_one
+            else _AllAtOnce(self.policy, count * robots, self.simulation.fields)
+        )
+        drive = Sensors.of(scenario.scenario).drive
+        self._discrete_actions = kinematics.discrete_actions(drive)
+        self._standing = kinematics.steering(drive, (0.0, 0.0))
+        self._seeds = iter(seeds)
+        self._observation: F32 = np.zeros((count * robots, width(self.simulation.fields)), dtype=np.float32)
+        self._actions = np.tile(self._standing, (count * robots, 1))
+        self._going = np.zeros(count * robots, dtype=bool)
+        self._traces: dict[int, _Trace] = {}
+        self._ended: dict[int, list[EpisodeRow]] = {}
+        for row in range(count):
+            self._begin(row)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all seeds have been driven."""
+        return not self._going.any()
+
+    def memory(self, robot: int = 0) -> Any:
+        """The policy's memory of a robot, None where its state has another form."""
+        return self._driver.memory(robot)
+
+    def drawings(self) -> list[Drawing | None]:
+        """What the policy shows of its mind for each robot of the first row."""
+        draw = getattr(self.policy, "draw", None)
+        memories = [self.memory(robot) for robot in range(self.simulation.robots)]
+        return [None if draw is None or memory is None else draw(memory) for memory in memories]
+
+    def verdict(self) -> str:
+        """What the policy has decided in the first row, "" where nothing."""
+        verdicts = [getattr(self.memory(robot), "verdict", "") for robot in range(self.simulation.robots)]
+        return ", ".join(dict.fromkeys(filter(None, verdicts)))
+
+    def worlds(self) -> Iterator[list[EpisodeRow]]:
+        """Drives to the end; yields the rows of each world, one a robot, as it ends."""
+        while not self.is_over:
+            yield from self.advance()
+
+    def advance(self) -> list[list[EpisodeRow]]:
+        """One decision and one step in each world; the rows of the worlds that ended with it."""
+        deciding = np.flatnonzero(self._going)
+        actions, seconds = self._driver.decide(self._observation, deciding)
+        is_number = actions.dtype.kind in "iu"
+        self._actions[deciding] = self._discrete_actions[actions] if is_number else actions
+        for robot, duration in zip(deciding.tolist(), seconds, strict=True):
+            self._traces[robot].seconds.append(duration)
+            verdict = getattr(self._driver.memory(robot), "verdict", "")
+            if verdict:
+                self._actions[robot] = self._standing
+                self._end(robot, "gave_up", verdict)
+        self._step()
+        robots = self.simulation.robots
+        over = [row for row, ended in self._ended.items() if len(ended) == robots]
+        worlds = [sorted(self._ended.pop(row), key=lambda ended: ended.robot) for row in over]
+        for row in over:
+            self._begin(row)
+        return worlds
+
+    def _begin(self, row: int) -> None:
+        """Start the next seed in a row; without one it stays as it is."""
+        seed = next(self._seeds, None)
+        if seed is None:
+            return
+        robots = self.simulation.robots
+        first, end = row * robots, (row + 1) * robots
+        self._observation[first:end] = self.simulation.reset(np.array([row]), [seed])[0]
+        self._going[first:end] = True
+        self._actions[first:end] = self._standing
+        self._ended[row] = []
+        for robot in range(first, end):
+            self._driver.begin(robot)
+            self._traces[robot] = _Trace([], [], [])
+        self._record(range(first, end))
+
+    def _record(self, robots: Iterable[int]) -> None:
+        places = self.simulation.world.pose[:, :, :2].reshape(-1, 2).tolist()
+        goals = self.simulation.world.goal.reshape(-1, 2).tolist() if self.scenario.has_moving_target else None
+        for robot in robots:
+            trace = self._traces[robot]
+            trace.points.append(places[robot])
+            if goals is not None:
+                trace.goals.append(goals[robot])
+
+    def _step(self) -> None:
+        count, robots = self.simulation.count, self.simulation.robots
+        rows = np.flatnonzero(self._going.reshape(count, robots).any(axis=1))
+        if len(rows) == 0:
+            return
+        transition = self.simulation.step(self._actions.reshape(count, robots, 2)[rows], rows)
+        self._observation.reshape(count, robots, -1)[rows] = transition.observation
+        going = np.flatnonzero(self._going)
+        self._record(going.tolist())
+        outcomes = self.simulation.world.outcome.ravel()[going]
+        for robot, outcome in zip(going.tolist(), outcomes.tolist(), strict=True):
+            if outcome != kernels.RUNNING:
+                self._end(robot, OUTCOMES[outcome], "")
+
+    def _end(self, robot: int, outcome: str, verdict: str) -> None:
+        """Keep the row of a robot whose episode has ended; its world may go on for others."""
+        row, number = divmod(robot, self.simulation.robots)
+        self._going[robot] = False
+        trace, world = self._traces[robot], self.simulation.world
+        info = {name: values[0, number] for name, values in self.simulation.info(np.array([row])).items()}
+        seed, time, taken = int(world.seed[row]), float(info["time"]), float(info["path_length"])
+        lengths = self._lengths.get((self.scenario.label, seed))
+        shortest = lengths[number] if lengths else math.nan
+        turns, turning = turns_and_turning(trace.points)
+        success = outcome == "success"
+        self._ended[row].append(
+            EpisodeRow(
+                policy=self.entry.label,
+                scenario=self.scenario.label,
+                seed=seed,
+                robot=number,
+                outcome=outcome,
+                verdict=verdict,
+                success=success,
+                time=time,
+                steps=int(world.steps[row]),
+                path_length=taken,
+                goal_distance=float(info["goal_distance"]),
+                shortest_path_length=shortest,
+                # The shortest path leads to the goal itself, so the rest of the way counts too.
+                spl=spl(success=success, shortest=shortest, taken=taken + float(info["goal_distance"])),
+                time_ratio=self._time_ratio(trace, time),
+                min_clearance=float(info["min_clearance"]),
+                turns=turns,
+                total_turning=turning,
+                decision_time_mean=float(np.mean(trace.seconds)),
+                decision_time_p99=float(np.percentile(trace.seconds, 99.0)),
+                decision_time_total=math.fsum(trace.seconds),
+            )
+        )
+
+    def _time_ratio(self, trace: _Trace, time: float) -> float:
+        """Earliest time of meeting the moving goal on a straight run, over the time taken."""
+        if not trace.goals or time == 0.0:
+            return math.nan
+        settings = self.scenario.scenario
+        times = settings.time.step * np.arange(len(trace.goals))
+        speed, radius = settings.robot.max_speed, settings.goal.radius
+        return earliest_intercept(trace.points[0], trace.goals, times, speed, capture_radius=radius) / time
+
+
+def shortest_lengths(scenario: ScenarioEntry, seed: int) -> list[float]:
+    """Shortest paths [m] of the robots of one world; NaN where a robot does not fit at its start or goal."""
+    simulation = Simulation(scenario.scenario)
+    simulation.reset(seeds=[seed])
+    lengths = []
+    for robot in range(simulation.robots):
+        try:
+            lengths.append(simulation.shortest_path(robot=robot).length)
+        except ValueError:  # the goal may be nearer to a wall than the body: it is reached from beside it
+            lengths.append(math.nan)
+    return lengths
+
+
+def portrait(rollout: Rollout, canvas: Canvas) -> Frame:
+    """Drive the rollout's first world to its end, and draw the whole path."""
+    canvas.record()
+    while not rollout.is_over:
+        rollout.advance()
+        canvas.record()
+    return canvas.draw(rollout.drawings(), scan=False, note=rollout.verdict())
+
+
+def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True) -> Iterator[Frame]:
+    """Drive the rollout's first world to its end; a frame of the start, of every so many steps, and of the end.
+
+    Args:
+        rollout: what to film.
+        canvas: where to draw it.
+        every: steps between two frames.
+        scan: whether to draw the beams, too.
+
+    Raises:
+        ValueError: `every` below 1.
+    """
+    if every < 1:
+        raise ValueError(f"every must be at least 1, got {every}")
+    yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())
+    while not rollout.is_over:
+        for _ in range(every):
+            if not rollout.is_over:
+                rollout.advance()
+                canvas.record()
+        yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())

@@ -1,0 +1,119 @@
+"""The robot's body: circles in its frame, and how those beside its origin swing."""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.compiling import called, inlined
+from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
+from bug_gym.kernels.geometry import length, sin_cos
+from bug_gym.kernels.layout import Floats, Record
+
+
+@inlined
+def body_circle(f: Floats, s: Record, footprint: Floats, at: int, r: int, c: int) -> tuple[float, float]:
+    """Centre of circle c of robot r's body at the pose stored at `at` (s.pose or s.next_pose)."""
+    x, y = f[at + 3 * r], f[at + 3 * r + 1]
+    ox, oy = footprint[c, 0], footprint[c, 1]
+    if ox == 0.0 and oy == 0.0:
+        return x, y
+    sin, cos = sin_cos(f[at + 3 * r + 2])
+    return x + cos * ox - sin * oy, y + sin * ox + cos * oy
+
+
+@inlined
+def is_beside(footprint: Floats, c: int) -> bool:
+    """Whether circle c of the body lies beside the robot's origin: a turn moves it."""
+    return bool(footprint[c, 0] != 0.0 or footprint[c, 1] != 0.0)
+
+
+NO_WALL = -1
+SWING = 1e-5  # a circle beside the robot's origin leaves the chords that stand for its way by no more than this [m]
+
+
+@inlined
+def swing(f: Floats, s: Record, footprint: Floats, r: int, c: int) -> tuple[int, float]:
+    """How many chords stand for the way of circle c of robot r's body in this step, and how far it leaves them [m].
+
+    While the robot goes straight and turns evenly, a circle beside its origin runs along an arc of a cycloid. Contact is
+    tested on the chords with that much more radius: none is missed, and none comes more than SWING too early.
+    """
+    offset = length(footprint[c, 0], footprint[c, 1])
+    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+    pieces = max(1, math.ceil(turn * math.sqrt(0.125 * offset / SWING)))
+    turn /= pieces
+    return pieces, 0.125 * offset * turn * turn
+
+
+@inlined
+def swung_circle(f: Floats, s: Record, footprint: Floats, r: int, c: int, share: float) -> tuple[float, float]:
+    """Centre of circle c of robot r's body after a share of this step's motion."""
+    if share == 0.0:
+        return body_circle(f, s, footprint, s.pose, r, c)
+    if share == 1.0:
+        return body_circle(f, s, footprint, s.next_pose, r, c)
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    x += share * (f[s.next_pose + 3 * r] - x)
+    y += share * (f[s.next_pose + 3 * r + 1] - y)
+    sin, cos = sin_cos(heading + share * (f[s.next_pose + 3 * r + 2] - heading))
+    ox, oy = footprint[c, 0], footprint[c, 1]
+    return x + cos * ox - sin * oy, y + sin * ox + cos * oy
+
+
+@called
+def swing_contact(
+    f: Floats,
+    s: Record,
+    footprint: Floats,
+    r: int,
+    c: int,
+    x: float,
+    y: float,
+    mx: float,
+    my: float,
+    reach: float,
+    w: int,
+    end: float,
+) -> tuple[float, float]:
+    """First contact of circle c of robot r's body with what comes to (x, y) from (x - mx, y - my).
+
+    Args:
+        f: the row's floats.
+        s: the row's record.
+        footprint: circles of the body.
+        r: the robot.
+        c: the circle, one beside the robot's origin.
+        x: place of the disc, or that from which wall w is measured [m].
+        y: the same.
+        mx: its way in this step [m].
+        my: the same.
+        reach: distance at which they touch [m].
+        w: number of the wall, or NO_WALL: it is a disc.
+        end: fraction of the step up to which it counts.
+
+    Returns:
+        Fraction of the step or NEVER, and clearance [m].
+    """
+    first, clearance = NEVER, math.inf
+    pieces, margin = swing(f, s, footprint, r, c)
+    x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
+    for piece in range(pieces):
+        finish = min(end * pieces - piece, 1.0)
+        if finish < 0.0:
+            break
+        x1, y1 = swung_circle(f, s, footprint, r, c, (piece + 1) / pieces)
+        left = 1.0 - piece / pieces
+        px, py = x0 - x + mx * left, y0 - y + my * left
+        ex, ey = x1 - x0 - mx / pieces, y1 - y0 - my / pieces
+        if w == NO_WALL:
+            fraction = disc_contact(px, py, ex, ey, reach + margin)
+            gap = nearest_on_chord(px, py, ex, ey, finish)
+        else:
+            ax, ay, bx, by = f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+            fraction = wall_contact(px, py, ex, ey, ax, ay, bx, by, reach + margin)
+            gap = nearest_to_wall(px, py, ex, ey, ax, ay, bx, by, finish)
+        if fraction <= finish:
+            first = min(first, (piece + fraction) / pieces)
+        clearance = min(clearance, gap - reach)
+        x0, y0 = x1, y1
+    return first, clearance

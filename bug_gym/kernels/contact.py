@@ -1,0 +1,278 @@
+"""Who touches what, and when: the first contact of each robot on the chords of a step."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bug_gym.compiling import called, inlined
+from bug_gym.kernels.body import NO_WALL, body_circle, is_beside, swing, swing_contact, swung_circle
+from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
+from bug_gym.kernels.geometry import length
+from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Integers, Record
+from bug_gym.kernels.motion import body_motion
+from bug_gym.kernels.rays import NEAR, _find_near_discs
+
+
+@inlined
+def goal_contact(f: Floats, k: Integers, s: Record, r: int) -> float:
+    """Fraction of the step at which robot r's centre comes within the goal radius of its goal, or NEVER."""
+    g = k[s.goal_body + r]
+    mx, my = body_motion(f, s, g)
+    dx = f[s.pose + 3 * r] - (f[s.body_x + g] - mx)
+    dy = f[s.pose + 3 * r + 1] - (f[s.body_y + g] - my)
+    if dx * dx + dy * dy <= s.goal_radius * s.goal_radius:
+        return 0.0
+    ex = f[s.next_pose + 3 * r] - f[s.pose + 3 * r] - mx
+    ey = f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1] - my
+    return disc_contact(dx, dy, ex, ey, s.goal_radius)
+
+
+@inlined
+def disc_contacts(
+    f: Floats, k: Integers, s: Record, footprint: Floats, r: int, need: float, end: float, index: Integers
+) -> tuple[float, float]:
+    """First contact of robot r with discs on its chord up to `end`, and the smallest clearance to them."""
+    x0, y0 = f[s.pose + 3 * r], f[s.pose + 3 * r + 1]
+    nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+    moving, count = k[s.moving_disc_count], k[s.disc_count]
+    first, clearance = NEVER, math.inf
+    near = _find_near_discs(
+        f[s.body_x : s.body_x + count],
+        f[s.body_y : s.body_y + count],
+        f[s.body_radius : s.body_radius + count],
+        count,
+        nx,
+        ny,
+        need,
+        index,
+    )
+    for j in range(near):
+        m = index[np.uint64(NEAR) + j]
+        x, y = f[s.body_x + m], f[s.body_y + m]
+        mx, my = 0.0, 0.0
+        if m < moving:
+            mx, my = body_motion(f, s, m)
+        for c in range(s.footprint):
+            reach = f[s.body_radius + m] + footprint[c, 2]
+            if is_beside(footprint, c):
+                fraction, gap = swing_contact(f, s, footprint, r, c, x, y, mx, my, reach, NO_WALL, end)
+                first, clearance = min(first, fraction), min(clearance, gap)
+                continue
+            px, py, ex, ey = x0 - x + mx, y0 - y + my, nx - x0 - mx, ny - y0 - my
+            fraction = disc_contact(px, py, ex, ey, reach)
+            if fraction <= end:
+                first = min(first, fraction)
+            clearance = min(clearance, nearest_on_chord(px, py, ex, ey, end) - reach)
+    return first, clearance
+
+
+@called
+def wall_contacts(
+    f: Floats,
+    s: Record,
+    footprint: Floats,
+    r: int,
+    begin: int,
+    count: int,
+    bx: float,
+    by: float,
+    mx: float,
+    my: float,
+    need: float,
+    end: float,
+) -> tuple[float, float]:
+    """First contact of robot r with a range of walls that stand at (bx, by) and came from (bx - mx, by - my).
+
+    Returns (fraction or NEVER, clearance [m]) as `obstacle_contact` does.
+    """
+    x0, y0 = f[s.pose + 3 * r], f[s.pose + 3 * r + 1]
+    x3, y3 = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+    nx, ny = x3 - bx, y3 - by
+    px, py, ex, ey = x0 - bx + mx, y0 - by + my, x3 - x0 - mx, y3 - y0 - my
+    first, clearance = NEVER, math.inf
+    for w in range(begin, begin + count):
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        gap_x = max(max(min(x1, x2) - nx, nx - max(x1, x2)), 0.0)
+        gap_y = max(max(min(y1, y2) - ny, ny - max(y1, y2)), 0.0)
+        if gap_x * gap_x + gap_y * gap_y >= need * need:
+            continue
+        for c in range(s.footprint):
+            radius = footprint[c, 2]
+            if is_beside(footprint, c):
+                fraction, gap = swing_contact(f, s, footprint, r, c, bx, by, mx, my, radius, w, end)
+                first, clearance = min(first, fraction), min(clearance, gap)
+                continue
+            fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius)
+            if fraction <= end:
+                first = min(first, fraction)
+            clearance = min(clearance, nearest_to_wall(px, py, ex, ey, x1, y1, x2, y2, end) - radius)
+    return first, clearance
+
+
+@inlined
+def find_near_polygons(
+    f: Floats, s: Record, polygons: int, x: float, y: float, reach: float, index: Integers
+) -> np.uint64:
+    """Lists in index[NEAR:] the polygons whose disc comes within `reach` of (x, y); returns how many."""
+    begin = s.body_x + s.discs
+    at_y, at_radius = s.body_y + s.discs, s.body_radius + s.discs
+    return _find_near_discs(
+        f[begin : begin + polygons],
+        f[at_y : at_y + polygons],
+        f[at_radius : at_radius + polygons],
+        polygons,
+        x,
+        y,
+        reach,
+        index,
+    )
+
+
+@inlined
+def obstacle_contact(
+    f: Floats, k: Integers, s: Record, footprint: Floats, r: int, end: float, index: Integers
+) -> tuple[float, float]:
+    """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
+
+    Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below both the episode's smallest
+    so far and the reward's scale, else no smaller than those (the caller takes minima only).
+    """
+    nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+    turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+    way = length(nx - f[s.pose + 3 * r], ny - f[s.pose + 3 * r + 1])
+    slack = way + turn * s.body_reach + f[s.fastest] * s.step
+    need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
+    first, clearance = NEVER, math.inf
+    if k[s.disc_count] > 0:
+        first, clearance = disc_contacts(f, k, s, footprint, r, need, end, index)
+    contact, gap = wall_contacts(
+        f, s, footprint, r, k[s.border_first], k[s.border_walls], 0.0, 0.0, 0.0, 0.0, need, end
+    )
+    first, clearance = min(first, contact), min(clearance, gap)
+    moving, polygons = k[s.moving_polygon_count], k[s.polygon_count]
+    if polygons == 0:
+        return first, clearance
+    near = find_near_polygons(f, s, polygons, nx, ny, need, index)
+    for j in range(near):
+        number = index[np.uint64(NEAR) + j]
+        x, y, mx, my = 0.0, 0.0, 0.0, 0.0  # the walls of a still polygon are kept where they stand
+        if number < moving:
+            x, y = f[s.body_x + s.discs + number], f[s.body_y + s.discs + number]
+            mx, my = body_motion(f, s, s.discs + number)
+        contact, gap = wall_contacts(
+            f, s, footprint, r, k[s.polygon_first + number], k[s.polygon_walls + number], x, y, mx, my, need, end
+        )
+        first, clearance = min(first, contact), min(clearance, gap)
+    return first, clearance
+
+
+@called
+def robots_contact(
+    f: Floats, s: Record, footprint: Floats, stops: Floats, a: int, b: int, end: float
+) -> tuple[float, float]:
+    """First contact of robots a and b up to the fraction `end`, and their smallest clearance.
+
+    `stops` (R,) is the fraction at which a robot has come to rest; a robot at rest since before the step has 0.
+    """
+    first = NEVER
+    clearance = math.inf
+    for ca in range(s.footprint):
+        a_pieces, a_margin = swing(f, s, footprint, a, ca)
+        for cb in range(s.footprint):
+            b_pieces, b_margin = swing(f, s, footprint, b, cb)
+            pieces, reach = max(a_pieces, b_pieces), footprint[ca, 2] + footprint[cb, 2]
+            ax, ay = body_circle(f, s, footprint, s.pose, a, ca)
+            bx, by = body_circle(f, s, footprint, s.pose, b, cb)
+            px, py = ax - bx, ay - by
+            # Both move until one has stopped, then the other one does.
+            begin = 0.0
+            for stretch in range(2):
+                finish = min(end, min(stops[a], stops[b])) if stretch == 0 else min(end, max(stops[a], stops[b]))
+                if finish <= begin and stretch == 1:
+                    continue
+                share = (finish - begin) / pieces
+                for piece in range(pieces):
+                    now = finish if piece == pieces - 1 else begin + (piece + 1) * share
+                    ax, ay = swung_circle(f, s, footprint, a, ca, min(now, stops[a]))
+                    bx, by = swung_circle(f, s, footprint, b, cb, min(now, stops[b]))
+                    ex, ey = ax - bx - px, ay - by - py
+                    fraction = disc_contact(px, py, ex, ey, reach + a_margin + b_margin)
+                    if fraction <= 1.0:
+                        first = min(first, begin + (piece + fraction) * share)
+                    clearance = min(clearance, nearest_on_chord(px, py, ex, ey, 1.0) - reach)
+                    px, py = ax - bx, ay - by
+                begin = finish
+    return first, clearance
+
+
+SAME_TIME = 1e-12  # as a fraction of the step
+
+
+@inlined
+def settle_robots(
+    f: Floats,
+    k: Integers,
+    s: Record,
+    footprint: Floats,
+    stops: Floats,
+    verdicts: Integers,
+    index: Integers,
+) -> None:
+    """Find where each active robot's step ends and why; `stops` and `verdicts` (R,) are filled.
+
+    Contacts with the world come first; then, among robots, the earliest event stops its robot and the others are
+    looked at again, until no event is left.
+    """
+    for r in range(s.robots):
+        stops[r] = 0.0
+        verdicts[r] = k[s.outcome + r]
+        if verdicts[r] != RUNNING:
+            continue
+        goal = goal_contact(f, k, s, r)
+        end = min(goal, 1.0)
+        contact, clearance = obstacle_contact(f, k, s, footprint, r, end, index)
+        stops[r] = end
+        verdicts[r] = SUCCESS if goal <= 1.0 else RUNNING
+        if contact <= end:
+            stops[r] = contact
+            verdicts[r] = COLLISION
+            clearance = 0.0
+        f[s.clearance + r] = clearance
+    if s.robots > 1:
+        settle_among_robots(f, k, s, footprint, stops, verdicts)
+
+
+@called
+def settle_among_robots(
+    f: Floats, k: Integers, s: Record, footprint: Floats, stops: Floats, verdicts: Integers
+) -> None:
+    """Stop robots that touch one another, the earliest contact first, and take their clearances to one another."""
+    robots = s.robots
+    for _ in range(robots):
+        earliest = NEVER
+        for a in range(robots):
+            for b in range(a + 1, robots):
+                contact, _clearance = robots_contact(f, s, footprint, stops, a, b, max(stops[a], stops[b]))
+                # A contact settled before comes out again a rounding error earlier: that is no new one.
+                later = contact + SAME_TIME
+                touched = (k[s.outcome + a] == RUNNING and later < stops[a]) or (
+                    k[s.outcome + b] == RUNNING and later < stops[b]
+                )
+                if touched and contact < earliest:
+                    earliest = contact
+                    first, second = a, b
+        if earliest == NEVER:
+            break
+        for r in (first, second):
+            if k[s.outcome + r] == RUNNING and earliest <= stops[r]:
+                stops[r] = earliest
+                verdicts[r] = COLLISION
+                f[s.clearance + r] = 0.0
+    for a in range(robots):
+        for b in range(robots):
+            if a != b and k[s.outcome + a] == RUNNING and verdicts[a] != COLLISION:
+                _contact, clearance = robots_contact(f, s, footprint, stops, a, b, stops[a])
+                f[s.clearance + a] = min(f[s.clearance + a], clearance)

@@ -1,0 +1,101 @@
+"""How a robot is driven: an action becomes a motion, and the odometry an estimate of it."""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.compiling import inlined
+from bug_gym.kernels.geometry import clip, length, sin_cos, wrap
+from bug_gym.kernels.ground import factor_at
+from bug_gym.kernels.layout import HOLONOMIC, STREAM_ODOMETRY, Floats, Integers, Record
+from bug_gym.kernels.randomness import hash64, normal
+
+
+@inlined
+def drive(f: Floats, s: Record, regions: Floats, r: int, first: float, second: float) -> None:
+    """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose).
+
+    The ground where its centre is now divides its greatest speeds: it enters a region as slow as that lets it be.
+    """
+    step = s.step
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    max_speed, max_reverse = s.max_speed, s.max_reverse
+    if s.regions > 0:
+        factor = factor_at(s, regions, x, y)
+        max_speed, max_reverse = max_speed / factor, max_reverse / factor
+        slow_down(f, s, r, max_speed, max_reverse)
+    if s.kinematics == HOLONOMIC:
+        norm = max(length(first, second), 1.0)
+        vx, vy = first / norm * max_speed, second / norm * max_speed
+        dvx, dvy = vx - f[s.velocity + 2 * r], vy - f[s.velocity + 2 * r + 1]
+        change = length(dvx, dvy)
+        if change > s.max_acceleration * step:
+            share = s.max_acceleration * step / change
+            vx, vy = f[s.velocity + 2 * r] + share * dvx, f[s.velocity + 2 * r + 1] + share * dvy
+        sin, cos = sin_cos(heading)
+        f[s.next_pose + 3 * r] = x + (cos * vx - sin * vy) * step
+        f[s.next_pose + 3 * r + 1] = y + (sin * vx + cos * vy) * step
+        f[s.next_pose + 3 * r + 2] = heading
+        f[s.velocity + 2 * r] = vx
+        f[s.velocity + 2 * r + 1] = vy
+        return
+    speed = -max_reverse + 0.5 * (first + 1.0) * (max_speed + max_reverse)
+    limit = s.max_acceleration * step
+    speed = min(max(speed, f[s.velocity + 2 * r] - limit), f[s.velocity + 2 * r] + limit)
+    rate = second * s.max_turn_rate
+    half = 0.5 * rate * step
+    # The chord of an arc of angle 2 half: its length over the arc's is sin(half)/half.
+    half_sin, _half_cos = sin_cos(half)
+    shrink = half_sin / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+    chord = speed * step * shrink
+    sin, cos = sin_cos(heading + half)
+    f[s.next_pose + 3 * r] = x + chord * cos
+    f[s.next_pose + 3 * r + 1] = y + chord * sin
+    f[s.next_pose + 3 * r + 2] = heading + 2.0 * half
+    f[s.velocity + 2 * r] = speed
+    f[s.velocity + 2 * r + 1] = rate
+
+
+@inlined
+def slow_down(f: Floats, s: Record, r: int, max_speed: float, max_reverse: float) -> None:
+    """Cut robot r's velocity of the last step to what the ground under it allows."""
+    if s.kinematics == HOLONOMIC:
+        speed = length(f[s.velocity + 2 * r], f[s.velocity + 2 * r + 1])
+        share = max_speed / speed if speed > max_speed else 1.0
+        f[s.velocity + 2 * r] *= share
+        f[s.velocity + 2 * r + 1] *= share
+    else:
+        f[s.velocity + 2 * r] = clip(f[s.velocity + 2 * r], -max_reverse, max_speed)
+
+
+@inlined
+def track_odometry(f: Floats, k: Integers, s: Record, r: int, dx: float, dy: float, turn: float) -> None:
+    """Advance robot r's own estimate of its pose by a motion (dx, dy) in its frame before the step, and a turn."""
+    distance = length(dx, dy)
+    scale = 1.0
+    if distance > 0.0:
+        scale += s.translation_bias
+        turn += s.rotation_bias * distance
+        if s.translation_noise > 0.0 or s.rotation_noise > 0.0:
+            key = hash64(k[s.seed], k[s.episode], k[s.steps], STREAM_ODOMETRY)
+            scale += s.translation_noise * normal(key, 2 * r) / math.sqrt(distance)
+            turn += s.rotation_noise * normal(key, 2 * r + 1) * math.sqrt(distance)
+    heading = f[s.odometry + 3 * r + 2]
+    sin, cos = sin_cos(heading)
+    f[s.odometry + 3 * r] += scale * (cos * dx - sin * dy)
+    f[s.odometry + 3 * r + 1] += scale * (sin * dx + cos * dy)
+    f[s.odometry + 3 * r + 2] = wrap(heading + turn)
+
+
+@inlined
+def apply_motion(f: Floats, k: Integers, s: Record, r: int, fraction: float) -> None:
+    """Move robot r along its chord to the fraction where its step ends."""
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    wx, wy = fraction * (f[s.next_pose + 3 * r] - x), fraction * (f[s.next_pose + 3 * r + 1] - y)
+    turn = fraction * (f[s.next_pose + 3 * r + 2] - heading)
+    sin, cos = sin_cos(heading)
+    track_odometry(f, k, s, r, cos * wx + sin * wy, cos * wy - sin * wx, turn)
+    f[s.pose + 3 * r] = x + wx
+    f[s.pose + 3 * r + 1] = y + wy
+    f[s.pose + 3 * r + 2] = wrap(heading + turn)
+    f[s.path_length + r] += length(wx, wy)

@@ -1,0 +1,48 @@
+"""How far a disc can go among the points of a scan."""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.compiling import called, inlined, kernel
+from bug_gym.kernels.layout import Floats
+
+# For scripted policies: `px`, `py` (k,) are the scan's points in the robot's frame. They see no world.
+
+
+@inlined
+def way_to_point(along: float, beside: float, radius: float) -> float:
+    """How far a disc goes until it touches a point, so far ahead and so far to the side [m]; infinite: it passes."""
+    room = radius * radius - beside * beside
+    if along <= 0.0 or room <= 0.0:
+        return math.inf
+    return max(along - math.sqrt(room), 0.0)
+
+
+@called
+def first_contact(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> tuple[float, int]:
+    """`free_distance` along `angle`, and the number of the scan point that the disc touches there, -1 for none."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    free, contact = reach, -1
+    for i in range(px.size):
+        way = way_to_point(px[i] * cos + py[i] * sin, py[i] * cos - px[i] * sin, radius)
+        if way < free:
+            free, contact = way, i
+    return free, contact
+
+
+@kernel
+def free_distance(px: Floats, py: Floats, angle: float, radius: float, reach: float) -> float:
+    """How far a disc of `radius` can travel along `angle` before it touches a scan point, at most `reach` [m].
+
+    Points beside or behind the disc's centre never block, so a robot nearer to a wall than `radius` can leave it.
+    """
+    free, _contact = first_contact(px, py, angle, radius, reach)
+    return free
+
+
+@kernel
+def free_distances(px: Floats, py: Floats, angles: Floats, radius: float, reach: float, result: Floats) -> None:
+    """`free_distance` for each of `angles` (m,), into `result` (m,)."""
+    for j in range(angles.size):
+        result[j] = free_distance(px, py, angles[j], radius, reach)

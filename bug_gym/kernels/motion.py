@@ -1,0 +1,234 @@
+"""Moving obstacles that do not look: straight ways with reflections, way-points and random walks, event by event."""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.compiling import called, inlined
+from bug_gym.kernels.chords import NEVER, disc_contact, point_wall_distance, wall_contact
+from bug_gym.kernels.geometry import length, sin_cos
+from bug_gym.kernels.layout import BOUNCE, RANDOM_WALK, STILL, STREAM_WALK, WAYPOINTS, Floats, Integers, Record
+from bug_gym.kernels.randomness import between, hash64, uniform
+
+# A body moves straight until its next event: it touches something still, reaches a way-point, or takes a new heading.
+# Event times are computed once a leg, so a step costs an addition a body however many obstacles there are.
+
+
+@called
+def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> float:
+    """Time and normal of body b's next contact with a still obstacle or the border, from its place at `now`.
+
+    A polygon counts as the disc about its place that holds it. What begins too near to something goes no deeper.
+    """
+    x, y = f[s.body_x + b], f[s.body_y + b]
+    vx, vy = f[s.body_vx + b], f[s.body_vy + b]
+    radius = f[s.body_radius + b]
+    speed = length(vx, vy)
+    f[s.body_nx + b] = 0.0
+    f[s.body_ny + b] = 0.0
+    if speed == 0.0:
+        return math.inf
+    far: float = 2.0 * s.span  # longer than any straight way inside the border
+    ex, ey = vx / speed * far, vy / speed * far
+    best = NEVER
+    for m in range(k[s.moving_disc_count], k[s.disc_count]):
+        dx, dy = x - f[s.body_x + m], y - f[s.body_y + m]
+        distance = min(radius + f[s.body_radius + m], length(dx, dy))
+        fraction = disc_contact(dx, dy, ex, ey, distance)
+        if fraction < best:
+            best = fraction
+            f[s.body_nx + b] = (dx + fraction * ex) / distance
+            f[s.body_ny + b] = (dy + fraction * ey) / distance
+    for w in range(k[s.moving_wall_count], k[s.wall_count]):
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        ux, uy = x2 - x1, y2 - y1
+        square = ux * ux + uy * uy
+        beside, drift = (y - y1) * ux - (x - x1) * uy, vy * ux - vx * uy
+        distance = radius
+        if beside * beside < radius * radius * square:
+            distance = min(radius, point_wall_distance(x, y, x1, y1, x2, y2))
+        elif beside * drift >= 0.0:
+            continue  # off the wall's line, and not towards it
+        fraction = wall_contact(x, y, ex, ey, x1, y1, x2, y2, distance)
+        if fraction < best:
+            best = fraction
+            cx, cy = x + fraction * ex, y + fraction * ey
+            along = min(max(((cx - x1) * ux + (cy - y1) * uy) / max(square, 1e-300), 0.0), 1.0)
+            nx, ny = cx - x1 - along * ux, cy - y1 - along * uy
+            norm = length(nx, ny)
+            if norm == 0.0:
+                # A body without extent touches at distance 0: the wall's own normal, against the motion.
+                nx, ny = -uy, ux
+                if nx * vx + ny * vy > 0.0:
+                    nx, ny = -nx, -ny
+                norm = length(nx, ny)
+            f[s.body_nx + b] = nx / norm
+            f[s.body_ny + b] = ny / norm
+    if best == NEVER:
+        return math.inf
+    return now + best * far / speed
+
+
+@called
+def walker_number(s: Record, b: int) -> int:
+    """A number for body b that does not depend on how much room its row has for other bodies."""
+    first_polygon: int = s.discs
+    first_goal: int = s.discs + s.polygons
+    if b < first_polygon:
+        return 3 * b
+    if b < first_goal:
+        return 3 * (b - first_polygon) + 1
+    return 3 * (b - first_goal) + 2
+
+
+@called
+def take_heading(f: Floats, k: Integers, s: Record, b: int) -> float:
+    """Give a random walker its next heading and return how long it keeps it [s]."""
+    key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_WALK)
+    sin, cos = sin_cos(2.0 * math.pi * uniform(key, 2 * walker_number(s, b)))
+    f[s.body_vx + b] = f[s.body_speed + b] * cos
+    f[s.body_vy + b] = f[s.body_speed + b] * sin
+    k[s.body_leg + b] += 1
+    low: float = f[s.leg_min + b]
+    high: float = f[s.leg_max + b]
+    return between(key, 2 * walker_number(s, b) + 1, low, high)
+
+
+@called
+def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) -> float:
+    """Point body b at its next way-point; returns the time of arrival, infinite where it stays for ever."""
+    count = k[s.way_count + b]
+    if k[s.way_next + b] >= count:
+        if k[s.way_loops + b] == 0:
+            f[s.body_vx + b] = 0.0
+            f[s.body_vy + b] = 0.0
+            return math.inf
+        k[s.way_next + b] = 0
+    w = k[s.way_first + b] + k[s.way_next + b]
+    dx, dy = f[s.way_x + w] - f[s.body_x + b], f[s.way_y + w] - f[s.body_y + b]
+    distance = length(dx, dy)
+    speed: float = f[s.body_speed + b]
+    if distance == 0.0 or speed == 0.0:
+        f[s.body_vx + b] = 0.0
+        f[s.body_vy + b] = 0.0
+        return now if speed > 0.0 and count > 1 else math.inf
+    f[s.body_vx + b] = speed * dx / distance
+    f[s.body_vy + b] = speed * dy / distance
+    return now + distance / speed
+
+
+@called
+def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
+    """Set the next event of a body that has just been placed or has just had one."""
+    law = k[s.body_law + b]
+    if law == STILL:
+        f[s.body_event + b] = math.inf
+    elif law == BOUNCE:
+        f[s.body_event + b] = plan_reflection(f, k, s, b, now)
+    elif law == WAYPOINTS:
+        f[s.body_event + b] = head_for_way_point(f, k, s, b, now)
+    else:
+        turn = f[s.body_event + b]  # a random walker's new heading is due then; a reflection may come first
+        contact = plan_reflection(f, k, s, b, now)
+        if contact < turn:
+            f[s.body_event + b] = contact
+        else:
+            f[s.body_nx + b] = 0.0
+            f[s.body_ny + b] = 0.0
+
+
+@called
+def handle_event(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
+    """Reflect, turn or take the next way-point: body b stands at the place of its event, at time `now`."""
+    law = k[s.body_law + b]
+    nx, ny = f[s.body_nx + b], f[s.body_ny + b]
+    if law == WAYPOINTS:
+        w = k[s.way_first + b] + k[s.way_next + b]
+        f[s.body_x + b] = f[s.way_x + w]  # without the rounding of the way there
+        f[s.body_y + b] = f[s.way_y + w]
+        k[s.way_next + b] += 1
+    elif nx != 0.0 or ny != 0.0:
+        inward = f[s.body_vx + b] * nx + f[s.body_vy + b] * ny
+        if inward < 0.0:
+            f[s.body_vx + b] -= 2.0 * inward * nx
+            f[s.body_vy + b] -= 2.0 * inward * ny
+        if law == RANDOM_WALK:
+            # The heading after a reflection is kept for a leg of its own.
+            key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_WALK)
+            k[s.body_leg + b] += 1
+            leg = between(key, 2 * walker_number(s, b) + 1, f[s.leg_min + b], f[s.leg_max + b])
+            f[s.body_event + b] = now + leg
+    elif law == RANDOM_WALK:
+        f[s.body_event + b] = now + take_heading(f, k, s, b)
+    plan_body(f, k, s, b, now)
+
+
+MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits until the next step and goes on then
+
+
+@called
+def move_body(f: Floats, k: Integers, s: Record, b: int, start: float, end: float) -> None:
+    """Bring body b from its place at `start` to its place at `end`, through all its events between."""
+    f[s.last_x + b] = f[s.body_x + b]
+    f[s.last_y + b] = f[s.body_y + b]
+    f[s.body_turned + b] = end
+    now = start
+    for _ in range(MAX_EVENTS):
+        event = f[s.body_event + b]
+        if event > end:
+            f[s.body_x + b] += f[s.body_vx + b] * (end - now)
+            f[s.body_y + b] += f[s.body_vy + b] * (end - now)
+            return
+        event = max(event, now)
+        f[s.body_x + b] += f[s.body_vx + b] * (event - now)
+        f[s.body_y + b] += f[s.body_vy + b] * (event - now)
+        now = event
+        handle_event(f, k, s, b, now)
+    f[s.body_event + b] += end - now
+
+
+@inlined
+def move_range(f: Floats, k: Integers, s: Record, first: int, count: int, start: float, end: float) -> None:
+    """Advance the bodies `first` ... `first + count - 1`."""
+    x, y = f[s.body_x + first : s.body_x + first + count], f[s.body_y + first : s.body_y + first + count]
+    vx, vy = f[s.body_vx + first : s.body_vx + first + count], f[s.body_vy + first : s.body_vy + first + count]
+    events = f[s.body_event + first : s.body_event + first + count]
+    step = end - start
+    due = 0
+    for b in range(count):  # apart from the rest, so that it is vectorised
+        is_due = events[b] <= end
+        time = 0.0 if is_due else step
+        x[b] += vx[b] * time
+        y[b] += vy[b] * time
+        due += int(is_due)
+    if due > 0:
+        for b in range(count):
+            if events[b] <= end:
+                move_body(f, k, s, first + b, start, end)
+
+
+@inlined
+def move_bodies(f: Floats, k: Integers, s: Record, start: float, end: float) -> None:
+    """Advance discs, polygons and goals from `start` to `end` [s]. Still discs and polygons never change place.
+
+    The walls of a moving polygon are kept relative to its place, so they need no work.
+    """
+    if k[s.moving_disc_count] > 0:
+        move_range(f, k, s, 0, k[s.moving_disc_count], start, end)
+    if k[s.moving_polygon_count] > 0:
+        move_range(f, k, s, s.discs, k[s.moving_polygon_count], start, end)
+    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
+        if f[s.body_event + g] <= end:
+            move_body(f, k, s, g, start, end)
+        else:
+            f[s.body_x + g] += f[s.body_vx + g] * (end - start)
+            f[s.body_y + g] += f[s.body_vy + g] * (end - start)
+
+
+@inlined
+def body_motion(f: Floats, s: Record, b: int) -> tuple[float, float]:
+    """The way of a moving body in this step, along its chord [m]."""
+    if f[s.body_turned + b] == f[s.time]:
+        return f[s.body_x + b] - f[s.last_x + b], f[s.body_y + b] - f[s.last_y + b]
+    return f[s.body_vx + b] * s.step, f[s.body_vy + b] * s.step

@@ -1,0 +1,461 @@
+"""The scan: beams cast against discs and walls, obstacle by obstacle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bug_gym.compiling import inlined
+from bug_gym.kernels.geometry import HALF_PI, TWO_PI, sin_cos
+from bug_gym.kernels.layout import Floats, Integers, Ranges
+from bug_gym.kernels.vectors import BEST, LANES, NEAR, QUEUE, TILE, append_near, gather, test_disc, test_wall
+
+ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
+OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
+TOUCH = 1e-9  # [m] an origin this near to a wall stands in it
+
+
+def scratch_floats(beams: int) -> int:
+    """Length of `scratch_f` that `cast_rays` needs."""
+    return BEST + beams + 2 * LANES
+
+
+def scratch_integers(obstacles: int) -> int:
+    """Length of `scratch_i` that `cast_rays` needs; `obstacles` is the larger of the numbers of discs and walls."""
+    return NEAR + obstacles + 2 * LANES
+
+
+def beam_table(beams: int, first_angle: float, angle_step: float) -> tuple[Floats, Floats]:
+    """Cosines and sines of the beams in the robot's frame, (beams + 8,) each: a block may start at the last beam."""
+    angle = first_angle + angle_step * np.arange(beams)
+    padding = (0, LANES)
+    return np.pad(np.cos(angle), padding), np.pad(np.sin(angle), padding)
+
+
+# Unsigned numbers as index below: a signed one makes numba ask each time whether it counts from the end.
+
+
+@inlined
+def _arc_tangent(y: float, x: float) -> float:
+    """Direction of (x, y) [rad], within 8.2e-5."""
+    across, up = abs(x), abs(y)
+    steep = up > across
+    slope = (across if steep else up) / (up if steep else across)
+    square = slope * slope
+    angle = slope * (0.9992138 + square * (-0.3211749 + square * (0.1462644 + square * -0.0389865)))
+    angle = HALF_PI - angle if steep else angle
+    angle = math.pi - angle if x < 0.0 else angle
+    return -angle if y < 0.0 else angle
+
+
+@inlined
+def _half_angle(sine: float) -> float:
+    """Arc sine [rad] of a number from 0 to 1, within 3.9e-5."""
+    shape = 1.5707584 + sine * (-0.2128756 + sine * (0.0768984 + sine * -0.0208927))
+    return HALF_PI - math.sqrt(1.0 - sine) * shape
+
+
+@inlined
+def _clamp(value: float, low: float, high: float) -> float:
+    value = value if value > low else low
+    return value if value < high else high
+
+
+@inlined
+def _store_blocks(index: Integers, k: int, low: float, high: float, period: float, last: float) -> None:
+    """Beams within [low, high] (real numbers of beams) as first beam and number of blocks of eight, in two pieces.
+
+    The second piece is what lies beyond the end of the fan and comes in again at its other side.
+    """
+    shift = period if low < 0.0 else -period
+    first = np.int64(_clamp(low, -1.0, last) + 1.0)
+    first_2 = np.int64(_clamp(low + shift, -1.0, last) + 1.0)
+    count = np.int64(_clamp(high, -1.0, last) + 1.0) - first
+    count_2 = np.int64(_clamp(high + shift, -1.0, last) + 1.0) - first_2
+    index[k] = first
+    index[k + np.uint64(TILE)] = (count + 7) >> 3 if count > 0 else 0
+    index[k + np.uint64(2 * TILE)] = first_2
+    index[k + np.uint64(3 * TILE)] = (count_2 + 7) >> 3 if count_2 > 0 else 0
+
+
+@inlined
+def _compact(index: Integers, obstacles: int) -> np.uint64:
+    """Turns marks index[NEAR:] into the list of marked obstacles; returns its length."""
+    start = np.uint64(NEAR)
+    count = np.uint64(obstacles)
+    for lane in range(np.uint64(LANES)):
+        index[start + count + lane] = 0
+    end: np.uint64 = start
+    for j in range(np.uint64(0), count, np.uint64(LANES)):
+        end = append_near(index, j, end)
+    # Tiles are worked on in eights: the last eight is filled up with an obstacle that exists.
+    fill = index[start]
+    for lane in range(np.uint64(LANES)):
+        index[end + lane] = fill
+    return end - start
+
+
+@inlined
+def _find_near_discs(
+    disc_x: Floats, disc_y: Floats, disc_radius: Floats, discs: int, x: float, y: float, reach: float, index: Integers
+) -> np.uint64:
+    """Lists in index[NEAR:] the discs that reach into the scan's circle; returns how many."""
+    for j in range(np.uint64(discs)):
+        dx = disc_x[j] - x
+        dy = disc_y[j] - y
+        far = reach + disc_radius[j]
+        index[j + np.uint64(NEAR)] = np.int64(dx * dx + dy * dy < far * far)
+    return _compact(index, discs)
+
+
+@inlined
+def _find_near_walls(
+    wall_x1: Floats,
+    wall_y1: Floats,
+    wall_x2: Floats,
+    wall_y2: Floats,
+    walls: int,
+    x: float,
+    y: float,
+    reach: float,
+    index: Integers,
+) -> np.uint64:
+    """Lists in index[NEAR:] the walls near the scan's circle; returns how many.
+
+    Near is what has a bounding box within reach: exact for walls along an axis, nearly so for short ones.
+    """
+    for j in range(np.uint64(walls)):
+        ax = wall_x1[j] - x
+        ay = wall_y1[j] - y
+        bx = wall_x2[j] - x
+        by = wall_y2[j] - y
+        gap_x = max(ax if ax < bx else bx, -(ax if ax > bx else bx))
+        gap_y = max(ay if ay < by else by, -(ay if ay > by else by))
+        gap_x = gap_x if gap_x > 0.0 else 0.0
+        gap_y = gap_y if gap_y > 0.0 else 0.0
+        index[j + np.uint64(NEAR)] = np.int64(gap_x * gap_x + gap_y * gap_y < reach * reach)
+    return _compact(index, walls)
+
+
+@inlined
+def _padded(count: np.uint64) -> np.uint64:
+    """The multiple of eight that holds so many."""
+    return (count + np.uint64(LANES - 1)) // np.uint64(LANES) * np.uint64(LANES)
+
+
+@inlined
+def _invert(f: Floats, padded: np.uint64) -> None:
+    for i in range(padded):
+        f[i + np.uint64(BEST)] = 1.0 / f[i + np.uint64(BEST)]
+
+
+@inlined
+def _prepare_discs(
+    f: Floats,
+    index: Integers,
+    padded: np.uint64,
+    cos: float,
+    sin: float,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
+) -> np.int64:
+    """Turns a tile of discs (x, y, radius) into the robot's frame and finds their beams; returns how many hold it."""
+    around = np.int64(0)
+    margin = ANGLE_MARGIN * beams_per_rad
+    for k in range(padded):
+        dx = f[k]
+        dy = f[k + np.uint64(TILE)]
+        radius = f[k + np.uint64(2 * TILE)]
+        x = dx * cos + dy * sin
+        y = dy * cos - dx * sin
+        distance2 = dx * dx + dy * dy
+        around += np.int64(distance2 <= radius * radius)
+        sine = radius / math.sqrt(distance2)
+        half = _half_angle(sine if sine < 1.0 else 1.0) * beams_per_rad + margin
+        angle = _arc_tangent(y, x) - first_angle
+        middle = (angle + TWO_PI if angle < 0.0 else angle) * beams_per_rad
+        f[k] = x
+        f[k + np.uint64(TILE)] = y
+        f[k + np.uint64(2 * TILE)] = radius * radius
+        _store_blocks(index, k, middle - half, middle + half, TWO_PI * beams_per_rad, last)
+    return around
+
+
+@inlined
+def _prepare_walls(
+    f: Floats,
+    index: Integers,
+    padded: np.uint64,
+    cos: float,
+    sin: float,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
+) -> np.int64:
+    """Turns a tile of walls into columns for `test_wall` and finds their beams; returns how many the robot touches."""
+    touched = np.int64(0)
+    margin = ANGLE_MARGIN * beams_per_rad
+    for k in range(padded):
+        x1 = f[k]
+        y1 = f[k + np.uint64(TILE)]
+        x2 = f[k + np.uint64(2 * TILE)]
+        y2 = f[k + np.uint64(3 * TILE)]
+        dx = x2 - x1
+        dy = y2 - y1
+        cross = x1 * y2 - y1 * x2
+        beside = x1 * dx + y1 * dy <= 0.0 and x2 * dx + y2 * dy >= 0.0
+        touched += np.int64(beside and cross * cross <= TOUCH * TOUCH * (dx * dx + dy * dy))
+        x1 -= OVERLAP * dx
+        y1 -= OVERLAP * dy
+        x2 += OVERLAP * dx
+        y2 += OVERLAP * dy
+        clockwise = cross < 0.0
+        ax = (x2 if clockwise else x1) * cos + (y2 if clockwise else y1) * sin
+        ay = (y2 if clockwise else y1) * cos - (x2 if clockwise else x1) * sin
+        bx = (x1 if clockwise else x2) * cos + (y1 if clockwise else y2) * sin
+        by = (y1 if clockwise else y2) * cos - (x1 if clockwise else x2) * sin
+        low = _arc_tangent(ay, ax) - first_angle
+        high = _arc_tangent(by, bx) - first_angle
+        low = low + TWO_PI if low < 0.0 else low
+        high = high + TWO_PI if high < 0.0 else high
+        # A wall seen edge-on has low and high within the error of the angles: not a whole turn apart.
+        high = high + TWO_PI if high < low - 1.0 else high
+        cross = ax * by - ay * bx
+        scale = 1.0 / (cross if cross > 1e-12 else 1e-12)
+        f[k] = ax * scale
+        f[k + np.uint64(TILE)] = ay * scale
+        f[k + np.uint64(2 * TILE)] = bx * scale
+        f[k + np.uint64(3 * TILE)] = by * scale
+        low = low * beams_per_rad - margin
+        _store_blocks(index, k, low, high * beams_per_rad + margin, TWO_PI * beams_per_rad, last)
+    return touched
+
+
+@inlined
+def _test_block(f: Floats, is_wall: bool, k: np.uint64, beam: np.uint64, beam_cos: Floats, beam_sin: Floats) -> None:
+    """Tests eight beams against obstacle k of the tile. Which kind it is is known where this is copied to."""
+    if is_wall:
+        test_wall(f, k, beam, beam_cos, beam_sin)
+    else:
+        test_disc(f, k, beam, beam_cos, beam_sin)
+
+
+@inlined
+def _queue_blocks(
+    f: Floats, index: Integers, is_wall: bool, k: np.uint64, end: np.uint64, beam_cos: Floats, beam_sin: Floats
+) -> np.uint64:
+    """Appends the blocks of obstacle k to the queue, or tests those of a piece of more than four; returns the new end.
+
+    Branch-free up to four, like `append_near`. Obstacles have one, two or three blocks in no order that a processor
+    foresees, and each wrong guess at the end of a loop over them costs more than the tests themselves.
+    """
+    for piece in range(np.uint64(0), np.uint64(4 * TILE), np.uint64(2 * TILE)):
+        first = index[k + piece]
+        blocks = np.uint64(index[k + piece + np.uint64(TILE)])
+        if blocks <= np.uint64(4):
+            if piece == np.uint64(0) or blocks > np.uint64(0):
+                block = first | (np.int64(k) << 32)
+                index[end] = block
+                index[end + np.uint64(1)] = block + 8
+                index[end + np.uint64(2)] = block + 16
+                index[end + np.uint64(3)] = block + 24
+                end += blocks
+        else:
+            for number in range(blocks):
+                _test_block(f, is_wall, k, np.uint64(first) + np.uint64(LANES) * number, beam_cos, beam_sin)
+    return end
+
+
+@inlined
+def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beam_cos: Floats, beam_sin: Floats) -> None:
+    """Tests all blocks of the queue."""
+    for m in range(np.uint64(QUEUE), end):
+        block = index[m]
+        _test_block(f, is_wall, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beam_cos, beam_sin)
+
+
+@inlined
+def _cast_discs(
+    disc_x: Floats,
+    disc_y: Floats,
+    disc_radius: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    beam_cos: Floats,
+    beam_sin: Floats,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
+    near: np.uint64,
+    f: Floats,
+    index: Integers,
+) -> bool:
+    """Lowers the beams' ranges f[BEST:] to those of the near discs; True if one of them holds the robot."""
+    tile = np.uint64(TILE)
+    for start in range(np.uint64(0), near, tile):
+        count = min(near - start, tile)
+        for k in range(np.uint64(0), count, np.uint64(LANES)):
+            at = np.uint64(NEAR) + start + k
+            gather(f, k, disc_x, index, at, x)
+            gather(f, k + tile, disc_y, index, at, y)
+            gather(f, k + np.uint64(2 * TILE), disc_radius, index, at, 0.0)
+        if _prepare_discs(f, index, _padded(count), cos, sin, first_angle, beams_per_rad, last) > 0:
+            return True
+        end = np.uint64(QUEUE)
+        for k in range(count):
+            end = _queue_blocks(f, index, False, np.uint64(k), end, beam_cos, beam_sin)
+        _test_queued(f, index, False, end, beam_cos, beam_sin)
+    return False
+
+
+@inlined
+def _cast_walls(
+    wall_x1: Floats,
+    wall_y1: Floats,
+    wall_x2: Floats,
+    wall_y2: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    beam_cos: Floats,
+    beam_sin: Floats,
+    first_angle: float,
+    beams_per_rad: float,
+    last: float,
+    near: np.uint64,
+    f: Floats,
+    index: Integers,
+) -> bool:
+    """Raises the beams' inverse ranges f[BEST:] to those of the near walls; True if the robot stands in one."""
+    tile = np.uint64(TILE)
+    for start in range(np.uint64(0), near, tile):
+        count = min(near - start, tile)
+        for k in range(np.uint64(0), count, np.uint64(LANES)):
+            at = np.uint64(NEAR) + start + k
+            gather(f, k, wall_x1, index, at, x)
+            gather(f, k + tile, wall_y1, index, at, y)
+            gather(f, k + np.uint64(2 * TILE), wall_x2, index, at, x)
+            gather(f, k + np.uint64(3 * TILE), wall_y2, index, at, y)
+        if _prepare_walls(f, index, _padded(count), cos, sin, first_angle, beams_per_rad, last) > 0:
+            return True
+        end = np.uint64(QUEUE)
+        # Sides of one polygon share beams: worked on in a row, each would wait for the other's result.
+        for side in range(np.uint64(4)):
+            for k in range(side, count, np.uint64(4)):
+                end = _queue_blocks(f, index, True, np.uint64(k), end, beam_cos, beam_sin)
+        _test_queued(f, index, True, end, beam_cos, beam_sin)
+    return False
+
+
+@inlined
+def cast_rays(
+    disc_x: Floats,
+    disc_y: Floats,
+    disc_radius: Floats,
+    discs: int,
+    wall_x1: Floats,
+    wall_y1: Floats,
+    wall_x2: Floats,
+    wall_y2: Floats,
+    walls: int,
+    x: float,
+    y: float,
+    heading: float,
+    beam_cos: Floats,
+    beam_sin: Floats,
+    first_angle: float,
+    angle_step: float,
+    reach: float,
+    scratch_f: Floats,
+    scratch_i: Integers,
+    ranges: Ranges,
+) -> None:
+    """Exact ranges from (x, y) to the nearest disc or wall along each beam.
+
+    A beam without return reads `reach`. All beams read 0 where the origin lies in a disc or on a wall (within TOUCH).
+    A fan of any width up to a full circle: a beam beyond one end comes in again at the other where the turn is full.
+
+    It is copied into each caller: handing over sixty words of array headers costs a third of a small scan. So call it
+    in one place, on rows cut out there.
+
+    Args:
+        disc_x: (M,) f8 [m], one world's row, as those below.
+        disc_y: (M,) f8 [m].
+        disc_radius: (M,) f8 [m].
+        discs: How many of them count.
+        wall_x1: (S,) f8 [m], one end of each wall. Sides of a polygon share their ends bit for bit.
+        wall_y1: (S,) f8 [m].
+        wall_x2: (S,) f8 [m], the other end.
+        wall_y2: (S,) f8 [m].
+        walls: How many of them count.
+        x: Origin [m].
+        y: Origin [m].
+        heading: Of the robot [rad].
+        beam_cos: (B + 8,) f8 from `beam_table`.
+        beam_sin: (B + 8,) f8 from `beam_table`.
+        first_angle: Beam 0 in the robot's frame, from -pi to pi [rad].
+        angle_step: From beam to beam, positive, also if there is but one [rad].
+        reach: Largest range [m].
+        scratch_f: (scratch_floats(B),) f8, overwritten; what it held doesn't matter.
+        scratch_i: (scratch_integers(max(M, S)),) i8, likewise.
+        ranges: (B,) f4 [m], the result.
+    """
+    beams = np.uint64(ranges.size)
+    beams_per_rad = 1.0 / angle_step
+    last = np.float64(beams) - 1.0
+    sin, cos = sin_cos(heading)
+    padded = (beams // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
+    for i in range(padded):
+        scratch_f[i + np.uint64(BEST)] = reach
+    inside = False
+    near = _find_near_discs(disc_x, disc_y, disc_radius, discs, x, y, reach, scratch_i)
+    if near > np.uint64(0):
+        inside = _cast_discs(
+            disc_x,
+            disc_y,
+            disc_radius,
+            x,
+            y,
+            cos,
+            sin,
+            beam_cos,
+            beam_sin,
+            first_angle,
+            beams_per_rad,
+            last,
+            near,
+            scratch_f,
+            scratch_i,
+        )
+    near = _find_near_walls(wall_x1, wall_y1, wall_x2, wall_y2, walls, x, y, reach, scratch_i)
+    if near > np.uint64(0) and not inside:
+        _invert(scratch_f, padded)
+        inside = _cast_walls(
+            wall_x1,
+            wall_y1,
+            wall_x2,
+            wall_y2,
+            x,
+            y,
+            cos,
+            sin,
+            beam_cos,
+            beam_sin,
+            first_angle,
+            beams_per_rad,
+            last,
+            near,
+            scratch_f,
+            scratch_i,
+        )
+        _invert(scratch_f, padded)
+    for i in range(beams):
+        distance = scratch_f[i + np.uint64(BEST)]
+        # Inverting twice may end one bit off, which mustn't turn a beam without return into one with.
+        distance = distance if distance < reach * (1.0 - 1e-15) else reach
+        ranges[i] = np.float32(0.0 if inside else distance)

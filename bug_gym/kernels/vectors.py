@@ -1,0 +1,194 @@
+"""Vectors of eight numbers, written in LLVM's terms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils as numba_cgutils
+
+from bug_gym.compiling import vectors
+
+# The scan works obstacle by obstacle. Far obstacles are dropped; for each near one the interval of beams that can meet
+# it is estimated, and every beam of the interval is tested exactly, eight at a time. Estimates only ever widen the
+# interval, so that they cost time and never exactness.
+#
+# LLVM is given vectors of eight numbers by hand (the functions marked @vectors) where its own vectoriser fails: numba
+# switches off vectorising of straight code, and loops of eight are unrolled before they are looked at. A vector of
+# eight is lowered to what the processor has. Nothing is fused or reordered.
+
+cgutils: Any = numba_cgutils  # without types upstream
+LANES = 8
+TILE = 64  # near obstacles prepared together; a column of scratch is this long
+
+# scratch_f: four columns of obstacle data, then the best value of each beam.
+BEST = 4 * TILE
+# scratch_i: four columns of beam blocks, the queue (a tile's two pieces of at most four blocks each), near obstacles.
+QUEUE = 4 * TILE
+NEAR = 13 * TILE
+
+
+# Vectors of eight, written in LLVM's terms.
+
+FLOATS = ir.VectorType(ir.DoubleType(), LANES)
+INTEGERS = ir.VectorType(ir.IntType(64), LANES)
+ZEROS = ir.Constant(FLOATS, [0.0] * LANES)
+
+
+def _int64(value: int) -> Any:
+    return ir.Constant(ir.IntType(64), value)
+
+
+def _splat(builder: Any, value: Any) -> Any:
+    kind = ir.VectorType(value.type, LANES)
+    first = builder.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    same = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, ir.Constant(kind, ir.Undefined), same)
+
+
+def _data(context: Any, builder: Any, array_type: Any, array: Any) -> Any:
+    return context.make_array(array_type)(context, builder, array).data
+
+
+def _lanes(builder: Any, data: Any, start: Any, kind: Any) -> Any:
+    """Address of the eight numbers of `data` from `start` on."""
+    return builder.bitcast(builder.gep(data, [start]), kind.as_pointer())
+
+
+def _load(builder: Any, data: Any, start: Any, kind: Any = FLOATS) -> Any:
+    return builder.load(_lanes(builder, data, start, kind), align=8)
+
+
+def _store(builder: Any, value: Any, data: Any, start: Any) -> None:
+    builder.store(value, _lanes(builder, data, start, value.type), align=8)
+
+
+def _columns(builder: Any, data: Any, row: Any, count: int) -> list[Any]:
+    """Numbers of obstacle `row` of the tile, each repeated in all lanes."""
+    places = [builder.add(row, _int64(column * TILE)) for column in range(count)]
+    return [_splat(builder, builder.load(builder.gep(data, [place]))) for place in places]
+
+
+@vectors
+def prefetch(typingctx: Any, array: Any, start: Any) -> Any:
+    """Asks for the cache line of array[start], which is needed soon."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, start = arguments
+        data = _data(context, builder, signature.args[0], array)
+        place = builder.bitcast(builder.gep(data, [start]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [place.type, number, number, number])
+        prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(prefetch, [place, ir.Constant(number, 0), ir.Constant(number, 3), ir.Constant(number, 1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64), codegen
+
+
+@vectors
+def append_near(typingctx: Any, index: Any, j: Any, end: Any) -> Any:
+    """Writes those of j ... j + 7 whose mark index[NEAR + j] isn't 0 to index[end ...]; returns the new end.
+
+    Branch-free: eight numbers are always written, the end moves by as many as count.
+    """
+    positions = [[bit for bit in range(8) if mask >> bit & 1] for mask in range(256)]
+    table = np.array([row + [0] * (8 - len(row)) for row in positions], np.uint8)
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, j, end = arguments
+        data = _data(context, builder, signature.args[0], array)
+        marks = _load(builder, data, builder.add(j, _int64(NEAR)), INTEGERS)
+        lanes = builder.icmp_unsigned("!=", marks, ir.Constant(INTEGERS, [0] * LANES))
+        mask = builder.zext(builder.bitcast(lanes, ir.IntType(8)), ir.IntType(64))
+        bytes_ = ir.Constant(ir.ArrayType(ir.IntType(8), table.size), bytearray(table.tobytes()))
+        rows = cgutils.global_constant(builder, "positions_of_bits", bytes_)
+        row = builder.gep(rows, [_int64(0), builder.mul(mask, _int64(LANES))])
+        small = ir.VectorType(ir.IntType(8), LANES)
+        chosen = builder.load(builder.bitcast(row, small.as_pointer()), align=1)
+        _store(builder, builder.add(builder.zext(chosen, INTEGERS), _splat(builder, j)), data, end)
+        return builder.add(end, builder.ctpop(mask))
+
+    return types.uint64(index, types.uint64, types.uint64), codegen
+
+
+@vectors
+def gather(typingctx: Any, scratch: Any, k: Any, source: Any, index: Any, start: Any, origin: Any) -> Any:
+    """scratch[k ... k + 7] = source[index[start ... start + 7]] - origin.
+
+    Loads of one vector follow soon; written one by one, the processor couldn't forward them to it.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        scratch, k, source, index, start, origin = arguments
+        target = _data(context, builder, signature.args[0], scratch)
+        source = _data(context, builder, signature.args[2], source)
+        index = _data(context, builder, signature.args[3], index)
+        values = ir.Constant(FLOATS, ir.Undefined)
+        for lane in range(LANES):
+            j = builder.load(builder.gep(index, [builder.add(start, _int64(lane))]))
+            value = builder.load(builder.gep(source, [j]))
+            values = builder.insert_element(values, value, ir.Constant(ir.IntType(32), lane))
+        _store(builder, builder.fsub(values, _splat(builder, origin)), target, k)
+        return context.get_dummy_value()
+
+    return types.void(scratch, types.uint64, source, index, types.uint64, types.float64), codegen
+
+
+def _load_block(context: Any, builder: Any, signature: Any, arguments: Any, count: int) -> tuple[Any, ...]:
+    """What `test_disc` and `test_wall` read.
+
+    Returns the data of scratch, `count` columns of the obstacle, cosines and sines of the beams, their best values and
+    the place of these.
+    """
+    scratch, row, beam, beam_cos, beam_sin = arguments
+    data = _data(context, builder, signature.args[0], scratch)
+    columns = _columns(builder, data, row, count)
+    cos = _load(builder, _data(context, builder, signature.args[3], beam_cos), beam)
+    sin = _load(builder, _data(context, builder, signature.args[4], beam_sin), beam)
+    place = builder.add(beam, _int64(BEST))
+    return data, columns, cos, sin, _load(builder, data, place), place
+
+
+@vectors
+def test_disc(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, beam_sin: Any) -> Any:
+    """Ranges of beams beam ... beam + 7 to disc `row` (columns x, y, radius squared); the smaller one stays."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data, (x, y, radius2), cos, sin, best, place = _load_block(context, builder, signature, arguments, 3)
+        along = builder.fadd(builder.fmul(x, cos), builder.fmul(y, sin))
+        aside = builder.fsub(builder.fmul(x, sin), builder.fmul(y, cos))
+        # The root of a negative number, a miss, is NaN and loses each comparison.
+        kind = ir.FunctionType(FLOATS, [FLOATS])
+        root = cgutils.get_or_insert_function(builder.module, kind, f"llvm.sqrt.v{LANES}f64")
+        half_chord = builder.call(root, [builder.fsub(radius2, builder.fmul(aside, aside))])
+        distance = builder.fsub(along, half_chord)
+        ahead = builder.fcmp_ordered(">", along, ZEROS)
+        nearer = builder.and_(ahead, builder.fcmp_ordered("<", distance, best))
+        _store(builder, builder.select(nearer, distance, best), data, place)
+        return context.get_dummy_value()
+
+    return types.void(scratch, types.uint64, types.uint64, beam_cos, beam_sin), codegen
+
+
+@vectors
+def test_wall(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, beam_sin: Any) -> Any:
+    """Inverse ranges of beams beam ... beam + 7 to wall `row` (columns x, y of both ends); the larger one stays.
+
+    The ends a, b are divided by a x b, which makes the inverse range the linear a x d + d x b: no division a beam.
+    The beam d passes between the ends where both terms are positive, as a, b stand counter-clockwise.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data, (ax, ay, bx, by), cos, sin, best, place = _load_block(context, builder, signature, arguments, 4)
+        past_a = builder.fsub(builder.fmul(ax, sin), builder.fmul(ay, cos))
+        before_b = builder.fsub(builder.fmul(by, cos), builder.fmul(bx, sin))
+        inverse = builder.fadd(past_a, before_b)
+        between = builder.and_(builder.fcmp_ordered(">=", past_a, ZEROS), builder.fcmp_ordered(">=", before_b, ZEROS))
+        nearer = builder.and_(between, builder.fcmp_ordered(">", inverse, best))
+        _store(builder, builder.select(nearer, inverse, best), data, place)
+        return context.get_dummy_value()
+
+    return types.void(scratch, types.uint64, types.uint64, beam_cos, beam_sin), codegen
