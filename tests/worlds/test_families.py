@@ -606,7 +606,7 @@ def test_movers_are_saved_with_the_velocity_that_they_have_at_that_moment() -> N
 
 # ------------------------------------------------------------------------------------------------ the page of worlds
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_page_of_worlds_is_what_the_docstrings_say_and_its_pictures_are_there() -> None:

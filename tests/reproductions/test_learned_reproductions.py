@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
-from test_ros_map import write_map
+from ros_maps import write_map
 
 from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
 from bug_gym.config import load

@@ -547,7 +547,7 @@ def test_frames_need_no_display() -> None:
     )
     environment = {name: value for name, value in os.environ.items() if not name.endswith("DISPLAY")}
     environment["SDL_VIDEODRIVER"] = "no_such_driver"
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[2]
     run = subprocess.run(
         [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True, check=False
     )

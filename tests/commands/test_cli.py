@@ -62,7 +62,7 @@ def test_help_is_done_with_exit_code_0(arguments: list[str], capsys: pytest.Capt
 
 def test_help_loads_no_compiler_and_no_agent() -> None:
     code = "import sys, bug_gym.cli as cli; cli.make_parser().format_help(); print(*sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], capture_output=True, check=True)
+    run = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, check=True)
     loaded = set(run.stdout.decode().split())
     assert not {"numba", "pydantic", "rich", "bug_gym.agents", "bug_gym.evaluation"} & loaded
 
@@ -258,6 +258,6 @@ def test_an_error_of_our_own_is_not_taken_for_bad_input(monkeypatch: pytest.Monk
 
 def test_a_reader_that_has_seen_enough_ends_the_command_quietly() -> None:
     command = f"{shlex.quote(sys.executable)} -m bug_gym list | head -n 1"
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     run = subprocess.run(command, shell=True, cwd=root, capture_output=True, text=True, check=True)
     assert (run.stdout, run.stderr) == ("scenarios\n", "")

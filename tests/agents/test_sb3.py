@@ -28,7 +28,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMoni
 
 from bug_gym.agents.sb3 import NavigationVecEnv, make_vec_env
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 IDS = list(bug_gym.SCENARIOS_BY_ID)
 # Episodes of at most 2.5 s, so that a few hundred steps hold many ends of both kinds.
 SHORT = {"time.limit": 2.5, "lidar.dropout": 0.05, "odometry.rotation_noise": 0.05}

@@ -32,7 +32,7 @@ from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from bug_gym.observation import Sensors, as_dict, dict_space, flat_space
 from bug_gym.simulation import Simulation
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[3]
 TINY = {
     "algo": "ppo",
     "scenarios": ["dynamic"],

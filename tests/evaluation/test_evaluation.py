@@ -470,7 +470,7 @@ def test_a_killed_run_loses_no_finished_row(tmp_path: Path) -> None:
     arguments = ["--scenario", "static", "--policies", "bug0,bug2", "--episodes", "60", "--out", str(tmp_path / "out")]
     command = [sys.executable, "-m", "bug_gym", "evaluate", *arguments]
     rows = tmp_path / "out" / "rows.jsonl"
-    with subprocess.Popen(command, cwd=Path(__file__).parents[1], stderr=subprocess.DEVNULL) as run:
+    with subprocess.Popen(command, cwd=Path(__file__).parents[2], stderr=subprocess.DEVNULL) as run:
         while run.poll() is None and (not rows.exists() or rows.read_bytes().count(b"\n") < 5):
             time.sleep(0.005)
         run.kill()

@@ -42,7 +42,7 @@ from bug_gym.config import (
 BARN_FILE = "worlds.jsonl"
 MAP_FILE = "plan.yaml"
 RECORDING_FILE = "walk.csv"
-PAPER_MAP = Path(__file__).parents[2] / "shared" / "data" / "oni_wang_fig1.yaml"
+PAPER_MAP = Path(__file__).parents[3] / "shared" / "data" / "oni_wang_fig1.yaml"
 
 SQUARE = [[4, -2], [5, -2], [5, 2], [4, 2]]
 

@@ -24,7 +24,7 @@ from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import Sensors, as_dict
 from bug_gym.simulation import Simulation
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[3]
 LEARNED = [name for name, agent in AGENTS.items() if agent.family == "learned"]
 FLOOR = 0.85
 """Share of the success on its card that a model has to reach in a few worlds; one with its inputs mixed up has none."""
