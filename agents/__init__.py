@@ -14,8 +14,8 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bug_gym.observation import Sensors
 from bug_gym.policy import Policy, is_discrete, source_scenario
+from bug_gym.view import Sensors
 
 
 class Agent(NamedTuple):

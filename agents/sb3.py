@@ -13,17 +13,17 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.navigation_env import (
+from bug_gym.drawing.pictures import Pictures
+from bug_gym.simulation import Simulation
+from bug_gym.spaces import (
     ActionForm,
     Observation,
     ObservationForm,
-    Pictures,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
     require_one_robot,
 )
-from bug_gym.simulation import Simulation
 from bug_gym.world import Capacity, Snapshot
 
 try:

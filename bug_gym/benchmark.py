@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,8 +25,8 @@ import numpy as np
 from gymnasium.utils.performance import benchmark_step
 
 import bug_gym
-from bug_gym.drawing.clips import replaced_when_done
 from bug_gym.evaluation import evaluate, progress_bar
+from bug_gym.files import machine, replaced_when_done
 from bug_gym.simulation import Simulation
 
 WORLDS = 1024
@@ -105,21 +103,6 @@ def measure(task: Task, repeats: int) -> Measurement:
         task.once()
     samples = [task.once() for _ in range(1 if task.is_cold else repeats)]
     return Measurement(task.name, task.unit, statistics.median(samples), min(samples), max(samples))
-
-
-def machine() -> dict[str, Any]:
-    """What the numbers were measured on."""
-    versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
-    versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba")}
-    return {"cpu": cpu_model(), "cores": os.cpu_count(), **versions}
-
-
-def cpu_model() -> str:
-    """Name of the processor, as well as the system tells it."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 def print_measurements(settings: dict[str, Any], measurements: Sequence[Measurement]) -> None:

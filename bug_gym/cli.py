@@ -295,7 +295,7 @@ def show(options: argparse.Namespace) -> None:
 
 def _save_world(path: Path, simulation: Simulation) -> None:
     from bug_gym.config import to_yaml
-    from bug_gym.drawing.clips import replaced_when_done
+    from bug_gym.files import replaced_when_done
     from bug_gym.scenarios import as_explicit
 
     explicit = as_explicit(simulation.scenario, simulation.world.layout(0))
@@ -409,8 +409,8 @@ def reproduce(options: argparse.Namespace) -> None:
 
     from rich.console import Console
 
-    from bug_gym.drawing.clips import replaced_when_done
     from bug_gym.evaluation.report import draw_curves, print_text_table
+    from bug_gym.files import replaced_when_done
     from bug_gym.reproductions import reproduction
     from bug_gym.reproductions.result import Settings
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bug_gym.geometry import F64
 from bug_gym.world import World
 
 CLOSING = 0.05
@@ -14,8 +14,6 @@ CLOSING = 0.05
 
 KINDS = ("still", "mover, robot closing", "mover, both closing", "mover, it closing")
 """What was touched, and of a mover who was closing in."""
-
-F64 = NDArray[np.float64]
 
 
 class Contact(NamedTuple):

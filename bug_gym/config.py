@@ -8,7 +8,6 @@ law likewise goes into `Motion`.
 from __future__ import annotations
 
 import bisect
-import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -33,6 +32,8 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+from bug_gym.naming import nearest_hint
+
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
@@ -51,12 +52,6 @@ class ScenarioError(ValueError):
 def _wrong(reason: str, key: str = "") -> PydanticCustomError:
     """An error about the value that is being validated, or about one `key` of it."""
     return PydanticCustomError("scenario", "{reason}", {"key": key, "reason": reason})
-
-
-def nearest_hint(word: object, known: Iterable[object]) -> str:
-    """`, did you mean 'x'?` for the known word nearest to this one, or nothing."""
-    close = difflib.get_close_matches(str(word), [str(name) for name in known], n=1, cutoff=0.5)
-    return f", did you mean {close[0]!r}?" if close else ""
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bug_gym.config import CorridorWorld, CrossingWorld, RoomsWorld, UrbanWorld, Waypoints
-from bug_gym.world import F64, SAME_POINT, Mover, Rings
+from bug_gym.geometry import F64
+from bug_gym.world import SAME_POINT, Mover, Rings
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

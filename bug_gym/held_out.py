@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from bug_gym.config import Scenario
 from bug_gym.evaluation.intervals import wilson_interval
 from bug_gym.kinematics import discrete_actions
-from bug_gym.observation import Sensors
 from bug_gym.policy import Policy
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
+from bug_gym.view import Sensors
 
 TRAINING_SEEDS = 2**40
 """First seed of the worlds that policies are trained in; far above those of suites and evaluations, which begin at 0."""

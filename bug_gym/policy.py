@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels, kinematics
 from bug_gym.config import Scenario, load
-from bug_gym.observation import Sensors, View, as_flat, width
+from bug_gym.observation import as_flat, width
+from bug_gym.view import Sensors, View
 
 Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
 Velocity = tuple[float, float]

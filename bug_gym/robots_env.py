@@ -12,18 +12,18 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv, ParallelEnv
 
 from bug_gym.config import Scenario, load
-from bug_gym.navigation_env import (
+from bug_gym.drawing.pictures import Pictures
+from bug_gym.observation import flat_space
+from bug_gym.simulation import Simulation
+from bug_gym.spaces import (
     ActionForm,
     Observation,
     ObservationForm,
-    Pictures,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
     with_most_steps,
 )
-from bug_gym.observation import flat_space
-from bug_gym.simulation import Simulation
 
 
 class RobotsEnv(ParallelEnv[str, Any, Any]):

@@ -17,6 +17,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from bug_gym.geometry import F64
+
 MAX_CELLS = 16_000_000
 """Largest picture, such as 4,000 x 4,000 pixels: outlining it takes about 1 GB of memory."""
 
@@ -25,7 +27,6 @@ FREE, UNKNOWN, OCCUPIED = 0, 1, 2
 DEFAULTS: dict[str, Any] = {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.25, "mode": "trinary"}
 REQUIRED = ("image", "resolution", "origin")
 
-F64 = NDArray[np.float64]
 Rings = tuple[F64, ...]
 
 

@@ -61,9 +61,10 @@ from bug_gym.floor_plans import (
     scatter,
     streams,
 )
+from bug_gym.geometry import F64
 from bug_gym.recordings import load_recording
 from bug_gym.ros_map import load_outlines, load_ros_map
-from bug_gym.world import F64, Layout, Mover, Rings, World, side_by_side
+from bug_gym.world import Layout, Mover, Rings, World, side_by_side
 
 Free = Callable[[float, float], bool]
 

@@ -13,18 +13,18 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from bug_gym.config import load
-from bug_gym.navigation_env import (
+from bug_gym.drawing.pictures import Pictures
+from bug_gym.simulation import Fares, Simulation
+from bug_gym.spaces import (
     ActionForm,
     Observation,
     ObservationForm,
-    Pictures,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
     require_one_robot,
     with_most_steps,
 )
-from bug_gym.simulation import Fares, Simulation
 from bug_gym.task import REWARD_TERMS
 
 Bools = NDArray[np.bool_]

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.config import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Scenario, Waypoints, WeightedRegion
+from bug_gym.geometry import F64
 
-F64 = NDArray[np.float64]
 Rings = tuple[F64, ...]
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from bug_gym.config import load
-from bug_gym.drawing.canvas import Canvas, Frame
-from bug_gym.drawing.clips import save_gif, save_png
+from bug_gym.drawing.canvas import Canvas
+from bug_gym.drawing.clips import Frame, save_gif, save_png
 from bug_gym.evaluation.rollout import Rollout, film
 from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
 

@@ -24,8 +24,9 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 import bug_gym
 from bug_gym.config import load
 from bug_gym.kinematics import discrete_actions
-from bug_gym.navigation_env import ActionBox, NavigationEnv
-from bug_gym.observation import Sensors
+from bug_gym.navigation_env import NavigationEnv
+from bug_gym.spaces import ActionBox
+from bug_gym.view import Sensors
 
 ROOT = Path(__file__).resolve().parents[1]
 IDS = list(bug_gym.SCENARIOS_BY_ID)

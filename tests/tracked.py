@@ -9,8 +9,8 @@ import numpy as np
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
-from bug_gym.observation import Sensors, View
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 STEP = 0.1
 

@@ -9,8 +9,8 @@ heading does prove that the goal is shut in. Length bound: none.
 from __future__ import annotations
 
 from bug_gym.agents.walls.boundary_following import BoundaryBug, BugMemory
-from bug_gym.observation import View
 from bug_gym.policy import Velocity
+from bug_gym.view import View
 
 
 class Bug0(BoundaryBug):

@@ -19,11 +19,11 @@ from bug_gym.agents.walls.boundary_following import (
     Contour,
     Gate,
     LeaveRule,
-    Point,
     Turn,
 )
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
+from bug_gym.view import Sensors, View
 
 
 @dataclass

@@ -22,11 +22,11 @@ from bug_gym.agents.walls.boundary_following import (
     BugMemory,
     Contour,
     Gate,
-    Point,
     Turn,
 )
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
+from bug_gym.view import Sensors, View
 
 ReturnRule = Literal["shortest", "same"]
 

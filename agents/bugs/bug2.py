@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from bug_gym.agents.walls.boundary_following import Contour
 from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
-from bug_gym.observation import View
 from bug_gym.policy import Velocity
+from bug_gym.view import View
 
 
 @dataclass

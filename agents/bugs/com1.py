@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import CLOSER, TARGET_MOVED, BoundaryBug, BugMemory, Contour, Point
-from bug_gym.observation import View
+from bug_gym.agents.walls.boundary_following import CLOSER, TARGET_MOVED, BoundaryBug, BugMemory, Contour
+from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
+from bug_gym.view import View
 
 
 @dataclass

@@ -11,7 +11,7 @@ not visited. Unlike E-Bug it does not count the way to the sub-goal. Guarantee: 
 from __future__ import annotations
 
 from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoalBug, SubGoalMemory, cheapest, goal_distance_of
-from bug_gym.observation import View
+from bug_gym.view import View
 
 
 class CriticalPointBug(SubGoalBug):

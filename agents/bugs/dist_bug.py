@@ -23,14 +23,13 @@ from bug_gym.agents.walls.boundary_following import (
     BugMemory,
     Contour,
     LeaveRule,
-    Point,
     Survey,
     Turn,
     is_ahead,
-    wrap,
 )
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Velocity
+from bug_gym.view import Sensors, View
 
 SideRule = Literal["fixed", "goal"]
 

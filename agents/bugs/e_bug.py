@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoalBug, SubGoalMemory, cheapest, goal_distance_of
-from bug_gym.observation import View
+from bug_gym.view import View
 
 
 class EBug(SubGoalBug):

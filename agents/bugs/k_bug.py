@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.walls.boundary_following import Point
 from bug_gym.agents.walls.corners import (
     OpenPoint,
     Profile,
@@ -28,8 +27,9 @@ from bug_gym.agents.walls.corners import (
     goal_distance_of,
     rotation_to,
 )
-from bug_gym.observation import View
+from bug_gym.geometry import Point
 from bug_gym.policy import Drawing
+from bug_gym.view import View
 
 
 class Collision(NamedTuple):

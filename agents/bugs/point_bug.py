@@ -14,10 +14,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import LeaveRule, Turn, wrap
+from bug_gym.agents.walls.boundary_following import LeaveRule, Turn
 from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoalBug, SubGoalMemory, rotation_to
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import wrap
 from bug_gym.policy import Velocity
+from bug_gym.view import Sensors, View
 
 BEHIND = math.radians(10.0)
 """Half width of the sector behind the robot in which a sudden point is the one it comes from [rad]."""

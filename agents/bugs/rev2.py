@@ -19,7 +19,7 @@ from typing import Literal
 
 from bug_gym.agents.bugs.alg2 import Alg2, Alg2Memory
 from bug_gym.agents.walls.boundary_following import Contour, LeaveRule, Turn, alternating_side
-from bug_gym.observation import Sensors, View
+from bug_gym.view import Sensors, View
 
 VARIANTS = ("s001", "noborio")
 

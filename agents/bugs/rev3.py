@@ -22,12 +22,12 @@ from bug_gym.agents.walls.boundary_following import (
     Contour,
     LeaveRule,
     Mark,
-    Point,
     Turn,
     alternating_side,
 )
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
+from bug_gym.view import Sensors, View
 
 SAVED = ("two", "all")
 BETTER = "follow_wall_to_better_take_off"

@@ -22,14 +22,14 @@ from bug_gym.agents.walls.boundary_following import (
     BoundaryBug,
     BugMemory,
     LeaveRule,
-    Point,
     Survey,
     Turn,
     is_ahead,
 )
 from bug_gym.agents.walls.tangent_graph import Node, TangentGraph
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
+from bug_gym.view import Sensors, View
 
 COMMITMENT = 0.2
 """How much shorter the way round the other side must look to change sides, as a share."""

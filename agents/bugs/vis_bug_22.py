@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from bug_gym.agents.walls.vision import Scout, VisBug
-from bug_gym.observation import View
+from bug_gym.view import View
 
 
 class VisBug22(VisBug):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.observation import View
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.view import View
 
 
 class GoToGoal(ScriptedPolicy):

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from bug_gym import kernels
-from bug_gym.observation import Sensors, View
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
 
 
 @dataclass

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.compiling import kernel
+from bug_gym.geometry import F64, Point
 from bug_gym.kernels.layout import Flags, Floats, Integers
-
-F64 = NDArray[np.float64]
-Point = tuple[float, float]
 
 EDGE = 1e-6
 """Tolerance of the tests for points [m]."""

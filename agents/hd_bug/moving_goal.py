@@ -11,7 +11,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-Point = tuple[float, float]
+from bug_gym.geometry import Point
 
 LEADS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Leads at which predictions are tried [s]."""

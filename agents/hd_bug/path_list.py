@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-Point = tuple[float, float]
+from bug_gym.geometry import Point
 
 
 @dataclass(slots=True, eq=False)

@@ -63,12 +63,10 @@ from bug_gym.agents.mapping.point_map import PointMap, Search, Way
 from bug_gym.agents.prediction import make_predictor
 from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
+from bug_gym.geometry import F64, Point
 from bug_gym.kinematics import TURN_IN_PLACE, differential_action
-from bug_gym.observation import Sensors, View
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
-
-Point = tuple[float, float]
-F64 = NDArray[np.float64]
+from bug_gym.view import Sensors, View
 
 HEADINGS, RINGS = 32, 4
 """Headings and radii of the grid of candidates (Procedure 3)."""

@@ -17,10 +17,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from bug_gym.agents.mapping.point_map import PointMap, Way
-from bug_gym.observation import View
+from bug_gym.geometry import F64
 from bug_gym.policy import Velocity
+from bug_gym.view import View
 
-F64 = NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 STEPS = (

@@ -10,14 +10,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.compiling import kernel
+from bug_gym.geometry import F64
 from bug_gym.kernels.layout import Floats
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
-
-F64 = NDArray[np.float64]
-
 
 FADING = 1.5
 """Time constant with which a near miss ahead fades [s]."""

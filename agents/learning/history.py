@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.geometry import F32
 
-F32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 TOP_SPEED = 2.0

@@ -24,9 +24,8 @@ from stable_baselines3.sac.policies import SACPolicy
 from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, read_config, sha256
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
-from bug_gym.benchmark import machine
 from bug_gym.config import dump
-from bug_gym.drawing.clips import replaced_when_done
+from bug_gym.files import machine, replaced_when_done
 
 PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")
 """Packages beside those of `machine()` whose versions are kept with a model."""

@@ -16,8 +16,9 @@ from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read
 from bug_gym.agents.learning.history import History, with_history
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.kinematics import discrete_actions
-from bug_gym.observation import Sensors, as_dict
+from bug_gym.observation import as_dict
 from bug_gym.policy import MisfitError, Observation, flat_observation
+from bug_gym.view import Sensors
 
 
 class LearnedPolicy:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from bug_gym.observation import Sensors
+from bug_gym.view import Sensors
 
 LAYOUT = ("ranges", "goal", "pose", "velocity", "peers")
 """Fields of the observation that a learned policy knows, in their order."""

@@ -22,9 +22,9 @@ from bug_gym.config import (
     Share,
     explain,
     load,
-    nearest_hint,
     read_yaml,
 )
+from bug_gym.naming import nearest_hint
 
 TRAIN_FOLDER = SCENARIO_FOLDER.parent / "train"
 

@@ -43,9 +43,9 @@ from bug_gym.agents.learning.settings import (
 )
 from bug_gym.agents.learning.vec_envs import HistoryVecEnv, TrainingEnv, join
 from bug_gym.config import Scenario
-from bug_gym.drawing.clips import replaced_when_done
+from bug_gym.files import replaced_when_done
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
-from bug_gym.observation import Sensors
+from bug_gym.view import Sensors
 
 CHECKPOINT, CURVE = "checkpoint.pt", "curve.csv"
 """Files of a training's folder."""

@@ -15,11 +15,10 @@ from bug_gym.agents.learning.history import TOP_SPEED, History, history_width
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, Saved
 from bug_gym.config import Scenario
-from bug_gym.navigation_env import ActionForm, RobotSpaces
+from bug_gym.geometry import F32
 from bug_gym.simulation import Simulation
+from bug_gym.spaces import ActionForm, RobotSpaces
 from bug_gym.world import Capacity, Snapshot
-
-F32 = NDArray[np.float32]
 
 
 class RobotsVecEnv(ArrayVecEnv):

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.compiling import inlined, kernel
+from bug_gym.geometry import Point
 from bug_gym.kernels.layout import Flags, Floats, Integers
 
 Bytes = NDArray[np.uint8]
@@ -50,8 +51,6 @@ ROUGH = 0.005
 
 _ROW, _COLUMN = (-1, -1, -1, 0, 0, 1, 1, 1), (-1, 0, 1, -1, 1, -1, 0, 1)
 """The eight cells around one."""
-
-Point = tuple[float, float]
 
 
 class Cells(NamedTuple):

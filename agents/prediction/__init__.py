@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import cast
 
 from bug_gym.agents.prediction.predictor import Predictor
-from bug_gym.config import nearest_hint
-from bug_gym.observation import Sensors
+from bug_gym.naming import nearest_hint
+from bug_gym.view import Sensors
 
 PREDICTORS: dict[str, str] = {
     "none": "plain:NoPrediction",

@@ -7,13 +7,11 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.agents.prediction.features import ANSWERS, WIDTH, cost_of, errors_of
 from bug_gym.agents.prediction.samples import LAWS, Samples, law_world, samples_of
+from bug_gym.geometry import F32
 from bug_gym.held_out import TRAINING_SEEDS
-
-F32 = NDArray[np.float32]
 
 WORLDS = 2**39
 """How many worlds of each law it draws from."""

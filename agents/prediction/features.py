@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.prediction.surroundings import describe_surroundings
 from bug_gym.agents.tracking.tracker import Tracks
-
-F64 = NDArray[np.float64]
-F32 = NDArray[np.float32]
+from bug_gym.geometry import F32, F64
 
 HORIZONS = np.array([0.8, 1.6, 3.2, 4.8])
 """Times ahead that a predictor answers for [s]."""

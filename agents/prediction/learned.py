@@ -15,9 +15,8 @@ from bug_gym.agents.learning.folder import TRAINED_FOLDER, open_graph, read_reco
 from bug_gym.agents.prediction.features import HORIZONS, WIDTH, decode, encode
 from bug_gym.agents.prediction.predictor import Prediction, place_deviation
 from bug_gym.agents.tracking.tracker import Tracks
-from bug_gym.observation import Sensors
-
-F64 = NDArray[np.float64]
+from bug_gym.geometry import F64
+from bug_gym.view import Sensors
 
 GRAPH, WEIGHTS, CONFIG = "predictor.onnx", "predictor.safetensors", "predictor.json"
 """Files of a predictor: what is played, what can be trained on, and what made it."""

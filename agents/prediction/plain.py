@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bug_gym.agents.prediction.predictor import F64, Prediction, place_deviation
+from bug_gym.agents.prediction.predictor import Prediction, place_deviation
 from bug_gym.agents.tracking.tracker import Tracks
-from bug_gym.observation import Sensors
+from bug_gym.geometry import F64
+from bug_gym.view import Sensors
 
 WINDOW = 0.5
 """Time between the two centres whose difference is a velocity [s]."""

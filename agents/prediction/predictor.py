@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.agents.tracking.tracker import Tracks
-
-F64 = NDArray[np.float64]
+from bug_gym.geometry import F64
 
 
 class Prediction(NamedTuple):

@@ -19,12 +19,11 @@ from bug_gym.agents import make_policy
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, WIDTH, answers_for, encode
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
 from bug_gym.config import Scenario, dump, load
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import F32, F64
 from bug_gym.scenarios import as_explicit
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
-F64 = NDArray[np.float64]
-F32 = NDArray[np.float32]
 Rng = np.random.Generator
 
 LAWS = ("bounce", "waypoints", "random_walk", "crowd", "evade")

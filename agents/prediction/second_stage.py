@@ -27,12 +27,11 @@ from bug_gym.agents import make_policy
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS
 from bug_gym.agents.prediction.learned import LearnedPredictor
 from bug_gym.config import Scenario, load
-from bug_gym.drawing.clips import replaced_when_done
+from bug_gym.files import replaced_when_done
+from bug_gym.geometry import F64
 from bug_gym.held_out import TRAINING_SEEDS, VALIDATION_SEEDS
-from bug_gym.observation import Sensors
 from bug_gym.simulation import Simulation
-
-F64 = NDArray[np.float64]
+from bug_gym.view import Sensors
 
 LAWS = ("bounce", "random_walk", "crowd")
 """Of the movers in the worlds that HD-BUG drives in, unless it is told others."""

@@ -56,8 +56,7 @@ from bug_gym.agents.prediction.features import (
 from bug_gym.agents.prediction.learned import CONFIG, GRAPH, WEIGHTS
 from bug_gym.agents.prediction.samples import LAWS, STREET, Samples, samples_of, world_of
 from bug_gym.agents.sb3 import ArrayVecEnv
-from bug_gym.benchmark import machine
-from bug_gym.drawing.clips import replaced_when_done
+from bug_gym.files import machine, replaced_when_done
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 
 PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")

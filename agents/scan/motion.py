@@ -13,7 +13,7 @@ import math
 
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Floats
-from bug_gym.observation import View
+from bug_gym.view import View
 
 STILL = 0.05
 """How far from a surface, beyond the noise, a point must be to be of something else [m]."""

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.tracking import tracking_kernels as kernels
-from bug_gym.observation import Sensors, View
-
-F64 = NDArray[np.float64]
+from bug_gym.geometry import F64
+from bug_gym.view import Sensors, View
 
 COVARIANCE = np.array(
     [

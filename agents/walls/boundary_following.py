@@ -18,10 +18,10 @@ import numpy as np
 
 from bug_gym.agents.scan import headings
 from bug_gym.agents.scan.motion import has_moved
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
 
-Point = tuple[float, float]
 Turn = Literal["left", "right"]
 LeaveRule = Literal["front", "any"]
 
@@ -33,11 +33,6 @@ WAIT = 10.0
 
 TARGET_MOVED = 0.5
 """Way of the target after which distances and laps measured for its old place mean nothing [m]."""
-
-
-def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def swept(travel: float, wall: float, heading: float, side: int) -> float:

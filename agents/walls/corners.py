@@ -34,13 +34,12 @@ from bug_gym.agents.walls.boundary_following import (
     BugMemory,
     Contour,
     LeaveRule,
-    Point,
     Turn,
     side_of,
-    wrap,
 )
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
 
 HEADINGS = 360
 """Headings of the full circle that are looked along."""

@@ -17,11 +17,11 @@ from bug_gym.agents.walls.boundary_following import (
     BugMemory,
     Contour,
     LeaveRule,
-    Point,
     Turn,
 )
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
+from bug_gym.view import Sensors, View
 
 ON_LINE = 0.1
 """How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.scan import pieces
-from bug_gym.observation import View
-
-Point = tuple[float, float]
+from bug_gym.geometry import Point
+from bug_gym.view import View
 
 LEAST_HEADINGS, MOST_HEADINGS = 180, 360
 """Headings of the full circle that are looked along: as many as beams, within these limits."""

@@ -16,7 +16,6 @@ from abc import abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.agents.scan import joined
 from bug_gym.agents.walls.boundary_following import (
@@ -26,15 +25,13 @@ from bug_gym.agents.walls.boundary_following import (
     BugMemory,
     Contour,
     LeaveRule,
-    Point,
     Turn,
     side_of,
 )
 from bug_gym.agents.walls.m_line import ON_LINE, MLine, MLineMemory, go_along, nearer_crossing
-from bug_gym.observation import Sensors, View
+from bug_gym.geometry import F64, Point
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity, braking_radius
-
-F64 = NDArray[np.float64]
+from bug_gym.view import Sensors, View
 
 NEAR = 2.5
 """Up to where T_i is right before the robot, in steps: the contour between them is not straight, but free."""

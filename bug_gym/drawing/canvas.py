@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import math
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bug_gym.drawing import pixels
-from bug_gym.drawing.clips import Frame
-from bug_gym.drawing.painting import (
+from bug_gym.drawing.brush import (
     FAINT,
     FLOOR,
     INK,
@@ -29,12 +27,15 @@ from bug_gym.drawing.painting import (
     Color,
     Pixel,
     Projection,
-    Sprites,
-    goal_color,
     label_color,
-    labels_of,
     load_pygame,
     mixed,
+)
+from bug_gym.drawing.clips import Frame
+from bug_gym.drawing.parts import (
+    Sprites,
+    goal_color,
+    labels_of,
     mover_sprites,
     paint_areas,
     paint_free_area,
@@ -376,65 +377,3 @@ def episode_picture(
     canvas = Canvas(simulation, size=size, row=row, title=title)
     canvas.follow(poses)
     return canvas.draw(drawing, scan=False, note=note)
-
-
-# ---------------------------------------------------------------------------------------------- window
-
-
-class Window:
-    """Shows a Canvas on the screen, at most `fps` frames a second; without a screen it shows nothing and goes on.
-
-    Args:
-        canvas: what to show.
-        fps: frames a second of real time.
-
-    Raises:
-        ValueError: fps that is not positive.
-    """
-
-    def __init__(self, canvas: Canvas, fps: float) -> None:
-        if not fps > 0.0:
-            raise ValueError(f"fps must be positive, got {fps}")
-        self.canvas = canvas
-        self.fps = fps
-        self.is_open = True
-        """False once somebody has closed it; then `update` does nothing."""
-        self._clock = load_pygame().time.Clock()
-        self._screen: pygame.Surface | None = None
-
-    def update(self, drawing: Drawing | Sequence[Drawing | None] | None = None, *, note: str = "") -> None:
-        """Draw the row, show it, answer the window's events and wait until the frame's time is over."""
-        pygame = load_pygame()
-        if not self.is_open:
-            return
-        # Another program part may have shut the display down.
-        if self._screen is None or not pygame.display.get_init():
-            self._screen = open_screen((self.canvas.width, self.canvas.height))
-        frame = self.canvas.draw(drawing, note=note)
-        self._screen.blit(pygame.image.frombuffer(frame, (self.canvas.width, self.canvas.height), "RGB"), (0, 0))
-        pygame.display.flip()
-        if any(event.type == pygame.QUIT for event in pygame.event.get()):
-            self.close()
-        self._clock.tick(self.fps)
-
-    def close(self) -> None:
-        """Take the window off the screen."""
-        pygame = load_pygame()
-        if self._screen is not None and pygame.display.get_init():
-            pygame.display.quit()
-        self._screen = None
-        self.is_open = False
-
-
-def open_screen(size: tuple[int, int]) -> pygame.Surface:
-    """A window of this size, on SDL's dummy driver where there is no screen."""
-    module = load_pygame()
-    try:
-        module.display.init()
-    except module.error as error:
-        logger.warning("no screen to draw on (%s): the window stays invisible", error)
-        os.environ["SDL_VIDEODRIVER"] = "dummy"
-        module.display.init()
-    module.display.set_caption("bug_gym")
-    screen: pygame.Surface = module.display.set_mode(size)
-    return screen

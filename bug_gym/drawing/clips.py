@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from itertools import chain
 from pathlib import Path
 from types import ModuleType
@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bug_gym.files import replaced_when_done
 
 Frame = NDArray[np.uint8]
 """RGB pixels (H, W, 3)."""
@@ -159,15 +161,3 @@ def load_pillow() -> ModuleType:
     except ImportError as error:
         raise ImportError("writing pictures needs pillow: pip install 'bug-gym[render]'") from error
     return Image
-
-
-@contextmanager
-def replaced_when_done(path: str | Path) -> Iterator[Path]:
-    """A place to write a file to, which takes its name once it is whole; a failure leaves nothing behind."""
-    target = Path(path)
-    partial = target.with_name(f"{target.stem}.partial{target.suffix}")
-    try:
-        yield partial
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)

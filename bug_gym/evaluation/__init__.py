@@ -19,14 +19,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from bug_gym.config import ScenarioError, load
+from bug_gym.drawing.brush import load_pygame
 from bug_gym.drawing.canvas import Canvas
-from bug_gym.drawing.clips import load_pillow, replaced_when_done, save_png
-from bug_gym.drawing.painting import load_pygame
+from bug_gym.drawing.clips import load_pillow, save_png
 from bug_gym.evaluation.intervals import compare, summarise
 from bug_gym.evaluation.report import write_summary
 from bug_gym.evaluation.rollout import Lengths, Rollout, World, is_privileged, portrait, shortest_lengths
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.suites import Plan, PolicyEntry, ScenarioEntry, as_suite
+from bug_gym.files import replaced_when_done
 from bug_gym.policy import MisfitError
 
 logger = logging.getLogger("bug_gym")

@@ -17,16 +17,17 @@ from bug_gym.drawing.canvas import Canvas
 from bug_gym.drawing.clips import Frame
 from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_and_turning
 from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
+from bug_gym.geometry import F32
 from bug_gym.observation import Field as ObservationField
-from bug_gym.observation import Sensors, as_dict, width
+from bug_gym.observation import as_dict, width
 from bug_gym.policy import Drawing, Policy
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
+from bug_gym.view import Sensors
 
 SLOTS = 16
 """Worlds that one simulation drives side by side."""
 
-F32 = NDArray[np.float32]
 World = tuple[str, int]
 """Label of a scenario and seed."""
 Lengths = dict[World, list[float]]

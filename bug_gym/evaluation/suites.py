@@ -17,18 +17,8 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, ValidationError, model_validator
 
 import bug_gym
-from bug_gym.config import (
-    AtLeastOne,
-    Count,
-    Part,
-    Scenario,
-    ScenarioError,
-    dump,
-    explain,
-    nearest_hint,
-    read_yaml,
-    scenario_names,
-)
+from bug_gym.config import AtLeastOne, Count, Part, Scenario, ScenarioError, dump, explain, read_yaml, scenario_names
+from bug_gym.naming import nearest_hint
 from bug_gym.policy import Policy
 from bug_gym.simulation import Simulation
 

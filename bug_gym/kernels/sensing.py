@@ -24,7 +24,8 @@ from bug_gym.kernels.layout import (
 )
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
-from bug_gym.kernels.rays import NEAR, cast_rays
+from bug_gym.kernels.rays import cast_rays
+from bug_gym.kernels.vectors import NEAR
 
 
 @inlined

@@ -28,9 +28,8 @@ from bug_gym.kernels.layout import (
     Record,
 )
 from bug_gym.kernels.motion import move_bodies, plan_body, take_heading
-from bug_gym.kernels.rays import NEAR
 from bug_gym.kernels.sensing import clearance_at, observe
-from bug_gym.kernels.vectors import prefetch
+from bug_gym.kernels.vectors import NEAR, prefetch
 
 
 def is_compiled() -> bool:

@@ -22,8 +22,8 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
 from bug_gym.kinematics import Drive, steering
-from bug_gym.observation import Sensors
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 BEFORE, AFTER = 2.0, 1.0
 """How long before the collision the sequences begin, and how long after it they end [s]."""

@@ -24,10 +24,9 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from bug_gym.evaluation import progress_bar
+from bug_gym.geometry import F64
 from bug_gym.held_out import TEST_SEEDS
 from bug_gym.reproductions.result import Reproduction, Settings, Table
-
-F64 = NDArray[np.float64]
 
 WORLDS = 50
 """Of each law."""
@@ -112,7 +111,7 @@ def ask(label: str, seed: int, path: Path | None, names: Sequence[str]) -> tuple
     """Errors (predictors, n, TIMES) [m] of n questions in one world, and whether the mover then turned (n,)."""
     from bug_gym.agents.prediction import make_predictor
     from bug_gym.agents.prediction.samples import displacement_errors, moments, world_of
-    from bug_gym.observation import Sensors
+    from bug_gym.view import Sensors
 
     scenario = world_of(path or label, seed)
     predictors = [make_predictor(name, Sensors.of(scenario)) for name in names]

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bug_gym.drawing import brush, pixels
 from bug_gym.drawing import canvas as rendering
-from bug_gym.drawing import painting, pixels
-from bug_gym.drawing.canvas import Canvas, Window, episode_picture
+from bug_gym.drawing import parts as painting
+from bug_gym.drawing.canvas import Canvas, episode_picture
 from bug_gym.drawing.clips import Frame
+from bug_gym.drawing.window import Window
 from bug_gym.policy import Drawing
 from bug_gym.simulation import Simulation
 
@@ -100,12 +102,12 @@ def test_a_square_world_fills_a_square_frame() -> None:
         ((-4.0, 2.0), painting.STILL),
         ((6.5, 2.5), painting.STILL),
         ((4.5, -2.5), painting.STILL),
-        ((6.0, -2.5), painting.FLOOR),  # in the hole
+        ((6.0, -2.5), brush.FLOOR),  # in the hole
         ((-8.0, -3.0), painting.MOVING),
         ((1.0, -4.0), painting.MOVING),
-        (OUT_OF_REACH, painting.FLOOR),
-        (BEHIND_THE_CIRCLE, painting.FLOOR),
-        ((-10.25, 0.0), painting.PAGE),
+        (OUT_OF_REACH, brush.FLOOR),
+        (BEHIND_THE_CIRCLE, brush.FLOOR),
+        ((-10.25, 0.0), brush.PAGE),
     ],
 )
 def test_a_place_has_the_colour_of_what_is_there(
@@ -123,38 +125,38 @@ def test_the_view_puts_places_where_they_are_drawn() -> None:
 
 def test_the_scan_tints_what_it_sees() -> None:
     canvas = Canvas(yard())
-    assert color_at(canvas, canvas.draw(), *IN_SIGHT) != painting.FLOOR
-    assert color_at(canvas, canvas.draw(scan=False), *IN_SIGHT) == painting.FLOOR
+    assert color_at(canvas, canvas.draw(), *IN_SIGHT) != brush.FLOOR
+    assert color_at(canvas, canvas.draw(scan=False), *IN_SIGHT) == brush.FLOOR
 
 
 def test_a_narrow_scan_begins_at_the_robot() -> None:
     canvas = Canvas(yard(lidar__fov=1.0))
     frame = canvas.draw()
-    assert color_at(canvas, frame, -6.0, 2.2) != painting.FLOOR
-    assert color_at(canvas, frame, *IN_SIGHT) == painting.FLOOR
+    assert color_at(canvas, frame, -6.0, 2.2) != brush.FLOOR
+    assert color_at(canvas, frame, *IN_SIGHT) == brush.FLOOR
 
 
 def test_a_few_beams_are_drawn_as_rays() -> None:
     canvas = Canvas(yard(lidar__beams=4))
     frame = canvas.draw()
-    assert color_at(canvas, frame, -7.0, 4.0) != painting.FLOOR
-    assert color_at(canvas, frame, *IN_SIGHT) == painting.FLOOR
+    assert color_at(canvas, frame, -7.0, 4.0) != brush.FLOOR
+    assert color_at(canvas, frame, *IN_SIGHT) == brush.FLOOR
 
 
 def test_the_robot_stands_at_its_pose() -> None:
     simulation = yard()
     canvas = Canvas(simulation)
-    assert color_at(canvas, canvas.draw(), -7.0, 2.0) == painting.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(), -7.0, 2.0) == brush.ROBOTS[0]
     drive(simulation, (0.0, -1.0), steps=20)
     x, y, _ = simulation.world.pose[0, 0]
-    assert color_at(canvas, canvas.draw(), x, y) == painting.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(), x, y) == brush.ROBOTS[0]
 
 
 def test_each_circle_of_a_body_is_drawn() -> None:
     canvas = Canvas(yard(robot__circles=[[0.0, 0.0, 0.3], [-0.8, 0.0, 0.3]]))
     frame = canvas.draw()
-    assert color_at(canvas, frame, -7.0, 2.0) == painting.ROBOTS[0]
-    assert color_at(canvas, frame, -7.8, 2.0) == painting.ROBOTS[0]
+    assert color_at(canvas, frame, -7.0, 2.0) == brush.ROBOTS[0]
+    assert color_at(canvas, frame, -7.8, 2.0) == brush.ROBOTS[0]
 
 
 def test_robots_have_different_colours() -> None:
@@ -170,7 +172,7 @@ def test_nothing_sticks_out_of_the_border() -> None:
     for seed in range(5):
         simulation.reset(seeds=[seed])
         canvas = Canvas(simulation)
-        assert (canvas.draw()[:, : int(canvas.margin) - 4] == painting.PAGE).all()
+        assert (canvas.draw()[:, : int(canvas.margin) - 4] == brush.PAGE).all()
 
 
 def test_a_goal_that_moves_looks_different_from_one_that_stands() -> None:
@@ -179,8 +181,8 @@ def test_a_goal_that_moves_looks_different_from_one_that_stands() -> None:
     # The flag hangs beside the upper end of its pole.
     column, row = still.view.pixel(2.0, 3.0)
     flag = (int(row) - 11, int(column) + 4)
-    assert still.draw()[flag].tolist() == list(painting.GOAL)
-    assert moving.draw()[flag].tolist() != list(painting.GOAL)
+    assert still.draw()[flag].tolist() == list(brush.GOAL)
+    assert moving.draw()[flag].tolist() != list(brush.GOAL)
 
 
 @pytest.mark.parametrize(
@@ -250,7 +252,7 @@ def test_movers_are_where_they_have_gone(mover: int) -> None:
     drive(simulation, (0.0, 0.0), steps=15)  # 1.5 m to the right
     frame = canvas.draw(scan=False)
     assert color_at(canvas, frame, before[0] + 1.5, before[1]) == painting.MOVING
-    assert color_at(canvas, frame, *before) == painting.FLOOR
+    assert color_at(canvas, frame, *before) == brush.FLOOR
 
 
 def test_movers_of_the_next_episode_have_their_own_shapes() -> None:
@@ -268,7 +270,7 @@ def test_a_dart_points_where_its_mover_goes() -> None:
     ahead, behind = -8.0 + 0.5 + 1.3, -8.0 - 0.5 - 0.2  # the mover of radius 0.5 m goes to the right at 1 m/s
     frame = canvas.draw(scan=False)
     assert color_at(canvas, frame, ahead, -3.0) == painting.MOVING_RIM
-    assert color_at(canvas, frame, behind, -3.0) == painting.FLOOR
+    assert color_at(canvas, frame, behind, -3.0) == brush.FLOOR
 
 
 def test_a_canvas_follows_its_row_into_the_next_episode() -> None:
@@ -290,7 +292,7 @@ def test_a_pickled_canvas_draws_the_same() -> None:
 
 
 def test_drawing_survives_that_somebody_shuts_pygame_down() -> None:
-    pygame = painting.load_pygame()
+    pygame = brush.load_pygame()
     canvas = Canvas(yard())
     frame = canvas.draw()
     pygame.quit()
@@ -308,8 +310,8 @@ def test_the_path_so_far_is_drawn_unless_switched_off() -> None:
     canvas = Canvas(simulation)
     canvas.draw()
     drive(simulation, (0.0, -1.0), steps=30)
-    assert color_at(canvas, canvas.draw(), *ON_THE_WAY) == painting.ROBOTS[0]
-    assert color_at(canvas, canvas.draw(trail=False), *ON_THE_WAY) != painting.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(), *ON_THE_WAY) == brush.ROBOTS[0]
+    assert color_at(canvas, canvas.draw(trail=False), *ON_THE_WAY) != brush.ROBOTS[0]
 
 
 def test_the_path_goes_through_every_recorded_pose() -> None:
@@ -318,8 +320,8 @@ def test_the_path_goes_through_every_recorded_pose() -> None:
     drive(simulation, (0.0, -1.0), steps=20, canvas=canvas)
     drive(simulation, (1.0, 0.0), steps=20, canvas=canvas)
     frame = canvas.draw()
-    assert color_at(canvas, frame, *ON_THE_WAY) == painting.ROBOTS[0]
-    assert color_at(canvas, frame, -6.0, 0.0) == painting.ROBOTS[0]
+    assert color_at(canvas, frame, *ON_THE_WAY) == brush.ROBOTS[0]
+    assert color_at(canvas, frame, -6.0, 0.0) == brush.ROBOTS[0]
 
 
 def test_a_new_episode_begins_a_new_path() -> None:
@@ -370,22 +372,22 @@ def test_a_policy_draws_in_the_frame_of_its_start(heading: float) -> None:
     frame = canvas.draw(Drawing(points=[(1.5, 0.5, "hit")]))
     x = -6.0 + 1.5 * math.cos(heading) - 0.5 * math.sin(heading)
     y = -1.0 + 1.5 * math.sin(heading) + 0.5 * math.cos(heading)
-    assert color_at(canvas, frame, x, y) == painting.LABEL_COLORS["hit"]
+    assert color_at(canvas, frame, x, y) == brush.LABEL_COLORS["hit"]
 
 
 def test_segments_and_areas_of_a_policy_are_drawn() -> None:
     canvas = Canvas(yard())
     ring = np.array([[7.5, -1.5], [8.5, -1.5], [8.5, -2.5], [7.5, -2.5]])
     frame = canvas.draw(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "path")], areas=[(ring, "light")]))
-    assert color_at(canvas, frame, 0.0, -1.0) == painting.LABEL_COLORS["path"]
-    assert color_at(canvas, frame, 1.0, 0.0) not in (painting.FLOOR, painting.LABEL_COLORS["light"])
+    assert color_at(canvas, frame, 0.0, -1.0) == brush.LABEL_COLORS["path"]
+    assert color_at(canvas, frame, 1.0, 0.0) not in (brush.FLOOR, brush.LABEL_COLORS["light"])
 
 
 def test_a_dashed_segment_has_gaps() -> None:
     canvas = Canvas(yard())
     frame = canvas.draw(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "m_line")]))
     brightness = np.array([sum(color_at(canvas, frame, x, -1.0)) for x in np.linspace(-0.9, 1.9, 200)])
-    on_floor = brightness == sum(painting.FLOOR)
+    on_floor = brightness == sum(brush.FLOOR)
     assert 0.2 < on_floor.mean() < 0.8
 
 
@@ -394,16 +396,16 @@ def test_a_drawing_may_reach_beyond_the_picture() -> None:
     ring = np.array([[-1e4, -1e4], [1e4, -1e4], [1e4, 1e4], [-1e4, 1e4]])
     far = Drawing(points=[(1e4, 0.0, "hit")], segments=[(-1e4, -3.0, 1e4, -3.0, "path")], areas=[(ring, "light")])
     frame = canvas.draw(far)
-    assert color_at(canvas, frame, 0.0, -1.0) == painting.LABEL_COLORS["path"]
-    assert color_at(canvas, frame, *OUT_OF_REACH) != painting.FLOOR
+    assert color_at(canvas, frame, 0.0, -1.0) == brush.LABEL_COLORS["path"]
+    assert color_at(canvas, frame, *OUT_OF_REACH) != brush.FLOOR
 
 
 def test_the_labels_of_a_drawing_are_listed_below_the_world() -> None:
     canvas = Canvas(yard())
     edge = int(canvas.height - canvas.margin) + 4
     plain, listed = canvas.draw()[edge:], canvas.draw(Drawing(points=[(1.0, 0.0, "hit")]))[edge:]
-    assert (plain == painting.LABEL_COLORS["hit"]).all(axis=2).sum() == 0
-    assert (listed == painting.LABEL_COLORS["hit"]).all(axis=2).sum() > 0
+    assert (plain == brush.LABEL_COLORS["hit"]).all(axis=2).sum() == 0
+    assert (listed == brush.LABEL_COLORS["hit"]).all(axis=2).sum() > 0
 
 
 def test_each_robot_may_have_a_drawing() -> None:
@@ -411,7 +413,7 @@ def test_each_robot_may_have_a_drawing() -> None:
     simulation.reset(seeds=[0])
     canvas = Canvas(simulation)
     frame = canvas.draw([None, Drawing(points=[(2.0, 0.0, "leave")])])
-    assert color_at(canvas, frame, 0.0, -3.0) == painting.LABEL_COLORS["leave"]
+    assert color_at(canvas, frame, 0.0, -3.0) == brush.LABEL_COLORS["leave"]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
@@ -472,7 +474,7 @@ def test_the_bar_for_scale_is_a_round_length_that_fits(length: float) -> None:
 def screen(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """Pygame on the driver that shows nothing."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pygame = painting.load_pygame()
+    pygame = brush.load_pygame()
     pygame.display.quit()
     yield pygame
     pygame.display.quit()

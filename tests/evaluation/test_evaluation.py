@@ -21,8 +21,8 @@ from bug_gym.evaluation import evaluate, make_plan, rollout, typical
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry, load_suite, suite_names
-from bug_gym.observation import Sensors, View
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
 
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
 """Nothing but a straight line of 8 m, at 1 m/s."""

@@ -17,9 +17,9 @@ from pettingzoo.test import parallel_api_test
 
 import bug_gym
 from bug_gym.config import Scenario, ScenarioError, dump, load, to_yaml
-from bug_gym.observation import Sensors, View
 from bug_gym.scenarios import as_explicit
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 F64 = NDArray[np.float64]
 

@@ -27,8 +27,8 @@ from shapely.geometry.polygon import orient
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.alg1 import Alg1
-from bug_gym.observation import View
 from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
 ALL: dict[str, tuple[str, dict[str, Any]]] = {

@@ -15,9 +15,9 @@ from bug_gym.agents.bugs.critical_point_bug import CriticalPointBug
 from bug_gym.agents.bugs.e_bug import EBug
 from bug_gym.agents.scan import open_ways
 from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoals
-from bug_gym.observation import Sensors, View
 from bug_gym.reproductions import hd_bug_tables
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 C = 0.5
 SLAB, DISC, TRAP = Slab(c=C), Disc(c=C), UTrap(c=C)

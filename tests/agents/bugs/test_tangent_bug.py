@@ -25,8 +25,9 @@ from episodes import (
 from bug_gym.agents import make_policy
 from bug_gym.agents.walls.tangent_graph import TangentGraph
 from bug_gym.config import load
-from bug_gym.observation import Sensors, View, width
+from bug_gym.observation import width
 from bug_gym.shortest_path import reachable, shortest_path
+from bug_gym.view import Sensors, View
 
 SHORTEST = {
     "slab": min(Slab().shortest("left"), Slab().shortest("right")),

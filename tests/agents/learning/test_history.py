@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from bug_gym.agents.learning.history import TOP_SPEED, History, history_width, with_history
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.config import load
-from bug_gym.observation import Sensors
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 BEAMS = 360
 ROBOT = {"robot.kinematics": "differential", "lidar.beams": BEAMS, "lidar.noise": 0.0, "lidar.range": 20.0}

@@ -21,8 +21,9 @@ from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.evaluation import evaluate, make_plan
 from bug_gym.held_out import play
 from bug_gym.kinematics import discrete_actions
-from bug_gym.observation import Sensors, as_dict
+from bug_gym.observation import as_dict
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 ROOT = Path(__file__).resolve().parents[3]
 LEARNED = [name for name, agent in AGENTS.items() if agent.family == "learned"]

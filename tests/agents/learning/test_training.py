@@ -29,8 +29,9 @@ from bug_gym.agents.learning.training import Rollouts, make_model, make_training
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError, load
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
-from bug_gym.observation import Sensors, as_dict, dict_space, flat_space
+from bug_gym.observation import as_dict, dict_space, flat_space
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 ROOT = Path(__file__).resolve().parents[3]
 TINY = {

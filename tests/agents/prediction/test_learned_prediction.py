@@ -18,7 +18,7 @@ from bug_gym.agents.prediction.learned import CONFIG, GRAPH, LearnedPredictor
 from bug_gym.agents.prediction.samples import displacement_errors, law_world, moments
 from bug_gym.config import load
 from bug_gym.held_out import VALIDATION_SEEDS
-from bug_gym.observation import Sensors
+from bug_gym.view import Sensors
 
 SHIPPED = ("rl", "supervised")
 SENSORS = Sensors.of(load("dynamic"))

@@ -11,7 +11,7 @@ from bug_gym.agents.prediction.plain import last_velocities
 from bug_gym.agents.prediction.predictor import Prediction
 from bug_gym.agents.tracking.tracker import Tracks
 from bug_gym.config import load
-from bug_gym.observation import Sensors
+from bug_gym.view import Sensors
 
 F64 = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from bug_gym.agents.prediction.second_stage import (
     search,
 )
 from bug_gym.config import load
-from bug_gym.observation import Sensors
+from bug_gym.view import Sensors
 
 FOLDER = TRAINED_FOLDER / "rl_predictor"
 SENSORS = Sensors.of(load("dynamic"))

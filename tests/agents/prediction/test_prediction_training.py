@@ -40,7 +40,7 @@ from bug_gym.agents.prediction.training import (
     write_predictor,
 )
 from bug_gym.config import load
-from bug_gym.observation import Sensors
+from bug_gym.view import Sensors
 
 Kind = Literal["ppo", "reinforce", "supervised"]
 KINDS = get_args(Kind)

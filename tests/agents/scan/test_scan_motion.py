@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.scan.motion import STILL, has_moved
 from bug_gym.config import load
-from bug_gym.observation import Sensors, View
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 REACH = 3.0
 Circles = Sequence[tuple[float, float, float]]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from tracked import STEP, disc, last_tracks, track, world_of
 
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
-from bug_gym.observation import Sensors, View
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 F64 = NDArray[np.float64]
 

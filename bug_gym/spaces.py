@@ -1,0 +1,128 @@
+"""What the faces share: a robot's spaces, the forms of observations and actions, and checks of arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bug_gym.config import Scenario, load
+from bug_gym.geometry import F32
+from bug_gym.kinematics import discrete_actions
+from bug_gym.observation import as_dict, dict_space, flat_space
+from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
+
+ObservationForm = Literal["dict", "flat"]
+ActionForm = Literal["continuous", "discrete"]
+Observation = Any  # F32, or F32 by field, as the env was made; a union would make every caller tell them apart
+ScenarioSource = str | Path | Mapping[str, Any] | Scenario
+
+
+class ActionBox(gym.spaces.Box):
+    """A Box (2,) from -1 to 1 whose samples are those of any Box, value for value, in a fraction of the time.
+
+    Gymnasium's own way sorts the bounds into four kinds at each sample, which takes longer than a step of the env.
+    """
+
+    def __init__(self, seed: int | np.random.Generator | None = None) -> None:
+        super().__init__(-1.0, 1.0, (2,), dtype=np.float32, seed=seed)
+
+    def sample(self, mask: None = None, probability: None = None) -> F32:
+        """A uniform sample.
+
+        Raises:
+            gymnasium.error.Error: a mask or a probability, which no Box has.
+        """
+        if mask is not None or probability is not None:
+            super().sample(mask, probability)
+        return self.np_random.uniform(-1.0, 1.0, 2).astype(np.float32)
+
+
+class RobotSpaces:
+    """The spaces of one robot, and the way from them to the core's arrays and back.
+
+    Args:
+        simulation: the worlds that the robot lives in.
+        observation_form: "dict" or "flat".
+        action_form: "continuous" or "discrete".
+
+    Raises:
+        ValueError: another form than these.
+    """
+
+    def __init__(self, simulation: Simulation, observation_form: str, action_form: str) -> None:
+        require_one_of("observation", observation_form, ("dict", "flat"))
+        require_one_of("action", action_form, ("continuous", "discrete"))
+        self.fields = simulation.fields
+        self.is_flat = observation_form == "flat"
+        self.is_discrete = action_form == "discrete"
+        self.observation: gym.spaces.Space[Any]
+        self.observation = flat_space(self.fields) if self.is_flat else dict_space(self.fields)
+        self.action: gym.spaces.Space[Any] = ActionBox()
+        self._table = discrete_actions(Sensors.of(simulation.scenario).drive).astype(np.float64)
+        if self.is_discrete:
+            self.action = gym.spaces.Discrete(len(self._table))
+        # Most fields are vectors as they are cut; to shape each anew takes an eighth of the env's own step.
+        self._parts = [
+            (field.name, slice(field.begin, field.end), field.shape if len(field.shape) > 1 else None)
+            for field in self.fields
+        ]
+
+    def present(self, flat: F32) -> Observation:
+        """A flat observation (D,) of the core in the form of the observation space; the fields are views of it."""
+        if self.is_flat:
+            return flat
+        return {name: flat[part] if shape is None else flat[part].reshape(shape) for name, part, shape in self._parts}
+
+    def present_batch(self, flat: F32) -> Observation:
+        """Flat observations (n, D) of the core in the form of the observation space; each field is a copy."""
+        return flat if self.is_flat else as_dict(flat, self.fields)
+
+    def velocities(self, actions: ArrayLike, batch: tuple[int, ...] = ()) -> NDArray[np.float64]:
+        """Actions of a batch (*batch, ...) as the core takes them (*batch, 2).
+
+        Raises:
+            ValueError: no numbers, another shape, or discrete actions that are no numbers of actions.
+        """
+        if not self.is_discrete:
+            try:
+                array = np.asarray(actions, dtype=np.float64)
+            except (TypeError, ValueError):
+                raise ValueError(f"an action is numbers of shape {(*batch, 2)}, got {actions!r}") from None
+            if array.shape != (*batch, 2):
+                raise ValueError(f"an action has shape {array.shape}, expected {(*batch, 2)}")
+            return array
+        numbers = np.asarray(actions)
+        if numbers.shape != batch or numbers.dtype.kind not in "iu":
+            raise ValueError(f"an action has shape {numbers.shape} of {numbers.dtype}, expected {batch} of integers")
+        if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(self._table):
+            raise ValueError(f"an action is an integer from 0 to {len(self._table) - 1}, got {actions!r}")
+        chosen: NDArray[np.float64] = self._table[numbers]
+        return chosen
+
+
+def require_one_of(name: str, value: object, known: tuple[object, ...]) -> None:
+    """Raise a ValueError where an argument has none of the values that it may have."""
+    if value not in known:
+        raise ValueError(f"{name} is one of {', '.join(map(repr, known))}, got {value!r}")
+
+
+def require_one_robot(simulation: Simulation) -> None:
+    """Raise a ValueError where a scenario has several robots."""
+    if simulation.robots != 1:
+        raise ValueError(
+            f"scenario {simulation.scenario.name!r} has {simulation.robots} robots, expected 1: "
+            "several robots are for bug_gym.parallel_env"
+        )
+
+
+def with_most_steps(scenario: Scenario, most: int | None) -> Scenario:
+    """The scenario with a time limit of at most so many steps; None: as it is."""
+    if most is None or scenario.time.steps <= most:
+        return scenario
+    return load(scenario, {"time.limit": most * scenario.time.step})

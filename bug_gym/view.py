@@ -1,0 +1,194 @@
+"""What a policy sees: what a driver knows of the robot, and one observation with names."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels
+from bug_gym.config import Scenario
+from bug_gym.geometry import F32
+from bug_gym.kinematics import Drive
+from bug_gym.observation import Field, fields
+from bug_gym.world import beam_angles
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What a driver of the robot knows about it: body, motion, scanner. Nothing about the world."""
+
+    drive: Drive
+    """Kinematics and limits."""
+    radius: float
+    """Radius of the disc about the robot's origin that holds its body [m]."""
+    footprint: tuple[tuple[float, float, float], ...]
+    """The body as circles x, y, radius in the robot's frame [m]."""
+    angles: NDArray[np.float64]
+    """Bearing of each beam (B,) [rad]."""
+    range: float
+    """Range that means "nothing seen" [m]."""
+    range_noise: float
+    """Standard deviation of a range, from the data sheet [m]."""
+    goal_radius: float
+    """Distance within which the goal counts as reached [m]."""
+    fields: tuple[Field, ...]
+    """The fields of the observation."""
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Sensors:
+        """The sensors of a scenario's robot."""
+        robot, lidar = scenario.robot, scenario.lidar
+        acceleration = math.inf if robot.max_acceleration is None else robot.max_acceleration
+        return cls(
+            drive=Drive(
+                robot.kinematics,
+                robot.max_speed,
+                robot.max_reverse,
+                robot.max_turn_rate,
+                scenario.time.step,
+                acceleration,
+            ),
+            radius=robot.reach,
+            footprint=robot.footprint,
+            angles=beam_angles(scenario),
+            range=lidar.range,
+            range_noise=lidar.noise,
+            goal_radius=scenario.goal.radius,
+            fields=fields(scenario),
+        )
+
+    @property
+    def step_length(self) -> float:
+        """Way at full speed in one step [m]."""
+        return self.drive.max_speed * self.drive.step
+
+    @cached_property
+    def beam_directions(self) -> NDArray[np.float64]:
+        """Unit vectors (2, B) of the beams in the robot's frame."""
+        return np.stack([np.cos(self.angles), np.sin(self.angles)])
+
+
+class View:
+    """One robot's observation with names, and answers to what every policy asks of it.
+
+    Two frames: the robot's (x ahead, y left) and "odometry", the frame of the start, in which the robot keeps its
+    memory. Both in metres and radians.
+    """
+
+    __slots__ = ("sensors", "_flat", "ranges", "goal", "pose", "velocity", "_points", "_trig")
+
+    def __init__(self, flat: F32, sensors: Sensors) -> None:
+        self.sensors = sensors
+        self._flat = flat
+        self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        beams = len(sensors.angles)
+        self.ranges: NDArray[np.float64] = flat[:beams].astype(np.float64)
+        numbers = flat[beams : beams + 7].tolist()
+        self.goal: tuple[float, float] = (numbers[0], numbers[1])
+        self.pose: tuple[float, float, float] = (numbers[2], numbers[3], numbers[4])
+        self.velocity: tuple[float, float] = (numbers[5], numbers[6])
+        self._trig = (math.cos(numbers[4]), math.sin(numbers[4]))
+
+    @property
+    def terrain(self) -> F32 | None:
+        """What a metre of ground costs (32, 16), 1 or more: row k at bearing 2 pi k / 32, column j at (j + 1) / 4 m.
+
+        None in a scenario without regions.
+        """
+        return self.field("terrain") if any(field.name == "terrain" for field in self.sensors.fields) else None
+
+    def field(self, name: str) -> F32:
+        """A field of the observation by name, in its shape.
+
+        Raises:
+            KeyError: the scenario has no such field.
+        """
+        for field in self.sensors.fields:
+            if field.name == name:
+                return self._flat[field.begin : field.end].reshape(field.shape)
+        raise KeyError(name)
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """Own place in the odometry frame [m]."""
+        return self.pose[0], self.pose[1]
+
+    @property
+    def heading(self) -> float:
+        """Own heading in the odometry frame [rad]."""
+        return self.pose[2]
+
+    @property
+    def goal_distance(self) -> float:
+        """Distance to the goal [m]."""
+        return math.hypot(*self.goal)
+
+    @property
+    def goal_bearing(self) -> float:
+        """Bearing of the goal from the heading [rad]."""
+        return math.atan2(self.goal[1], self.goal[0])
+
+    @property
+    def goal_position(self) -> tuple[float, float]:
+        """The goal in the odometry frame [m]."""
+        return self.to_odometry(*self.goal)
+
+    @property
+    def points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Scan points x (k,), y (k,) in the robot's frame [m]: the beams that saw something."""
+        if self._points is None:
+            seen = self.ranges < self.sensors.range
+            directions = self.sensors.beam_directions[:, seen]
+            ranges = self.ranges[seen]
+            self._points = (directions[0] * ranges, directions[1] * ranges)
+        return self._points
+
+    def nearest(self, bearing: float = 0.0, half_width: float = math.pi) -> tuple[float, float]:
+        """Distance [m] and bearing [rad] of the nearest scan point within `half_width` of a bearing.
+
+        The distance is infinite where there is none.
+        """
+        x, y = self.points
+        if len(x) == 0:
+            return math.inf, bearing
+        square = x * x + y * y
+        if half_width < math.pi:
+            # |angle between| <= half_width, without an arc tangent for each point
+            ahead = x * math.cos(bearing) + y * math.sin(bearing) >= math.cos(half_width) * np.sqrt(square)
+            square = np.where(ahead, square, np.inf)
+        index = int(square.argmin())
+        if not np.isfinite(square[index]):
+            return math.inf, bearing
+        return math.sqrt(square[index]), math.atan2(y[index], x[index])
+
+    def free_distance(self, bearing: float, radius: float) -> float:
+        """How far a disc of `radius` [m] can travel along a bearing [rad] before it touches a scan point.
+
+        At most the LIDAR's range. (The scan in configuration space; algorithms use it instead of single beams.)
+        """
+        x, y = self.points
+        return float(kernels.free_distance(x, y, bearing, radius, self.sensors.range))
+
+    def free_distances(self, bearings: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+        """`free_distance` for each bearing (m,)."""
+        x, y = self.points
+        result = np.empty(len(bearings))
+        kernels.free_distances(
+            x, y, np.ascontiguousarray(bearings, dtype=np.float64), radius, self.sensors.range, result
+        )
+        return result
+
+    def to_odometry(self, x: float, y: float) -> tuple[float, float]:
+        """A point of the robot's frame in the odometry frame [m]."""
+        cos, sin = self._trig
+        return self.pose[0] + cos * x - sin * y, self.pose[1] + sin * x + cos * y
+
+    def to_robot(self, x: float, y: float) -> tuple[float, float]:
+        """A point of the odometry frame in the robot's frame [m]."""
+        cos, sin = self._trig
+        dx, dy = x - self.pose[0], y - self.pose[1]
+        return cos * dx + sin * dy, cos * dy - sin * dx
