@@ -132,3 +132,67 @@ def test_a_forked_process_writes_files_of_its_own(tmp_path: Path) -> None:
     parent, child = told.stdout.split()
     assert parent != child
     assert len(parent) == len(child)
+
+
+# One kernel in a folder of two files; what it calls and what it reads lie in the other one.
+CALLER = """
+from bug_gym.compiling import kernel
+from other import FACTOR, changed, copied
+
+@kernel
+def product(x):
+    return FACTOR * changed(x) + copied(x)
+"""
+OTHER = """
+from bug_gym.compiling import called, inlined
+
+FACTOR = 3
+
+@called
+def changed(x):
+    return x + 1
+
+@inlined
+def copied(x):
+    return x * 100
+"""
+PRODUCT = "import caller; print(caller.product(2), sum(caller.product.stats.cache_hits.values()))"
+
+
+def test_a_kernel_kept_on_disk_is_compiled_anew_where_any_file_of_its_folder_changed(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "folder", tmp_path / "elsewhere"
+    for each in (folder, elsewhere):
+        each.mkdir()
+    other, unrelated = folder / "other.py", elsewhere / "unrelated.py"
+    (folder / "caller.py").write_text(CALLER)
+    other.write_text(OTHER)
+    unrelated.write_text("x = 1")
+    path = os.pathsep.join([str(elsewhere), *sys.path])
+    settings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": path}
+    settings["PYTHONDONTWRITEBYTECODE"] = "1"  # Python keeps code by size and second: these edits come too fast for it
+
+    def told() -> list[int]:
+        """The product, and how often it was found on disk."""
+        use = [sys.executable, "-c", PRODUCT]
+        run = subprocess.run(use, cwd=folder, env=settings, check=True, capture_output=True, text=True)
+        return [int(word) for word in run.stdout.split()]
+
+    def edit(file: Path, old: str, new: str) -> None:
+        assert old in file.read_text()
+        times = file.stat().st_atime_ns, file.stat().st_mtime_ns
+        file.write_text(file.read_text().replace(old, new))
+        os.utime(file, ns=times)  # the same age and size: an unpacked archive may give all files one age
+
+    assert told() == [209, 0]
+    assert told() == [209, 1]
+    edit(unrelated, "1", "2")
+    assert told() == [209, 1]
+    edit(other, "x + 1", "x + 2")
+    assert told() == [212, 0]
+    edit(other, "FACTOR = 3", "FACTOR = 4")
+    assert told() == [216, 0]
+    edit(other, "x * 100", "x * 200")
+    assert told() == [416, 0]
+    assert told() == [416, 1]
+    (folder / "added.py").write_text("y = 1")
+    assert told() == [416, 0]
