@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
+import numba.core.caching
 import pytest
 
-from bug_gym.compiling import called
+from bug_gym import compiling
+from bug_gym.compiling import called, kernel
+
+IS_PLAIN = compiling.DISPATCHERS is None  # numba's own njit is what these tests run on
+
+
+def output(code: str, folder: Path, **settings: str) -> list[str]:
+    """The lines that a new process prints in a folder."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **settings}
+    use = [sys.executable, "-c", code]
+    run = subprocess.run(use, cwd=folder, env=environment, check=True, capture_output=True, text=True)
+    return run.stdout.splitlines()
+
 
 MODULE = """
 from bug_gym.compiling import kernel
@@ -87,19 +102,14 @@ print(sum(parts.sum_of_powers.stats.cache_hits.values()))
 
 def test_a_kernel_holds_what_it_calls_which_is_compiled_once_for_all_constants(tmp_path: Path) -> None:
     (tmp_path / "parts.py").write_text(PARTS)
-    settings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
-
-    def told() -> list[str]:
-        use = [sys.executable, "-c", USE]
-        return subprocess.run(
-            use, cwd=tmp_path, env=settings, check=True, capture_output=True, text=True
-        ).stdout.splitlines()
-
-    sums = "15 1.875"
-    assert told() == [sums, "2 2 2", "0"]
-    assert told() == [sums, "2 0 0", "2"], "the second process finds the kernel on disk and its parts in it"
+    first, second = (output(USE, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
+    assert (first[0], second[0]) == ("15 1.875", "15 1.875")
+    assert (first[2], second[2]) == ("0", "2"), "the second process finds the kernel on disk"
+    assert second[1] == "2 0 0", "and its parts in it"
+    assert first[1] == "2 2 2" or IS_PLAIN, "plain numba compiles a callee for each constant"
 
 
+@pytest.mark.skipif(IS_PLAIN, reason="plain numba compiles everything for Python too")
 def test_what_is_compiled_for_kernels_says_so_to_python() -> None:
     with pytest.raises(TypeError, match="double is compiled for kernels only; make it a @kernel"):
         called(double)(21)
@@ -167,15 +177,15 @@ def test_a_kernel_kept_on_disk_is_compiled_anew_where_any_file_of_its_folder_cha
     (folder / "caller.py").write_text(CALLER)
     other.write_text(OTHER)
     unrelated.write_text("x = 1")
-    path = os.pathsep.join([str(elsewhere), *sys.path])
-    settings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": path}
-    settings["PYTHONDONTWRITEBYTECODE"] = "1"  # Python keeps code by size and second: these edits come too fast for it
+    settings = {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join([str(elsewhere), *sys.path]),
+        "PYTHONDONTWRITEBYTECODE": "1",  # Python keeps code by size and second: these edits come too fast for it
+    }
 
     def told() -> list[int]:
         """The product, and how often it was found on disk."""
-        use = [sys.executable, "-c", PRODUCT]
-        run = subprocess.run(use, cwd=folder, env=settings, check=True, capture_output=True, text=True)
-        return [int(word) for word in run.stdout.split()]
+        return [int(word) for word in output(PRODUCT, folder, **settings)[0].split()]
 
     def edit(file: Path, old: str, new: str) -> None:
         assert old in file.read_text()
@@ -196,3 +206,114 @@ def test_a_kernel_kept_on_disk_is_compiled_anew_where_any_file_of_its_folder_cha
     assert told() == [416, 1]
     (folder / "added.py").write_text("y = 1")
     assert told() == [416, 0]
+
+
+DOUBLE = "import double; print(double.double(21), sum(double.double.stats.cache_hits.values()))"
+
+
+def test_what_is_kept_by_one_way_of_compiling_is_not_run_by_the_other(tmp_path: Path) -> None:
+    (tmp_path / "double.py").write_text(MODULE)
+
+    def told(is_plain: str) -> list[str]:
+        settings = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "BUG_GYM_PLAIN_NUMBA": is_plain}
+        return output(DOUBLE, tmp_path, **settings)
+
+    assert [told("0"), told("0"), told("1"), told("1")] == [["42 0"], ["42 1"], ["42 0"], ["42 1"]]
+
+
+def test_a_function_of_no_file_is_compiled_but_not_kept() -> None:
+    typed: dict[str, Any] = {}
+    exec("def triple(x):\n    return 3 * x", typed)
+    triple: Any = kernel(typed["triple"])
+    assert triple(2) == 6
+    assert triple.stats.cache_path is None
+
+
+# ---------------------------------------------------------------------------------------------- other releases of numba
+
+
+@pytest.mark.parametrize(
+    ("version", "told", "is_own"),
+    [
+        ("0.61.0", "", True),
+        ("0.68.1", "", True),
+        ("0.60.0", "", False),
+        ("0.69.0dev0+12.g3a", "", False),
+        ("1.0.0", "", False),
+        ("0+unknown", "", False),
+        ("1.0.0", "0", True),
+        ("0.68.1", "0", True),
+        ("0.68.1", "1", False),
+    ],
+)
+def test_plain_numba_serves_where_it_is_asked_for_and_where_its_release_was_not_tried(
+    version: str, told: str, is_own: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("numba.__version__", version)
+    monkeypatch.setenv("BUG_GYM_PLAIN_NUMBA", told)
+    with caplog.at_level(logging.WARNING, "bug_gym"):
+        assert (compiling.own_dispatchers() is not None) == is_own
+    lines = [] if is_own or told else [f"not tried with numba {version}: it compiles by itself, which takes longer"]
+    assert [record.message for record in caplog.records] == lines
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "sys.modules['numba.core.compiler_machinery'] = None",
+        "del numba.core.typed_passes.NativeLowering",
+        "numba.core.registry.CPUDispatcher = None",
+    ],
+)
+def test_plain_numba_serves_where_its_insides_are_others(change: str, tmp_path: Path) -> None:
+    (tmp_path / "parts.py").write_text(PARTS)
+    prelude = f"import sys, numba; {change}\nfrom bug_gym import compiling; print(compiling.DISPATCHERS)"
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "BUG_GYM_PLAIN_NUMBA": "0"}
+    use = f"{prelude}\nimport parts; print(parts.sum_of_powers(2), parts.sum_of_powers(0.5))"
+    assert output(use, tmp_path, **settings) == ["None", "15 1.875"]
+
+
+def test_what_cannot_be_stamped_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: Any = numba.core.caching.Cache.__init__
+
+    def make_otherwise(self: Any, function: Any) -> None:
+        made(self, function)
+        self._other_file = self.__dict__.pop("_cache_file")
+
+    monkeypatch.setattr(numba.core.caching.Cache, "__init__", make_otherwise)
+    count = len(compiling.KERNELS)
+    twice: Any = kernel(double)
+    assert twice(21) == 42
+    assert twice.stats.cache_path is None
+    assert len(compiling.KERNELS) == count
+
+
+PLAYED = """
+import hashlib
+import gymnasium
+import numpy
+import bug_gym
+from bug_gym import compiling
+
+env = gymnasium.make("BugGym/Dynamic-v0")
+env.action_space.seed(3)
+seen = hashlib.sha256()
+observation, _ = env.reset(seed=5)
+for _ in range(60):
+    observation, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+    for name in sorted(observation):
+        seen.update(observation[name].tobytes())
+    seen.update(numpy.float64(reward).tobytes())
+    if terminated or truncated:
+        observation, _ = env.reset()
+print(compiling.DISPATCHERS is None, seen.hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_an_episode_is_the_same_bit_for_bit_where_plain_numba_compiled_it(tmp_path: Path) -> None:
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "BUG_GYM_PLAIN_NUMBA": "1"}
+    (own,) = output(PLAYED, tmp_path, BUG_GYM_PLAIN_NUMBA="0")
+    (plain,) = output(PLAYED, tmp_path, **settings)
+    assert own.split()[0] == "False"
+    assert plain.split() == ["True", own.split()[1]]
