@@ -132,6 +132,17 @@ def keep(dispatcher: Any, stamp: str) -> bool:
     return True
 
 
+def is_ready(function: Callable[..., Any]) -> bool:
+    """Whether a kernel is compiled in this process, or kept on disk as it is written today."""
+    dispatcher: Any = function
+    if dispatcher.signatures:
+        return True
+    try:
+        return any(dispatcher is kept and kept._cache._cache_file._load_index() for kept in KERNELS)
+    except (AttributeError, OSError):  # kept in another way; or another process is writing it, which Windows refuses
+        return False
+
+
 def take_own_name() -> None:
     """Give a forked process files of its own; it comes with the names of its parent's."""
     global PROCESS

@@ -208,6 +208,27 @@ def test_a_kernel_kept_on_disk_is_compiled_anew_where_any_file_of_its_folder_cha
     assert told() == [416, 0]
 
 
+READY = """
+import double
+from bug_gym.compiling import is_ready
+before = is_ready(double.double)
+double.double(21)
+print(before, is_ready(double.double))
+"""
+
+
+def test_a_kernel_is_ready_where_it_is_compiled_here_or_kept_as_it_is_written_today(tmp_path: Path) -> None:
+    (tmp_path / "double.py").write_text(MODULE)
+
+    def told() -> list[str]:
+        return output(READY, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+
+    assert told() == ["False True"]
+    assert told() == ["True True"]
+    (tmp_path / "added.py").write_text("x = 1")
+    assert told() == ["False True"], "an index of older sources is there, and nothing of it is run"
+
+
 DOUBLE = "import double; print(double.double(21), sum(double.double.stats.cache_hits.values()))"
 
 
