@@ -208,6 +208,35 @@ def test_a_kernel_kept_on_disk_is_compiled_anew_where_any_file_of_its_folder_cha
     assert told() == [416, 0]
 
 
+def test_a_stamp_tells_of_the_worlds_kernels_too_and_theirs_of_no_other_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = {name: tmp_path / name for name in ("kernels", "agents")}
+    for folder in folders.values():
+        folder.mkdir()
+        (folder / "code.py").write_text("def f(): pass")
+    monkeypatch.setattr(compiling, "PACKAGE", tmp_path)
+
+    def stamps() -> dict[str, str | None]:
+        """Those of one function of each folder, as another process would read them."""
+        compiling.folder_stamp.cache_clear()
+        made: dict[str, str | None] = {}
+        for name, folder in folders.items():
+            code: dict[str, Any] = {}
+            exec(compile("def f(): pass", folder / "code.py", "exec"), code)
+            made[name] = compiling.stamp_of(code["f"])
+        return made
+
+    before = stamps()
+    (folders["agents"] / "code.py").write_text("def f(): ...")
+    between = stamps()
+    (folders["kernels"] / "code.py").write_text("def f(): ...")
+    after = stamps()
+    compiling.folder_stamp.cache_clear()
+    assert (before["kernels"] == between["kernels"], before["agents"] == between["agents"]) == (True, False)
+    assert (between["kernels"] == after["kernels"], between["agents"] == after["agents"]) == (False, False)
+
+
 READY = """
 import double
 from bug_gym.compiling import is_ready
