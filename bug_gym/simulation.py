@@ -7,6 +7,7 @@ a face.
 
 from __future__ import annotations
 
+import functools
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -388,7 +389,8 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
     return Capacity(discs=discs, polygons=polygons, walls=4 + corners * polygons, steered=steered)
 
 
+@functools.cache  # they are compiled at the first step, before which many environments may be made
 def announce_compilation() -> None:
-    """Say in the log that the kernels are about to be compiled, where numba's cache does not hold them yet."""
+    """Say in the log, once in a process, that the kernels will be compiled, where they are not kept on disk."""
     if not kernels.is_compiled():
         logger.warning("compiling the simulation's kernels, once on this machine (up to half a minute)")

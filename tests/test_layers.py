@@ -14,7 +14,7 @@ PACKAGE = ROOT / "bug_gym"
 
 # Row n is layer n. A module imports from its own layer and from those above it in this table, without a cycle.
 LAYERS = (
-    ("compiling", "kernels", "kinematics", "config", "recordings", "ros_map"),
+    ("dispatchers", "compiling", "kernels", "kinematics", "config", "recordings", "ros_map"),
     ("world", "scenarios", "floor_plans", "maps", "shortest_path"),
     ("observation", "task"),
     ("simulation", "policy", "collisions"),
@@ -27,6 +27,7 @@ LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 CORE_LAYERS = range(4)  # their runs are functions of (seed, episode, time)
 
 COMPILED = {
+    "dispatchers",
     "compiling",
     "kernels",
 }  # numba's cache misses a change in a compiled callee of another file, so there is one file

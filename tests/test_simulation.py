@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym import observation, task
+from bug_gym import kernels, observation, task
 from bug_gym.kinematics import Drive, steering
-from bug_gym.simulation import Simulation
+from bug_gym.simulation import Simulation, announce_compilation
 
 F64 = NDArray[np.float64]
 
@@ -697,3 +697,14 @@ def test_a_turned_and_shifted_world_gives_the_same_run(robot: str, angle: float,
             assert info(here, name) == pytest.approx(info(there, name), abs=1e-9)
         outcomes.add(info(here, "outcome"))
     assert len(outcomes) > 1, "all of these runs end alike"
+
+
+@pytest.mark.parametrize(("is_compiled", "lines"), [(False, 1), (True, 0)])
+def test_a_process_tells_once_that_it_compiles_and_not_where_there_is_nothing_to_compile(
+    is_compiled: bool, lines: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    announce_compilation.cache_clear()
+    monkeypatch.setattr(kernels, "is_compiled", lambda: is_compiled)
+    for _ in range(3):
+        make()
+    assert [record.message.split(",")[0] for record in caplog.records] == lines * ["compiling the simulation's kernels"]

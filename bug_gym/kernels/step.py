@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from bug_gym.compiling import called, inlined, kernel
+from bug_gym.compiling import called, inlined, is_ready, kernel
 from bug_gym.kernels.contact import find_near_polygons, settle_robots
 from bug_gym.kernels.drive import apply_motion, drive
 from bug_gym.kernels.geometry import clip, length
@@ -34,8 +32,7 @@ from bug_gym.kernels.vectors import NEAR, prefetch
 
 def is_compiled() -> bool:
     """Whether the kernels are ready: compiled in this process, or kept on disk by numba's cache."""
-    dispatcher: Any = step_rows
-    return bool(dispatcher.signatures) or any(Path(dispatcher.stats.cache_path).glob("kernels.step_rows-*.nbi"))
+    return is_ready(step_rows)
 
 
 @inlined

@@ -1,0 +1,95 @@
+"""Functions that numba compiles only as far as they are needed: our own classes on its inside.
+
+These change from one of its releases to the next; `compiling` does without this module where it does not load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Never
+
+from numba import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.registry import CPUDispatcher
+from numba.core.typed_passes import NativeLowering
+
+# _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
+OPTIONS: dict[str, Any] = {"nopython": True, "no_cfunc_wrapper": True, "_nrt": False}
+
+
+class OncePerType(CPUDispatcher):
+    """A function that is compiled once for `f(x, 0)` and `f(x, 1)`: numba takes each constant for a type of its own."""
+
+    pipeline: type[CompilerBase] = Compiler
+
+    def __init__(
+        self, py_func: Callable[..., Any], locals: Any = None, targetoptions: dict[str, Any] | None = None
+    ) -> None:
+        super().__init__(py_func, locals or {}, targetoptions or {}, self.pipeline)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What numba asks for when it meets a call."""
+        return super().get_call_template(
+            tuple(types.unliteral(type_) for type_ in args),
+            {name: types.unliteral(type_) for name, type_ in dict(kws).items()},
+        )
+
+
+class Unfinished(JITCodeLibrary):
+    """LLVM code as it was written: who links it in optimises it together with its own, and makes machine code of all."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class LoweringForCallers(NativeLowering):
+    """Writes LLVM code for callers, and stops there."""
+
+    _name = "lowering_for_callers"
+
+    def run_pass(self, state: Any) -> bool:
+        """Leave the result in `state.cr`, known to the functions compiled later by its description."""
+        state.library = Unfinished(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        state.flags.no_compile = state.flags.no_cpython_wrapper = True
+        super().run_pass(state)
+        description = state.cr.fndesc
+        state.targetctx.insert_user_function(description, description, [state.library])
+        state.cr = state.cr._replace(cfunc=description)
+        return True
+
+
+class CompilerForCallers(CompilerBase):
+    """numba's own passes, but for the last."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """The one pipeline, of nopython mode."""
+        usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes = PassManager("nopython_for_callers")
+        for one, reason in usual.passes:
+            passes.add_pass(LoweringForCallers if one is NativeLowering else one, reason)
+        passes.finalize()
+        return [passes]
+
+
+class Callee(OncePerType):
+    """A function that exists only inside the kernels that call it."""
+
+    pipeline = CompilerForCallers
+
+    def __call__(self, *args: Any, **kws: Any) -> Never:
+        """Refuse: there is no machine code to jump to."""
+        raise TypeError(
+            f"{self.py_func.__name__} is compiled for kernels only; make it a @kernel to call it from Python"
+        )
+
+    def add_overload(self, cres: Any) -> None:
+        """Keep what was compiled for one signature."""
+        self.overloads[tuple(cres.signature.args)] = cres
