@@ -74,13 +74,12 @@ def fields(scenario: Scenario) -> tuple[Field, ...]:
     if peers > 0:
         top = max(robot.max_speed, robot.max_reverse)
         table.append(("peers", (peers, 4), [-span, -span, -top, -top], [span, span, top, top]))
+    places = kernels.observation_places(lidar.beams, len(regions), scenario.robots.count)
     result = []
-    begin = 0
     for name, shape, low, high in table:
         low32 = np.broadcast_to(np.asarray(low, dtype=np.float32), shape).copy()
         high32 = np.broadcast_to(np.asarray(high, dtype=np.float32), shape).copy()
-        result.append(Field(name, shape, low32, high32, begin))
-        begin += math.prod(shape)
+        result.append(Field(name, shape, low32, high32, places[name][0]))
     return tuple(result)
 
 

@@ -67,6 +67,12 @@ class Sensors:
         return self.drive.max_speed * self.drive.step
 
     @cached_property
+    def always_seen(self) -> tuple[slice, ...]:
+        """Where ranges, goal, pose and velocity lie in the flat observation."""
+        places = {field.name: slice(field.begin, field.end) for field in self.fields}
+        return tuple(places[name] for name in ("ranges", "goal", "pose", "velocity"))
+
+    @cached_property
     def beam_directions(self) -> NDArray[np.float64]:
         """Unit vectors (2, B) of the beams in the robot's frame."""
         return np.stack([np.cos(self.angles), np.sin(self.angles)])
@@ -85,13 +91,12 @@ class View:
         self.sensors = sensors
         self._flat = flat
         self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-        beams = len(sensors.angles)
-        self.ranges: NDArray[np.float64] = flat[:beams].astype(np.float64)
-        numbers = flat[beams : beams + 7].tolist()
-        self.goal: tuple[float, float] = (numbers[0], numbers[1])
-        self.pose: tuple[float, float, float] = (numbers[2], numbers[3], numbers[4])
-        self.velocity: tuple[float, float] = (numbers[5], numbers[6])
-        self._trig = (math.cos(numbers[4]), math.sin(numbers[4]))
+        ranges, goal, pose, velocity = sensors.always_seen
+        self.ranges: NDArray[np.float64] = flat[ranges].astype(np.float64)
+        self.goal: tuple[float, float] = tuple(flat[goal].tolist())
+        self.pose: tuple[float, float, float] = tuple(flat[pose].tolist())
+        self.velocity: tuple[float, float] = tuple(flat[velocity].tolist())
+        self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
 
     @property
     def terrain(self) -> F32 | None:

@@ -186,6 +186,8 @@ class World:
             "span": span,
         }
         constants.update({f"weight_{name}": value for name, value in weights.items()})
+        fields = kernels.observation_places(lidar.beams, len(self.scenario.world.regions), self.robots)
+        constants.update({f"see_{name}": begin for name, (begin, _) in fields.items()})
         for name, value in constants.items():
             self.spec[name] = value
 
@@ -200,32 +202,15 @@ class World:
         counts = {"discs": discs, "polygons": polygons, "bodies": bodies, "walls": walls, "ways": ways}
         for name, value in counts.items():
             self.spec[name] = value
-        sizes = {"time": 1, "fastest": 1, "pose": 3 * robots, "next_pose": 3 * robots, "origin": 3 * robots}
-        sizes |= {"odometry": 3 * robots, "velocity": 2 * robots, "command": 2 * robots}
-        sizes |= dict.fromkeys(("goal_distance", "path_length", "clearance", "min_clearance", "reward"), robots)
-        sizes |= dict.fromkeys(("leg_min", "leg_max"), bodies)
-        sizes |= dict.fromkeys(kernels.STEERED_ARRAYS, bodies if capacity.steered else 0)
-        sizes |= dict.fromkeys(("seed", "episode", "steps", "disc_count", "moving_disc_count", "steered_count"), 1)
-        sizes |= dict.fromkeys(("polygon_count", "moving_polygon_count", "wall_count", "moving_wall_count"), 1)
-        sizes |= dict.fromkeys(("border_first", "border_walls"), 1)
-        sizes |= dict.fromkeys(("polygon_first", "polygon_walls", "polygon_side"), polygons)
-        sizes |= {"terms": kernels.TERMS * robots, "outcome": robots, "goal_body": robots, "wall": 4 * walls}
-        by_prefix = {"body": bodies, "last": bodies}
-        way_of_body = ("way_first", "way_count", "way_next", "way_loops")
+        counts |= {"row": 1, "robots": robots, "lookers": bodies if capacity.steered else 0}
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
-        for names in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS):
-            begin = 0
-            for name in names:
-                size = sizes.get(name)
-                if size is None:
-                    size = bodies if name in way_of_body else by_prefix.get(name.split("_")[0], ways)
-                if name == "wall":
-                    begin = rounded_up(begin)
+        for table in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS):
+            places = kernels.places(table, counts)
+            for name, (begin, _) in places.items():
                 self.spec[name] = begin
-                self._places[name] = (begin, size)
-                begin += size
-            widths.append(rounded_up(begin))
+            widths.append(kernels.rounded_up(max(begin + size for begin, size in places.values())))
+            self._places |= places
         self.floats: F64 = aligned_zeros(self.count, widths[0], np.float64)
         self.ints: NDArray[np.int64] = aligned_zeros(self.count, widths[1], np.int64)
         beams = int(self.spec["beams"][0])
@@ -611,19 +596,13 @@ class _Reader:
         return {number: cut_into_rings(walls[first : first + count]) for number, (first, count) in spans.items()}
 
 
-ALIGNED = 16
 """Numbers that a processor fetches from memory together: two cache lines of 64 bytes."""
-
-
-def rounded_up(count: int) -> int:
-    """The next multiple of ALIGNED."""
-    return -(-count // ALIGNED) * ALIGNED
 
 
 def aligned_zeros(rows: int, width: int, kind: type[Any]) -> NDArray[Any]:
     """Zeros (rows, width) of eight bytes each that begin where the processor begins to fetch; so does each row."""
-    room = np.zeros(rows * width + ALIGNED, dtype=kind)
-    begin = -(room.ctypes.data // room.itemsize) % ALIGNED
+    room = np.zeros(rows * width + kernels.ALIGNED, dtype=kind)
+    begin = -(room.ctypes.data // room.itemsize) % kernels.ALIGNED
     return room[begin : begin + rows * width].reshape(rows, width)
 
 

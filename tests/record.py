@@ -49,8 +49,8 @@ Step = tuple[Any, Any, Any]
 
 def shipped_configs() -> Iterator[tuple[str, Any]]:
     """Name and content of each shipped YAML file; suites, trainings and reproductions have no other place here."""
-    from bug_gym.agents.training_settings import load_settings, training_names
-    from bug_gym.suites import load_suite, suite_names
+    from bug_gym.agents.learning.settings import load_settings, training_names
+    from bug_gym.evaluation.suites import load_suite, suite_names
 
     for name in scenario_names():
         yield f"scenarios/{name}", (to_yaml(load(name)), load(name).model_dump(mode="json"))

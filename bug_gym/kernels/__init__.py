@@ -6,6 +6,7 @@ from bug_gym.kernels.free_way import free_distance, free_distances
 from bug_gym.kernels.ground import REGION_HEAD
 from bug_gym.kernels.laws import AWAY
 from bug_gym.kernels.layout import (
+    ALIGNED,
     BORDER,
     BOUNCE,
     BOUNCE_BIT,
@@ -23,7 +24,6 @@ from bug_gym.kernels.layout import (
     REPLAY,
     RUNNING,
     SPEC,
-    STEERED_ARRAYS,
     STILL,
     STREAM_POLICY,
     STREAM_WORLD,
@@ -39,6 +39,9 @@ from bug_gym.kernels.layout import (
     Integers,
     Ranges,
     Record,
+    observation_places,
+    places,
+    rounded_up,
 )
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
@@ -72,7 +75,10 @@ __all__ = [
     "Ranges",
     "Record",
     "SPEC",
-    "STEERED_ARRAYS",
+    "ALIGNED",
+    "observation_places",
+    "places",
+    "rounded_up",
     "STILL",
     "STREAM_POLICY",
     "STREAM_WORLD",

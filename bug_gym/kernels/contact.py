@@ -12,7 +12,8 @@ from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, neares
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Integers, Record
 from bug_gym.kernels.motion import body_motion
-from bug_gym.kernels.rays import NEAR, _find_near_discs
+from bug_gym.kernels.rays import Discs, find_near_discs
+from bug_gym.kernels.vectors import NEAR
 
 
 @inlined
@@ -38,16 +39,9 @@ def disc_contacts(
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
     moving, count = k[s.moving_disc_count], k[s.disc_count]
     first, clearance = NEVER, math.inf
-    near = _find_near_discs(
-        f[s.body_x : s.body_x + count],
-        f[s.body_y : s.body_y + count],
-        f[s.body_radius : s.body_radius + count],
-        count,
-        nx,
-        ny,
-        need,
-        index,
-    )
+    body_x, body_y = f[s.body_x : s.body_x + count], f[s.body_y : s.body_y + count]
+    radius = f[s.body_radius : s.body_radius + count]
+    near = find_near_discs(Discs(body_x, body_y, radius, count), nx, ny, need, index)
     for j in range(near):
         m = index[np.uint64(NEAR) + j]
         x, y = f[s.body_x + m], f[s.body_y + m]
@@ -117,18 +111,9 @@ def find_near_polygons(
     f: Floats, s: Record, polygons: int, x: float, y: float, reach: float, index: Integers
 ) -> np.uint64:
     """Lists in index[NEAR:] the polygons whose disc comes within `reach` of (x, y); returns how many."""
-    begin = s.body_x + s.discs
-    at_y, at_radius = s.body_y + s.discs, s.body_radius + s.discs
-    return _find_near_discs(
-        f[begin : begin + polygons],
-        f[at_y : at_y + polygons],
-        f[at_radius : at_radius + polygons],
-        polygons,
-        x,
-        y,
-        reach,
-        index,
-    )
+    at_x, at_y, at_radius = s.body_x + s.discs, s.body_y + s.discs, s.body_radius + s.discs
+    discs = Discs(f[at_x : at_x + polygons], f[at_y : at_y + polygons], f[at_radius : at_radius + polygons], polygons)
+    return find_near_discs(discs, x, y, reach, index)
 
 
 @inlined

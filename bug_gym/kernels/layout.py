@@ -26,70 +26,111 @@ TERRAIN_HEADINGS, TERRAIN_RINGS, TERRAIN_STEP = 32, 16, 0.25  # samples of the g
 STREAM_WORLD, STREAM_RANGES, STREAM_ODOMETRY, STREAM_WALK, STREAM_POLICY = 1, 2, 3, 4, 5
 STREAM_CROWD, STREAM_SIDESTEP, STREAM_EVADE = 6, 7, 8
 
-# Arrays with one number a body in worlds where some look before each step, and none in the others.
-STEERED_ARRAYS = ("body_goal_x", "body_goal_y", "body_patience", "body_foresight", "body_calm")
+# The named arrays of a row in the order in which they lie there: an array has so many numbers for each of a count of
+# the world. To add one, add its line; SPEC, World and `places` take it from here.
+FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
+    "time": (1, "row"),  # since the start of the episode [s]
+    "fastest": (1, "row"),  # greatest speed of a body [m/s]
+    "pose": (3, "robots"),  # x, y [m], heading [rad]
+    "velocity": (2, "robots"),  # of the body [m/s, rad/s or m/s]
+    "next_pose": (3, "robots"),  # where the step would end without a contact
+    "odometry": (3, "robots"),  # the robot's own estimate, in the frame of the start
+    "origin": (3, "robots"),  # pose at the start
+    "command": (2, "robots"),  # the last action
+    "goal_distance": (1, "robots"),  # [m]
+    "path_length": (1, "robots"),  # [m]
+    "clearance": (1, "robots"),  # least of the last step [m]
+    "min_clearance": (1, "robots"),  # least of the episode [m]
+    "reward": (1, "robots"),
+    "terms": (TERMS, "robots"),  # of the reward
+    "body_x": (1, "bodies"),  # place [m]
+    "body_y": (1, "bodies"),
+    "body_vx": (1, "bodies"),  # velocity [m/s]
+    "body_vy": (1, "bodies"),
+    "body_radius": (1, "bodies"),  # of the disc, or of one that holds the polygon [m]
+    "body_event": (1, "bodies"),  # when its velocity changes next [s]
+    "body_turned": (1, "bodies"),  # end of the last step in which it changed [s]; -1: not yet
+    "last_x": (1, "bodies"),  # place at the start of that step [m]
+    "last_y": (1, "bodies"),
+    "body_nx": (1, "bodies"),  # normal of the reflection that is due; 0, 0: another event
+    "body_ny": (1, "bodies"),
+    "body_speed": (1, "bodies"),  # greatest [m/s]
+    "leg_min": (1, "bodies"),  # shortest and longest time between two headings of a random walker [s]
+    "leg_max": (1, "bodies"),
+    "way_x": (1, "ways"),  # way-points, goals and records, body after body [m]
+    "way_y": (1, "ways"),
+    "way_time": (1, "ways"),  # of a record [s]
+    "wall": (4, "walls"),  # x1, y1, x2, y2 [m]; relative to the body's place where it moves
+    "body_goal_x": (1, "lookers"),  # where it is going [m]
+    "body_goal_y": (1, "lookers"),
+    "body_patience": (1, "lookers"),  # when it gives its goal up [s]
+    "body_foresight": (1, "lookers"),  # how far ahead it avoids [s], or how far an evader sees [m]
+    "body_calm": (1, "lookers"),  # speed of an evader that sees no robot [m/s]
+}
+INT_ARRAYS: dict[str, tuple[int, str]] = {
+    "seed": (1, "row"),
+    "episode": (1, "row"),  # number of the episode of this seed
+    "steps": (1, "row"),  # since the start of the episode
+    "disc_count": (1, "row"),  # how many of them count; moving ones come first, here and below
+    "moving_disc_count": (1, "row"),
+    "polygon_count": (1, "row"),
+    "moving_polygon_count": (1, "row"),
+    "wall_count": (1, "row"),
+    "moving_wall_count": (1, "row"),
+    "steered_count": (1, "row"),  # bodies that look before each step
+    "outcome": (1, "robots"),  # RUNNING and its neighbours
+    "goal_body": (1, "robots"),  # number of the body that is the robot's goal
+    "body_law": (1, "bodies"),  # STILL and its neighbours
+    "body_leg": (1, "bodies"),  # how many headings or goals it has drawn
+    "way_first": (1, "bodies"),  # where its way-points begin
+    "way_count": (1, "bodies"),
+    "way_next": (1, "bodies"),
+    "way_loops": (1, "bodies"),
+    "polygon_first": (1, "polygons"),  # where its walls begin
+    "polygon_walls": (1, "polygons"),
+    "polygon_side": (1, "polygons"),  # 1 or -1: on which side of its walls the inside lies
+    "border_first": (1, "row"),
+    "border_walls": (1, "row"),
+}
+ALIGNED = 16  # rows and their walls begin at a multiple of so many numbers: processors fetch lines of 64 bytes in pairs
 
-# The record that describes a row. Fields named like an array of the row hold the index where that array begins.
-FLOAT_ARRAYS = (
-    "time",
-    "fastest",
-    "pose",
-    "velocity",
-    "next_pose",
-    "odometry",
-    "origin",
-    "command",
-    "goal_distance",
-    "path_length",
-    "clearance",
-    "min_clearance",
-    "reward",
-    "terms",
-    "body_x",
-    "body_y",
-    "body_vx",
-    "body_vy",
-    "body_radius",
-    "body_event",
-    "body_turned",
-    "last_x",
-    "last_y",
-    "body_nx",
-    "body_ny",
-    "body_speed",
-    "leg_min",
-    "leg_max",
-    "way_x",
-    "way_y",
-    "way_time",
-    "wall",
-    *STEERED_ARRAYS,
-)
-INT_ARRAYS = (
-    "seed",
-    "episode",
-    "steps",
-    "disc_count",
-    "moving_disc_count",
-    "polygon_count",
-    "moving_polygon_count",
-    "wall_count",
-    "moving_wall_count",
-    "steered_count",
-    "outcome",
-    "goal_body",
-    "body_law",
-    "body_leg",
-    "way_first",
-    "way_count",
-    "way_next",
-    "way_loops",
-    "polygon_first",
-    "polygon_walls",
-    "polygon_side",
-    "border_first",
-    "border_walls",
-)
+# The fields of a robot's observation in the order of the flat vector, likewise. observation.fields has what they mean
+# and their bounds, sensing.observe fills them.
+OBSERVATION: dict[str, tuple[int, str]] = {
+    "ranges": (1, "beams"),
+    "goal": (2, "robot"),
+    "pose": (3, "robot"),
+    "velocity": (2, "robot"),
+    "terrain": (TERRAIN_HEADINGS * TERRAIN_RINGS, "grounds"),
+    "peers": (4, "peers"),
+}
+
+
+def places(table: dict[str, tuple[int, str]], counts: dict[str, int]) -> dict[str, tuple[int, int]]:
+    """Where each array of a table begins, and its size, in a row with these counts."""
+    result = {}
+    begin = 0
+    for name, (numbers, count) in table.items():
+        if name == "wall":
+            begin = rounded_up(begin)
+        size = numbers * counts[count]
+        result[name] = (begin, size)
+        begin += size
+    return result
+
+
+def observation_places(beams: int, regions: int, robots: int) -> dict[str, tuple[int, int]]:
+    """Where each field of the observation begins in the flat vector, and its size; 0 for one that is not there."""
+    return places(OBSERVATION, {"robot": 1, "beams": beams, "grounds": int(regions > 0), "peers": robots - 1})
+
+
+def rounded_up(count: int) -> int:
+    """The next multiple of ALIGNED."""
+    return -(-count // ALIGNED) * ALIGNED
+
+
+# The record that describes a row. Fields named like an array of the row hold the index where that array begins, those
+# named see_ and a field of the observation where that begins.
 COUNTS = ("robots", "discs", "polygons", "goals", "bodies", "walls", "ways", "beams", "footprint", "width")
 INT_CONSTANTS = ("kinematics", "limit_steps", "goal_by_odometry", "regions")
 FLOAT_CONSTANTS = (
@@ -120,7 +161,8 @@ FLOAT_CONSTANTS = (
     "weight_smoothness",
 )
 SPEC = np.dtype(
-    [(name, np.int64) for name in FLOAT_ARRAYS + INT_ARRAYS + COUNTS + INT_CONSTANTS]
+    [(name, np.int64) for name in (*FLOAT_ARRAYS, *INT_ARRAYS, *COUNTS, *INT_CONSTANTS)]
+    + [(f"see_{name}", np.int64) for name in OBSERVATION]
     + [(name, np.float64) for name in FLOAT_CONSTANTS]
 )
 

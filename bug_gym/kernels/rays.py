@@ -1,19 +1,81 @@
-"""The scan: beams cast against discs and walls, obstacle by obstacle."""
+"""The scan: the exact range along each beam, obstacle by obstacle.
+
+Far obstacles are dropped; for each near one the interval of beams that can meet
+it is estimated, and every beam of the interval is tested exactly, eight at a time. Estimates only ever widen the
+interval, so that they cost time and never exactness.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from bug_gym.compiling import inlined
-from bug_gym.kernels.geometry import HALF_PI, TWO_PI, sin_cos
+from bug_gym.kernels.geometry import HALF_PI, TWO_PI
 from bug_gym.kernels.layout import Floats, Integers, Ranges
 from bug_gym.kernels.vectors import BEST, LANES, NEAR, QUEUE, TILE, append_near, gather, test_disc, test_wall
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
 TOUCH = 1e-9  # [m] an origin this near to a wall stands in it
+
+
+class Discs(NamedTuple):
+    """Circular obstacles of one world."""
+
+    x: Floats
+    """Centres (M,) [m]."""
+    y: Floats
+    """Centres (M,) [m]."""
+    radius: Floats
+    """(M,) [m]."""
+    total: int
+    """How many of them count."""
+
+
+class Walls(NamedTuple):
+    """Wall segments of one world. Sides of a polygon share their ends bit for bit."""
+
+    x1: Floats
+    """One end (S,) [m]."""
+    y1: Floats
+    """One end (S,) [m]."""
+    x2: Floats
+    """The other end (S,) [m]."""
+    y2: Floats
+    """The other end (S,) [m]."""
+    total: int
+    """How many of them count."""
+
+
+class Origin(NamedTuple):
+    """Where the beams begin, and the frame that they are counted in."""
+
+    x: float
+    """[m]."""
+    y: float
+    """[m]."""
+    cos: float
+    """Of the robot's heading."""
+    sin: float
+    """Of the robot's heading."""
+
+
+class Beams(NamedTuple):
+    """The beams in the robot's frame: a fan of any width up to a full circle."""
+
+    cos: Floats
+    """(B + 8,) from `beam_table`."""
+    sin: Floats
+    """(B + 8,) from `beam_table`."""
+    first_angle: float
+    """Of beam 0, from -pi to pi [rad]."""
+    per_rad: float
+    """How many lie in a radian, positive, also if there is but one [1/rad]."""
+    last: float
+    """Number of the last one."""
 
 
 def scratch_floats(beams: int) -> int:
@@ -97,45 +159,33 @@ def _compact(index: Integers, obstacles: int) -> np.uint64:
 
 
 @inlined
-def _find_near_discs(
-    disc_x: Floats, disc_y: Floats, disc_radius: Floats, discs: int, x: float, y: float, reach: float, index: Integers
-) -> np.uint64:
+def find_near_discs(discs: Discs, x: float, y: float, reach: float, index: Integers) -> np.uint64:
     """Lists in index[NEAR:] the discs that reach into the scan's circle; returns how many."""
-    for j in range(np.uint64(discs)):
-        dx = disc_x[j] - x
-        dy = disc_y[j] - y
-        far = reach + disc_radius[j]
+    for j in range(np.uint64(discs.total)):
+        dx = discs.x[j] - x
+        dy = discs.y[j] - y
+        far = reach + discs.radius[j]
         index[j + np.uint64(NEAR)] = np.int64(dx * dx + dy * dy < far * far)
-    return _compact(index, discs)
+    return _compact(index, discs.total)
 
 
 @inlined
-def _find_near_walls(
-    wall_x1: Floats,
-    wall_y1: Floats,
-    wall_x2: Floats,
-    wall_y2: Floats,
-    walls: int,
-    x: float,
-    y: float,
-    reach: float,
-    index: Integers,
-) -> np.uint64:
+def _find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Integers) -> np.uint64:
     """Lists in index[NEAR:] the walls near the scan's circle; returns how many.
 
     Near is what has a bounding box within reach: exact for walls along an axis, nearly so for short ones.
     """
-    for j in range(np.uint64(walls)):
-        ax = wall_x1[j] - x
-        ay = wall_y1[j] - y
-        bx = wall_x2[j] - x
-        by = wall_y2[j] - y
+    for j in range(np.uint64(walls.total)):
+        ax = walls.x1[j] - x
+        ay = walls.y1[j] - y
+        bx = walls.x2[j] - x
+        by = walls.y2[j] - y
         gap_x = max(ax if ax < bx else bx, -(ax if ax > bx else bx))
         gap_y = max(ay if ay < by else by, -(ay if ay > by else by))
         gap_x = gap_x if gap_x > 0.0 else 0.0
         gap_y = gap_y if gap_y > 0.0 else 0.0
         index[j + np.uint64(NEAR)] = np.int64(gap_x * gap_x + gap_y * gap_y < reach * reach)
-    return _compact(index, walls)
+    return _compact(index, walls.total)
 
 
 @inlined
@@ -151,52 +201,34 @@ def _invert(f: Floats, padded: np.uint64) -> None:
 
 
 @inlined
-def _prepare_discs(
-    f: Floats,
-    index: Integers,
-    padded: np.uint64,
-    cos: float,
-    sin: float,
-    first_angle: float,
-    beams_per_rad: float,
-    last: float,
-) -> np.int64:
+def _prepare_discs(f: Floats, index: Integers, padded: np.uint64, origin: Origin, beams: Beams) -> np.int64:
     """Turns a tile of discs (x, y, radius) into the robot's frame and finds their beams; returns how many hold it."""
     around = np.int64(0)
-    margin = ANGLE_MARGIN * beams_per_rad
+    margin = ANGLE_MARGIN * beams.per_rad
     for k in range(padded):
         dx = f[k]
         dy = f[k + np.uint64(TILE)]
         radius = f[k + np.uint64(2 * TILE)]
-        x = dx * cos + dy * sin
-        y = dy * cos - dx * sin
+        x = dx * origin.cos + dy * origin.sin
+        y = dy * origin.cos - dx * origin.sin
         distance2 = dx * dx + dy * dy
         around += np.int64(distance2 <= radius * radius)
         sine = radius / math.sqrt(distance2)
-        half = _half_angle(sine if sine < 1.0 else 1.0) * beams_per_rad + margin
-        angle = _arc_tangent(y, x) - first_angle
-        middle = (angle + TWO_PI if angle < 0.0 else angle) * beams_per_rad
+        half = _half_angle(sine if sine < 1.0 else 1.0) * beams.per_rad + margin
+        angle = _arc_tangent(y, x) - beams.first_angle
+        middle = (angle + TWO_PI if angle < 0.0 else angle) * beams.per_rad
         f[k] = x
         f[k + np.uint64(TILE)] = y
         f[k + np.uint64(2 * TILE)] = radius * radius
-        _store_blocks(index, k, middle - half, middle + half, TWO_PI * beams_per_rad, last)
+        _store_blocks(index, k, middle - half, middle + half, TWO_PI * beams.per_rad, beams.last)
     return around
 
 
 @inlined
-def _prepare_walls(
-    f: Floats,
-    index: Integers,
-    padded: np.uint64,
-    cos: float,
-    sin: float,
-    first_angle: float,
-    beams_per_rad: float,
-    last: float,
-) -> np.int64:
+def _prepare_walls(f: Floats, index: Integers, padded: np.uint64, origin: Origin, beams: Beams) -> np.int64:
     """Turns a tile of walls into columns for `test_wall` and finds their beams; returns how many the robot touches."""
     touched = np.int64(0)
-    margin = ANGLE_MARGIN * beams_per_rad
+    margin = ANGLE_MARGIN * beams.per_rad
     for k in range(padded):
         x1 = f[k]
         y1 = f[k + np.uint64(TILE)]
@@ -212,12 +244,12 @@ def _prepare_walls(
         x2 += OVERLAP * dx
         y2 += OVERLAP * dy
         clockwise = cross < 0.0
-        ax = (x2 if clockwise else x1) * cos + (y2 if clockwise else y1) * sin
-        ay = (y2 if clockwise else y1) * cos - (x2 if clockwise else x1) * sin
-        bx = (x1 if clockwise else x2) * cos + (y1 if clockwise else y2) * sin
-        by = (y1 if clockwise else y2) * cos - (x1 if clockwise else x2) * sin
-        low = _arc_tangent(ay, ax) - first_angle
-        high = _arc_tangent(by, bx) - first_angle
+        ax = (x2 if clockwise else x1) * origin.cos + (y2 if clockwise else y1) * origin.sin
+        ay = (y2 if clockwise else y1) * origin.cos - (x2 if clockwise else x1) * origin.sin
+        bx = (x1 if clockwise else x2) * origin.cos + (y1 if clockwise else y2) * origin.sin
+        by = (y1 if clockwise else y2) * origin.cos - (x1 if clockwise else x2) * origin.sin
+        low = _arc_tangent(ay, ax) - beams.first_angle
+        high = _arc_tangent(by, bx) - beams.first_angle
         low = low + TWO_PI if low < 0.0 else low
         high = high + TWO_PI if high < 0.0 else high
         # A wall seen edge-on has low and high within the error of the angles: not a whole turn apart.
@@ -228,24 +260,22 @@ def _prepare_walls(
         f[k + np.uint64(TILE)] = ay * scale
         f[k + np.uint64(2 * TILE)] = bx * scale
         f[k + np.uint64(3 * TILE)] = by * scale
-        low = low * beams_per_rad - margin
-        _store_blocks(index, k, low, high * beams_per_rad + margin, TWO_PI * beams_per_rad, last)
+        low = low * beams.per_rad - margin
+        _store_blocks(index, k, low, high * beams.per_rad + margin, TWO_PI * beams.per_rad, beams.last)
     return touched
 
 
 @inlined
-def _test_block(f: Floats, is_wall: bool, k: np.uint64, beam: np.uint64, beam_cos: Floats, beam_sin: Floats) -> None:
+def _test_block(f: Floats, is_wall: bool, k: np.uint64, beam: np.uint64, beams: Beams) -> None:
     """Tests eight beams against obstacle k of the tile. Which kind it is is known where this is copied to."""
     if is_wall:
-        test_wall(f, k, beam, beam_cos, beam_sin)
+        test_wall(f, k, beam, beams.cos, beams.sin)
     else:
-        test_disc(f, k, beam, beam_cos, beam_sin)
+        test_disc(f, k, beam, beams.cos, beams.sin)
 
 
 @inlined
-def _queue_blocks(
-    f: Floats, index: Integers, is_wall: bool, k: np.uint64, end: np.uint64, beam_cos: Floats, beam_sin: Floats
-) -> np.uint64:
+def _queue_blocks(f: Floats, index: Integers, is_wall: bool, k: np.uint64, end: np.uint64, beams: Beams) -> np.uint64:
     """Appends the blocks of obstacle k to the queue, or tests those of a piece of more than four; returns the new end.
 
     Branch-free up to four, like `append_near`. Obstacles have one, two or three blocks in no order that a processor
@@ -264,197 +294,104 @@ def _queue_blocks(
                 end += blocks
         else:
             for number in range(blocks):
-                _test_block(f, is_wall, k, np.uint64(first) + np.uint64(LANES) * number, beam_cos, beam_sin)
+                _test_block(f, is_wall, k, np.uint64(first) + np.uint64(LANES) * number, beams)
     return end
 
 
 @inlined
-def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beam_cos: Floats, beam_sin: Floats) -> None:
+def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beams: Beams) -> None:
     """Tests all blocks of the queue."""
     for m in range(np.uint64(QUEUE), end):
         block = index[m]
-        _test_block(f, is_wall, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beam_cos, beam_sin)
+        _test_block(f, is_wall, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beams)
 
 
 @inlined
-def _cast_discs(
-    disc_x: Floats,
-    disc_y: Floats,
-    disc_radius: Floats,
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    beam_cos: Floats,
-    beam_sin: Floats,
-    first_angle: float,
-    beams_per_rad: float,
-    last: float,
-    near: np.uint64,
-    f: Floats,
-    index: Integers,
-) -> bool:
+def _cast_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
     """Lowers the beams' ranges f[BEST:] to those of the near discs; True if one of them holds the robot."""
     tile = np.uint64(TILE)
     for start in range(np.uint64(0), near, tile):
         count = min(near - start, tile)
         for k in range(np.uint64(0), count, np.uint64(LANES)):
             at = np.uint64(NEAR) + start + k
-            gather(f, k, disc_x, index, at, x)
-            gather(f, k + tile, disc_y, index, at, y)
-            gather(f, k + np.uint64(2 * TILE), disc_radius, index, at, 0.0)
-        if _prepare_discs(f, index, _padded(count), cos, sin, first_angle, beams_per_rad, last) > 0:
+            gather(f, k, discs.x, index, at, origin.x)
+            gather(f, k + tile, discs.y, index, at, origin.y)
+            gather(f, k + np.uint64(2 * TILE), discs.radius, index, at, 0.0)
+        if _prepare_discs(f, index, _padded(count), origin, beams) > 0:
             return True
         end = np.uint64(QUEUE)
         for k in range(count):
-            end = _queue_blocks(f, index, False, np.uint64(k), end, beam_cos, beam_sin)
-        _test_queued(f, index, False, end, beam_cos, beam_sin)
+            end = _queue_blocks(f, index, False, np.uint64(k), end, beams)
+        _test_queued(f, index, False, end, beams)
     return False
 
 
 @inlined
-def _cast_walls(
-    wall_x1: Floats,
-    wall_y1: Floats,
-    wall_x2: Floats,
-    wall_y2: Floats,
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    beam_cos: Floats,
-    beam_sin: Floats,
-    first_angle: float,
-    beams_per_rad: float,
-    last: float,
-    near: np.uint64,
-    f: Floats,
-    index: Integers,
-) -> bool:
+def _cast_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
     """Raises the beams' inverse ranges f[BEST:] to those of the near walls; True if the robot stands in one."""
     tile = np.uint64(TILE)
     for start in range(np.uint64(0), near, tile):
         count = min(near - start, tile)
         for k in range(np.uint64(0), count, np.uint64(LANES)):
             at = np.uint64(NEAR) + start + k
-            gather(f, k, wall_x1, index, at, x)
-            gather(f, k + tile, wall_y1, index, at, y)
-            gather(f, k + np.uint64(2 * TILE), wall_x2, index, at, x)
-            gather(f, k + np.uint64(3 * TILE), wall_y2, index, at, y)
-        if _prepare_walls(f, index, _padded(count), cos, sin, first_angle, beams_per_rad, last) > 0:
+            gather(f, k, walls.x1, index, at, origin.x)
+            gather(f, k + tile, walls.y1, index, at, origin.y)
+            gather(f, k + np.uint64(2 * TILE), walls.x2, index, at, origin.x)
+            gather(f, k + np.uint64(3 * TILE), walls.y2, index, at, origin.y)
+        if _prepare_walls(f, index, _padded(count), origin, beams) > 0:
             return True
         end = np.uint64(QUEUE)
         # Sides of one polygon share beams: worked on in a row, each would wait for the other's result.
         for side in range(np.uint64(4)):
             for k in range(side, count, np.uint64(4)):
-                end = _queue_blocks(f, index, True, np.uint64(k), end, beam_cos, beam_sin)
-        _test_queued(f, index, True, end, beam_cos, beam_sin)
+                end = _queue_blocks(f, index, True, np.uint64(k), end, beams)
+        _test_queued(f, index, True, end, beams)
     return False
 
 
 @inlined
 def cast_rays(
-    disc_x: Floats,
-    disc_y: Floats,
-    disc_radius: Floats,
-    discs: int,
-    wall_x1: Floats,
-    wall_y1: Floats,
-    wall_x2: Floats,
-    wall_y2: Floats,
-    walls: int,
-    x: float,
-    y: float,
-    heading: float,
-    beam_cos: Floats,
-    beam_sin: Floats,
-    first_angle: float,
-    angle_step: float,
+    discs: Discs,
+    walls: Walls,
+    origin: Origin,
+    beams: Beams,
     reach: float,
     scratch_f: Floats,
     scratch_i: Integers,
     ranges: Ranges,
 ) -> None:
-    """Exact ranges from (x, y) to the nearest disc or wall along each beam.
+    """Exact ranges from the origin to the nearest disc or wall along each beam.
 
     A beam without return reads `reach`. All beams read 0 where the origin lies in a disc or on a wall (within TOUCH).
-    A fan of any width up to a full circle: a beam beyond one end comes in again at the other where the turn is full.
+    A beam beyond one end of the fan comes in again at the other where the turn is full.
 
     It is copied into each caller: handing over sixty words of array headers costs a third of a small scan. So call it
     in one place, on rows cut out there.
 
     Args:
-        disc_x: (M,) f8 [m], one world's row, as those below.
-        disc_y: (M,) f8 [m].
-        disc_radius: (M,) f8 [m].
-        discs: How many of them count.
-        wall_x1: (S,) f8 [m], one end of each wall. Sides of a polygon share their ends bit for bit.
-        wall_y1: (S,) f8 [m].
-        wall_x2: (S,) f8 [m], the other end.
-        wall_y2: (S,) f8 [m].
-        walls: How many of them count.
-        x: Origin [m].
-        y: Origin [m].
-        heading: Of the robot [rad].
-        beam_cos: (B + 8,) f8 from `beam_table`.
-        beam_sin: (B + 8,) f8 from `beam_table`.
-        first_angle: Beam 0 in the robot's frame, from -pi to pi [rad].
-        angle_step: From beam to beam, positive, also if there is but one [rad].
+        discs: Of one world's row.
+        walls: Likewise.
+        origin: Where the robot is.
+        beams: Of its scanner.
         reach: Largest range [m].
         scratch_f: (scratch_floats(B),) f8, overwritten; what it held doesn't matter.
         scratch_i: (scratch_integers(max(M, S)),) i8, likewise.
         ranges: (B,) f4 [m], the result.
     """
-    beams = np.uint64(ranges.size)
-    beams_per_rad = 1.0 / angle_step
-    last = np.float64(beams) - 1.0
-    sin, cos = sin_cos(heading)
-    padded = (beams // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
+    count = np.uint64(ranges.size)
+    padded = (count // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
     for i in range(padded):
         scratch_f[i + np.uint64(BEST)] = reach
     inside = False
-    near = _find_near_discs(disc_x, disc_y, disc_radius, discs, x, y, reach, scratch_i)
+    near = find_near_discs(discs, origin.x, origin.y, reach, scratch_i)
     if near > np.uint64(0):
-        inside = _cast_discs(
-            disc_x,
-            disc_y,
-            disc_radius,
-            x,
-            y,
-            cos,
-            sin,
-            beam_cos,
-            beam_sin,
-            first_angle,
-            beams_per_rad,
-            last,
-            near,
-            scratch_f,
-            scratch_i,
-        )
-    near = _find_near_walls(wall_x1, wall_y1, wall_x2, wall_y2, walls, x, y, reach, scratch_i)
+        inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
+    near = _find_near_walls(walls, origin.x, origin.y, reach, scratch_i)
     if near > np.uint64(0) and not inside:
         _invert(scratch_f, padded)
-        inside = _cast_walls(
-            wall_x1,
-            wall_y1,
-            wall_x2,
-            wall_y2,
-            x,
-            y,
-            cos,
-            sin,
-            beam_cos,
-            beam_sin,
-            first_angle,
-            beams_per_rad,
-            last,
-            near,
-            scratch_f,
-            scratch_i,
-        )
+        inside = _cast_walls(walls, origin, beams, near, scratch_f, scratch_i)
         _invert(scratch_f, padded)
-    for i in range(beams):
+    for i in range(count):
         distance = scratch_f[i + np.uint64(BEST)]
         # Inverting twice may end one bit off, which mustn't turn a beam without return into one with.
         distance = distance if distance < reach * (1.0 - 1e-15) else reach

@@ -24,18 +24,16 @@ from bug_gym.kernels.layout import (
 )
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
-from bug_gym.kernels.rays import cast_rays
+from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays
 from bug_gym.kernels.vectors import NEAR
 
 
 @inlined
-def gather_walls(
-    f: Floats, k: Integers, s: Record, x: float, y: float, scratch: Floats, index: Integers
-) -> tuple[Floats, Floats, Floats, Floats, int]:
+def gather_walls(f: Floats, k: Integers, s: Record, x: float, y: float, scratch: Floats, index: Integers) -> Walls:
     """Walls of the border and of the polygons that reach into the scan's circle round (x, y), where they stand.
 
     From outside a polygon only those are taken that face (x, y): the others lie behind them. They are written to the
-    end of `scratch`. Returns x1, y1, x2, y2 (S,) and how many of them count.
+    end of `scratch`.
     """
     room = s.walls
     begin = scratch.size - 4 * room
@@ -50,7 +48,7 @@ def gather_walls(
         count += 1
     polygons, moving = k[s.polygon_count], k[s.moving_polygon_count]
     if polygons == 0:
-        return x1, y1, x2, y2, count
+        return Walls(x1, y1, x2, y2, count)
     near = find_near_polygons(f, s, polygons, x, y, s.reach, index)
     for j in range(near):
         number = index[np.uint64(NEAR) + j]
@@ -69,7 +67,79 @@ def gather_walls(
             x2[count] = cx
             y2[count] = cy
             count += int(side * ((ax - x) * (cy - y) - (ay - y) * (cx - x)) <= 0.0)
-    return x1, y1, x2, y2, count
+    return Walls(x1, y1, x2, y2, count)
+
+
+@inlined
+def stand_in(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> int:
+    """Puts the other robots, who are discs too while robot r looks, behind the world's own; returns how many there are."""
+    discs: int = k[s.disc_count]
+    for other in range(s.robots):
+        if other != r:
+            for c in range(s.footprint):
+                cx, cy = body_circle(f, s, footprint, s.pose, other, c)
+                f[s.body_x + discs] = cx
+                f[s.body_y + discs] = cy
+                f[s.body_radius + discs] = footprint[c, 2]
+                discs += 1
+    return discs
+
+
+@inlined
+def scan(
+    f: Floats,
+    k: Integers,
+    ranges: Ranges,
+    s: Record,
+    beams: Floats,
+    origin: Origin,
+    discs: int,
+    scratch: Floats,
+    scratch_int: Integers,
+    r: int,
+) -> None:
+    """Fill robot r's ranges (B,), with their noise."""
+    walls = gather_walls(f, k, s, origin.x, origin.y, scratch, scratch_int)
+    body_x, body_y = f[s.body_x : s.body_x + discs], f[s.body_y : s.body_y + discs]
+    near = Discs(body_x, body_y, f[s.body_radius : s.body_radius + discs], discs)
+    fan = Beams(beams[0], beams[1], s.first_angle, 1.0 / s.angle_step, np.float64(s.beams) - 1.0)
+    cast_rays(near, walls, origin, fan, s.reach, scratch, scratch_int, ranges)
+    if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
+        key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
+        add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
+
+
+@inlined
+def goal_in_frame(f: Floats, k: Integers, s: Record, origin: Origin, r: int) -> tuple[float, float]:
+    """The goal in robot r's frame [m], sensed as a beacon or computed from odometry."""
+    g = k[s.goal_body + r]
+    goal_sin, goal_cos = origin.sin, origin.cos
+    gx, gy = f[s.body_x + g] - origin.x, f[s.body_y + g] - origin.y
+    if s.goal_by_odometry:
+        wx, wy = f[s.body_x + g] - f[s.origin + 3 * r], f[s.body_y + g] - f[s.origin + 3 * r + 1]
+        origin_sin, origin_cos = sin_cos(f[s.origin + 3 * r + 2])
+        ex, ey, eh = f[s.odometry + 3 * r], f[s.odometry + 3 * r + 1], f[s.odometry + 3 * r + 2]
+        gx, gy = origin_cos * wx + origin_sin * wy - ex, origin_cos * wy - origin_sin * wx - ey
+        goal_sin, goal_cos = sin_cos(eh)
+    return goal_cos * gx + goal_sin * gy, goal_cos * gy - goal_sin * gx
+
+
+@inlined
+def see_peers(f: Floats, peers: Ranges, s: Record, origin: Origin, heading: float, r: int) -> None:
+    """Fill what robot r senses of the others (4 (R - 1),): place and velocity in its frame [m, m/s]."""
+    at = 0
+    for other in range(s.robots):
+        if other != r:
+            dx, dy = f[s.pose + 3 * other] - origin.x, f[s.pose + 3 * other + 1] - origin.y
+            vx, vy = f[s.velocity + 2 * other], f[s.velocity + 2 * other + 1]
+            turn_sin, turn_cos = sin_cos(f[s.pose + 3 * other + 2] - heading)
+            if s.kinematics == DIFFERENTIAL:
+                vy = 0.0
+            peers[at] = clip(origin.cos * dx + origin.sin * dy, -s.span, s.span)
+            peers[at + 1] = clip(origin.cos * dy - origin.sin * dx, -s.span, s.span)
+            peers[at + 2] = turn_cos * vx - turn_sin * vy
+            peers[at + 3] = turn_sin * vx + turn_cos * vy
+            at += 4
 
 
 @inlined
@@ -85,80 +155,25 @@ def observe(
     scratch_int: Integers,
     r: int,
 ) -> None:
-    """Fill robot r's observation (D,): ranges, goal, pose, velocity, terrain, peers, as observation.fields says."""
+    """Fill robot r's observation (D,); layout.OBSERVATION says where each field begins."""
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     sin, cos = sin_cos(heading)
-    discs = k[s.disc_count]
-    # The other robots are discs too while this one looks; they lie behind the world's own.
-    for other in range(s.robots):
-        if other != r:
-            for c in range(s.footprint):
-                cx, cy = body_circle(f, s, footprint, s.pose, other, c)
-                f[s.body_x + discs] = cx
-                f[s.body_y + discs] = cy
-                f[s.body_radius + discs] = footprint[c, 2]
-                discs += 1
-    near_x1, near_y1, near_x2, near_y2, walls = gather_walls(f, k, s, x, y, scratch, scratch_int)
-    ranges = observation[: s.beams]
-    cast_rays(
-        f[s.body_x : s.body_x + discs],
-        f[s.body_y : s.body_y + discs],
-        f[s.body_radius : s.body_radius + discs],
-        discs,
-        near_x1,
-        near_y1,
-        near_x2,
-        near_y2,
-        walls,
-        x,
-        y,
-        heading,
-        beams[0],
-        beams[1],
-        s.first_angle,
-        s.angle_step,
-        s.reach,
-        scratch,
-        scratch_int,
-        ranges,
-    )
-    if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
-        key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
-        add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
-    at = s.beams
-    g = k[s.goal_body + r]
-    ex, ey, eh = f[s.odometry + 3 * r], f[s.odometry + 3 * r + 1], f[s.odometry + 3 * r + 2]
-    goal_sin, goal_cos = sin, cos
-    gx, gy = f[s.body_x + g] - x, f[s.body_y + g] - y
-    if s.goal_by_odometry:
-        wx, wy = f[s.body_x + g] - f[s.origin + 3 * r], f[s.body_y + g] - f[s.origin + 3 * r + 1]
-        origin_sin, origin_cos = sin_cos(f[s.origin + 3 * r + 2])
-        gx, gy = origin_cos * wx + origin_sin * wy - ex, origin_cos * wy - origin_sin * wx - ey
-        goal_sin, goal_cos = sin_cos(eh)
-    observation[at] = clip(goal_cos * gx + goal_sin * gy, -s.span, s.span)
-    observation[at + 1] = clip(goal_cos * gy - goal_sin * gx, -s.span, s.span)
-    observation[at + 2] = clip(ex, -2.0 * s.span, 2.0 * s.span)
-    observation[at + 3] = clip(ey, -2.0 * s.span, 2.0 * s.span)
-    observation[at + 4] = eh
-    observation[at + 5] = f[s.velocity + 2 * r]
-    observation[at + 6] = f[s.velocity + 2 * r + 1]
-    at += 7
+    origin = Origin(x, y, cos, sin)
+    discs = stand_in(f, k, s, footprint, r)
+    scan(f, k, observation[s.see_ranges : s.see_ranges + s.beams], s, beams, origin, discs, scratch, scratch_int, r)
+    ahead, left = goal_in_frame(f, k, s, origin, r)
+    observation[s.see_goal] = clip(ahead, -s.span, s.span)
+    observation[s.see_goal + 1] = clip(left, -s.span, s.span)
+    observation[s.see_pose] = clip(f[s.odometry + 3 * r], -2.0 * s.span, 2.0 * s.span)
+    observation[s.see_pose + 1] = clip(f[s.odometry + 3 * r + 1], -2.0 * s.span, 2.0 * s.span)
+    observation[s.see_pose + 2] = f[s.odometry + 3 * r + 2]
+    observation[s.see_velocity] = f[s.velocity + 2 * r]
+    observation[s.see_velocity + 1] = f[s.velocity + 2 * r + 1]
     if s.regions > 0:
         samples = TERRAIN_HEADINGS * TERRAIN_RINGS
-        sample_ground(s, regions, observation[at : at + samples], x, y, heading)
-        at += samples
-    for other in range(s.robots):
-        if other != r:
-            dx, dy = f[s.pose + 3 * other] - x, f[s.pose + 3 * other + 1] - y
-            vx, vy = f[s.velocity + 2 * other], f[s.velocity + 2 * other + 1]
-            turn_sin, turn_cos = sin_cos(f[s.pose + 3 * other + 2] - heading)
-            if s.kinematics == DIFFERENTIAL:
-                vy = 0.0
-            observation[at] = clip(cos * dx + sin * dy, -s.span, s.span)
-            observation[at + 1] = clip(cos * dy - sin * dx, -s.span, s.span)
-            observation[at + 2] = turn_cos * vx - turn_sin * vy
-            observation[at + 3] = turn_sin * vx + turn_cos * vy
-            at += 4
+        sample_ground(s, regions, observation[s.see_terrain : s.see_terrain + samples], x, y, heading)
+    if s.robots > 1:
+        see_peers(f, observation[s.see_peers :], s, origin, heading, r)
 
 
 @inlined

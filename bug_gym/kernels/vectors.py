@@ -1,4 +1,9 @@
-"""Vectors of eight numbers, written in LLVM's terms."""
+"""Vectors of eight numbers, written in LLVM's terms.
+
+LLVM is given vectors of eight numbers by hand (the functions marked @vectors) where its own vectoriser fails: numba
+switches off vectorising of straight code, and loops of eight are unrolled before they are looked at. A vector of
+eight is lowered to what the processor has. Nothing is fused or reordered.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +16,6 @@ from numba.core import cgutils as numba_cgutils
 
 from bug_gym.compiling import vectors
 
-# The scan works obstacle by obstacle. Far obstacles are dropped; for each near one the interval of beams that can meet
-# it is estimated, and every beam of the interval is tested exactly, eight at a time. Estimates only ever widen the
-# interval, so that they cost time and never exactness.
-#
-# LLVM is given vectors of eight numbers by hand (the functions marked @vectors) where its own vectoriser fails: numba
-# switches off vectorising of straight code, and loops of eight are unrolled before they are looked at. A vector of
-# eight is lowered to what the processor has. Nothing is fused or reordered.
-
 cgutils: Any = numba_cgutils  # without types upstream
 LANES = 8
 TILE = 64  # near obstacles prepared together; a column of scratch is this long
@@ -29,8 +26,6 @@ BEST = 4 * TILE
 QUEUE = 4 * TILE
 NEAR = 13 * TILE
 
-
-# Vectors of eight, written in LLVM's terms.
 
 FLOATS = ir.VectorType(ir.DoubleType(), LANES)
 INTEGERS = ir.VectorType(ir.IntType(64), LANES)
