@@ -31,7 +31,7 @@ logger = logging.getLogger("bug_gym")
 Rows = NDArray[np.int64]
 
 REPORTED = ("time", "path_length", "min_clearance", "goal_distance", "reward", "terms", "outcome")
-"""Arrays of a row that tell how its robots fare."""
+"""Arrays of a row that tell how its robots are doing."""
 
 
 class Transition(NamedTuple):
@@ -52,8 +52,8 @@ class Transition(NamedTuple):
         return Transition(observation[:, robot], reward[:, robot], terminated[:, robot], truncated[:, robot])
 
 
-class Fares(NamedTuple):
-    """How the robots (n, R) of some rows fare."""
+class RobotStatus(NamedTuple):
+    """How the robots (n, R) of some rows are doing."""
 
     outcome: NDArray[np.int64]
     """Codes, as task.OUTCOMES."""
@@ -281,34 +281,27 @@ class Simulation:
             return self.world.observation.copy()
         return self.world.observation[rows]
 
-    def fares(self, rows: Rows) -> Fares:
-        """How the robots of the rows fare, copies; what asks for both `transition` and `info` reads it once for both."""
-        numbers = np.empty((kernels.FARES + kernels.TERMS, len(rows), self.robots))
+    def status(self, rows: Rows) -> RobotStatus:
+        """How the robots of the rows are doing, copies; what asks for both `transition` and `info` reads it once for both."""
+        numbers = np.empty((kernels.STATUS + kernels.TERMS, len(rows), self.robots))
         outcome = np.empty((len(rows), self.robots), dtype=np.int64)
-        kernels.read_fares(self.world.floats, self.world.ints, self.world.spec, rows, numbers, outcome)
-        reward, path_length, time, min_clearance, goal_distance = numbers[: kernels.FARES]
-        terms = numbers[kernels.FARES :].transpose(1, 2, 0)
-        return Fares(outcome, reward, path_length, time, min_clearance, goal_distance, terms)
+        kernels.read_status(self.world.floats, self.world.ints, self.world.spec, rows, numbers, outcome)
+        reward, path_length, time, min_clearance, goal_distance = numbers[: kernels.STATUS]
+        terms = numbers[kernels.STATUS :].transpose(1, 2, 0)
+        return RobotStatus(outcome, reward, path_length, time, min_clearance, goal_distance, terms)
 
-    def transition(self, rows: Rows, fares: Fares | None = None) -> Transition:
+    def transition(self, rows: Rows, status: RobotStatus | None = None) -> Transition:
         """What the last step gave for the rows."""
-        outcome, reward = (fares or self.fares(rows))[:2]
+        outcome, reward = (status or self.status(rows))[:2]
         terminated = (outcome == kernels.SUCCESS) | (outcome == kernels.COLLISION)
         return Transition(self.observations(rows), reward, terminated, outcome == kernels.TIMEOUT)
 
-    def info(self, rows: Rows | None = None, fares: Fares | None = None) -> dict[str, NDArray[Any]]:
+    def info(self, rows: Rows | None = None, status: RobotStatus | None = None) -> dict[str, NDArray[Any]]:
         """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms), as task.REWARD_TERMS."""
-        fares = fares or self.fares(self.all_rows if rows is None else rows)
-        return {
-            "is_success": fares.outcome == kernels.SUCCESS,
-            "collision": fares.outcome == kernels.COLLISION,
-            "outcome": task.OUTCOME_NAMES.take(fares.outcome),
-            "path_length": fares.path_length,
-            "time": fares.time,
-            "min_clearance": fares.min_clearance,
-            "goal_distance": fares.goal_distance,
-            "reward_terms": fares.terms,
-        }
+        status = status or self.status(self.all_rows if rows is None else rows)
+        _, _, path_length, time, min_clearance, goal_distance, terms = status
+        outcome = task.OUTCOME_NAMES.take(status.outcome)
+        return info_of(status.outcome, outcome, path_length, time, min_clearance, goal_distance, terms)
 
     def robot_step(self, row: int = 0, robot: int = 0) -> RobotStep:
         """What the last step (or reset) gave one robot; the quick way for a face of one world."""
@@ -318,16 +311,15 @@ class Simulation:
         values = self.world.floats[row, : self._report_end].tolist()
         outcome = self.world.ints.item(row, begin["outcome"] + robot)
         terms = begin["terms"] + kernels.TERMS * robot
-        info = {
-            "is_success": outcome == kernels.SUCCESS,
-            "collision": outcome == kernels.COLLISION,
-            "outcome": task.OUTCOMES[outcome],
-            "path_length": values[begin["path_length"] + robot],
-            "time": values[begin["time"]],
-            "min_clearance": values[begin["min_clearance"] + robot],
-            "goal_distance": values[begin["goal_distance"] + robot],
-            "reward_terms": dict(zip(task.REWARD_TERMS, values[terms : terms + kernels.TERMS], strict=True)),
-        }
+        info = info_of(
+            outcome,
+            task.OUTCOMES[outcome],
+            values[begin["path_length"] + robot],
+            values[begin["time"]],
+            values[begin["min_clearance"] + robot],
+            values[begin["goal_distance"] + robot],
+            dict(zip(task.REWARD_TERMS, values[terms : terms + kernels.TERMS], strict=True)),
+        )
         terminated = outcome in (kernels.SUCCESS, kernels.COLLISION)
         return RobotStep(values[begin["reward"] + robot], terminated, outcome == kernels.TIMEOUT, info)
 
@@ -371,6 +363,22 @@ class Simulation:
         self.__dict__.update(state)
         if self._threads > 1:
             self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="bug_gym")
+
+
+def info_of(
+    code: Any, outcome: Any, path_length: Any, time: Any, min_clearance: Any, goal_distance: Any, terms: Any
+) -> dict[str, Any]:
+    """The contract's info, of one robot or as arrays of many; `code` is the number of the outcome."""
+    return {
+        "is_success": code == kernels.SUCCESS,
+        "collision": code == kernels.COLLISION,
+        "outcome": outcome,
+        "path_length": path_length,
+        "time": time,
+        "min_clearance": min_clearance,
+        "goal_distance": goal_distance,
+        "reward_terms": terms,
+    }
 
 
 def is_finite(array: NDArray[np.float64]) -> bool:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
-from bug_gym.simulation import Fares, Simulation
+from bug_gym.simulation import RobotStatus, Simulation
 from bug_gym.spaces import (
     ActionForm,
     Observation,
@@ -147,27 +147,27 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             simulation.reset(ended)
         else:
             raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")
-        fares = simulation.fares(simulation.all_rows)
-        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows, fares).of_robot(0)
+        status = simulation.status(simulation.all_rows)
+        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows, status).of_robot(0)
         self._ended = terminated | truncated
         infos: Infos = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             infos, ended = self._final_infos(flat), np.flatnonzero(self._ended)
             flat[ended] = simulation.reset(ended)[:, 0]
             self._ended[:] = False
-            fares = simulation.fares(simulation.all_rows)
+            status = simulation.status(simulation.all_rows)
         self._pictures.record()
-        infos |= self._infos(self._everywhere(), fares)
+        infos |= self._infos(self._everywhere(), status)
         return self.spaces.present_batch(flat), reward, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture (H, W, 3) of each row, RGB uint8; None without a render mode."""
         return self._pictures.frames() or None
 
-    def _infos(self, mask: Bools, fares: Fares | None = None) -> Infos:
-        """The contract's info of the rows in the mask, as arrays with masks; `fares`: of those rows, if read before."""
-        fares = fares or self.simulation.fares(np.flatnonzero(mask))
-        infos: Infos = {name: values[:, 0] for name, values in self.simulation.info(fares=fares).items()}
+    def _infos(self, mask: Bools, status: RobotStatus | None = None) -> Infos:
+        """The contract's info of the rows in the mask, as arrays with masks; `status`: of those rows, if read before."""
+        status = status or self.simulation.status(np.flatnonzero(mask))
+        infos: Infos = {name: values[:, 0] for name, values in self.simulation.info(status=status).items()}
         infos["reward_terms"] = dict(zip(REWARD_TERMS, infos["reward_terms"].T, strict=True))
         return with_masks(infos, mask)
 

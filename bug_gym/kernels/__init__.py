@@ -46,7 +46,7 @@ from bug_gym.kernels.layout import (
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
 from bug_gym.kernels.rays import beam_table, scratch_floats, scratch_integers
-from bug_gym.kernels.step import FARES, begin_rows, is_compiled, read_fares, restart_robots, step_rows
+from bug_gym.kernels.step import STATUS, begin_rows, is_compiled, read_status, restart_robots, step_rows
 
 __all__ = [
     "ATTEMPTS",
@@ -59,7 +59,7 @@ __all__ = [
     "CROWD_BIT",
     "DIFFERENTIAL",
     "EVADE",
-    "FARES",
+    "STATUS",
     "FIELD",
     "FLOAT_ARRAYS",
     "Flags",
@@ -97,7 +97,7 @@ __all__ = [
     "is_compiled",
     "place_fields",
     "point_wall_distance",
-    "read_fares",
+    "read_status",
     "restart_robots",
     "scratch_floats",
     "scratch_integers",

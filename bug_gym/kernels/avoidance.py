@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.body import body_circle
@@ -264,21 +265,24 @@ def escape_velocity(
     return along * ex - vx, along * ey - vy, -ey, ex
 
 
+class Disc(NamedTuple):
+    """A disc to be avoided, seen from the body that avoids it."""
+
+    x: float
+    """Place [m]."""
+    y: float
+    """Place [m]."""
+    vx: float
+    """Velocity [m/s]."""
+    vy: float
+    """Velocity [m/s]."""
+    together: float
+    """Sum of the radii and the skin [m]."""
+
+
 @called
 def add_avoidance(
-    f: Floats,
-    s: Record,
-    b: int,
-    px: float,
-    py: float,
-    ox: float,
-    oy: float,
-    together: float,
-    share: float,
-    lines: Floats,
-    hard: int,
-    spare: Floats,
-    soft: int,
+    f: Floats, s: Record, b: int, other: Disc, share: float, lines: Floats, hard: int, spare: Floats, soft: int
 ) -> tuple[int, int]:
     """Half planes of body b because of another disc: one that holds always into `lines`, one that may give way `spare`.
 
@@ -286,11 +290,7 @@ def add_avoidance(
         f: the row's floats.
         s: the row's record.
         b: the body.
-        px: place of the other disc, seen from the body [m].
-        py: the same.
-        ox: velocity of the other disc [m/s].
-        oy: the same.
-        together: sum of the radii and the skin [m].
+        other: the other disc, seen from the body.
         share: of the avoidance that is this body's: a half where the other does the same, else 1.
         lines: half planes.
         hard: how many there are.
@@ -300,6 +300,7 @@ def add_avoidance(
     Returns:
         The new `hard` and `soft`.
     """
+    px, py, ox, oy, together = other
     vx, vy, speed, horizon = f[s.body_vx + b], f[s.body_vy + b], f[s.body_speed + b], f[s.body_foresight + b]
     reach = together + (speed + length(ox, oy)) * horizon
     square = px * px + py * py
@@ -333,5 +334,7 @@ def add_robots(
             cx, cy = body_circle(f, s, footprint, s.pose, r, c)
             if cx != x or cy != y:
                 together = f[s.body_radius + b] + footprint[c, 2] + SKIN
-                hard, soft = add_avoidance(f, s, b, cx - x, cy - y, vx, vy, together, 1.0, lines, hard, spare, soft)
+                hard, soft = add_avoidance(
+                    f, s, b, Disc(cx - x, cy - y, vx, vy, together), 1.0, lines, hard, spare, soft
+                )
     return hard, soft

@@ -8,6 +8,7 @@ from bug_gym.compiling import called
 from bug_gym.kernels.avoidance import (
     SAME_SPEED,
     SKIN,
+    Disc,
     add_avoidance,
     add_robots,
     add_still_half_planes,
@@ -90,7 +91,7 @@ def crowd_velocity(
             px = SKIN if b < other else -SKIN  # one upon the other: each knows its side
         together = f[s.body_radius + b] + f[s.body_radius + other] + SKIN
         vx, vy = f[s.body_vx + other], f[s.body_vy + other]
-        hard, soft = add_avoidance(f, s, b, px, py, vx, vy, together, 0.5, lines, hard, spare, soft)
+        hard, soft = add_avoidance(f, s, b, Disc(px, py, vx, vy, together), 0.5, lines, hard, spare, soft)
     if b < s.discs + s.polygons:
         hard, soft = add_robots(f, k, s, footprint, b, lines, hard, spare, soft)
     for j in range(3 * soft):

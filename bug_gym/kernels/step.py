@@ -261,14 +261,14 @@ def restart_robots(
             observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
-FARES = 5  # numbers of a robot besides its reward terms: reward, path_length, time, min_clearance, goal_distance
+STATUS = 5  # numbers of a robot besides its reward terms: reward, path_length, time, min_clearance, goal_distance
 
 
 @kernel
-def read_fares(
+def read_status(
     floats: Floats, ints: Integers, spec: Record, rows: Integers, numbers: Floats, outcome: Integers
 ) -> None:
-    """Copy how the robots of the worlds `rows` (n,) fare, in one pass: `numbers` (FARES + TERMS, n, R), `outcome` (n, R)."""
+    """Copy how the robots of the worlds `rows` (n,) are doing: `numbers` (STATUS + TERMS, n, R), `outcome` (n, R)."""
     s = spec[0]
     for i in range(rows.size):
         f, k = floats[rows[i]], ints[rows[i]]
@@ -280,4 +280,4 @@ def read_fares(
             numbers[3, i, r] = f[s.min_clearance + r]
             numbers[4, i, r] = f[s.goal_distance + r]
             for term in range(TERMS):
-                numbers[FARES + term, i, r] = f[s.terms + TERMS * r + term]
+                numbers[STATUS + term, i, r] = f[s.terms + TERMS * r + term]
