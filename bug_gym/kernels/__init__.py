@@ -1,4 +1,19 @@
-"""The compiled world, by stage; here is what Python calls of it."""
+"""The compiled world, by stage; here is what Python calls of it.
+
+A kernel works on one row (one world) at a time. A row is two flat arrays, `floats` (Wf,) float64 and `ints` (Wi,)
+int64; `spec` (one record of SPEC) says where each named array begins in them and holds the constants of the scenario.
+World index first, always; a row never reads another row, so results depend neither on the batch nor on the threads.
+Inside kernels f and k are a row's floats and ints, s is its record, r a robot, b a body, w a wall.
+
+    layout  geometry  randomness           what lies where; plane geometry; numbers without a generator
+    chords  ground  noise  vectors         contact of two things; regions; noise of a scan; LLVM written by hand
+    rays  body  free_way                   the scan; circles that swing; the free way among scan points
+    drive  motion  avoidance  placing      robots, and bodies that do not look; half planes; new worlds of family `field`
+    contact  laws  sensing                 who touches what, when; bodies that look; the observation and the clearance
+    step                                   the sentence: step_rows, begin_rows, restart_robots, read_status
+
+No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit.
+"""
 
 from bug_gym.kernels.avoidance import steering_floats
 from bug_gym.kernels.chords import point_wall_distance

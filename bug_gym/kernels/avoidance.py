@@ -1,4 +1,11 @@
-"""Half planes of velocities: what a body that looks may do among walls, bodies and robots (ORCA)."""
+"""Half planes of velocities: what a body that looks may do among walls, bodies and robots.
+
+Source: van den Berg, Guy, Lin and Manocha 2011, "Reciprocal n-Body Collision Avoidance" (ORCA).
+
+A velocity is chosen within half planes n . v >= c, kept as triples (nx, ny, c) in scratch: those of still things and of
+bodies about to touch hold always and let at least v = 0 through; those of the crowd law give way where they leave
+nothing.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +16,6 @@ from bug_gym.compiling import called, inlined
 from bug_gym.kernels.body import body_circle
 from bug_gym.kernels.geometry import length, sin_cos
 from bug_gym.kernels.layout import DIFFERENTIAL, RUNNING, Floats, Integers, Record
-
-# Under the laws crowd, evade and replay a body takes a velocity at the start of each step and keeps it to its end, so
-# it has no events. A velocity is chosen within half planes n . v >= c, kept as triples (nx, ny, c) in scratch: those of
-# still things and of bodies about to touch hold always and let at least v = 0 through; those of the crowd law give way
-# where they leave nothing.
 
 WALL_HORIZON = 0.5  # a body comes no nearer to a still thing than would bring it there in this time [s]
 SKIN = 0.02  # room that bodies of a crowd leave between them and to robots [m]

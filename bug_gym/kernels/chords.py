@@ -1,4 +1,8 @@
-"""Contact on a chord: the straight way of one step, as a fraction from 0 to 1."""
+"""Contact on a chord: the straight way of one step, as a fraction from 0 to 1.
+
+Everything is tested in the frame of one of the two bodies, so that one moving thing is left. NEVER means: no contact
+on this chord.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,6 @@ import math
 
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.geometry import length
-
-# "Chord" is the straight way of one step, as a fraction from 0 to 1. Everything is tested in the frame of one of the
-# two bodies, so that one moving thing is left. NEVER means: no contact on this chord.
 
 NEVER = 2.0
 

@@ -1,4 +1,7 @@
-"""How far a disc can go among the points of a scan."""
+"""How far a disc can go among the points of a scan.
+
+For policies: `px`, `py` (k,) are the scan's points in the robot's frame. Nothing here sees the world.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,6 @@ import math
 
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Floats
-
-# For scripted policies: `px`, `py` (k,) are the scan's points in the robot's frame. They see no world.
 
 
 @inlined

@@ -1,4 +1,8 @@
-"""Weighted regions of the ground: what a place costs, and the samples that a robot sees of it."""
+"""Weighted regions of the ground: what a place costs, and the samples that a robot sees of it.
+
+`regions` holds one after another, for each region: its factor, the centre and the radius of a disc that holds it, the
+number of its edges, and their ends x1, y1, x2, y2. One without edges is that disc.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,6 @@ import numpy as np
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.geometry import TWO_PI, sin_cos
 from bug_gym.kernels.layout import TERRAIN_HEADINGS, TERRAIN_RINGS, TERRAIN_STEP, Floats, Ranges, Record
-
-# `regions` holds one after another, for each region: its factor, the centre and the radius of a disc that holds it, the
-# number of its edges, and their ends x1, y1, x2, y2. One without edges is that disc.
 
 REGION_HEAD = 5  # numbers before the edges
 

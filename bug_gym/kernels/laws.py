@@ -1,4 +1,7 @@
-"""Bodies that look before each step: the crowd, evaders, and those that follow a record."""
+"""Bodies that look before each step: the crowd, evaders, and those that follow a record.
+
+Under these laws a body takes a velocity at the start of each step and keeps it to its end, so it has no events.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Noise of the scan."""
+"""Noise of a scan: beams that are dropped, ranges that are off.
+
+Every number is a function of a key and an index, so it can be drawn in any order, by any thread, again.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,6 @@ import numpy as np
 
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.layout import Ranges
-
-# Every number is a function of a key and an index, so it can be drawn in any order, by any thread, again.
 
 LN_2 = np.float32(math.log(2.0))
 ROOT_2_BITS = np.int32(0x3F3504F3)  # sqrt(1/2) as the bits of a float32

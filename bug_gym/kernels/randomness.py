@@ -1,4 +1,7 @@
-"""Random numbers without a generator: each is a function of seed, episode, time, stream and index."""
+"""Random numbers without a generator: each is a function of seed, episode, time, stream and index.
+
+splitmix64 of Steele, Lea and Flood (2014): a Weyl sequence and a mixing of 64 bits.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ import numpy as np
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.geometry import TWO_PI
 
-# splitmix64 of Steele, Lea and Flood (2014): a Weyl sequence and a mixing of 64 bits.
 WEYL = np.uint64(0x9E3779B97F4A7C15)
 
 

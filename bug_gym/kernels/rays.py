@@ -1,8 +1,8 @@
 """The scan: the exact range along each beam, obstacle by obstacle.
 
-Far obstacles are dropped; for each near one the interval of beams that can meet
-it is estimated, and every beam of the interval is tested exactly, eight at a time. Estimates only ever widen the
-interval, so that they cost time and never exactness.
+Far obstacles are dropped; for each near one the interval of beams that can meet it is estimated, and every beam of the
+interval is tested exactly, eight at a time. Estimates only ever widen the interval, so that they cost time and never
+exactness.
 """
 
 from __future__ import annotations
