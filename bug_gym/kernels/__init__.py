@@ -5,12 +5,14 @@ int64; `spec` (one record of SPEC) says where each named array begins in them an
 World index first, always; a row never reads another row, so results depend neither on the batch nor on the threads.
 Inside kernels f and k are a row's floats and ints, s is its record, r a robot, b a body, w a wall.
 
-    layout  geometry  randomness           what lies where; plane geometry; numbers without a generator
-    chords  ground  noise  vectors         contact of two things; regions; noise of a scan; LLVM written by hand
-    rays  body  free_way                   the scan; circles that swing; the free way among scan points
-    drive  motion  avoidance  placing      robots, and bodies that do not look; half planes; new worlds of family `field`
-    contact  laws  sensing                 who touches what, when; bodies that look; the observation and the clearance
-    step                                   the sentence: step_rows, begin_rows, restart_robots, read_status
+    layout  geometry  vectors                          what lies where; plane geometry; LLVM written by hand
+    randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
+    drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
+    contact  avoidance                                 who touches what, when; half planes of velocities
+    sensing  laws                                      the observation and the clearance; bodies that look
+    step                                               the sentence: step_rows, begin_rows, restart_robots, read_status
+
+Each line imports from those above it.
 
 No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit.
 """
