@@ -23,6 +23,12 @@ RESULTS = ROOT / "docs" / "results"
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 
 
+@pytest.fixture(autouse=True)
+def beside_the_scripts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A script finds what lies beside it, as when it is run."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+
+
 def script(name: str) -> dict[str, Any]:
     """What a script of docs/ defines."""
     return runpy.run_path(str(ROOT / "docs" / name))
