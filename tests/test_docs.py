@@ -67,6 +67,10 @@ def test_the_page_of_policies_is_what_the_table_of_agents_says() -> None:
     assert text_of(README) == made["readme"](text_of(README))
 
 
+def test_the_readme_stays_a_door() -> None:
+    assert len(text_of(README).splitlines()) <= 150
+
+
 # ------------------------------------------------------------------------------------------------ what is pointed at
 
 
