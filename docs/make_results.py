@@ -1,0 +1,123 @@
+"""Writes the pages of results: `python docs/make_results.py`.
+
+A page for each reproduction, out of docs/results/NAME.json, and an index. What a page asks is the docstring of the
+reproduction's module, what it says stands in docs/result_pages; every number there is looked up in the JSON or, of
+trained models, in the record beside their weights. Claims are checked again; a JSON that says otherwise of itself is an
+error.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from result_pages import Page, Record, bug_family, hd_bug, learning
+from result_pages.words import table
+
+from bug_gym.reproductions import REPRODUCTIONS
+
+RESULTS = Path(__file__).parent / "results"
+
+PAGES: dict[str, Callable[[Record], Page]] = {
+    "oni-wang-table-1": bug_family.oni_wang_table_1,
+    "bug-bounds": bug_family.bounds,
+    "bug-no-way": bug_family.no_way,
+    "barn": bug_family.barn_worlds,
+    "lidar-density": bug_family.lidar_density,
+    "odometry-drift": bug_family.drift,
+    "hd-bug-tables": hd_bug.tables,
+    "hd-bug-dynamic": hd_bug.dynamic,
+    "hd-bug-targets": hd_bug.targets,
+    "hd-bug-traps": hd_bug.traps,
+    "hd-bug-real": hd_bug.real,
+    "hd-bug-ablation": hd_bug.ablation,
+    "learned": learning.learned,
+    "ppo-curve": learning.ppo_curve,
+    "predictors": learning.predictor_errors,
+    "scripted-and-learned": learning.side_by_side,
+}
+"""Name of a reproduction -> what its page says."""
+
+WITH_DATA = ("barn", "hd-bug-real", "predictors", "scripted-and-learned")
+"""Reproductions that were given somebody else's data."""
+
+MADE = "by `python docs/make_results.py`; its sentences stand in docs/result_pages."
+
+
+def command(name: str) -> str:
+    """What runs a reproduction."""
+    return f"bug-gym reproduce {name}{' --data PATH' if name in WITH_DATA else ''} --out docs/results/{name}.json"
+
+
+def asked(name: str) -> tuple[str, str]:
+    """The first sentence of the docstring of a reproduction, and the rest of it."""
+    module = importlib.import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}")
+    first, _, rest = str(module.__doc__).strip().partition("\n\n")
+    return " ".join(first.split()), rest
+
+
+def verdict(holds: bool | None) -> str:
+    """What came of the claims of a reproduction."""
+    return {True: "true", False: "**false**", None: "claims nothing"}[holds]
+
+
+def page(name: str, found: Record) -> str:
+    """The page of a reproduction.
+
+    Raises:
+        ValueError: its claims, checked again, are not what the JSON says of itself.
+    """
+    told = PAGES[name](found)
+    holds = all(true for _, true in told.claims) if told.claims else None
+    if holds != found["holds"]:
+        raise ValueError(f"{name}: the JSON says {found['holds']!r} of its claims, its numbers say {holds!r}")
+    first, rest = asked(name)
+    made = (
+        f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {found['bug_gym']} and "
+        f"Python {found['python']}. This page is made of it {MADE}"
+    )
+    claims = table("Claims", ["claim", "found"], [[claim, verdict(true)] for claim, true in told.claims])
+    parts = [
+        f"# {name}", first, rest, f"```bash\n{command(name)}\n```", made,
+        claims if told.claims else "It claims nothing.",
+        "## What it says", told.reading, "## Numbers", *told.tables,
+    ]  # fmt: skip
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def index(everything: Mapping[str, Record]) -> str:
+    """The list of the pages."""
+    rows = []
+    for name, found in everything.items():
+        claims = PAGES[name](found).claims
+        count = f"{sum(true for _, true in claims)} of {len(claims)} claims true" if claims else "claims nothing"
+        rows.append([f"[{name}]({name}.md)", asked(name)[0], count])
+    return (
+        "# Results\n\nWhat papers report and what this package claims, run again: a page each, with the command, the "
+        "commit, the tables and what was found. A claim that was found false stands as false. `bug-gym list "
+        "reproductions` names them. Somebody else's data (`--data`: the worlds of the BARN benchmark, recorded "
+        "pedestrians, maps of ROS's map_server) is not part of this package.\n\n"
+        f"These pages are made {MADE.replace('its', 'their')}\n\n"
+        + table("Reproductions", ["name", "asks", "found"], rows).split("\n\n", 1)[1]
+        + "\n\nHow fast the package is: [speed](../speed.md). What was tried and not kept: [trials](../trials.md).\n"
+    )
+
+
+def pages() -> dict[str, str]:
+    """Text by file name below docs/results."""
+    everything = {
+        name: json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+        for name in REPRODUCTIONS
+        if (RESULTS / f"{name}.json").exists()
+    }
+    return {"README.md": index(everything), **{f"{name}.md": page(name, found) for name, found in everything.items()}}
+
+
+if __name__ == "__main__":
+    written = pages()
+    for name, text in written.items():
+        (RESULTS / name).write_text(text, encoding="utf-8")
+    sys.stdout.write(f"{len(written)} pages in {RESULTS}\n")

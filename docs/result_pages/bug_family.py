@@ -1,0 +1,218 @@
+"""Pages of the Bug family: a printed table, bounds and guarantees, BARN, beams, noise and drift."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift
+from result_pages import Page, Record
+from result_pages.words import code, listed, number, percent, picture, share, table
+
+
+def oni_wang_table_1(found: Record) -> Page:
+    """Lengths beside the printed and the ideal ones."""
+    cells = found["cells"]
+    kinds = {"printed": "printed", "ideal, square": "sharp", "ideal, rounded": "rounded", "ours": "length"}
+    rows = []
+    for policy, routes in cells.items():
+        for label, key in kinds.items():
+            lengths = [one[key] for one in routes.values()]
+            texts = ["F" if length is None else f"{length:.2f}" for length in lengths]
+            if key == "length":
+                texts = [
+                    text + ("" if one["agrees"] else " !") for text, one in zip(texts, routes.values(), strict=True)
+                ]
+            total = f"{sum(length for length in lengths if length is not None):.2f}"
+            rows.append([f"`{policy}`", label, *texts, total])
+    routes = next(iter(cells.values()))
+    everything = [one for routes in cells.values() for one in routes.values()]
+    agree = sum(one["agrees"] for one in everything)
+    return Page(
+        [table("Distance travelled [m]", ["policy", "", *routes, "total"], rows)],
+        "F: cycles for ever. The total leaves those routes out. Bug1 goes back to its leave point the way it came, as "
+        "printed. An `!` marks a cell of ours that is farther from the rounded ideal than 1.5 % or three steps.\n\n"
+        f"{agree} of {len(everything)} cells agree.",
+        [("every length is within 1.5 % or three steps of the ideal one, and F stands where F is printed",
+          agree == len(everything))],
+    )  # fmt: skip
+
+
+def bounds(found: Record) -> Page:
+    """Guarantees and length bounds."""
+    policies = found["policies"]
+    header = list(next(iter(policies.values())))
+    complete = [policies[name] for name in bug_bounds.COMPLETE]
+    arrived = {name: float(one["success [%]"].split()[0]) for name, one in policies.items()}
+    return Page(
+        [
+            table(
+                f"{found['seeds']} random worlds at a clearance of {found['clearance']:g} m",
+                ["policy", *header],
+                [[f"`{name}`", *one.values()] for name, one in policies.items()],
+            )
+        ],
+        f"{sum(value == 100.0 for value in arrived.values())} of {len(policies)} algorithms arrive in all "
+        f"{found['seeds']} worlds, with {sum(int(one['collisions']) for one in policies.values())} collisions and "
+        f"{len(found['faults'])} broken claims. Bug1 comes to {policies['bug1']['largest share of bound']} of its bound, "
+        f"Bug2 to {policies['bug2']['largest share of bound']}.",
+        [
+            ("the complete algorithms arrive always", all(one["success [%]"].startswith("100.0 ") for one in complete)),
+            *(
+                (f"`{name}` arrives in at least {percent(asked)} % of the worlds", arrived[name] >= 100 * asked)
+                for name, asked in bug_bounds.NEARLY.items()
+            ),
+            ("nobody touches anything", all(one["collisions"] == "0" for one in policies.values())),
+            ("no path is longer than its bound or shorter than the shortest, and distances at hit and leave points fall",
+             not found["faults"]),
+        ],
+    )  # fmt: skip
+
+
+def no_way(found: Record) -> Page:
+    """Verdicts against the configuration space."""
+    policies = found["policies"]
+    header = list(next(iter(policies.values())))
+    rows = [
+        [f"`{name}`", "yes" if name in bug_no_way.PROVEN else "no", *map(str, one.values())]
+        for name, one in policies.items()
+    ]
+    right = [
+        name
+        for name, one in policies.items()
+        if one["reached"] == one["with a way"] and one["unreachable"] == one["without"]
+    ]
+    ended = all(
+        sum(one[end] for end in ("reached", "unreachable", "looping", "stuck")) == one["with a way"] + one["without"]
+        for one in policies.values()
+    )
+    ways = next(iter(policies.values()))
+    return Page(
+        [
+            table(
+                f"{found['seeds']} random worlds at a clearance of {found['clearance']:g} m",
+                ["policy", "complete", *header],
+                rows,
+            )
+        ],
+        f"{ways['with a way']} of the worlds have a way and {ways['without']} have none. "
+        f"{len(right)} algorithms are right in all of them: {code(right)}. The others come to an end everywhere and "
+        f"make {len(found['wrong'])} wrong claims.",
+        [
+            ("the complete algorithms are right both ways", set(bug_no_way.PROVEN) <= set(right)),
+            ("the incomplete ones come to an end, and call no goal unreachable that is not",
+             ended and not found["wrong"]),
+        ],
+    )  # fmt: skip
+
+
+def barn_worlds(found: Record) -> Page:
+    """The BARN benchmark for both robots."""
+    results = found["results"]
+    robots: dict[str, dict[str, Record]] = {}
+    for key, one in results.items():
+        robot, policy = key.split(" ")
+        robots.setdefault(robot, {})[policy] = one
+    rows = [
+        [
+            f"`{policy}`", robot, str(one["worlds"]), share(one), percent(one["in_time"]), str(one["collisions"]),
+            number(one["score"], 4), number(one["time"], 1),
+            ", ".join(f"{world}: {end}" for world, end in one["missed"].items()) or "-",
+        ]
+        for robot, policies in robots.items()
+        for policy, one in policies.items()
+    ]  # fmt: skip
+    header = [
+        *("policy", "robot", "worlds", "reached [%] (95 %)", f"in {barn.SCORED:g} s [%]", "collisions", "score"),
+        *("time of successes [s]", "missed"),
+    ]
+    fewest = {
+        robot: min(round(one["success"] * one["worlds"]) for one in mine.values()) for robot, mine in robots.items()
+    }
+    worlds = next(iter(results.values()))["worlds"]
+    claims = [
+        (f"as the {robot} robot every bug reaches at least {percent(barn.SUCCESS_ASKED[robot])} % of the worlds",
+         all(one["success"] >= barn.SUCCESS_ASKED[robot] for one in mine.values()))
+        for robot, mine in robots.items()
+    ]  # fmt: skip
+    still = all(one["collisions"] == 0 for one in robots["holonomic"].values())
+    return Page(
+        [table("Worlds of the BARN benchmark", header, rows)],
+        f"Of {worlds} worlds every bug reaches at least {fewest['holonomic']} as a holonomic robot, and at least "
+        f"{fewest['jackal']} as the benchmark's, a disc of {barn.ROBOTS['jackal']['radius']} m that drives at up to "
+        f"{barn.ROBOTS['jackal']['max_speed']:g} m/s. A run of over {barn.SCORED:g} s is a failure in the benchmark and "
+        f"scores nothing here; it goes on to its end. For context: {barn.DWA}",
+        [*claims, ("none collides as the holonomic robot", still)],
+    )
+
+
+def sweep_tables(found: Record, titles: Sequence[str]) -> list[str]:
+    """Success and path ratio of each sweep, against its value."""
+    tables = []
+    for title, sweep in zip(titles, found["sweeps"], strict=True):
+        header = ["policy", *(f"{value:g}" for value in sweep["values"])]
+        worlds = next(iter(sweep["policies"].values()))[0]["n"]
+        where = f"{worlds} runs each, in {code(sweep['scenarios'])}"
+        success = [[f"`{name}`", *map(share, row)] for name, row in sweep["policies"].items()]
+        ratio = [[f"`{name}`", *(number(one["path_ratio"]) for one in row)] for name, row in sweep["policies"].items()]
+        tables.append(table(f"{title}: success [%] (95 %) against {sweep['label']}; {where}", header, success))
+        tables.append(table(f"{title}: path over shortest path of the successes", header, ratio))
+    return tables
+
+
+def success_at(sweep: Record, value: float) -> dict[str, float]:
+    """Success of each policy at a value of a sweep."""
+    index = sweep["values"].index(value)
+    return {name: row[index]["success"] for name, row in sweep["policies"].items()}
+
+
+def lidar_density(found: Record) -> Page:
+    """Beams and range noise."""
+    beams, noise = found["sweeps"]
+    fewest, plenty, slight, most = beams["values"][0], 16, 0.02, noise["values"][-1]
+    few, enough = success_at(beams, fewest), success_at(beams, plenty)
+    before, last = success_at(noise, slight), success_at(noise, most)
+    best = max(last, key=lambda name: last[name])
+    return Page(
+        [
+            picture("lidar-density", "Success against the number of beams and against range noise"),
+            *sweep_tables(found, ["LIDAR density", "Range noise"]),
+        ],
+        f"With {fewest} beams the bugs arrive in {percent(min(few.values()))} to {percent(max(few.values()))} % of the runs, "
+        f"with {plenty} in at least {percent(min(enough.values()))} %. Range noise of {slight:g} m leaves all at "
+        f"{percent(min(before.values()))} % or more; at {most:g} m `{best}` is left with "
+        f"{percent(last[best])} %, the others with {percent(min(last.values()))} to "
+        f"{percent(max(value for name, value in last.items() if name != best))} %. The clearance is the default one, "
+        "which knows nothing of the noise.",
+    )
+
+
+def drift(found: Record) -> Page:
+    """Which bugs survive drift."""
+    beacon, computed = found["sweeps"]
+    survives = odometry_drift.SURVIVES
+    most = beacon["values"][-1]
+    dips = []
+    for name, row in beacon["policies"].items():
+        lowest = min(row, key=lambda one: one["success"])
+        if lowest["success"] < survives:
+            value = beacon["values"][row.index(lowest)]
+            dips.append(f"`{name}` falls to {percent(lowest['success'])} % at {value:g}")
+    surviving = [name for name, value in success_at(beacon, most).items() if value >= survives]
+    lines = []
+    for value in computed["values"][1:]:
+        order = sorted(success_at(computed, value).items(), key=lambda item: -item[1])
+        (first, best), (last, worst) = order[0], order[-1]
+        lines.append(f"at {value:g} m/sqrt(m) {percent(worst)} % (`{last}`) to {percent(best)} % (`{first}`)")
+    final = success_at(computed, most).values()
+    return Page(
+        [
+            picture("odometry-drift", "Success against odometry drift"),
+            *sweep_tables(found, [one.title for one in odometry_drift.SWEEPS]),
+        ],
+        f"With a beacon at the goal {len(surviving)} of {len(beacon['policies'])} bugs survive odometry noise of {most:g} "
+        f"m/sqrt(m), which is to say that at least {percent(survives)} % arrive"
+        + (f", though {listed(dips)}" if dips else "")
+        + f". Where the goal itself is computed from odometry "
+        f"{sum(value >= survives for value in final) or 'none'} do. There "
+        f"arrive {listed(lines)}.",
+    )

@@ -1,0 +1,116 @@
+"""The pages say what the code and the results say, and what they point at is there."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import runpy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bug_gym.agents.learning.settings import training_names
+from bug_gym.cli import main
+from bug_gym.reproductions import REPRODUCTIONS
+
+ROOT = Path(__file__).resolve().parents[1]
+README = ROOT / "README.md"
+PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
+NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
+RESULTS = ROOT / "docs" / "results"
+ARCHITECTURE = ROOT / "docs" / "architecture.md"
+
+
+@pytest.fixture(autouse=True)
+def beside_the_scripts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A script finds what lies beside it, as when it is run."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+
+
+def script(name: str) -> dict[str, Any]:
+    """What a script of docs/ defines."""
+    return runpy.run_path(str(ROOT / "docs" / name))
+
+
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+# ------------------------------------------------------------------------------------------------ made by scripts
+
+
+def test_the_pages_of_results_are_what_the_json_says() -> None:
+    """Where not: `python docs/make_results.py`."""
+    pages = script("make_results.py")["pages"]()
+    assert {path.name for path in RESULTS.glob("*.md")} == set(pages)
+    for name, text in pages.items():
+        assert text_of(RESULTS / name) == text, name
+
+
+def test_each_reproduction_has_its_result_and_each_result_its_page() -> None:
+    assert {path.stem for path in RESULTS.glob("*.json")} == set(REPRODUCTIONS)
+    assert set(script("make_results.py")["PAGES"]) == set(REPRODUCTIONS)
+
+
+def test_a_result_that_contradicts_its_own_numbers_makes_no_page() -> None:
+    found = json.loads(text_of(RESULTS / "learned.json"))
+    with pytest.raises(ValueError, match="learned: the JSON says False of its claims, its numbers say True"):
+        script("make_results.py")["page"]("learned", {**found, "holds": False})
+
+
+def test_the_page_of_policies_is_what_the_table_of_agents_says() -> None:
+    """Where not: `python docs/make_policies.py`."""
+    made = script("make_policies.py")
+    assert text_of(ROOT / "docs" / "policies.md") == made["page"]()
+    assert text_of(README) == made["readme"](text_of(README))
+
+
+def test_the_readme_stays_a_door() -> None:
+    assert len(text_of(README).splitlines()) <= 150
+
+
+# ------------------------------------------------------------------------------------------------ what is pointed at
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings."""
+    headings = re.findall(r"^#+ (.+)$", re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_links_and_pictures_lead_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
+        if "://" in link:
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_paths_in_the_page_of_the_architecture_exist() -> None:
+    paths = re.findall(r"`((?:bug_gym|agents|configs|tests|docs)/[\w./-]*)`", text_of(ARCHITECTURE))
+    assert len(paths) > 50
+    assert not [path for path in paths if not (ROOT / path).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_commands_and_modules_that_are_named_exist(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = text_of(page)
+    for command in sorted(set(re.findall(r"\bbug-gym ([a-z]+)\b", "\n".join(code_in(text))))):
+        with pytest.raises(SystemExit) as left:
+            main([command, "--help"])
+        assert left.value.code == 0, command
+    assert set(re.findall(r"bug-gym reproduce ([a-z][\w-]*)", text)) <= set(REPRODUCTIONS)
+    assert set(re.findall(r"bug-gym train ([a-z]\w*)", text)) <= set(training_names())
+    assert all(map(importlib.util.find_spec, re.findall(r"python -m (bug_gym[\w.]*\w)", text)))
+    assert all((ROOT / path).is_file() for path in re.findall(r"python (docs/\w+\.py)", text))
+
+
+def code_in(text: str) -> list[str]:
+    """Code in a page: in blocks and between single marks."""
+    blocks = re.findall(r"```\w*\n(.*?)```", text, re.DOTALL)
+    return blocks + re.findall(r"`([^`]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
