@@ -68,7 +68,8 @@ class Episodes:
             return np.zeros((0, 2), dtype=np.int64)
         self.observation[rows] = self.simulation.step(actions[rows], rows).observation
         ended = np.argwhere(self.going & (self.simulation.world.outcome != kernels.RUNNING))
-        self.going[tuple(ended.T)] = False
+        if len(ended):
+            self.going[tuple(ended.T)] = False
         return ended
 
     def end(self, row: int, robot: int) -> None:

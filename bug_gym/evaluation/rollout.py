@@ -189,7 +189,8 @@ class Rollout:
         robots = self.simulation.robots
         over = [row for row, ended in self._ended.items() if len(ended) == robots]
         worlds = [sorted(self._ended.pop(row), key=lambda ended: ended.robot) for row in over]
-        self._begin(np.array(over, dtype=np.int64))
+        if over:
+            self._begin(np.array(over))
         return worlds
 
     def _begin(self, rows: NDArray[np.int64]) -> None:

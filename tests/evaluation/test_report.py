@@ -209,7 +209,9 @@ def test_writing_no_summaries_is_refused_and_leaves_no_file(tmp_path: Path) -> N
 
 
 def test_the_module_loads_without_rich_and_matplotlib() -> None:
-    code = "import sys, bug_gym.evaluation.report; print([name for name in ('rich', 'matplotlib') if name in sys.modules])"
+    code = (
+        "import sys, bug_gym.evaluation.report; print([name for name in ('rich', 'matplotlib') if name in sys.modules])"
+    )
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
