@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
 
 Rows = NDArray[np.int64]
@@ -57,7 +56,7 @@ class Episodes:
             self._next += len(fresh)
         return fresh
 
-    def step(self, actions: F64) -> NDArray[np.int64]:
+    def step(self, actions: NDArray[np.floating]) -> NDArray[np.int64]:
         """One step in each row that does not rest; returns row and robot (k, 2) of the runs that ended with it.
 
         Args:

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Measure speeds on this machine: environments, new worlds, imports, decisions of policies."""
+    """Run the command."""
     from bug_gym.benchmark import run_benchmark  # loads the compiler
 
     out = options.out and writable(options.out)

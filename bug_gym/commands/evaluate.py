@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Drive policies through the same worlds; tables, and with --out a folder of rows, summary and pictures."""
+    """Run the command."""
     from rich.console import Console
 
     from bug_gym.evaluation import evaluate  # loads the compiler

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Draw every bug on one map: their ways in one picture, and as a film."""
+    """Run the command."""
     from bug_gym.agents import AGENTS  # loads the compiler
     from bug_gym.config import load  # loads pydantic
     from bug_gym.evaluation.entries import PolicyEntry  # loads the compiler

@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Names of scenarios, policies and suites, each with what it is."""
+    """Run the command."""
     for number, what in enumerate([options.what] if options.what else LISTS):
         lines = LISTS[what]()
         width = max(len(name) for name, _ in lines)

@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Draw an episode of a policy, or of several side by side: a film, or one picture of the whole path."""
+    """Run the command."""
     from bug_gym.config import load  # loads pydantic
     from bug_gym.drawing.canvas import Canvas  # loads the compiler
     from bug_gym.drawing.clips import grid, save_gif, save_mp4, save_png, together  # loads the compiler

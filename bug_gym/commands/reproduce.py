@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Run again what a paper reports, and print both side by side."""
+    """Run the command."""
     from rich.console import Console
 
     from bug_gym.evaluation.report import draw_curves, print_text_table  # loads the compiler

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Draw the world of a scenario and a seed, or save it as a scenario of its own."""
+    """Run the command."""
     from bug_gym.drawing.canvas import Canvas  # loads the compiler
     from bug_gym.drawing.clips import save_png  # loads the compiler
     from bug_gym.simulation import Simulation  # loads the compiler

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Train a policy, or go on with a training that was cut off; the folder it writes is a policy for `evaluate`."""
+    """Run the command."""
     try:
         from bug_gym.agents.learning.training import train_seeds  # loads torch
     except ModuleNotFoundError as error:
