@@ -25,7 +25,10 @@ import numpy as np
 from gymnasium.utils.performance import benchmark_step
 
 import bug_gym
-from bug_gym.evaluation import evaluate, progress_bar
+from bug_gym.agents import playable_names
+from bug_gym.drawing.canvas import Canvas
+from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.progress import progress_bar
 from bug_gym.files import machine, replaced_when_done
 from bug_gym.simulation import Simulation
 
@@ -174,7 +177,7 @@ def vector_speed(scenario: dict[str, Any], worlds: int, seconds: float) -> float
 
 def sb3_speed(worlds: int, seconds: float) -> float:
     """Thousand steps a second of SB3's VecEnv."""
-    from bug_gym.agents.sb3 import make_vec_env
+    from bug_gym.agents.sb3 import make_vec_env  # needs the extra `train`
 
     env = make_vec_env(busy_world("circles", 20, 64), worlds, seed=0, observation="flat")
     env.reset()
@@ -257,8 +260,6 @@ def part_time(part: str, scenario: dict[str, Any], worlds: int, seconds: float) 
 
 def frame_time(seconds: float) -> float:
     """Time of a picture [ms]."""
-    from bug_gym.drawing.canvas import Canvas
-
     scenario = busy_world("squares", 500, 180)
     scenario["world"] |= {"bounds": [-20, -20, 20, 20], "sizes": [0.15, 0.35]}
     simulation = Simulation(scenario)
@@ -319,8 +320,6 @@ def compilation_time() -> float:
 
 def decision_tasks() -> Iterator[Task]:
     """Microseconds of a decision of each policy."""
-    from bug_gym.agents import playable_names
-
     for name in playable_names():
         yield Task(f"decision: {name}", "us", partial(decision_time, name))
 

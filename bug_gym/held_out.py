@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.config import Scenario
-from bug_gym.evaluation.intervals import wilson_interval
+from bug_gym.episodes import Episodes
+from bug_gym.intervals import wilson_interval
 from bug_gym.kinematics import discrete_actions
 from bug_gym.policy import Policy
 from bug_gym.simulation import Simulation
@@ -77,26 +78,19 @@ def play(policy: Policy, scenario: Scenario, seeds: Sequence[int], *, slots: int
     count, robots, world = simulation.count, simulation.robots, simulation.world
     shape = (len(seeds), robots)
     played = Played(np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape))
-    episode, next_episode = np.arange(count), count
-    flat = simulation.reset(seeds=seeds[:count])
-    going, starts = np.ones(count, dtype=bool), np.ones((count, robots), dtype=bool)
-    state = None
-    while going.any():
-        actions, state = policy.predict(flat.reshape(count * robots, -1), state, starts.ravel(), deterministic=True)
+    episodes, starts, state = Episodes(simulation, seeds), np.ones((count, robots), dtype=bool), None
+    episodes.begin(simulation.all_rows)
+    while not episodes.are_over:
+        flat = episodes.observation.reshape(count * robots, -1)
+        actions, state = policy.predict(flat, state, starts.ravel(), deterministic=True)
         starts[:] = False
         chosen = table[actions] if actions.dtype.kind in "iu" else actions
-        rows, active = np.flatnonzero(going), world.active
-        flat[rows] = simulation.step(chosen.reshape(count, robots, 2)[rows], rows).observation
-        for row, robot in np.argwhere(active & ~world.active & going[:, None]).tolist():
-            played.outcome[episode[row], robot] = world.outcome[row, robot]
-            played.time[episode[row], robot] = world.time[row]
-            played.path_length[episode[row], robot] = world.array("path_length")[row, robot]
-        ended = rows[~world.active[rows].any(axis=1)]
-        fresh = ended[: len(seeds) - next_episode]
-        going[ended[len(fresh) :]] = False
-        if len(fresh):
-            episode[fresh] = np.arange(next_episode, next_episode + len(fresh))
-            flat[fresh] = simulation.reset(fresh, [seeds[number] for number in episode[fresh]])
-            starts[fresh] = True
-            next_episode += len(fresh)
+        ended = episodes.step(chosen.reshape(count, robots, 2))
+        for row, robot in ended.tolist():
+            episode = episodes.number[row]
+            played.outcome[episode, robot] = world.outcome[row, robot]
+            played.time[episode, robot] = world.time[row]
+            played.path_length[episode, robot] = world.array("path_length")[row, robot]
+        over = np.unique(ended[:, 0])
+        starts[episodes.begin(over[~episodes.going[over].any(axis=1)])] = True
     return played

@@ -12,8 +12,9 @@ from pathlib import Path
 from bug_gym.config import load
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.drawing.clips import Frame, save_gif, save_png
-from bug_gym.evaluation.rollout import Rollout, film
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.pictures import film
+from bug_gym.evaluation.rollout import Rollout
 
 DOCS = Path(__file__).parent
 SIZE = 420  # pixels

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
@@ -12,48 +13,35 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bug_gym"
 
-# Row n is layer n. A module imports from its own layer and from those above it in this table, without a cycle.
+# Row n is layer n; a name is a module of bug_gym or a folder with all that is in it. A module imports from its own layer
+# and from those above it in this table, at the top of the file or in a function, by import or by "module:Class".
 LAYERS = (
-    ("dispatchers", "compiling", "kernels", "kinematics", "config", "recordings", "ros_map"),
-    ("world", "scenarios", "floor_plans", "maps", "shortest_path"),
-    ("observation", "task"),
-    ("simulation", "policy", "collisions"),
-    ("navigation_env", "vector_env", "robots_env", "clips", "pixels", "painting", "rendering", "metrics", "intervals"),
-    ("__init__", "agents", "suites", "rollout", "held_out", "evaluation", "report", "benchmark", "gallery"),
-    ("reproductions",),
-    ("cli", "__main__"),
+    ("dispatchers", "compiling", "kernels", "geometry", "naming", "files"),
+    ("schema", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
+    ("worlds",),
+    ("config",),
+    ("world", "scenarios", "floor_plans", "maps"),
+    ("observation", "task", "view"),
+    ("simulation", "policy"),
+    ("drawing", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
+    ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name
+    ("evaluation",),
+    ("reproductions", "benchmark"),
+    ("commands", "cli", "__main__"),
 )
 LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
-CORE_LAYERS = range(4)  # their runs are functions of (seed, episode, time)
+CORE_LAYERS = range(LAYER["agents"])  # their runs are functions of (seed, episode, time)
 
-COMPILED = {
-    "dispatchers",
-    "compiling",
-    "kernels",
-}  # numba's cache misses a change in a compiled callee of another file, so there is one file
-COMPOSED = {"agents.rev1", "agents.rev2"}  # their paper defines them as a change of another algorithm
-# `evaluate` takes policies by name
-KNOWS_AGENTS = {
-    "suites",
-    "evaluation",
-    "benchmark",
-    "reproductions.bug_bounds",
-    "reproductions.bug_no_way",
-    "cli",
-    "reproductions.learned",
-    "reproductions.ppo_curve",
-    "reproductions.predictors",
-    "reproductions.scripted_and_learned",
+NUMBA = {"compiling", "dispatchers", "kernels.vectors"}  # how kernels are compiled, and the LLVM code that is written by hand
+COMPILED = {"kernel", "called", "inlined"}
+"""Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
+COMPOSED = {"agents.bugs.rev1", "agents.bugs.rev2"}  # their paper defines them as a change of another algorithm
+LEARNING = ("agents.sb3", "agents.learning", "agents.prediction.training")
+"""The only modules and folders that know torch and stable-baselines3."""
+PLAYING = {"agents.learning"} | {
+    f"agents.learning.{name}" for name in ("folder", "history", "play", "robot_model", "settings")
 }
-# the only files that know torch and stable-baselines3
-LEARNING = {
-    "agents.sb3",
-    "agents.vec_envs",
-    "agents.networks",
-    "agents.models",
-    "agents.training",
-    "agents.prediction_training",
-}
+"""What plays a learned policy, without torch."""
 
 TORCH = {"torch", "stable_baselines3", "sb3_contrib"}
 DRAWING = {"PIL", "cv2", "matplotlib", "moviepy", "pygame"}
@@ -72,23 +60,39 @@ class Import(NamedTuple):
 
 
 def source_files() -> dict[str, Path]:
-    """Module name below bug_gym (`world`, `agents`, `agents.bug0`) -> its file."""
-    paths = [path for folder in (".", "agents", "reproductions") for path in (PACKAGE / folder).glob("*.py")]
-    names = (".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__") for path in paths)
-    return dict(zip(names, paths, strict=True))
+    """Module name below bug_gym (`world`, `agents`, `agents.bugs.bug0`) -> its file."""
+    paths = {*PACKAGE.rglob("*.py"), *(PACKAGE / "agents").rglob("*.py")}  # agents is a link
+    return {".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): path for path in paths}
 
 
 FILES = source_files()
-CORE = sorted(name for name in FILES if not name.startswith("agents"))
-AGENTS = sorted(name for name in FILES if name.startswith("agents"))
+MODULES = sorted(FILES)
+AGENTS = [name for name in MODULES if name.split(".")[0] == "agents"]
+CORE = [name for name in MODULES if name not in AGENTS]
 
 
 def layer_of(module: str) -> int:
     """The layer of a module; a ValueError where the table lacks it."""
     name = module.split(".")[0]
     if name not in LAYER:
-        raise ValueError(f"bug_gym/{name}.py has no layer: add it to LAYERS in tests/test_layers.py")
+        raise ValueError(f"bug_gym/{name} has no layer: add it to LAYERS in tests/test_layers.py")
     return LAYER[name]
+
+
+def is_learning(module: str) -> bool:
+    """Whether a module may know torch."""
+    return module not in PLAYING and any(f"{module}.".startswith(f"{name}.") for name in LEARNING)
+
+
+@cache
+def source_of(module: str) -> str:
+    """The text of one of our modules."""
+    return FILES[module].read_text(encoding="utf-8")
+
+
+def package_of(module: str) -> str:
+    """The dotted name of the folder that a module of ours lies in."""
+    return ".".join(("bug_gym", *FILES[module].relative_to(PACKAGE).parent.parts))
 
 
 def imports_of(source: str, package: str = "bug_gym") -> Iterator[Import]:
@@ -111,10 +115,10 @@ def _imports_below(node: ast.AST, package: str, *, is_lazy: bool, is_for_types: 
         yield from _imports_below(child, package, is_lazy=is_lazy, is_for_types=is_for_types)
 
 
+@cache
 def imports_in(module: str) -> list[Import]:
     """The imports of one of our modules."""
-    package = ".".join(FILES[module].relative_to(ROOT).parent.parts)
-    return list(imports_of(FILES[module].read_text(encoding="utf-8"), package))
+    return list(imports_of(source_of(module), package_of(module)))
 
 
 def project_module(name: str) -> str | None:
@@ -128,15 +132,44 @@ def project_module(name: str) -> str | None:
     return "__init__"
 
 
+def named_modules(source: str, package: str) -> set[str]:
+    """The modules of ours that strings name: as "module:Class", below `package` or in full, or alone in full.
+
+    In a table of modules (the source of a folder's __init__.py) a name of the folder's is enough.
+    """
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            match = re.fullmatch(r"\.?([A-Za-z_][\w.]*)(:\w+)?", node.value)
+            name = match[1] if match else ""
+            full = name if name.startswith("bug_gym.") else f"{package}.{name}"
+            if match and full.removeprefix("bug_gym.") in FILES:
+                found.add(full.removeprefix("bug_gym."))
+    return found
+
+
+@cache
+def modules_named_in(module: str) -> set[str]:
+    """The modules that a module of ours names in strings: what it imports by name, now or later."""
+    is_table = FILES[module].name == "__init__.py"
+    return named_modules(source_of(module), package_of(module) if is_table else "(in full only)") - {module}
+
+
+def modules_imported_by(module: str, *, early: bool = False) -> set[str]:
+    """The modules of ours that a module imports; but for bug_gym itself, which every one of them imports.
+
+    Args:
+        module: which one.
+        early: whether to leave out those imported in functions or for types only.
+    """
+    items = [item for item in imports_in(module) if not (early and (item.is_lazy or item.is_for_types))]
+    return {target for item in items if (target := project_module(item.name))} - {module, "__init__"}
+
+
+@cache
 def algorithms() -> set[str]:
     """The modules that the table in agents/__init__.py names as "module:Class"."""
-    found = set()
-    for node in ast.walk(ast.parse(FILES["agents"].read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            match = re.fullmatch(r"(?:bug_gym\.agents)?\.?(\w+):\w+", node.value)
-            if match and f"agents.{match[1]}" in FILES:
-                found.add(f"agents.{match[1]}")
-    return found
+    return modules_named_in("agents")
 
 
 def global_generators(source: str) -> list[str]:
@@ -149,6 +182,62 @@ def global_generators(source: str) -> list[str]:
     return [name for name in used if name.split(".")[-1] not in OWN_GENERATORS]
 
 
+def foreign_names(source: str, package: str) -> list[str]:
+    """What compiled functions use that is neither of their folder nor of the kernels, nor of math or numpy."""
+    tree = ast.parse(source)
+    imported: dict[str, str] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            start = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+            imported |= {alias.asname or alias.name.split(".")[0]: f"{start}{alias.name}" for alias in node.names}
+    used = {
+        name: imported[name]
+        for function in compiled_functions(tree)
+        for name in names_in(function.body)
+        if name in imported
+    }
+    near = (f"{package}.", "bug_gym.kernels.", "math.", "numpy.")
+    return sorted(f"{name} of {origin}" for name, origin in used.items() if not f"{origin}.".startswith(near))
+
+
+def compiled_functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
+    """The functions of a module that numba compiles."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            words = {word for decorator in node.decorator_list for word in re.findall(r"\w+", ast.unparse(decorator))}
+            if words & COMPILED:
+                yield node
+
+
+def names_in(statements: list[ast.stmt]) -> Iterator[str]:
+    """The names that some statements read, but for those of annotations."""
+    for statement in statements:
+        annotations = {
+            id(part)
+            for node in ast.walk(statement)
+            if isinstance(node, ast.AnnAssign)
+            for part in ast.walk(node.annotation)
+        }
+        for node in ast.walk(statement):
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and id(node) not in annotations:
+                yield node.id
+
+
+def functions_in(source: str) -> Iterator[tuple[str, str]]:
+    """Name and text of the functions of a module, the text without docstring and comments."""
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.FunctionDef):
+            body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+            yield node.name, "\n".join([ast.unparse(node.args), *map(ast.unparse, body)])
+
+
+def uncommented_lazy_imports(source: str, package: str = "bug_gym") -> list[str]:
+    """Imports of our own in functions without a comment on the line that says why."""
+    lines = source.splitlines()
+    lazy = [item for item in imports_of(source, package) if item.is_lazy and project_module(item.name)]
+    return sorted({f"line {item.line}: {item.name}" for item in lazy if " # " not in lines[item.line - 1]})
+
+
 @pytest.mark.parametrize("module", CORE)
 def test_every_core_module_has_a_layer(module: str) -> None:
     assert layer_of(module) in range(len(LAYERS))
@@ -159,71 +248,107 @@ def test_a_module_without_a_layer_is_told_where_to_add_it() -> None:
         layer_of("no_such_module")
 
 
-@pytest.mark.parametrize("module", CORE + AGENTS)
+@pytest.mark.parametrize("module", MODULES)
 def test_imports_go_down_the_layers(module: str) -> None:
     upward = [
         f"line {item.line}: {item.name}"
         for item in imports_in(module)
-        if (target := project_module(item.name)) and layer_of(target) > layer_of(module)
+        if (target := project_module(item.name)) not in (None, "__init__") and layer_of(target) > layer_of(module)
     ]
+    upward += [name for name in modules_named_in(module) if layer_of(name) > layer_of(module)]
     assert not upward
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    graph = {
-        module: {target for item in imports_in(module) if (target := project_module(item.name)) and target != module}
-        for module in FILES
-    }
+    TopologicalSorter({module: modules_imported_by(module) for module in FILES}).prepare()
+
+
+def test_no_modules_import_or_name_each_other_in_a_circle() -> None:
+    graph = {module: modules_imported_by(module) | modules_named_in(module) for module in FILES}
     TopologicalSorter(graph).prepare()
 
 
-@pytest.mark.parametrize("module", CORE)
-def test_only_what_looks_policies_up_by_name_knows_agents_and_imports_them_when_called(module: str) -> None:
-    agents = [item for item in imports_in(module) if (project_module(item.name) or "").startswith("agents")]
-    assert all(module in KNOWS_AGENTS and item.is_lazy for item in agents), agents
+@pytest.mark.parametrize("module", [module for module in CORE if LAYER.get(module.split(".")[0]) in CORE_LAYERS])
+def test_nothing_below_the_agents_knows_them(module: str) -> None:
+    known = modules_imported_by(module) | modules_named_in(module)
+    assert not [name for name in known if name.split(".")[0] == "agents"]
 
 
-@pytest.mark.parametrize("module", AGENTS)
-def test_agents_import_one_another_relatively(module: str) -> None:
-    absolute = [item.name for item in imports_in(module) if not item.is_relative]
-    assert not [name for name in absolute if re.match(r"(bug_gym\.)?agents\b", name)]
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_are_absolute(module: str) -> None:
+    assert not [item.name for item in imports_in(module) if item.is_relative]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_an_import_of_our_own_in_a_function_says_why(module: str) -> None:
+    assert not uncommented_lazy_imports(source_of(module), package_of(module))
 
 
 @pytest.mark.parametrize("module", AGENTS)
 def test_no_agent_imports_an_algorithm(module: str) -> None:
-    imported = {project_module(item.name) for item in imports_in(module)}
-    assert module in COMPOSED or not imported & algorithms()
+    assert module in COMPOSED or not modules_imported_by(module) & algorithms()
 
 
 def test_the_table_of_agents_names_algorithms_and_not_toolboxes() -> None:
-    assert algorithms() >= {"agents.bug0", "agents.bug2", "agents.go_to_goal"}
-    assert "agents.boundary_following" not in algorithms()
+    assert algorithms() >= {"agents.bugs.bug0", "agents.bugs.bug2", "agents.floors.go_to_goal"}
+    assert not [name for name in algorithms() if name.split(".")[1] in ("walls", "scan", "mapping", "tracking")]
 
 
-@pytest.mark.parametrize("module", CORE + AGENTS)
+def test_every_bug_is_in_the_table_of_agents() -> None:
+    assert {name for name in AGENTS if name.startswith("agents.bugs.")} <= algorithms()
+
+
+def test_modules_that_tables_name_are_seen() -> None:
+    assert modules_named_in("commands") == {name for name in MODULES if name.startswith("commands.")} - {
+        "commands.arguments"
+    }
+    assert modules_named_in("reproductions") >= {"reproductions.barn", "reproductions.learned"}
+    assert modules_named_in("agents.prediction") == {"agents.prediction.plain", "agents.prediction.learned"}
+    assert modules_named_in("__init__") >= {"agents.prediction.env", "navigation_env"}
+
+
+@pytest.mark.parametrize("module", MODULES)
 def test_compiled_code_stays_in_the_kernels(module: str) -> None:
     uses_numba = any(item.name.split(".")[0] == "numba" for item in imports_in(module))
-    assert module in COMPILED or not uses_numba
+    assert module in NUMBA or not uses_numba
 
 
-@pytest.mark.parametrize("module", CORE + AGENTS)
+@pytest.mark.parametrize("module", MODULES)
+def test_compiled_code_calls_its_own_folder_and_the_kernels_only(module: str) -> None:
+    assert not foreign_names(source_of(module), package_of(module))
+
+
+def test_no_two_modules_define_the_same_function() -> None:
+    where: dict[tuple[str, str], list[str]] = {}
+    for module in MODULES:
+        for function in functions_in(source_of(module)):
+            where.setdefault(function, []).append(module)
+    assert not {name: modules for (name, _), modules in where.items() if len(modules) > 1}
+
+
+@pytest.mark.parametrize("module", MODULES)
 def test_extras_are_imported_where_they_are_needed(module: str) -> None:
     early = {item.name.split(".")[0] for item in imports_in(module) if not item.is_lazy and not item.is_for_types}
-    assert not early & (EXTRAS - TORCH - {"safetensors"} if module in LEARNING else EXTRAS)
+    assert not early & (EXTRAS - TORCH - {"safetensors"} if is_learning(module) else EXTRAS)
 
 
-@pytest.mark.parametrize("module", CORE + AGENTS)
+@pytest.mark.parametrize("module", MODULES)
 def test_only_the_learning_files_know_torch(module: str) -> None:
     imported = {item.name.split(".")[0] for item in imports_in(module)}
-    assert module in LEARNING or not imported & TORCH
+    assert is_learning(module) or not imported & TORCH
 
 
-@pytest.mark.parametrize("module", CORE + AGENTS)
+@pytest.mark.parametrize("module", [module for module in MODULES if not is_learning(module)])
+def test_what_does_not_learn_is_imported_without_the_learning_files(module: str) -> None:
+    assert not [name for name in modules_imported_by(module, early=True) if is_learning(name)]
+
+
+@pytest.mark.parametrize("module", MODULES)
 def test_no_module_draws_from_a_global_generator(module: str) -> None:
-    assert not global_generators(FILES[module].read_text(encoding="utf-8"))
+    assert not global_generators(source_of(module))
 
 
-@pytest.mark.parametrize("module", [module for module in CORE if LAYER.get(module) in CORE_LAYERS])
+@pytest.mark.parametrize("module", [module for module in CORE if LAYER.get(module.split(".")[0]) in CORE_LAYERS])
 def test_the_core_reads_no_clock(module: str) -> None:
     assert not [item for item in imports_in(module) if item.name.split(".")[0] in {"time", "datetime"}]
 
@@ -261,3 +386,42 @@ def test_global_generators_are_seen(source: str) -> None:
 def test_generators_of_ones_own_are_let_through() -> None:
     source = "from numpy.random import Generator\nrng: np.random.Generator = np.random.default_rng(np.random.PCG64(7))"
     assert not global_generators(source)
+
+
+@pytest.mark.parametrize(
+    ("source", "names"),
+    [
+        ('TABLE = {"bug0": Agent("bugs.bug0:Bug0", "bug")}', {"agents.bugs.bug0"}),
+        ('NAMES = ["bug_gym.world", "bug_gym.agents.bugs.bug2:Bug2"]', {"world", "agents.bugs.bug2"}),
+        ('PLACE = "bugs.no_such_bug:Bug"\nTEXT = "world: of bugs"', set()),
+    ],
+)
+def test_modules_in_strings_are_seen(source: str, names: set[str]) -> None:
+    assert named_modules(source, "bug_gym.agents") == names
+
+
+def test_what_compiled_code_takes_from_elsewhere_is_seen() -> None:
+    source = """
+import math
+from bug_gym.agents.scan.joined import join
+from bug_gym.geometry import F64, wrap
+from bug_gym.kernels.rays import cast
+from bug_gym.agents.mapping.cells import find
+
+@inlined
+def near(x: F64) -> float:
+    y: F64 = cast(x) + math.pi
+    return find(y) + wrap(join(y))
+
+def plain(x):
+    return wrap(x)
+"""
+    found = foreign_names(source, "bug_gym.agents.mapping")
+    assert found == ["join of bug_gym.agents.scan.joined.join", "wrap of bug_gym.geometry.wrap"]
+
+
+def test_lazy_imports_of_our_own_need_a_comment() -> None:
+    source = (
+        "def f():\n    from bug_gym.world import World\n    import bug_gym.task  # needs an extra\n    import json\n"
+    )
+    assert uncommented_lazy_imports(source) == ["line 2: bug_gym.world.World"]

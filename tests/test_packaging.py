@@ -40,7 +40,7 @@ def wheel(built: Path) -> zipfile.ZipFile:
 
 def shipped_files() -> set[str]:
     """The files of the checkout that belong into a wheel."""
-    own = [*(ROOT / "bug_gym").glob("*.py"), *(ROOT / "bug_gym" / "reproductions").glob("*.py")]
+    own = (ROOT / "bug_gym").rglob("*.py")  # agents and configs are links, which it leaves out
     files = {path.relative_to(ROOT).as_posix() for path in own} | {"bug_gym/py.typed"}
     linked = [*ROOT.glob("agents/**/*.py"), *ROOT.glob("configs/**/*.yaml"), *ROOT.glob("agents/trained/**/*.*")]
     return files | {f"bug_gym/{path.relative_to(ROOT).as_posix()}" for path in linked}

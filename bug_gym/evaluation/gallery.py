@@ -9,8 +9,9 @@ from pathlib import Path
 from bug_gym.config import Scenario
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.drawing.clips import grid, save_gif, save_png, together
-from bug_gym.evaluation.rollout import Rollout, film, portrait
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.pictures import film, portrait
+from bug_gym.evaluation.rollout import Rollout
 
 FRAMES = 36
 """Most frames of the film; a longer episode is shown faster."""

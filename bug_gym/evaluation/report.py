@@ -15,8 +15,8 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from bug_gym.evaluation.intervals import OVERALL, PairedDifference, Summary
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import OVERALL, PairedDifference, Summary
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -123,7 +123,7 @@ def _without(cells: Sequence[str], number: int) -> list[str]:
 
 
 def print_differences(differences: Sequence[PairedDifference], console: "Console") -> None:
-    """Print a table of the differences to the baseline, see `intervals.compare`; nothing where there are none."""
+    """Print a table of the differences to the baseline, see `summary.compare`; nothing where there are none."""
     for title, header, lines in _difference_tables(
         differences, [measure for measure in _MEASURES if measure.on_screen]
     ):

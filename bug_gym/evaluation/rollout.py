@@ -12,14 +12,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym import kernels, kinematics
-from bug_gym.drawing.canvas import Canvas
-from bug_gym.drawing.clips import Frame
+from bug_gym import kinematics
+from bug_gym.episodes import Episodes
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.lengths import Lengths
 from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_and_turning
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
 from bug_gym.geometry import F32
 from bug_gym.observation import Field as ObservationField
-from bug_gym.observation import as_dict, width
+from bug_gym.observation import as_dict
 from bug_gym.policy import Drawing, Policy
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
@@ -27,11 +27,6 @@ from bug_gym.view import Sensors
 
 SLOTS = 16
 """Worlds that one simulation drives side by side."""
-
-World = tuple[str, int]
-"""Label of a scenario and seed."""
-Lengths = dict[World, list[float]]
-"""Shortest paths [m] of the robots of each world."""
 
 
 def is_privileged(policy: Policy) -> bool:
@@ -145,19 +140,16 @@ class Rollout:
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
-        self._seeds = iter(seeds)
-        self._observation: F32 = np.zeros((count * robots, width(self.simulation.fields)), dtype=np.float32)
+        self._episodes = Episodes(self.simulation, seeds)
         self._actions = np.tile(self._standing, (count * robots, 1))
-        self._going = np.zeros(count * robots, dtype=bool)
         self._traces: dict[int, _Trace] = {}
         self._ended: dict[int, list[EpisodeRow]] = {}
-        for row in range(count):
-            self._begin(row)
+        self._begin(self.simulation.all_rows)
 
     @property
     def is_over(self) -> bool:
         """Whether all seeds have been driven."""
-        return not self._going.any()
+        return self._episodes.are_over
 
     def memory(self, robot: int = 0) -> Any:
         """The policy's memory of a robot, None where its state has another form."""
@@ -181,8 +173,9 @@ class Rollout:
 
     def advance(self) -> list[list[EpisodeRow]]:
         """One decision and one step in each world; the rows of the worlds that ended with it."""
-        deciding = np.flatnonzero(self._going)
-        actions, seconds = self._driver.decide(self._observation, deciding)
+        deciding = np.flatnonzero(self._episodes.going)
+        observation = self._episodes.observation.reshape(len(self._actions), -1)
+        actions, seconds = self._driver.decide(observation, deciding)
         is_number = actions.dtype.kind in "iu"
         self._actions[deciding] = self._discrete_actions[actions] if is_number else actions
         for robot, duration in zip(deciding.tolist(), seconds, strict=True):
@@ -190,30 +183,27 @@ class Rollout:
             verdict = getattr(self._driver.memory(robot), "verdict", "")
             if verdict:
                 self._actions[robot] = self._standing
+                self._episodes.end(*divmod(robot, self.simulation.robots))
                 self._end(robot, "gave_up", verdict)
         self._step()
         robots = self.simulation.robots
         over = [row for row, ended in self._ended.items() if len(ended) == robots]
         worlds = [sorted(self._ended.pop(row), key=lambda ended: ended.robot) for row in over]
-        for row in over:
-            self._begin(row)
+        if over:
+            self._begin(np.array(over))
         return worlds
 
-    def _begin(self, row: int) -> None:
-        """Start the next seed in a row; without one it stays as it is."""
-        seed = next(self._seeds, None)
-        if seed is None:
-            return
+    def _begin(self, rows: NDArray[np.int64]) -> None:
+        """Start the next seeds in some rows; those without one stay as they are."""
         robots = self.simulation.robots
-        first, end = row * robots, (row + 1) * robots
-        self._observation[first:end] = self.simulation.reset(np.array([row]), [seed])[0]
-        self._going[first:end] = True
-        self._actions[first:end] = self._standing
-        self._ended[row] = []
-        for robot in range(first, end):
-            self._driver.begin(robot)
-            self._traces[robot] = _Trace([], [], [])
-        self._record(range(first, end))
+        for row in self._episodes.begin(rows).tolist():
+            first, end = row * robots, (row + 1) * robots
+            self._actions[first:end] = self._standing
+            self._ended[row] = []
+            for robot in range(first, end):
+                self._driver.begin(robot)
+                self._traces[robot] = _Trace([], [], [])
+            self._record(range(first, end))
 
     def _record(self, robots: Iterable[int]) -> None:
         places = self.simulation.world.pose[:, :, :2].reshape(-1, 2).tolist()
@@ -226,22 +216,15 @@ class Rollout:
 
     def _step(self) -> None:
         count, robots = self.simulation.count, self.simulation.robots
-        rows = np.flatnonzero(self._going.reshape(count, robots).any(axis=1))
-        if len(rows) == 0:
-            return
-        transition = self.simulation.step(self._actions.reshape(count, robots, 2)[rows], rows)
-        self._observation.reshape(count, robots, -1)[rows] = transition.observation
-        going = np.flatnonzero(self._going)
-        self._record(going.tolist())
-        outcomes = self.simulation.world.outcome.ravel()[going]
-        for robot, outcome in zip(going.tolist(), outcomes.tolist(), strict=True):
-            if outcome != kernels.RUNNING:
-                self._end(robot, OUTCOMES[outcome], "")
+        going = np.flatnonzero(self._episodes.going).tolist()
+        ended = self._episodes.step(self._actions.reshape(count, robots, 2))
+        self._record(going)
+        for row, number in ended.tolist():
+            self._end(row * robots + number, OUTCOMES[self.simulation.world.outcome[row, number]], "")
 
     def _end(self, robot: int, outcome: str, verdict: str) -> None:
         """Keep the row of a robot whose episode has ended; its world may go on for others."""
         row, number = divmod(robot, self.simulation.robots)
-        self._going[robot] = False
         trace, world = self._traces[robot], self.simulation.world
         info = {name: values[0, number] for name, values in self.simulation.info(np.array([row])).items()}
         seed, time, taken = int(world.seed[row]), float(info["time"]), float(info["path_length"])
@@ -283,48 +266,3 @@ class Rollout:
         times = settings.time.step * np.arange(len(trace.goals))
         speed, radius = settings.robot.max_speed, settings.goal.radius
         return earliest_intercept(trace.points[0], trace.goals, times, speed, capture_radius=radius) / time
-
-
-def shortest_lengths(scenario: ScenarioEntry, seed: int) -> list[float]:
-    """Shortest paths [m] of the robots of one world; NaN where a robot does not fit at its start or goal."""
-    simulation = Simulation(scenario.scenario)
-    simulation.reset(seeds=[seed])
-    lengths = []
-    for robot in range(simulation.robots):
-        try:
-            lengths.append(simulation.shortest_path(robot=robot).length)
-        except ValueError:  # the goal may be nearer to a wall than the body: it is reached from beside it
-            lengths.append(math.nan)
-    return lengths
-
-
-def portrait(rollout: Rollout, canvas: Canvas) -> Frame:
-    """Drive the rollout's first world to its end, and draw the whole path."""
-    canvas.record()
-    while not rollout.is_over:
-        rollout.advance()
-        canvas.record()
-    return canvas.draw(rollout.drawings(), scan=False, note=rollout.verdict())
-
-
-def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True) -> Iterator[Frame]:
-    """Drive the rollout's first world to its end; a frame of the start, of every so many steps, and of the end.
-
-    Args:
-        rollout: what to film.
-        canvas: where to draw it.
-        every: steps between two frames.
-        scan: whether to draw the beams, too.
-
-    Raises:
-        ValueError: `every` below 1.
-    """
-    if every < 1:
-        raise ValueError(f"every must be at least 1, got {every}")
-    yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())
-    while not rollout.is_over:
-        for _ in range(every):
-            if not rollout.is_over:
-                rollout.advance()
-                canvas.record()
-        yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())

@@ -1,7 +1,7 @@
 """What an evaluation measures: one row an episode, and the quantities in it.
 
 Success weighted by path length (SPL) is that of Anderson et al. 2018, "On Evaluation of Embodied Navigation Agents";
-paths are simplified by the rule of Douglas and Peucker 1973. What many rows say together is the matter of `intervals`.
+paths are simplified by the rule of Douglas and Peucker 1973. What many rows say together is the matter of `summary`.
 """
 
 from collections.abc import Mapping
@@ -10,12 +10,12 @@ from math import inf, isfinite, isinf, isnan, nan, radians
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from bug_gym.geometry import F64
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
-
-FloatArray = NDArray[np.float64]
 
 OUTCOMES = ("success", "collision", "timeout", "gave_up")
 _MAY_BE_NAN = {"shortest_path_length", "spl", "time_ratio"}
@@ -164,7 +164,7 @@ def earliest_intercept(
     return float(clock[met[0]] + min(waits[met[0]], duration[met[0]])) if met.size else inf
 
 
-def _smaller_root(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+def _smaller_root(a: F64, b: F64, c: F64) -> F64:
     """Smaller positive root of a s^2 + 2 b s + c for c > 0, inf if none; the form holds for a of either sign and for 0.
 
     Samples after the first meeting may have c <= 0; what comes out for them is not looked at.
@@ -193,7 +193,7 @@ def turns_and_turning(path: ArrayLike, tolerance: float = _TURN_TOLERANCE) -> tu
     return int((changes > _TURN_ANGLE).sum()), float(changes.sum())
 
 
-def _simplify(points: FloatArray, tolerance: float) -> FloatArray:
+def _simplify(points: F64, tolerance: float) -> F64:
     """Vertices of a path that keep it within tolerance: a span is cut at its farthest point while that is too far."""
     keep = np.zeros(len(points), dtype=bool)
     keep[[0, -1]] = True
@@ -210,7 +210,7 @@ def _simplify(points: FloatArray, tolerance: float) -> FloatArray:
     return points[keep]
 
 
-def _distances_to_segment(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+def _distances_to_segment(points: F64, start: F64, end: F64) -> F64:
     """Distance of points (K, 2) to a segment, not to its line: a path that comes back must not vanish."""
     along = end - start
     squared = float(along @ along)

@@ -1,26 +1,17 @@
-"""What to evaluate as data: suites, policies and scenarios with their seeds, and the plan that they make together."""
+"""Suites as data: scenarios, seeds and policies that are always evaluated together (configs/suites/*.yaml)."""
 
 from __future__ import annotations
 
-import hashlib
-import itertools
-import json
 import os
-import platform
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from importlib.metadata import version
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
-import bug_gym
 from bug_gym.config import AtLeastOne, Count, Part, Scenario, ScenarioError, dump, explain, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
-from bug_gym.policy import Policy
-from bug_gym.simulation import Simulation
 
 SUITE_FOLDER = Path(__file__).parents[1] / "configs" / "suites"
 EPISODES = 50
@@ -153,112 +144,6 @@ def checked(model: type[P], data: object, label: str) -> P:
         return model.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
-
-
-@dataclass(frozen=True)
-class PolicyEntry:
-    """A policy to evaluate: a name of the table with parameters, or an object that has `predict`."""
-
-    label: str
-    """What tables call it."""
-    name: str
-    """Name that `make_policy` takes, or the class of the object."""
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    """The algorithm's own parameters."""
-    policy: Policy | None = None
-    """The object, where there is one."""
-
-    @classmethod
-    def of(cls, source: Any) -> PolicyEntry:
-        """An entry from a name, (label, name, parameters), a dict with those keys, or an object with or without label.
-
-        Raises:
-            ValueError: nothing of the kind.
-        """
-        if isinstance(source, cls):
-            return source
-        if isinstance(source, SuitePolicy):
-            return cls(source.label or source.name, source.name, source.parameters)
-        if isinstance(source, (str, Mapping)):
-            return cls.of(checked(SuitePolicy, source, "policy"))
-        if isinstance(source, tuple) and len(source) in (2, 3) and isinstance(source[1], str):
-            return cls.of(dict(zip(("label", "name", "parameters"), source, strict=False)))
-        label, policy = source if isinstance(source, tuple) and len(source) == 2 else (type(source).__name__, source)
-        if not callable(getattr(policy, "predict", None)):
-            expected = "a name, (label, name, parameters), a dict with those keys, or an object with predict"
-            raise ValueError(f"got {source!r} as a policy, expected {expected}")
-        return cls(label, type(policy).__qualname__, policy=policy)
-
-    def make(self, simulation: Simulation) -> Policy:
-        """The policy for the robots of a simulation."""
-        if self.policy is not None:
-            return self.policy
-        from bug_gym.agents import make_policy
-
-        return make_policy(self.name, simulation, **self.parameters)
-
-
-@dataclass(frozen=True)
-class ScenarioEntry:
-    """A scenario to evaluate in, and the seeds of its worlds."""
-
-    label: str
-    """What tables call it."""
-    scenario: Scenario
-    seeds: range
-
-    @property
-    def has_moving_target(self) -> bool:
-        """Whether the goal moves, so that no path is the shortest one."""
-        world = self.scenario.world
-        return getattr(world, "target", None) is not None or getattr(world, "target_motion", None) is not None
-
-
-@dataclass(frozen=True)
-class Plan:
-    """All that an evaluation is about."""
-
-    suite: str
-    """Name and version of the suite, "" where there is none."""
-    policies: tuple[PolicyEntry, ...]
-    scenarios: tuple[ScenarioEntry, ...]
-    left_out: frozenset[tuple[str, str]] = frozenset()
-    """Labels of policies and of scenarios that they do not fit: a learned policy drives the robot it was made for."""
-
-    def pairs(self) -> Iterator[tuple[ScenarioEntry, PolicyEntry]]:
-        """Each scenario with each policy that fits it."""
-        for scenario, policy in itertools.product(self.scenarios, self.policies):
-            if (policy.label, scenario.label) not in self.left_out:
-                yield scenario, policy
-
-    def manifest(self) -> dict[str, Any]:
-        """The plan as data: runs with the same one make the same rows, but for the times of decisions.
-
-        Raises:
-            ValueError: a policy has parameters that JSON cannot hold.
-        """
-        scenarios = {
-            entry.label: {
-                "scenario": dump(entry.scenario),
-                "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
-                "digest": _digest(entry.scenario),
-            }
-            for entry in self.scenarios
-        }
-        policies = {entry.label: {"name": entry.name, "parameters": dict(entry.parameters)} for entry in self.policies}
-        versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
-        versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
-        manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions}
-        try:
-            return dict(json.loads(json.dumps(manifest, allow_nan=False)))  # as it will be read back
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"a policy's parameters must be plain data that JSON can hold: {error}") from None
-
-
-def _digest(scenario: Scenario) -> str:
-    """Of the whole scenario, defaults too: they may change from one version to the next."""
-    text = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def as_suite(source: Any) -> tuple[Suite, str]:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.config import Scenario, load
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
 from bug_gym.kinematics import Drive, steering
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import shapely
+from joblib import Parallel, delayed
 
+from bug_gym.agents import make_policy
 from bug_gym.config import load
-from bug_gym.evaluation import progress_bar
-from bug_gym.evaluation.intervals import wilson_interval
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
+from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.world import Layout
 
@@ -163,10 +165,6 @@ def world_of(seed: int) -> str:
 
 def reproduce(settings: Settings) -> Reproduction:
     """Drive every policy through every world and check every claim."""
-    from joblib import Parallel, delayed
-
-    from bug_gym.agents import make_policy
-
     seeds = settings.seeds or SEEDS
     policies = settings.policies or (*COMPLETE, *NEARLY)
     for policy in policies:

@@ -17,12 +17,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from bug_gym.agents import make_policy
 from bug_gym.config import MazeWorld, Scenario, load
-from bug_gym.evaluation import progress_bar
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
 from bug_gym.floor_plans import as_polygons
 from bug_gym.reproductions.bug_bounds import CLEARANCE, COMPLETE
 from bug_gym.reproductions.result import Reproduction, Settings, Table
@@ -246,10 +248,6 @@ def answers(seed: int, policies: Iterable[str]) -> list[Answer]:
 
 def reproduce(settings: Settings) -> Reproduction:
     """Drive every policy through every world and compare what it says with the configuration space."""
-    from joblib import Parallel, delayed
-
-    from bug_gym.agents import make_policy
-
     seeds = settings.seeds or SEEDS
     policies = settings.policies or (*PROVEN, *INCOMPLETE)
     for policy in policies:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bug_gym.evaluation import evaluate
-from bug_gym.evaluation.intervals import wilson_interval
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Settings
 
 FIRST_SEED = 10_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bug_gym.evaluation.intervals import paired_difference
+from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions import hd_bug_dynamic, hd_bug_tables
 from bug_gym.reproductions.claims import FIRST_SEED, as_percent, mean, numbers, of, path_ratio, run
 from bug_gym.reproductions.result import Reproduction, Settings, Table

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bug_gym.evaluation.intervals import paired_difference
+from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions.avoidable import is_avoidable
 from bug_gym.reproductions.claims import ROBOT, as_percent, mean, numbers, of, run
 from bug_gym.reproductions.result import Reproduction, Settings, Table

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bug_gym.evaluation.intervals import paired_difference
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions.claims import ROBOT, as_percent, mean, numbers, of, path_ratio, run
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 

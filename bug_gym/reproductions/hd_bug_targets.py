@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from bug_gym.config import dump, load
-from bug_gym.evaluation.intervals import paired_difference
+from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions.claims import FIRST_SEED, ROBOT, as_percent, mean, numbers, of, run
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.scenarios import as_explicit

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from bug_gym.evaluation import progress_bar
+from bug_gym.agents import make_policy
+from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
+from bug_gym.evaluation.progress import progress_bar
 from bug_gym.held_out import TEST_SEEDS, play
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.simulation import Simulation
@@ -16,9 +18,6 @@ TARGETS = {"ppo_static": 0.99, "ppo_dynamic": 0.985, "ppo_moving_target": 0.995,
 
 def reproduce(settings: Settings) -> Reproduction:
     """Play each model in the scenarios that it was trained in; `seeds` is the number of worlds."""
-    from bug_gym.agents import make_policy
-    from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
-
     worlds = settings.seeds or WORLDS
     names = settings.policies or trained_names()
     tasks = [

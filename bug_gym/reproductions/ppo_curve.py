@@ -8,7 +8,8 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from bug_gym.evaluation.intervals import wilson_interval
+from bug_gym.agents.learning.settings import load_settings
+from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 
 SEEDS = 3
@@ -21,8 +22,7 @@ CHANGES = {"n_timesteps": STEPS, "eval_freq": 95_000, "eval_episodes": WORLDS, "
 
 def reproduce(settings: Settings) -> Reproduction:
     """Train a model for each seed, validating often."""
-    from bug_gym.agents.learning.settings import load_settings
-    from bug_gym.agents.learning.training import train
+    from bug_gym.agents.learning.training import train  # needs the extra `train`
 
     training = load_settings("ppo_dynamic", CHANGES)
     curves = []

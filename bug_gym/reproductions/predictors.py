@@ -23,10 +23,14 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from bug_gym.evaluation import progress_bar
+from bug_gym.agents.learning.folder import TRAINED_FOLDER
+from bug_gym.agents.prediction import make_predictor, predictor_names
+from bug_gym.agents.prediction.samples import LAWS, displacement_errors, moments, world_of
+from bug_gym.evaluation.progress import progress_bar
 from bug_gym.geometry import F64
 from bug_gym.held_out import TEST_SEEDS
 from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.view import Sensors
 
 WORLDS = 50
 """Of each law."""
@@ -54,9 +58,6 @@ def reproduce(settings: Settings) -> Reproduction:
     Raises:
         ValueError: a data folder without the recorded scenes.
     """
-    from bug_gym.agents.prediction import predictor_names
-    from bug_gym.agents.prediction.samples import LAWS
-
     names = settings.policies or tuple(predictor_names())
     tasks: list[tuple[str, int, Path | None]] = [
         (law, seed, None) for law in LAWS for seed in _seeds(settings.seeds or WORLDS)
@@ -109,10 +110,6 @@ def _scenes(data: Path | None) -> dict[str, Path]:
 
 def ask(label: str, seed: int, path: Path | None, names: Sequence[str]) -> tuple[F64, NDArray[np.bool_]]:
     """Errors (predictors, n, TIMES) [m] of n questions in one world, and whether the mover then turned (n,)."""
-    from bug_gym.agents.prediction import make_predictor
-    from bug_gym.agents.prediction.samples import displacement_errors, moments, world_of
-    from bug_gym.view import Sensors
-
     scenario = world_of(path or label, seed)
     predictors = [make_predictor(name, Sensors.of(scenario)) for name in names]
     errors, turns = [np.zeros((len(names), 0, len(TIMES)))], [np.zeros(0, dtype=np.bool_)]
@@ -139,8 +136,7 @@ def other_scene(scenes: dict[str, Path], settings: Settings) -> dict[str, Any]:
 
 def train_further(recording: Path, out: Path, settings: Settings) -> list[str]:
     """Train each of LEARNED on from its shipped weights with a recording; returns their folders."""
-    from bug_gym.agents.learning.folder import TRAINED_FOLDER
-    from bug_gym.agents.prediction.training import PredictorSettings, gather_for, train
+    from bug_gym.agents.prediction.training import PredictorSettings, gather_for, train  # needs the extra `train`
 
     crossings = 4 * (settings.seeds or CROSSINGS)
     folders = []

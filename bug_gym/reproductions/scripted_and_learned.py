@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bug_gym.collisions import KINDS, contact
+from bug_gym.agents.learning.folder import trained_names
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
-from bug_gym.evaluation.intervals import Summary, paired_difference, summarise
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.summary import Summary, paired_difference, summarise
+from bug_gym.reproductions.collisions import KINDS, contact
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 WORLDS = 100
@@ -71,8 +72,6 @@ def reproduce(settings: Settings) -> Reproduction:
     Raises:
         ValueError: a folder of data without maps.
     """
-    from bug_gym.agents.learning.folder import trained_names
-
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
     policies = list(settings.policies or (*SCRIPTED, *trained_names()))
     worlds = settings.seeds or WORLDS

@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Any
 
 from bug_gym.evaluation import evaluate
-from bug_gym.evaluation.intervals import Summary, summarise
+from bug_gym.evaluation.summary import Summary, summarise
 from bug_gym.reproductions.result import Curves, Settings, Table
 
 

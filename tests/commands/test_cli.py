@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym import benchmark, cli
+from bug_gym import benchmark
 from bug_gym.agents import policy_names
 from bug_gym.cli import main, make_parser
+from bug_gym.commands import show
 from bug_gym.config import scenario_names
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.suites import suite_names
@@ -251,7 +252,7 @@ def test_an_error_of_our_own_is_not_taken_for_bad_input(monkeypatch: pytest.Monk
     def broken(options: argparse.Namespace) -> None:
         raise RuntimeError("ours")
 
-    monkeypatch.setattr(cli, "show", broken)
+    monkeypatch.setattr(show, "run", broken)
     with pytest.raises(RuntimeError, match="ours"):
         main(["show", "static"])
 

@@ -14,13 +14,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from bug_gym import evaluation
 from bug_gym.agents import make_policy, policy_names
 from bug_gym.config import load, scenario_names
-from bug_gym.evaluation import evaluate, make_plan, rollout, typical
+from bug_gym.evaluation import evaluate, make_plan, rollout, work
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.pictures import typical
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.evaluation.suites import PolicyEntry, ScenarioEntry, load_suite, suite_names
+from bug_gym.evaluation.suites import load_suite, suite_names
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
@@ -455,7 +456,7 @@ def test_a_world_of_which_a_robot_is_missing_is_driven_again(tmp_path: Path) -> 
 def test_known_shortest_paths_are_not_searched_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     evaluate("bug0", "static", episodes=2, out=tmp_path)
     (tmp_path / "rows.jsonl").unlink()
-    monkeypatch.setattr(evaluation, "shortest_lengths", None)
+    monkeypatch.setattr(work, "shortest_lengths", None)
     assert len(evaluate("bug0", "static", episodes=2, out=tmp_path)) == 2
 
 

@@ -10,9 +10,9 @@ import pytest
 from bug_gym.agents import make_policy
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
-from bug_gym.evaluation.intervals import wilson_interval
 from bug_gym.evaluation.suites import load_suite, suite_names
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
+from bug_gym.intervals import wilson_interval
 from bug_gym.task import OUTCOMES
 
 SHORT = load("rush", {"time.limit": 12.0})

@@ -11,21 +11,16 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import binom, norm, trim_mean
 
-from bug_gym.evaluation.intervals import (
-    COMPARED,
-    OVERALL,
-    Summary,
-    compare,
+from bug_gym.evaluation.rows import OUTCOMES, EpisodeRow
+from bug_gym.evaluation.summary import COMPARED, OVERALL, Summary, compare, paired_difference, summarise
+from bug_gym.intervals import (
     exact_mcnemar,
     interquartile_mean,
     interquartile_means,
     means,
-    paired_difference,
     stratified_bootstrap,
-    summarise,
     wilson_interval,
 )
-from bug_gym.evaluation.rows import OUTCOMES, EpisodeRow
 
 FloatArray = NDArray[np.float64]
 BLANK = EpisodeRow(

@@ -15,9 +15,9 @@ from rich.console import Console
 
 from bug_gym.agents import policy_names
 from bug_gym.agents.learning.folder import trained_names
-from bug_gym.evaluation.intervals import Summary, compare, summarise
 from bug_gym.evaluation.report import print_differences, print_table, write_summary
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import Summary, compare, summarise
 
 BLANK = EpisodeRow(
     "a", "box", 0, 0, "success", "", True, 8.0, 80, 8.0, 0.2, 8.0, 1.0, nan, 0.5, 0, 0.0, 0.004, 0.01, 0.1
@@ -209,7 +209,9 @@ def test_writing_no_summaries_is_refused_and_leaves_no_file(tmp_path: Path) -> N
 
 
 def test_the_module_loads_without_rich_and_matplotlib() -> None:
-    code = "import sys, bug_gym.report; print([name for name in ('rich', 'matplotlib') if name in sys.modules])"
+    code = (
+        "import sys, bug_gym.evaluation.report; print([name for name in ('rich', 'matplotlib') if name in sys.modules])"
+    )
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

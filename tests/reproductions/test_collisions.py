@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym.collisions import Contact, contact
+from bug_gym.reproductions.collisions import Contact, contact
 from bug_gym.simulation import Simulation
 
 ROBOT = {"robot.kinematics": "differential", "robot.radius": 0.2}

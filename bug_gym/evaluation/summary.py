@@ -1,24 +1,25 @@
-"""What many rows say, and how sure it is: intervals, summaries by policy and scenario, paired differences.
-
-Sources: Wilson 1927 (score interval of a share); Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the
-Statistical Precipice" (interquartile mean, resampling within strata); McNemar 1947, in its exact binomial form.
-"""
+"""What many rows say together: summaries by policy and scenario, and paired differences between policies."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, isnan, nan, sqrt
-from statistics import NormalDist
-from typing import Any, NamedTuple
+from math import inf, isfinite, isnan, nan
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bug_gym.evaluation.rows import FIELD_TYPES, EpisodeRow, json_fields
-
-FloatArray = NDArray[np.float64]
-Statistic = Callable[[FloatArray], FloatArray]
-"""Samples (B, n), one a row, to their statistics (B,)."""
+from bug_gym.intervals import (
+    Interval,
+    Statistic,
+    exact_mcnemar,
+    interquartile_mean,
+    interquartile_means,
+    means,
+    stratified_bootstrap,
+    wilson_interval,
+)
 
 OVERALL = "(all)"
 """Stands where a scenario's name would, in a summary over all scenarios."""
@@ -27,16 +28,6 @@ COMPARED = ("success", "spl", "time_ratio", "path_length", "time", "min_clearanc
 """Fields that `compare` compares."""
 _ON_SUCCESS = {"time", "steps", "path_length", "time_ratio", "min_clearance", "turns", "total_turning"}
 """Fields that say something of a solved episode only: a crash after a second is no short time."""
-
-_BLOCK = 1_000_000
-"""Values resampled at a time: bounds the memory of a bootstrap over many rows."""
-
-
-class Interval(NamedTuple):
-    """Two bounds; both NaN where the sample says nothing about its own spread."""
-
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,76 +96,6 @@ class PairedDifference:
     def as_dict(self) -> dict[str, Any]:
         """Fields in order, fit for strict JSON as those of a row are."""
         return json_fields(self)
-
-
-def wilson_interval(successes: int, n: int, *, confidence: float = 0.95) -> Interval:
-    """Interval of a share whose score test does not reject it; honest at 0 and n successes, where others collapse."""
-    if n < 1 or not 0 <= successes <= n:
-        raise ValueError(f"expected n >= 1 and 0 <= successes <= n, came successes={successes}, n={n}")
-    z = NormalDist().inv_cdf(1.0 - _tail(confidence))
-    share, width = successes / n, z * z / n
-    centre = (share + width / 2.0) / (1.0 + width)
-    half = sqrt(share * (1.0 - share) * width + width * width / 4.0) / (1.0 + width)
-    # Written out at the ends: rounding would leave a bound just inside or outside [0, 1].
-    return Interval(0.0 if successes == 0 else centre - half, 1.0 if successes == n else centre + half)
-
-
-def interquartile_mean(values: ArrayLike) -> float:
-    """Mean of the middle half of the values (n,): a quarter of them, rounded down, is cut off at either end."""
-    return float(interquartile_means(_sample("values", values)[None, :])[0])
-
-
-def interquartile_means(samples: FloatArray) -> FloatArray:
-    """Interquartile mean of each row of samples (B, n), as (B,)."""
-    n = samples.shape[1]
-    cut = n // 4
-    middle = np.partition(samples, (cut, n - cut - 1), axis=1)[:, cut : n - cut]
-    return np.asarray(middle.mean(axis=1), dtype=np.float64)
-
-
-def means(samples: FloatArray) -> FloatArray:
-    """Mean of each row of samples (B, n), as (B,)."""
-    return np.asarray(samples.mean(axis=1), dtype=np.float64)
-
-
-def stratified_bootstrap(
-    strata: Sequence[ArrayLike], statistic: Statistic, *, resamples: int = 2000, seed: int = 0, confidence: float = 0.95
-) -> Interval:
-    """Percentile interval of a statistic of all values, each stratum resampled within itself.
-
-    A stratum keeps its size in every resample, so the differences between strata do not widen the interval. The bounds
-    are NaN where no stratum has two values: resampling a single value would only feign certainty.
-
-    Args:
-        strata: Values of each stratum, (n_s,) each; all finite.
-        statistic: Of the values of all strata pooled, row by row: (B, sum of n_s) to (B,).
-        resamples: How many resamples.
-        seed: Of the resampling; the same seed gives the same interval.
-        confidence: Share of the resampled statistics between the bounds.
-    """
-    if len(strata) == 0 or resamples < 1:
-        raise ValueError(f"expected strata and resamples >= 1, came {len(strata)} strata, resamples={resamples}")
-    tail = _tail(confidence)
-    groups = [_sample(f"stratum {index}", values) for index, values in enumerate(strata)]
-    if max(len(group) for group in groups) < 2:
-        return Interval(nan, nan)
-    rng = np.random.default_rng(seed)
-    block = max(1, _BLOCK // sum(len(group) for group in groups))
-    counts = [min(block, resamples - done) for done in range(0, resamples, block)]
-    estimates = np.concatenate([_statistics(statistic, _resample(groups, count, rng)) for count in counts])
-    low, high = np.quantile(estimates, (tail, 1.0 - tail))
-    return Interval(float(low), float(high))
-
-
-def exact_mcnemar(only_a: int, only_b: int) -> float:
-    """Two-sided p value that a and b succeed equally often, from the pairs in which only one of them did."""
-    if only_a < 0 or only_b < 0:
-        raise ValueError(f"expected counts >= 0, came only_a={only_a}, only_b={only_b}")
-    if only_a + only_b == 0:
-        return 1.0
-    from scipy.stats import binomtest  # a second of import, for this line only
-
-    return float(binomtest(only_a, only_a + only_b, 0.5).pvalue)
 
 
 def summarise(rows: Sequence[EpisodeRow], *, resamples: int = 2000, seed: int = 0) -> list[Summary]:
@@ -308,33 +229,3 @@ def _mean(values: Iterable[float]) -> float:
     """Mean of the values that are not NaN; NaN over none."""
     known = [value for value in values if not isnan(value)]
     return float(np.mean(known)) if known else nan
-
-
-def _tail(confidence: float) -> float:
-    """Share outside a two-sided interval, on either side."""
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must lie between 0 and 1, came {confidence}")
-    return (1.0 - confidence) / 2.0
-
-
-def _sample(name: str, values: ArrayLike) -> FloatArray:
-    """Values as an array (n,), n >= 1, all finite."""
-    sample = np.asarray(values, dtype=np.float64)
-    if sample.ndim != 1 or sample.size == 0:
-        raise ValueError(f"{name} must be a list of at least one number, came shape {sample.shape}")
-    if not np.isfinite(sample).all():
-        raise ValueError(f"{name} must be finite, came {sample[~np.isfinite(sample)][0]}")
-    return sample
-
-
-def _resample(groups: Sequence[FloatArray], count: int, rng: np.random.Generator) -> FloatArray:
-    """Count resamples, (count, sum of sizes), each group drawn from itself with replacement."""
-    return np.concatenate([group[rng.integers(len(group), size=(count, len(group)))] for group in groups], axis=1)
-
-
-def _statistics(statistic: Statistic, samples: FloatArray) -> FloatArray:
-    """The statistic of each row, its shape checked: np.mean, say, would give one number for all of them."""
-    estimates = np.asarray(statistic(samples), dtype=np.float64)
-    if estimates.shape != samples.shape[:1]:
-        raise ValueError(f"statistic must map {samples.shape} to {samples.shape[:1]}, it gave {estimates.shape}")
-    return estimates

@@ -1,0 +1,69 @@
+"""The commands of `bug-gym`: what `--help` says of each, and the module that does it.
+
+Each is a module with `add_arguments(parser)` and `run(options)`; to add one, write the module and a line here. All of
+them are imported for `--help`, so that what a command needs is imported when it runs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Command(NamedTuple):
+    """One line of the table."""
+
+    module: str
+    """The module that does it."""
+    summary: str
+    """What it does, in one line."""
+    example: str
+    """A command line of it."""
+    goes_on: bool = False
+    """Whether the same command goes on with what its folder `--out` holds after an interruption."""
+
+
+COMMANDS: dict[str, Command] = {
+    "list": Command(
+        "bug_gym.commands.list",
+        "Names of scenarios, policies and suites, each with what it is.",
+        "bug-gym list policies",
+    ),
+    "show": Command(
+        "bug_gym.commands.show",
+        "Draw the world of a scenario and a seed, or save it as a scenario of its own.",
+        "bug-gym show static --seed 3 --set lidar.beams=180 --out world.png",
+    ),
+    "evaluate": Command(
+        "bug_gym.commands.evaluate",
+        "Drive policies through the same worlds; tables, and with --out a folder of rows, summary and pictures.",
+        "bug-gym evaluate --suite quick --policies bug0,bug2:turn=right --out results",
+        goes_on=True,
+    ),
+    "train": Command(
+        "bug_gym.commands.train",
+        "Train a policy, or go on with a training that was cut off; the folder it writes is a policy for `evaluate`.",
+        "bug-gym train ppo_dynamic --out results/ppo_dynamic",
+        goes_on=True,
+    ),
+    "render": Command(
+        "bug_gym.commands.render",
+        "Draw an episode of a policy, or of several side by side: a film, or one picture of the whole path.",
+        "bug-gym render bug2 tangent_bug dynamic --seed 3 --out both.gif",
+    ),
+    "gallery": Command(
+        "bug_gym.commands.gallery",
+        "Draw every bug on one map: their ways in one picture, and as a film.",
+        "bug-gym gallery --scenario oni_wang --out gallery.png --gif gallery.gif",
+    ),
+    "reproduce": Command(
+        "bug_gym.commands.reproduce",
+        "Run again what a paper reports, and print both side by side.",
+        "bug-gym reproduce oni-wang-table-1 --workers 2",
+    ),
+    "benchmark": Command(
+        "bug_gym.commands.benchmark",
+        "Measure speeds on this machine: environments, new worlds, imports, decisions of policies.",
+        "bug-gym benchmark --out benchmark.json",
+    ),
+}
+"""Name on the command line -> what it is."""

@@ -1,0 +1,77 @@
+"""What the arguments of several commands have in common."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bug_gym.evaluation.entries import PolicyEntry
+
+
+def at_least_one(text: str) -> int:
+    """A whole number from 1 on."""
+    number = int(text)
+    if number < 1:
+        raise ValueError(text)
+    return number
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """A scenario with its seed and overrides, and the size of its picture."""
+    parser.add_argument("scenario", metavar="SCENARIO", help="name or path of a scenario")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
+    parser.add_argument("--size", type=int, default=600, help="longer side of the picture in pixels (default: 600)")
+    add_overrides(parser)
+
+
+def add_overrides(parser: argparse.ArgumentParser) -> None:
+    """`--set KEY=VALUE`, values that replace the scenario's."""
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="replace a value of the scenario, such as lidar.beams=180; may come several times",
+    )
+
+
+def assignments(pairs: Sequence[str]) -> dict[str, Any]:
+    """Values by key from KEY=VALUE, the values read as YAML.
+
+    Raises:
+        ValueError: no `=`, or a value that is no YAML.
+    """
+    import yaml
+
+    from bug_gym.config import YamlLoader  # loads pydantic
+
+    found = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not key or not equals:
+            raise ValueError(f"got {pair!r}, expected KEY=VALUE, such as lidar.beams=180")
+        try:
+            found[key] = yaml.load(value, Loader=YamlLoader)
+        except yaml.YAMLError:
+            raise ValueError(f"got {pair!r}, expected a value as YAML has it, such as 180, true or [0, 1]") from None
+    return found
+
+
+def policy_entry(text: str) -> PolicyEntry:
+    """A policy from NAME[:PARAMETER=VALUE...], which is also what tables call it."""
+    from bug_gym.evaluation.entries import PolicyEntry  # loads the compiler
+
+    name, *pairs = re.split(r":(?=\w+=)", text)
+    return PolicyEntry(text, name, assignments(pairs))
+
+
+def writable(path: Path) -> Path:
+    """The path of a file to write; a missing folder is found out before the work, not after it."""
+    if not path.parent.is_dir():
+        raise ValueError(f"no folder {path.parent} to write {path.name} into")
+    return path

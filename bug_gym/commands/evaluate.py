@@ -1,0 +1,51 @@
+"""`bug-gym evaluate`: policies in the same worlds, measured."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from bug_gym.commands.arguments import add_overrides, assignments, policy_entry
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    task = parser.add_mutually_exclusive_group(required=True)
+    task.add_argument("--suite", help="name or path of a suite")
+    task.add_argument("--scenario", action="append", help="name or path of a scenario; may come several times")
+    parser.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: the suite's, or all)")
+    parser.add_argument("--episodes", type=int, help="worlds of each scenario (default: the suite's, or 50)")
+    parser.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
+    parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--baseline", help="policy that the others are compared with (default: the first)")
+    parser.add_argument("--data", type=Path, help="somebody else's data that a suite needs")
+    parser.add_argument("--out", type=Path, help="folder for rows, summary and pictures; goes on with a run cut off")
+    add_overrides(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the command."""
+    from rich.console import Console
+
+    from bug_gym.evaluation import evaluate  # loads the compiler
+    from bug_gym.evaluation.report import print_differences, print_table  # loads the compiler
+    from bug_gym.evaluation.suites import load_suite  # loads the compiler
+    from bug_gym.evaluation.summary import compare, summarise  # loads the compiler
+
+    rows = evaluate(
+        [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
+        load_suite(options.suite) if options.suite else options.scenario,
+        episodes=options.episodes,
+        seed=options.seed,
+        workers=options.workers,
+        out=options.out,
+        overrides=assignments(options.overrides),
+        progress=True,
+        data=options.data,
+        baseline=options.baseline,
+    )
+    console = Console()
+    print_table(summarise(rows), console)
+    print_differences(compare(rows, options.baseline or rows[0].policy), console)
+    if options.out:
+        print(f"rows, summary and pictures: {options.out}")

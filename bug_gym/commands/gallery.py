@@ -1,0 +1,36 @@
+"""`bug-gym gallery`: every bug on one map."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from bug_gym.commands.arguments import add_overrides, assignments, at_least_one, policy_entry, writable
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument("--scenario", default="oni_wang", help="name or path of a scenario (default: oni_wang)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
+    parser.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: every bug)")
+    parser.add_argument("--size", type=at_least_one, default=240, help="pixels of each picture (default: 240)")
+    parser.add_argument("--out", type=Path, default=Path("gallery.png"), help="PNG to write")
+    parser.add_argument("--gif", type=Path, help="GIF to write as well")
+    add_overrides(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the command."""
+    from bug_gym.agents import AGENTS  # loads the compiler
+    from bug_gym.config import load  # loads pydantic
+    from bug_gym.evaluation.entries import PolicyEntry  # loads the compiler
+    from bug_gym.evaluation.gallery import draw_gallery  # loads the compiler
+
+    bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name != "com"]
+    entries = (
+        [policy_entry(text) for text in options.policies.split(",")] if options.policies else map(PolicyEntry.of, bugs)
+    )
+    scenario = load(options.scenario, {"lidar.beams": 360, "time.limit": 600.0, **assignments(options.overrides)})
+    png, gif = writable(options.out), options.gif and writable(options.gif)
+    draw_gallery(scenario, list(entries), seed=options.seed, size=options.size, png=png, gif=gif)
+    print(f"{png}{f' and {gif}' if gif else ''}")

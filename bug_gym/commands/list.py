@@ -1,0 +1,68 @@
+"""`bug-gym list`: names of scenarios, policies, suites, trainings and reproductions."""
+
+from __future__ import annotations
+
+import argparse
+from importlib import import_module
+from pathlib import Path
+
+from bug_gym.reproductions import REPRODUCTIONS
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument("what", nargs="?", choices=[*LISTS], help="which names (default: all)")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the command."""
+    for number, what in enumerate([options.what] if options.what else LISTS):
+        lines = LISTS[what]()
+        width = max(len(name) for name, _ in lines)
+        print("\n" * (number > 0) + what)
+        for name, summary in lines:
+            print(f"  {name:<{width}}  {summary}")
+
+
+def _scenarios() -> list[tuple[str, str]]:
+    from bug_gym.config import SCENARIO_FOLDER, scenario_names  # loads pydantic
+
+    return [(name, _first_comment(SCENARIO_FOLDER / f"{name}.yaml")) for name in scenario_names()]
+
+
+def _policies() -> list[tuple[str, str]]:
+    from bug_gym.agents import AGENTS  # loads the compiler
+
+    marks = {name: " (privileged: reads the map)" if agent.privileged else "" for name, agent in AGENTS.items()}
+    return [(name, f"{agent.family}; {agent.reference}{marks[name]}") for name, agent in AGENTS.items()]
+
+
+def _suites() -> list[tuple[str, str]]:
+    from bug_gym.evaluation.suites import SUITE_FOLDER, suite_names  # loads the compiler
+
+    return [(name, _first_comment(SUITE_FOLDER / f"{name}.yaml")) for name in suite_names()]
+
+
+def _reproductions() -> list[tuple[str, str]]:
+    modules = {name: import_module(f"bug_gym.reproductions.{module}") for name, module in REPRODUCTIONS.items()}
+    return [(name, str(module.__doc__).partition("\n")[0]) for name, module in modules.items()]
+
+
+def _trainings() -> list[tuple[str, str]]:
+    from bug_gym.agents.learning.settings import TRAIN_FOLDER, training_names  # loads the compiler
+
+    return [(name, _first_comment(TRAIN_FOLDER / f"{name}.yaml")) for name in training_names()]
+
+
+LISTS = {
+    "scenarios": _scenarios,
+    "policies": _policies,
+    "suites": _suites,
+    "trainings": _trainings,
+    "reproductions": _reproductions,
+}
+
+
+def _first_comment(path: Path) -> str:
+    """What a YAML file says about itself in its first line."""
+    return path.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")

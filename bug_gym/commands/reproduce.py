@@ -1,0 +1,51 @@
+"""`bug-gym reproduce`: what a paper reports, run again."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+from pathlib import Path
+
+from bug_gym.commands.arguments import at_least_one, writable
+from bug_gym.files import replaced_when_done
+from bug_gym.reproductions import reproduction
+from bug_gym.reproductions.result import Settings
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument("name", metavar="NAME", help="what to run again (bug-gym list reproductions)")
+    parser.add_argument("--seeds", type=at_least_one, help="seeds of each claim (default: all of them)")
+    parser.add_argument("--policies", help="NAME,... where a reproduction leaves the choice")
+    parser.add_argument("--data", type=Path, help="somebody else's data that a reproduction needs")
+    parser.add_argument("--workers", type=at_least_one, default=1, help="processes (default: 1)")
+    parser.add_argument("--out", type=Path, help="JSON to write, with the commit that made it")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the command."""
+    from rich.console import Console
+
+    from bug_gym.evaluation.report import draw_curves, print_text_table  # loads the compiler
+
+    out = options.out and writable(options.out)
+    reproduce = reproduction(options.name)
+    policies = tuple(options.policies.split(",")) if options.policies else ()
+    result = reproduce(Settings(options.seeds, options.workers, options.data, progress=True, policies=policies))
+    console = Console()
+    for table in result.tables:
+        print_text_table(table.title, table.header, table.rows, console)
+    for note in result.notes:
+        console.print(note, highlight=False)
+    if result.holds is not None:
+        console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
+    if out and result.curves:
+        draw_curves(out.with_suffix(".png"), result.curves)
+    if out:
+        told = subprocess.run(
+            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        )
+        commit = told.stdout.strip() if told.returncode == 0 else "unknown"
+        with replaced_when_done(out) as partial:
+            Path(partial).write_text(result.as_json(commit), encoding="utf-8")
+        print(f"numbers: {out}")

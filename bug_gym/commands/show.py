@@ -1,0 +1,52 @@
+"""`bug-gym show`: the world of a scenario and a seed, as a picture or as YAML."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bug_gym.commands.arguments import add_scenario, assignments, writable
+from bug_gym.files import replaced_when_done
+
+if TYPE_CHECKING:
+    from bug_gym.simulation import Simulation
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    add_scenario(parser)
+    parser.add_argument("--out", type=Path, help="PNG to write (default without --save: SCENARIO-SEED.png)")
+    parser.add_argument("--save", type=Path, help="YAML to write: the same world with every obstacle written out")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the command."""
+    from bug_gym.drawing.canvas import Canvas  # loads the compiler
+    from bug_gym.drawing.clips import save_png  # loads the compiler
+    from bug_gym.simulation import Simulation  # loads the compiler
+
+    simulation = Simulation(options.scenario, overrides=assignments(options.overrides))
+    simulation.reset(seeds=[options.seed])
+    name, out, save = simulation.scenario.name, options.out, options.save
+    if out is None and save is None:
+        out = Path(f"{name}-{options.seed}.png")
+    for path in filter(None, (out, save)):
+        writable(path)
+    if save:
+        _save_world(save, simulation)
+        print(f"{save}: {name}, seed {options.seed}, as an explicit world")
+    if out:
+        save_png(out, Canvas(simulation, size=options.size).draw(scan=False))
+        length = simulation.shortest_path().length
+        print(f"{out}: {name}, seed {options.seed}, shortest path {length:.2f} m")
+
+
+def _save_world(path: Path, simulation: Simulation) -> None:
+    from bug_gym.config import to_yaml  # loads pydantic
+    from bug_gym.scenarios import as_explicit  # loads the compiler
+
+    explicit = as_explicit(simulation.scenario, simulation.world.layout(0))
+    title = f"# The world of {explicit.name} and seed {simulation.world.seed[0]}, every obstacle written out."
+    with replaced_when_done(path) as partial:
+        partial.write_text(f"{title}\n{to_yaml(explicit)}", encoding="utf-8")

@@ -1,0 +1,53 @@
+"""`bug-gym train`: a learned policy, from a training of configs/train or of a YAML file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from bug_gym.commands.arguments import assignments, at_least_one
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument("name", metavar="NAME", help="a training (bug-gym list trainings), or the path of a YAML file")
+    parser.add_argument("--out", type=Path, help="folder of the model (default: results/train/NAME)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first model (default: 0)")
+    parser.add_argument("--seeds", type=at_least_one, default=1, help="how many models, a seed each (default: 1)")
+    parser.add_argument("--steps", type=at_least_one, help="environment steps (default: the training's)")
+    parser.add_argument("--minutes", type=float, help="end after so many minutes of training (default: all steps)")
+    parser.add_argument("--threads", type=at_least_one, help="threads of torch (default: one for each core)")
+    parser.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="replace a value of the training, such as gamma=0.98; may come several times",
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the command."""
+    try:
+        from bug_gym.agents.learning.training import train_seeds  # loads torch
+    except ModuleNotFoundError as error:
+        raise ImportError(
+            "training needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'"
+        ) from error
+    from bug_gym.agents.learning.settings import load_settings  # loads the compiler
+
+    overrides = assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
+    overrides |= {"start_from": options.start_from} if options.start_from else {}
+    settings = load_settings(options.name, overrides)
+    options.out = options.out or Path("results", "train", settings.name)
+    best = train_seeds(
+        settings,
+        options.out,
+        seeds=range(options.seed, options.seed + options.seeds),
+        minutes=options.minutes,
+        threads=options.threads,
+        progress=True,
+    )
+    print(f"{best}: play it with --policies {best}/")

@@ -1,0 +1,148 @@
+"""All that an evaluation is about: policies, scenarios and seeds, each policy tried once before anything is written."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import logging
+import os
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from typing import Any
+
+import bug_gym
+from bug_gym.agents import playable_names
+from bug_gym.config import Scenario, ScenarioError, dump, load
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.rollout import Rollout, is_privileged
+from bug_gym.evaluation.suites import as_suite
+from bug_gym.policy import MisfitError
+
+logger = logging.getLogger("bug_gym")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that an evaluation is about."""
+
+    suite: str
+    """Name and version of the suite, "" where there is none."""
+    policies: tuple[PolicyEntry, ...]
+    scenarios: tuple[ScenarioEntry, ...]
+    left_out: frozenset[tuple[str, str]] = frozenset()
+    """Labels of policies and of scenarios that they do not fit: a learned policy drives the robot it was made for."""
+
+    def pairs(self) -> Iterator[tuple[ScenarioEntry, PolicyEntry]]:
+        """Each scenario with each policy that fits it."""
+        for scenario, policy in itertools.product(self.scenarios, self.policies):
+            if (policy.label, scenario.label) not in self.left_out:
+                yield scenario, policy
+
+    def manifest(self) -> dict[str, Any]:
+        """The plan as data: runs with the same one make the same rows, but for the times of decisions.
+
+        Raises:
+            ValueError: a policy has parameters that JSON cannot hold.
+        """
+        scenarios = {
+            entry.label: {
+                "scenario": dump(entry.scenario),
+                "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
+                "digest": _digest(entry.scenario),
+            }
+            for entry in self.scenarios
+        }
+        policies = {entry.label: {"name": entry.name, "parameters": dict(entry.parameters)} for entry in self.policies}
+        versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
+        versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
+        manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions}
+        try:
+            return dict(json.loads(json.dumps(manifest, allow_nan=False)))  # as it will be read back
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"a policy's parameters must be plain data that JSON can hold: {error}") from None
+
+
+def _digest(scenario: Scenario) -> str:
+    """Of the whole scenario, defaults too: they may change from one version to the next."""
+    text = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def make_plan(
+    policies: Any,
+    scenario_or_suite: Any,
+    *,
+    episodes: int | None = None,
+    seed: int | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    data: str | os.PathLike[str] | None = None,
+) -> Plan:
+    """What to evaluate, from the arguments of `evaluate`, each policy tried once in each scenario.
+
+    Raises:
+        ValueError: an unknown name, a label that comes twice, or a policy that fits none of the scenarios.
+    """
+    suite, name = as_suite(scenario_or_suite)
+    scenarios, found = [], suite.overrides(data)
+    for number, item in enumerate(suite.scenarios):
+        try:
+            scenario = load(item.scenario, {**item.overrides, **found, **(overrides or {})})
+        except ScenarioError as error:
+            raise ScenarioError(f"{name}: scenarios.{number}: {error}" if name else str(error)) from None
+        seeds = item.seeds or suite.seeds
+        first, count = seeds.first if seed is None else seed, seeds.count if episodes is None else episodes
+        if first < 0 or count < 1:
+            raise ValueError(f"expected a seed from 0 on and at least one episode, got {first} and {count}")
+        scenarios.append(ScenarioEntry(item.label or scenario.name, scenario, range(first, first + count)))
+    by_default = policies is None and not suite.policies
+    if by_default:
+        policies = playable_names()
+    elif policies is None:
+        policies = suite.policies
+    elif isinstance(policies, (str, Mapping)) or hasattr(policies, "predict"):
+        policies = [policies]
+    entries = [PolicyEntry.of(policy) for policy in policies]
+    if not entries:
+        raise ValueError("no policies to evaluate")
+    _require_distinct("scenarios", [entry.label for entry in scenarios])
+    _require_distinct("policies", [entry.label for entry in entries])
+    labelled, left_out = _try_out(entries, scenarios)
+    lost = [entry for entry in labelled if all((entry.label, scenario.label) in left_out for scenario in scenarios)]
+    if lost and not by_default:
+        raise MisfitError(left_out[lost[0].label, scenarios[0].label])
+    kept = tuple(entry for entry in labelled if entry not in lost)
+    return Plan(name, kept, tuple(scenarios), frozenset(left_out))
+
+
+def _require_distinct(what: str, labels: Sequence[str]) -> None:
+    twice = sorted({label for label in labels if labels.count(label) > 1})
+    if twice:
+        raise ValueError(f"two {what} are called {twice[0]!r}: give them labels")
+
+
+def _try_out(
+    entries: Sequence[PolicyEntry], scenarios: Sequence[ScenarioEntry]
+) -> tuple[list[PolicyEntry], dict[tuple[str, str], str]]:
+    """One step of each policy in each scenario, before anything is written: what is wrong fails here.
+
+    It also leaves compiled code in numba's cache, where workers find it. Policies that read the map are labelled so. A
+    learned policy that was made for another robot is left out of the scenario: why, by label of policy and scenario.
+    """
+    labelled = list(entries)
+    left_out = {}
+    for scenario in scenarios:
+        for number, entry in enumerate(entries):
+            try:
+                rollout = Rollout(entry, scenario, scenario.seeds[:1])
+            except MisfitError as error:
+                left_out[entry.label, scenario.label] = str(error)
+                continue
+            rollout.advance()
+            if is_privileged(rollout.policy):
+                labelled[number] = replace(entry, label=f"{entry.label} (privileged)")
+        if misfits := [policy for policy, label in left_out if label == scenario.label]:
+            logger.warning("%s is not for the robot of: %s", scenario.label, ", ".join(misfits))
+    return labelled, left_out

@@ -1,0 +1,89 @@
+"""What a plan still lacks, cut into jobs: shortest paths of worlds, and episodes of policies."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+from bug_gym.evaluation.backends import each
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.lengths import Lengths, World, shortest_lengths
+from bug_gym.evaluation.plan import Plan
+from bug_gym.evaluation.progress import Track
+from bug_gym.evaluation.results_folder import ResultFolder
+from bug_gym.evaluation.rollout import Rollout
+from bug_gym.evaluation.rows import EpisodeRow
+
+CHUNK = 8
+"""Seeds of a job: what a kill can cost a worker, and how finely workers share the work."""
+
+
+class _Job(NamedTuple):
+    """Some worlds to drive in with one policy."""
+
+    policy: PolicyEntry
+    scenario: ScenarioEntry
+    seeds: tuple[int, ...]
+    lengths: Lengths
+
+
+def missing_worlds(plan: Plan, rows: Sequence[EpisodeRow]) -> list[tuple[PolicyEntry, ScenarioEntry, list[int]]]:
+    """Seeds without rows, by scenario and policy that fits it."""
+    done = {(row.policy, row.scenario, row.seed) for row in rows}
+    return [
+        (policy, scenario, [seed for seed in scenario.seeds if (policy.label, scenario.label, seed) not in done])
+        for scenario, policy in plan.pairs()
+    ]
+
+
+def known_lengths(
+    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, list[int]]],
+    folder: ResultFolder | None,
+    workers: int,
+    track: Track[Any],
+) -> Lengths:
+    """Shortest paths of all worlds to drive in, once a world; a moving target has none."""
+    lengths = {} if folder is None else dict(folder.lengths)
+    wanted = {
+        (scenario.label, seed): scenario
+        for _, scenario, seeds in missing
+        for seed in seeds
+        if not scenario.has_moving_target and (scenario.label, seed) not in lengths
+    }
+    found = each(_shortest_length, [(scenario, seed) for (_, seed), scenario in wanted.items()], workers)
+    for world, robots in track(found, "shortest paths", len(wanted)):
+        if folder is not None:
+            folder.add_lengths(world, robots)
+        lengths[world] = robots
+    return lengths
+
+
+def _shortest_length(job: tuple[ScenarioEntry, int]) -> tuple[World, list[float]]:
+    scenario, seed = job
+    return (scenario.label, seed), shortest_lengths(scenario, seed)
+
+
+def drive_missing(
+    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, list[int]]], lengths: Lengths, workers: int, track: Track[Any]
+) -> Iterable[list[EpisodeRow]]:
+    """The rows of each missing world."""
+    numbered = []
+    for policy, scenario, seeds in missing:
+        chunk = CHUNK if workers > 1 else len(seeds)
+        for first in range(0, len(seeds), max(chunk, 1)):
+            some = tuple(seeds[first : first + chunk])
+            mine = {world: lengths[world] for seed in some if (world := (scenario.label, seed)) in lengths}
+            numbered.append((first, _Job(policy, scenario, some, mine)))
+    # The first seeds of all policies come first, so that what an interrupted run leaves can be compared.
+    jobs = [job for _, job in sorted(numbered, key=lambda item: item[0])]
+    worlds = itertools.chain.from_iterable(each(_drive_lazily if workers == 1 else _drive, jobs, workers))
+    return track(worlds, "episodes", sum(len(job.seeds) for job in jobs))
+
+
+def _drive_lazily(job: _Job) -> Iterator[list[EpisodeRow]]:
+    return Rollout(job.policy, job.scenario, job.seeds, lengths=job.lengths).worlds()
+
+
+def _drive(job: _Job) -> list[list[EpisodeRow]]:
+    return list(_drive_lazily(job))
