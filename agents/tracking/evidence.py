@@ -33,7 +33,6 @@ from bug_gym.agents.tracking.layout import (
     VY,
     VYY,
     Memory,
-    PastScans,
     Scan,
 )
 from bug_gym.compiling import called, inlined
@@ -87,16 +86,15 @@ def scan_of_age(poses: Floats, now: float, age: float) -> int:
 
 
 @called
-def weigh_evidence(memory: Memory, scan: Scan, past: PastScans, counts: Integers, hits: Integers) -> None:
+def weigh_evidence(memory: Memory, scan: Scan, counts: Integers, hits: Integers) -> None:
     """Count for each track its hits in space that was free, and its old hits in space that is free now.
 
     A still thing has neither, but for some at its corners. EVIDENCE rises by one in an update that shows motion and
     falls where none does.
 
     Args:
-        memory: the tracks.
+        memory: of the tracks and past scans.
         scan: of now.
-        past: the scans kept.
         counts, hits: scratch, of TRACKS or more.
     """
     counts[:] = 0
@@ -105,10 +103,10 @@ def weigh_evidence(memory: Memory, scan: Scan, past: PastScans, counts: Integers
         if scan.owner[i] >= 0:
             hits[scan.owner[i]] += 1
     for lag in range(len(LAGS)):
-        k = scan_of_age(past.poses, scan.pose[NOW], LAGS[lag])
+        k = scan_of_age(memory.scan_poses, scan.pose[NOW], LAGS[lag])
         if k < 0:
             break
-        count_signs(memory, scan, past, k, counts)
+        count_signs(memory, scan, k, counts)
     for m in range(TRACKS):
         if memory.numbers[m, ID] > 0:
             change = 1.0 if counts[m] >= max(1.0, EVIDENT_SHARE * hits[m]) else -0.5
@@ -116,19 +114,19 @@ def weigh_evidence(memory: Memory, scan: Scan, past: PastScans, counts: Integers
 
 
 @inlined
-def count_signs(memory: Memory, scan: Scan, past: PastScans, k: int, counts: Integers) -> None:
+def count_signs(memory: Memory, scan: Scan, k: int, counts: Integers) -> None:
     """Add what past scan k says of motion to the tracks' counts."""
     for i in range(len(scan.owner)):
         m = scan.owner[i]
-        if m >= 0 and is_free(scan.place_x[i], scan.place_y[i], past.ranges[k], past.poses[k], scan.settings):
+        if m >= 0 and is_free(scan.place_x[i], scan.place_y[i], memory.scans[k], memory.scan_poses[k], scan.settings):
             counts[m] += 1
-        mark = past.owners[k, i]
+        mark = memory.scan_owners[k, i]
         if mark <= 0:
             continue
         m = mark % TRACKS
         if memory.numbers[m, ID] != mark // TRACKS:
             continue
-        if is_free(past.points[k, 0, i], past.points[k, 1, i], scan.ranges, scan.pose, scan.settings):
+        if is_free(memory.scan_points[k, 0, i], memory.scan_points[k, 1, i], scan.ranges, scan.pose, scan.settings):
             counts[m] += 1
 
 
@@ -145,19 +143,22 @@ def is_mover(s: Floats, n: Integers) -> bool:
 
 
 @inlined
-def keep_scan(memory: Memory, scan: Scan, past: PastScans) -> None:
+def keep_scan(memory: Memory, scan: Scan) -> None:
     """Keep the scan unless the last one kept is as good as of the same time."""
     counters, owner = memory.counters, scan.owner
-    if counters[SCANS_KEPT] > 0 and scan.pose[NOW] - past.poses[(counters[SCANS_KEPT] - 1) % SCANS, NOW] < SCAN_SPACING:
+    if (
+        counters[SCANS_KEPT] > 0
+        and scan.pose[NOW] - memory.scan_poses[(counters[SCANS_KEPT] - 1) % SCANS, NOW] < SCAN_SPACING
+    ):
         return
     k = counters[SCANS_KEPT] % SCANS
     counters[SCANS_KEPT] += 1
     for i in range(len(owner)):
-        past.ranges[k, i], past.points[k, 0, i], past.points[k, 1, i] = (
+        memory.scans[k, i], memory.scan_points[k, 0, i], memory.scan_points[k, 1, i] = (
             scan.ranges[i],
             scan.place_x[i],
             scan.place_y[i],
         )
-        past.owners[k, i] = memory.numbers[owner[i], ID] * TRACKS + owner[i] if owner[i] >= 0 else 0
+        memory.scan_owners[k, i] = memory.numbers[owner[i], ID] * TRACKS + owner[i] if owner[i] >= 0 else 0
     for column in range(PAST_POSE):
-        past.poses[k, column] = scan.pose[column]
+        memory.scan_poses[k, column] = scan.pose[column]

@@ -48,42 +48,24 @@ FLOAT_ROWS, INTEGER_ROWS, FLAG_ROWS = 6, 5, 2
 
 
 class Memory(NamedTuple):
-    """The tracks of an episode."""
+    """What is kept of an episode: the tracks, and some past scans in a ring."""
 
     state: Floats
-    """(TRACKS, STATE)."""
+    """Numbers of the tracks (TRACKS, STATE)."""
     numbers: Integers
-    """(TRACKS, NUMBERS)."""
+    """Integers of the tracks (TRACKS, NUMBERS)."""
     history: Floats
     """Measured centres x, y [m] and their times [s] in a ring (TRACKS, HISTORY, 3)."""
     counters: Integers
     """(COUNTERS,)."""
-
-
-class PastScans(NamedTuple):
-    """The scans kept of an episode, in a ring."""
-
-    ranges: Floats
-    """(SCANS, B) [m]."""
-    points: Floats
+    scans: Floats
+    """Past scans (SCANS, B) [m]."""
+    scan_points: Floats
     """Places of their hits, odometry frame (SCANS, 2, B) [m]."""
-    poses: Floats
+    scan_poses: Floats
     """Where and when they were taken (SCANS, PAST_POSE)."""
-    owners: Integers
+    scan_owners: Integers
     """Whose their hits were (SCANS, B): number of the track times TRACKS and its place; 0 nobody's."""
-
-
-class Scratch(NamedTuple):
-    """Working memory of an update."""
-
-    floats: Floats
-    """(FLOAT_ROWS, B)."""
-    fits: Floats
-    """A disc for each cluster, and one more (B + 1, FIT)."""
-    integers: Integers
-    """(INTEGER_ROWS, 2 B + TRACKS)."""
-    flags: Flags
-    """(FLAG_ROWS, B)."""
 
 
 class Hits(NamedTuple):

@@ -28,15 +28,20 @@ from bug_gym.agents.tracking.layout import (
     FIT,
     FLAG_ROWS,
     FLOAT_ROWS,
+    HEADING,
     HISTORY,
     ID,
     INNOVATION,
     INTEGER_ROWS,
     IS_CONFIRMED,
     IS_MOVING,
+    NOW,
     NUMBERS,
+    PASSED,
     PAST_POSE,
     POSE,
+    POSE_X,
+    POSE_Y,
     PXX,
     PXY,
     PYY,
@@ -51,8 +56,6 @@ from bug_gym.agents.tracking.layout import (
     VY,
     VYY,
     Memory,
-    PastScans,
-    Scratch,
     X,
     Y,
 )
@@ -71,6 +74,8 @@ COVARIANCE = np.array(
 """Columns of a track's state that make up its covariance (4, 4)."""
 NEWEST = np.arange(-HISTORY, 0)
 """Where a track's last centres lie in its history, counted from the end (HISTORY,)."""
+NOBODY = np.full(TRACKS + 1, -1)
+"""For each place of a track the index -1 (TRACKS + 1,); the last is that of hits which are nobody's."""
 
 
 class Tracks(NamedTuple):
@@ -136,6 +141,19 @@ class TrackerMemory:
     time: float = -math.inf
     """Time of the last update [s]."""
 
+    def arrays(self) -> Memory:
+        """The arrays as the compiled step takes them; it changes them in place."""
+        return Memory(
+            self.state,
+            self.numbers,
+            self.history,
+            self.counters,
+            self.scans,
+            self.scan_points,
+            self.scan_poses,
+            self.scan_owners,
+        )
+
 
 class Tracker:
     """Follows what is seen from scan to scan.
@@ -152,12 +170,10 @@ class Tracker:
         self.angles = angles
         self._settings = np.array([sensors.range, angles[0], step, sensors.range_noise, float(is_full_circle)])
         self._pose = np.zeros(POSE)
-        self._scratch = Scratch(
-            floats=np.zeros((FLOAT_ROWS, beams)),
-            fits=np.zeros((beams + 1, FIT)),
-            integers=np.zeros((INTEGER_ROWS, 2 * beams + TRACKS), dtype=np.int64),
-            flags=np.zeros((FLAG_ROWS, beams), dtype=np.bool_),
-        )
+        self._floats = np.zeros((FLOAT_ROWS, beams))
+        self._fits = np.zeros((beams + 1, FIT))
+        self._integers = np.zeros((INTEGER_ROWS, 2 * beams + TRACKS), dtype=np.int64)
+        self._flags = np.zeros((FLAG_ROWS, beams), dtype=np.bool_)
         self._owner = np.zeros(beams, dtype=np.int64)
 
     def start(self) -> TrackerMemory:
@@ -182,7 +198,8 @@ class Tracker:
         if len(view.ranges) != len(self.angles):
             raise ValueError(f"this tracker was made for {len(self.angles)} beams, the scan has {len(view.ranges)}")
         passed = time - memory.time if math.isfinite(memory.time) else 0.0
-        self._pose[:] = (*view.pose, time, passed)
+        self._pose[POSE_X], self._pose[POSE_Y], self._pose[HEADING] = view.pose
+        self._pose[NOW], self._pose[PASSED] = time, passed
         memory.time = time
         update_tracks(
             view.ranges,
@@ -190,18 +207,20 @@ class Tracker:
             self._pose,
             self._settings,
             self._owner,
-            Memory(memory.state, memory.numbers, memory.history, memory.counters),
-            PastScans(memory.scans, memory.scan_points, memory.scan_poses, memory.scan_owners),
-            self._scratch,
+            memory.arrays(),
+            self._floats,
+            self._fits,
+            self._integers,
+            self._flags,
         )
         return self._tracks(memory, view, time)
 
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""
         numbers = memory.numbers
-        places = np.flatnonzero((numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0))
+        (places,) = ((numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0)).nonzero()
         state, chosen = memory.state[places], numbers[places]
-        index = np.full(TRACKS + 1, -1)
+        index = NOBODY.copy()
         index[places] = np.arange(len(places))
         centres = chosen[:, CENTRES, None]
         kept = memory.history[places[:, None], np.maximum(centres + NEWEST, 0) % HISTORY]

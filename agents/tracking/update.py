@@ -35,15 +35,13 @@ from bug_gym.agents.tracking.layout import (
     Clusters,
     Hits,
     Memory,
-    PastScans,
     Scan,
-    Scratch,
     X,
     Y,
 )
 from bug_gym.agents.tracking.lifetime import begin_track, close_update, worst_track
 from bug_gym.compiling import called, inlined, kernel
-from bug_gym.kernels.layout import Floats, Integers
+from bug_gym.kernels.layout import Flags, Floats, Integers
 
 LOST = 0.35  # what is farther than this from a mover's course, and far out of the gate, is another thing [m]
 
@@ -56,8 +54,10 @@ def update_tracks(
     settings: Floats,
     owner: Integers,
     memory: Memory,
-    past: PastScans,
-    scratch: Scratch,
+    floats: Floats,
+    fits: Floats,
+    integers: Integers,
+    flags: Flags,
 ) -> None:
     """One update of a memory.
 
@@ -67,40 +67,39 @@ def update_tracks(
         pose: where the robot is, and when (POSE,).
         settings: constants of the scanner (SETTINGS,).
         owner: where to write the place of the track that each hit belongs to, -1 none (B,).
-        memory: the tracks.
-        past: the scans kept.
-        scratch: working memory.
+        memory: the tracks, and past scans.
+        floats, fits, integers, flags: working memory (FLOAT_ROWS, B), (B + 1, FIT), (INTEGER_ROWS, 2 B + TRACKS),
+            (FLAG_ROWS, B).
     """
-    floats, integers, flags = scratch.floats, scratch.integers, scratch.flags
     members, counts, nearest = integers[0], integers[3], integers[4]
     hits = Hits(floats[0], floats[1], floats[4], ranges, members, settings)
     scan = Scan(ranges, floats[2], floats[3], flags[0], owner, pose, settings)
-    clusters = Clusters(integers[1], flags[1], scratch.fits, integers[2], nearest, floats[5])
+    clusters = Clusters(integers[1], flags[1], fits, integers[2], nearest, floats[5])
     place_hits(hits, scan, angles)
     predict_tracks(memory, pose[PASSED])
     begin_update(memory, owner)
     count = cut_clusters(scan, members, clusters.begins)
     claim_beams(memory, scan)
-    join_claims(memory, hits, clusters.begins, count, owner, counts, scratch.fits[0])
-    follow_movers(memory, scan, hits, scratch.fits[0])
+    join_claims(memory, hits, clusters.begins, count, owner, counts, fits[0])
+    follow_movers(memory, scan, hits, fits[0])
     count = cut_clusters(scan, members, clusters.begins)
     fit_things(hits, clusters, count)
     associate(memory, clusters, count, pose)
     take_things(memory, scan, hits, clusters, count)
-    weigh_evidence(memory, scan, past, counts, nearest)
+    weigh_evidence(memory, scan, counts, nearest)
     close_update(memory, scan)
-    keep_scan(memory, scan, past)
+    keep_scan(memory, scan)
 
 
 @inlined
 def place_hits(hits: Hits, scan: Scan, angles: Floats) -> None:
     """Write where the hits lie."""
     for i in range(len(scan.ranges)):
-        hits.bearings[i] = scan.pose[HEADING] + angles[i]
-        hits.x[i] = scan.ranges[i] * math.cos(hits.bearings[i])
-        hits.y[i] = scan.ranges[i] * math.sin(hits.bearings[i])
-        scan.place_x[i], scan.place_y[i] = hits.x[i] + scan.pose[POSE_X], hits.y[i] + scan.pose[POSE_Y]
-        scan.is_hit[i] = scan.ranges[i] < scan.settings[RANGE]
+        bearing, distance = scan.pose[HEADING] + angles[i], scan.ranges[i]
+        x, y = distance * math.cos(bearing), distance * math.sin(bearing)
+        hits.bearings[i], hits.x[i], hits.y[i] = bearing, x, y
+        scan.place_x[i], scan.place_y[i] = x + scan.pose[POSE_X], y + scan.pose[POSE_Y]
+        scan.is_hit[i] = distance < scan.settings[RANGE]
 
 
 @inlined
