@@ -140,7 +140,8 @@ def other_scene(scenes: dict[str, Path], settings: Settings) -> dict[str, Any]:
 def train_further(recording: Path, out: Path, settings: Settings) -> list[str]:
     """Train each of LEARNED on from its shipped weights with a recording; returns their folders."""
     from bug_gym.agents.learning.folder import TRAINED_FOLDER
-    from bug_gym.agents.prediction.training import PredictorSettings, gather_for, train
+    from bug_gym.agents.prediction.settings import PredictorSettings
+    from bug_gym.agents.prediction.training import gather_for, train
 
     crossings = 4 * (settings.seeds or CROSSINGS)
     folders = []
