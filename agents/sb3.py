@@ -113,7 +113,59 @@ class ArrayVecEnv(VecEnv):
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 
-class NavigationVecEnv(ArrayVecEnv):
+class SimulationVecEnv(ArrayVecEnv):
+    """The robots of a simulation's worlds: with R robots each, row n R + r is robot r of world n.
+
+    Args:
+        simulation: the worlds.
+        spaces: what a robot sees and does.
+        render_mode: None or "rgb_array".
+    """
+
+    def __init__(self, simulation: Simulation, spaces: RobotSpaces, render_mode: str | None) -> None:
+        self.simulation, self.spaces, self.render_mode = simulation, spaces, render_mode
+        rows = simulation.count * simulation.robots
+        super().__init__(rows, spaces.observation, spaces.action)
+        self._velocities = np.zeros((simulation.count, simulation.robots, 2))
+        self._returns = np.zeros(rows)
+        self._made_at = time.time()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """At the next reset, world n starts episode 0 of seed + n; None: each world goes on with its own seed."""
+        robots = self.simulation.robots
+        self._seeds = [None if seed is None else seed + row // robots for row in range(self.num_envs)]
+        return self._seeds
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the actions of the next `step_wait`."""
+        shape = (self.simulation.count, self.simulation.robots, 2)
+        self._velocities = self.spaces.velocities(actions, (self.num_envs,)).reshape(shape)
+
+    def _final_info(self, row: int, observation: Observation, steps: int) -> dict[str, Any]:
+        """The info of a row whose episode has ended, after so many steps, with its last observation."""
+        last = self.simulation.robot_step(*divmod(row, self.simulation.robots))
+        seconds = round(time.time() - self._made_at, 6)
+        return last.info | {
+            "terminal_observation": observation,
+            "TimeLimit.truncated": last.truncated,
+            "episode": {"r": float(self._returns[row]), "l": steps, "t": seconds},
+        }
+
+    def _save_simulation(self) -> Saved:
+        (capacity, *arrays), seeded = self.simulation.save()
+        return {"capacity": list(capacity), "arrays": arrays, "seeded": seeded}
+
+    def _restore_simulation(self, saved: Saved) -> None:
+        floats, ints, observation = saved["arrays"]
+        snapshot = Snapshot(Capacity(*saved["capacity"]), floats, ints, observation)
+        self.simulation.restore((snapshot, saved["seeded"]))
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self.simulation.close()
+
+
+class NavigationVecEnv(SimulationVecEnv):
     """`num_envs` worlds of NavigationEnv, see there for what a robot sees, does and gets; `make_vec_env` makes one.
 
     Infos are `{}` except where an episode ends; there they hold NavigationEnv's keys of the last step and
@@ -126,20 +178,9 @@ class NavigationVecEnv(ArrayVecEnv):
     ) -> None:
         require_one_robot(simulation)
         require_one_of("render_mode", render_mode, (None, "rgb_array"))
-        self.simulation = simulation
-        self.spaces = RobotSpaces(simulation, observation, action)
-        self.render_mode = render_mode
-        super().__init__(simulation.count, self.spaces.observation, self.spaces.action)
+        super().__init__(simulation, RobotSpaces(simulation, observation, action), render_mode)
         self.metadata: dict[str, Any] = {**self.metadata, "render_fps": 1.0 / simulation.scenario.time.step}
         self._pictures = Pictures(simulation, render_mode)
-        self._velocities = np.zeros((simulation.count, 1, 2))
-        self._returns = np.zeros(simulation.count)
-        self._made_at = time.time()
-
-    def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """At the next reset, row k starts episode 0 of seed + k; None: each row goes on with its own seed."""
-        self._seeds = [None if seed is None else seed + row for row in range(self.num_envs)]
-        return self._seeds
 
     def reset(self) -> Observation:
         """Start an episode in each row."""
@@ -151,10 +192,6 @@ class NavigationVecEnv(ArrayVecEnv):
         self._pictures.record()
         return self.spaces.present_batch(flat[:, 0])
 
-    def step_async(self, actions: NDArray[Any]) -> None:
-        """Take the actions of the next `step_wait`."""
-        self._velocities = self.spaces.velocities(actions, (self.num_envs,))[:, None]
-
     def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Drive for one step in each row, and start anew in those whose episode ends."""
         simulation = self.simulation
@@ -165,7 +202,8 @@ class NavigationVecEnv(ArrayVecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         ended = np.flatnonzero(done)
         for row in ended.tolist():
-            infos[row] = self._final_info(row, flat[row].copy())
+            steps = int(simulation.world.steps[row])
+            infos[row] = self._final_info(row, self.spaces.present(flat[row].copy()), steps)
         if len(ended):
             flat[ended] = simulation.reset(ended)[:, 0]
             self._returns[ended] = 0.0
@@ -176,25 +214,12 @@ class NavigationVecEnv(ArrayVecEnv):
 
     def save(self) -> Saved:
         """Copy all that the future depends on, but for the actions: plain numbers and arrays."""
-        (capacity, *arrays), seeded = self.simulation.save()
-        return {"capacity": list(capacity), "arrays": arrays, "seeded": seeded, "returns": self._returns.copy()}
+        return {**self._save_simulation(), "returns": self._returns.copy()}
 
     def restore(self, saved: Saved) -> None:
         """Go back to what `save` of an env of the same scenario and size gave; it goes on bit for bit."""
-        floats, ints, observation = saved["arrays"]
-        snapshot = Snapshot(Capacity(*saved["capacity"]), floats, ints, observation)
-        self.simulation.restore((snapshot, saved["seeded"]))
+        self._restore_simulation(saved)
         self._returns[:] = saved["returns"]
-
-    def _final_info(self, row: int, flat: NDArray[np.float32]) -> dict[str, Any]:
-        last = self.simulation.robot_step(row)
-        steps = int(self.simulation.world.steps[row])
-        seconds = round(time.time() - self._made_at, 6)
-        return last.info | {
-            "terminal_observation": self.spaces.present(flat),
-            "TimeLimit.truncated": last.truncated,
-            "episode": {"r": float(self._returns[row]), "l": steps, "t": seconds},
-        }
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """A picture (H, W, 3) of each row, RGB uint8."""
@@ -202,5 +227,5 @@ class NavigationVecEnv(ArrayVecEnv):
 
     def close(self) -> None:
         """Let the threads and the pictures go."""
-        self.simulation.close()
+        super().close()
         self._pictures.close()

@@ -32,7 +32,11 @@ LAYERS = (
 LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 CORE_LAYERS = range(LAYER["agents"])  # their runs are functions of (seed, episode, time)
 
-NUMBA = {"compiling", "dispatchers", "kernels.vectors"}  # how kernels are compiled, and the LLVM code that is written by hand
+NUMBA = {
+    "compiling",
+    "dispatchers",
+    "kernels.vectors",
+}  # how kernels are compiled, and the LLVM code that is written by hand
 COMPILED = {"kernel", "called", "inlined"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
 COMPOSED = {"agents.bugs.rev1", "agents.bugs.rev2"}  # their paper defines them as a change of another algorithm

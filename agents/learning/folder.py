@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Set
+from collections.abc import Iterable, Set
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,11 @@ def read_record(path: Path, kind: str, required: Set[str]) -> dict[str, Any]:
 def sha256(data: bytes) -> str:
     """Checksum of a file's bytes."""
     return hashlib.sha256(data).hexdigest()
+
+
+def checksums(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """Checksums of a folder's files, by name."""
+    return {name: sha256((folder / name).read_bytes()) for name in names}
 
 
 def open_graph(path: Path, checksum: str) -> Any:

@@ -21,7 +21,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.dqn.policies import DQNPolicy
 from stable_baselines3.sac.policies import SACPolicy
 
-from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, read_config, sha256
+from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, read_config
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
 from bug_gym.config import dump
@@ -81,6 +81,17 @@ def write_graph(path: Path, decision: torch.nn.Module, shape: Sequence[int]) -> 
         )
 
 
+def write_weights(path: Path, network: torch.nn.Module) -> None:
+    """Write what `load_weights` reads."""
+    with replaced_when_done(path) as partial:
+        partial.write_bytes(save({name: value.contiguous() for name, value in network.state_dict().items()}))
+
+
+def training_machine() -> dict[str, Any]:
+    """What is kept with a model of where it was trained: the machine, torch's threads, and versions."""
+    return machine() | {"threads": torch.get_num_threads()} | {name: version(name) for name in PACKAGES}
+
+
 def write_agent(
     folder: Path, model: BaseAlgorithm, settings: AnySettings, robot: RobotModel, runs: Mapping[str, Any]
 ) -> None:
@@ -94,8 +105,7 @@ def write_agent(
         runs: by seed: curve, best point of it, and held-out results.
     """
     write_onnx(folder / GRAPH, model)
-    with replaced_when_done(folder / WEIGHTS) as partial:
-        partial.write_bytes(save({name: value.contiguous() for name, value in model.policy.state_dict().items()}))
+    write_weights(folder / WEIGHTS, model.policy)
     record = {
         "name": settings.name,
         "robot": robot.as_dict(),
@@ -104,8 +114,8 @@ def write_agent(
         "settings": json.loads(settings.model_dump_json()),
         "scenarios": [dump(scenario) for scenario in settings.loaded],
         "seed": int(next(iter(runs))),
-        "machine": machine() | {"threads": torch.get_num_threads()} | {name: version(name) for name in PACKAGES},
-        "sha256": {name: sha256((folder / name).read_bytes()) for name in (GRAPH, WEIGHTS)},
+        "machine": training_machine(),
+        "sha256": checksums(folder, (GRAPH, WEIGHTS)),
         "runs": dict(runs),
     }
     _write_record(folder, record)

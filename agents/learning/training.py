@@ -6,14 +6,12 @@ killed goes on from its last checkpoint, at the border of a rollout, and ends wi
 
 from __future__ import annotations
 
-import csv
 import json
 import os
-import pickle
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,15 +21,15 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
-from stable_baselines3.common.type_aliases import RolloutBufferSamples
 
+from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
 from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, model_folder, read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
+from bug_gym.agents.learning.progress import CURVE, Point, Progress, write_curve
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
     AnySettings,
@@ -43,51 +41,11 @@ from bug_gym.agents.learning.settings import (
 )
 from bug_gym.agents.learning.vec_envs import HistoryVecEnv, TrainingEnv, join
 from bug_gym.config import Scenario
-from bug_gym.files import replaced_when_done
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
 from bug_gym.view import Sensors
 
-CHECKPOINT, CURVE = "checkpoint.pt", "curve.csv"
-"""Files of a training's folder."""
-
 SEED_BLOCK = 2**20
 """Seeds of one training's worlds."""
-
-
-@dataclass(frozen=True)
-class Point:
-    """One validation."""
-
-    steps: int
-    """Environment steps so far."""
-    seconds: float
-    """Time spent on training [s]; validations and checkpoints do not count."""
-    cpu_seconds: float
-    """The same in time of processors [s]: what it would take one core that nobody else uses."""
-    success: float
-    """Share of successes, mean over the scenarios."""
-    collision: float
-    """Share of collisions."""
-    timeout: float
-    """Share of timeouts."""
-    time: float | None
-    """Mean time of a success [s]; None where there was none."""
-
-
-@dataclass
-class Progress:
-    """What a training knows besides its model."""
-
-    points: list[Point] = field(default_factory=list)
-    """Validations so far."""
-    best: dict[str, torch.Tensor] = field(default_factory=dict)
-    """Weights of the policy that did best in them."""
-    best_point: Point | None = None
-    """How it did."""
-    seconds: float = 0.0
-    """Time spent on training [s]."""
-    cpu_seconds: float = 0.0
-    """The same in time of processors [s]."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -187,28 +145,6 @@ def rebuild(model: str | Path) -> BaseAlgorithm:
     return made
 
 
-class Rollouts(RolloutBuffer):
-    """SB3's rollouts, shuffled by a generator of their own: it depends on how often it was asked and on nothing else."""
-
-    def __init__(self, *args: Any, seed: int, **kwargs: Any) -> None:
-        self.seed, self.rounds = seed, 0
-        super().__init__(*args, **kwargs)
-
-    def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
-        """All samples in a random order, in batches."""
-        names = ("observations", "actions", "values", "log_probs", "advantages", "returns")
-        if not self.generator_ready:
-            for name in names:
-                setattr(self, name, self.swap_and_flatten(getattr(self, name)))
-            self.generator_ready = True
-        arrays = [torch.from_numpy(getattr(self, name)) for name in names]
-        parts = [*arrays[:2], *(array.flatten() for array in arrays[2:])]
-        order = torch.from_numpy(np.random.default_rng((self.seed, self.rounds)).permutation(len(parts[0])))
-        self.rounds += 1
-        for some in torch.split(order, batch_size or len(order)):
-            yield RolloutBufferSamples(*(part[some] for part in parts))
-
-
 class InTraining:
     """A model in training as a policy: flat observations, and a History where it has one."""
 
@@ -233,7 +169,7 @@ class InTraining:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Keeper(BaseCallback):
+class ProgressKeeper(BaseCallback):
     """Validates, keeps the best model, saves checkpoints, and watches the clock; all at the borders of rollouts.
 
     Args:
@@ -323,102 +259,6 @@ class Keeper(BaseCallback):
         write_curve(self.folder / CURVE, self.progress.points)
 
 
-def write_curve(path: Path, points: Sequence[Point]) -> None:
-    """Write validations as CSV."""
-    with replaced_when_done(path) as partial, Path(partial).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(Point.__annotations__))
-        writer.writeheader()
-        writer.writerows(asdict(point) for point in points)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Checkpoints
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def save_checkpoint(path: Path, model: PPO, env: TrainingEnv, progress: Progress, identity: Mapping[str, Any]) -> None:
-    """Write all that the rest of a PPO training depends on; a kill leaves the old file or the new one."""
-    buffer = model.rollout_buffer
-    assert isinstance(buffer, Rollouts)
-    state = {
-        "identity": dict(identity),
-        "policy": model.policy.state_dict(),
-        "optimizer": model.policy.optimizer.state_dict(),
-        "num_timesteps": model.num_timesteps,
-        "n_updates": model._n_updates,
-        "rounds": buffer.rounds,
-        "last_obs": model._last_obs,
-        "last_episode_starts": model._last_episode_starts,
-        "env": env.save(),
-        "torch": torch.get_rng_state(),
-        "points": [asdict(point) for point in progress.points],
-        "best": progress.best,
-        "best_point": None if progress.best_point is None else asdict(progress.best_point),
-        "seconds": progress.seconds,
-        "cpu_seconds": progress.cpu_seconds,
-    }
-    with replaced_when_done(path) as partial:
-        torch.save(_as_tensors(state), partial)
-
-
-def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
-    """What `save_checkpoint` wrote; it is read as data, no code in it is run.
-
-    Raises:
-        ValueError: it is damaged, or of another training.
-    """
-    try:
-        state: dict[str, Any] = _as_arrays(torch.load(path, weights_only=True))
-    except (RuntimeError, EOFError, ValueError, KeyError, OSError, pickle.UnpicklingError) as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
-    for name, value in identity.items():
-        if state["identity"].get(name) != value:
-            raise ValueError(f"{path} is of another training: {name} was {state['identity'].get(name)}, is now {value}")
-    return state
-
-
-def restore(model: PPO, env: TrainingEnv, state: Mapping[str, Any]) -> Progress:
-    """Bring a new model and env to where a checkpoint was saved."""
-    model.policy.load_state_dict(state["policy"])
-    model.policy.optimizer.load_state_dict(state["optimizer"])
-    model.num_timesteps, model._n_updates = state["num_timesteps"], state["n_updates"]
-    buffer = model.rollout_buffer
-    assert isinstance(buffer, Rollouts)
-    buffer.rounds = state["rounds"]
-    env.reset()  # which gives every row an episode to put the saved one into
-    env.restore(state["env"])
-    model._last_obs, model._last_episode_starts = state["last_obs"], state["last_episode_starts"]
-    torch.set_rng_state(state["torch"])
-    best_point = state["best_point"]
-    return Progress(
-        [Point(**point) for point in state["points"]],
-        state["best"],
-        None if best_point is None else Point(**best_point),
-        state["seconds"],
-        state["cpu_seconds"],
-    )
-
-
-_ARRAY = "numpy"
-
-
-def _as_tensors(value: Any) -> Any:
-    """The value with arrays as marked tensors: torch reads tensors without running code."""
-    if isinstance(value, np.ndarray):
-        return (_ARRAY, torch.from_numpy(np.ascontiguousarray(value)))
-    if isinstance(value, dict):
-        return {key: _as_tensors(item) for key, item in value.items()}
-    return [_as_tensors(item) for item in value] if isinstance(value, list) else value
-
-
-def _as_arrays(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) == 2 and value[0] == _ARRAY:
-        return value[1].numpy()
-    if isinstance(value, dict):
-        return {key: _as_arrays(item) for key, item in value.items()}
-    return [_as_arrays(item) for item in value] if isinstance(value, list) else value
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # The whole of it
 # ---------------------------------------------------------------------------------------------------------------------
@@ -454,33 +294,50 @@ def train(
     folder.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
     torch.set_flush_denormal(True)
-    identity = {
+    env = make_training_env(settings, seed)
+    model = make_model(settings, env, seed)
+    if settings.start_from is not None:
+        load_weights(model_folder(settings.start_from) / WEIGHTS, model.policy)
+    goes_on = isinstance(model, PPO) and (folder / CHECKPOINT).exists()
+    kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))
+    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
+    left = settings.n_timesteps - model.num_timesteps
+    with _bar(settings, shown=progress) as report:
+        keeper = ProgressKeeper(settings, kept, folder, save=save, minutes=minutes, report=report)
+        model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
+    if save is not None and not keeper.is_over:
+        save()
+    write_best(folder, settings, model, kept, seed)
+    env.close()
+    return kept
+
+
+def identity_of(settings: AnySettings, seed: int) -> dict[str, Any]:
+    """What a checkpoint has to share with a training that goes on from it."""
+    return {
         "settings": json.loads(settings.model_dump_json()),
         "seed": seed,
         "threads": torch.get_num_threads(),
         "torch": str(torch.__version__),
     }
-    env = make_training_env(settings, seed)
-    model = make_model(settings, env, seed)
-    if settings.start_from is not None:
-        load_weights(model_folder(settings.start_from) / WEIGHTS, model.policy)
-    kept = Progress()
-    path, save = folder / CHECKPOINT, None
-    goes_on = isinstance(model, PPO) and path.exists()
-    if isinstance(model, PPO):
-        if goes_on:
-            kept = restore(model, env, load_checkpoint(path, identity))
 
-        def save() -> None:
-            save_checkpoint(path, model, env, kept, identity)
 
-    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
-    left = settings.n_timesteps - model.num_timesteps
-    with _bar(settings, shown=progress) as report:
-        keeper = Keeper(settings, kept, folder, save=save, minutes=minutes, report=report)
-        model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
-    if save is not None and not keeper.is_over:
-        save()
+def resume(
+    model: BaseAlgorithm, env: TrainingEnv, path: Path, identity: Mapping[str, Any]
+) -> tuple[Progress, Callable[[], None] | None]:
+    """Bring a new model to its checkpoint, if there is one.
+
+    Returns:
+        How far the training is; and what writes a checkpoint, None where the algorithm cannot go on from one.
+    """
+    if not isinstance(model, PPO):
+        return Progress(), None
+    kept = restore(model, env, load_checkpoint(path, identity)) if path.exists() else Progress()
+    return kept, partial(save_checkpoint, path, model, env, kept, identity)
+
+
+def write_best(folder: Path, settings: AnySettings, model: BaseAlgorithm, kept: Progress, seed: int) -> None:
+    """Judge the weights that did best in the held-out worlds, and write them as an agent."""
     assert kept.best_point is not None  # the end of learning validates
     model.policy.load_state_dict(kept.best)
     policy = InTraining(model, robot_of(settings.loaded), settings.history)
@@ -488,8 +345,6 @@ def train(
     held_out = {scenario.name: play(policy, scenario, tests).summary() for scenario in settings.loaded}
     run = {"curve": [asdict(point) for point in kept.points], "best": asdict(kept.best_point), "held_out": held_out}
     write_agent(folder, model, settings, policy.robot, {str(seed): run})
-    env.close()
-    return kept
 
 
 def is_done(settings: AnySettings, folder: Path, seed: int) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,15 +12,14 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvW
 
 from bug_gym.agents.learning.history import TOP_SPEED, History, history_width
 from bug_gym.agents.learning.robot_model import RobotModel
-from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, Saved
+from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, Saved, SimulationVecEnv
 from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import ActionForm, RobotSpaces
-from bug_gym.world import Capacity, Snapshot
 
 
-class RobotsVecEnv(ArrayVecEnv):
+class RobotsVecEnv(SimulationVecEnv):
     """Worlds with several robots each, row n R + r = robot r of world n: one policy learns to drive them all.
 
     A robot whose run has ended starts again from its start while the others go on, until the world's time is over;
@@ -34,21 +32,9 @@ class RobotsVecEnv(ArrayVecEnv):
     """
 
     def __init__(self, simulation: Simulation, action: ActionForm) -> None:
-        self.simulation = simulation
-        self.spaces = RobotSpaces(simulation, "flat", action)
-        self.render_mode = None
-        rows = simulation.count * simulation.robots
-        super().__init__(rows, self.spaces.observation, self.spaces.action)
+        super().__init__(simulation, RobotSpaces(simulation, "flat", action), None)
         self._starts = np.zeros((simulation.count, simulation.robots, 3))
-        self._velocities = np.zeros((simulation.count, simulation.robots, 2))
-        self._returns, self._steps = np.zeros(rows), np.zeros(rows, dtype=np.int64)
-        self._made_at = time.time()
-
-    def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """At the next reset, world n starts episode 0 of seed + n."""
-        robots = self.simulation.robots
-        self._seeds = [None if seed is None else seed + row // robots for row in range(self.num_envs)]
-        return self._seeds
+        self._steps = np.zeros(self.num_envs, dtype=np.int64)
 
     def reset(self) -> F32:
         """Start an episode in each world."""
@@ -63,11 +49,6 @@ class RobotsVecEnv(ArrayVecEnv):
         self.simulation.reset(worlds, seeds)
         self._starts[worlds] = self.simulation.world.pose[worlds]
 
-    def step_async(self, actions: NDArray[Any]) -> None:
-        """Take the actions of the next `step_wait`."""
-        shape = (self.simulation.count, self.simulation.robots, 2)
-        self._velocities = self.spaces.velocities(actions, (self.num_envs,)).reshape(shape)
-
     def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Drive for one step in each world, and start anew the robots whose run ends."""
         simulation, world = self.simulation, self.simulation.world
@@ -80,7 +61,10 @@ class RobotsVecEnv(ArrayVecEnv):
         done = ~world.active.ravel()
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(done).tolist():
-            infos[row] = self._final_info(row, flat[row].copy(), drove=bool(drove[row]))
+            last = flat[row].copy()
+            infos[row] = {"terminal_observation": last}
+            if drove[row]:
+                infos[row] = self._final_info(row, last, int(self._steps[row]))
         worlds = np.flatnonzero(done.reshape(world.outcome.shape).any(axis=1))
         if len(worlds):
             is_over = world.steps[worlds] >= simulation.scenario.time.steps
@@ -91,32 +75,16 @@ class RobotsVecEnv(ArrayVecEnv):
         self._returns[done], self._steps[done] = 0.0, 0
         return flat, rewards.astype(np.float32), done, infos
 
-    def _final_info(self, row: int, flat: F32, *, drove: bool) -> dict[str, Any]:
-        if not drove:
-            return {"terminal_observation": flat}
-        last = self.simulation.robot_step(*divmod(row, self.simulation.robots))
-        seconds = round(time.time() - self._made_at, 6)
-        return last.info | {
-            "terminal_observation": flat,
-            "TimeLimit.truncated": last.truncated,
-            "episode": {"r": float(self._returns[row]), "l": int(self._steps[row]), "t": seconds},
-        }
-
     def save(self) -> Saved:
         """Copy all that the future depends on, but for the actions."""
-        (capacity, *arrays), seeded = self.simulation.save()
         own = [self._starts.copy(), self._returns.copy(), self._steps.copy()]
-        return {"capacity": list(capacity), "arrays": arrays, "seeded": seeded, "own": own}
+        return {**self._save_simulation(), "own": own}
 
     def restore(self, saved: Saved) -> None:
         """Go back to what `save` gave."""
-        self.simulation.restore((Snapshot(Capacity(*saved["capacity"]), *saved["arrays"]), saved["seeded"]))
+        self._restore_simulation(saved)
         for mine, value in zip((self._starts, self._returns, self._steps), saved["own"], strict=True):
             mine[:] = value
-
-    def close(self) -> None:
-        """Let the threads go."""
-        self.simulation.close()
 
 
 class JoinedVecEnv(ArrayVecEnv):

@@ -1,4 +1,8 @@
-"""Where tracked things will be: one interface for all predictors, and the table of them."""
+"""Where tracked things will be: the table of predictors, and `make_predictor`.
+
+The interface that all of them have is in predictor; who needs only that, or one class, imports it from there: the
+modules below don't know the table.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ def make_predictor(name: str, sensors: Sensors) -> Predictor:
     """Make a predictor.
 
     Args:
-        name: one of `predictor_names()`, or the path of a folder that prediction_training wrote.
+        name: one of `predictor_names()`, or the path of a folder that `training` wrote.
         sensors: what a driver knows of the robot whose tracks are predicted.
 
     Raises:

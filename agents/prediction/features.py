@@ -122,7 +122,7 @@ def past_of(tracks: Tracks, axes: F64) -> F64:
 def surroundings_of(
     tracks: Tracks, axes: F64, speed: F64, beam_angles: F64, sensor_range: float
 ) -> tuple[F64, F64, F64]:
-    """What the hits about each track say, those on itself aside; see prediction_kernels.
+    """What the hits about each track say, those on itself aside; see surroundings.
 
     Returns:
         Nearness (T, SECTORS); share (T, HEADINGS) of the last horizon for which it could go on; and what it would touch

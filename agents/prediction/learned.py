@@ -1,6 +1,6 @@
 """Learned predictors in play: an ONNX graph run by onnxruntime for all tracks at once, without torch.
 
-They answer what BugGym/Prediction-v0 asks. The shipped ones lie in agents/trained; prediction_training makes them.
+They answer what BugGym/Prediction-v0 asks. The shipped ones lie in agents/trained; `training` makes them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The plain predictors."""
+"""The plain predictors: things stay, go on as they last went, or go on as the tracker's Kalman filter says.
+
+Nothing is learnt here. They are what learned predictors are measured against; the spread of the filter's prediction is
+its covariance carried on at constant velocity (Bar-Shalom, Li and Kirubarajan 2001).
+"""
 
 from __future__ import annotations
 

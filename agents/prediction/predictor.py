@@ -1,4 +1,7 @@
-"""What a predictor is and what it answers."""
+"""What a predictor is and what it answers: the interface that HD-BUG asks, and that plain and learned ones have.
+
+It knows the tracks of one robot and nothing else; what it says is a place and a spread for each track and time.
+"""
 
 from __future__ import annotations
 

@@ -15,8 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.agents import make_policy
-from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, WIDTH, answers_for, encode
+from bug_gym.agents.bugs.bug2 import Bug2
+from bug_gym.agents.prediction.features import (
+    ANSWERS,
+    HORIZONS,
+    WIDTH,
+    answers_for,
+    encode,
+    mirrored_answers,
+    mirrored_features,
+)
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
 from bug_gym.config import Scenario, dump, load
 from bug_gym.geometry import F32, F64
@@ -30,8 +38,8 @@ LAWS = ("bounce", "waypoints", "random_walk", "crowd", "evade")
 """Motion laws that are learnt."""
 STREET = "street"
 """Family of worlds of people who walk straight on, as fast as people do; it makes a learner sure of what goes straight."""
-DRIVER = "bug2"
-"""The policy that drives the robot."""
+DRIVER = Bug2
+"""What drives the robot."""
 SPEEDS = (0.2, 1.0)
 """Of the movers [m/s]."""
 SCANNERS: tuple[dict[str, Any], ...] = ({"beams": 64, "range": 5.0}, {"beams": 180, "range": 10.0})
@@ -168,9 +176,9 @@ def moments(
     """
     simulation = Simulation(scenario)
     step = scenario.time.step
-    driver = make_policy(DRIVER, simulation)
-    observation, state = simulation.reset(seeds=[seed])[:, 0], None
     sensors = Sensors.of(scenario)
+    driver, state = DRIVER(sensors), None
+    observation = simulation.reset(seeds=[seed])[:, 0]
     tracker = Tracker(sensors)
     memory = tracker.start()
     x, y, heading = simulation.world.pose[0, 0].tolist()
@@ -245,6 +253,14 @@ def samples_of(scenario: Scenario, seed: int, *, every: int = 2) -> Samples:
         features.append(encode(tracks, sensors.angles, sensors.range))
         answers.append(answers_for(places, tracks))
     return Samples(np.concatenate(features), np.concatenate(answers).astype(np.float32))
+
+
+def with_mirrored(samples: Samples) -> Samples:
+    """The samples and their mirror images."""
+    return Samples(
+        np.concatenate([samples.features, mirrored_features(samples.features)]),
+        np.concatenate([samples.answers, mirrored_answers(samples.answers)]),
+    )
 
 
 def displacement_errors(places: F64, truth: F64) -> F64:

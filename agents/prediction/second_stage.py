@@ -6,7 +6,7 @@ how far the answers are to be trusted: a gain of each number, and an offset of e
 from evolution strategies (Salimans et al. 2017): two changes to either side of the present one drive through the same
 world, and the difference of their returns counts, over its deviation as in Mania et al. 2018.
 
-    python -m bug_gym.agents.prediction_navigation results/rl_predictor --out results/navigation.json --worlds rush
+    python -m bug_gym.agents.prediction.second_stage results/rl_predictor --out results/navigation.json --worlds rush
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from bug_gym.agents import make_policy
+from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS
 from bug_gym.agents.prediction.learned import LearnedPredictor
 from bug_gym.config import Scenario, load
@@ -99,7 +99,7 @@ class Run(NamedTuple):
 def drive(folder: Path, change: F64, world: str, seed: int) -> Run:
     """A run of HD-BUG with a changed predictor through a crowded world of a motion law, or of a scenario."""
     simulation = Simulation(crowded(world) if world in LAWS else load(world))
-    policy: Any = make_policy("hd_bug", simulation)
+    policy = HDBug(Sensors.of(simulation.scenario))
     policy.predictor = ChangedPredictor(policy.sensors, folder, change)
     observation, state = simulation.reset(seeds=[seed])[:, 0], None
     first = last = simulation.robot_step()
@@ -158,7 +158,7 @@ def _summary(runs: Sequence[Run]) -> dict[str, float]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Train the second stage of a predictor, and tell whether it helps."""
-    parser = argparse.ArgumentParser(prog="python -m bug_gym.agents.prediction_navigation", description=main.__doc__)
+    parser = argparse.ArgumentParser(prog="python -m bug_gym.agents.prediction.second_stage", description=main.__doc__)
     parser.add_argument("folder", type=Path, help="of the predictor")
     parser.add_argument("--out", type=Path, required=True, help="file for what was found, as JSON")
     defaults = asdict(NavigationSettings())

@@ -17,19 +17,65 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.tracking import tracking_kernels as kernels
+from bug_gym.agents.tracking.layout import (
+    BORN,
+    CENTRES,
+    COUNTERS,
+    CXX,
+    CXY,
+    CYX,
+    CYY,
+    FIT,
+    FLAG_ROWS,
+    FLOAT_ROWS,
+    HEADING,
+    HISTORY,
+    ID,
+    INNOVATION,
+    INTEGER_ROWS,
+    IS_CONFIRMED,
+    IS_MOVING,
+    NOW,
+    NUMBERS,
+    PASSED,
+    PAST_POSE,
+    POSE,
+    POSE_X,
+    POSE_Y,
+    PXX,
+    PXY,
+    PYY,
+    RADIUS,
+    SCANS,
+    SEEN,
+    STATE,
+    TRACKS,
+    VX,
+    VXX,
+    VXY,
+    VY,
+    VYY,
+    Memory,
+    X,
+    Y,
+)
+from bug_gym.agents.tracking.update import update_tracks
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors, View
 
 COVARIANCE = np.array(
     [
-        [kernels.PXX, kernels.PXY, kernels.CXX, kernels.CXY],
-        [kernels.PXY, kernels.PYY, kernels.CYX, kernels.CYY],
-        [kernels.CXX, kernels.CYX, kernels.VXX, kernels.VXY],
-        [kernels.CXY, kernels.CYY, kernels.VXY, kernels.VYY],
+        [PXX, PXY, CXX, CXY],
+        [PXY, PYY, CYX, CYY],
+        [CXX, CYX, VXX, VXY],
+        [CXY, CYY, VXY, VYY],
     ]
 )
 """Columns of a track's state that make up its covariance (4, 4)."""
+NEWEST = np.arange(-HISTORY, 0)
+"""Where a track's last centres lie in its history, counted from the end (HISTORY,)."""
+NOBODY = np.full(TRACKS + 1, -1)
+"""For each place of a track the index -1 (TRACKS + 1,); the last is that of hits which are nobody's."""
 
 
 class Tracks(NamedTuple):
@@ -74,7 +120,7 @@ class Tracks(NamedTuple):
 
 @dataclass
 class TrackerMemory:
-    """What a tracker keeps of one episode: plain arrays, see tracking_kernels for their columns."""
+    """What a tracker keeps of one episode: plain arrays, see layout for their columns."""
 
     scans: F64
     """Past scans (SCANS, B) [m]."""
@@ -82,20 +128,31 @@ class TrackerMemory:
     """Places of their hits, odometry frame (SCANS, 2, B) [m]."""
     scan_owners: NDArray[np.int64]
     """Whose the hits of the past scans were (SCANS, B)."""
-    scan_poses: F64 = field(default_factory=lambda: np.full((kernels.SCANS, 4), np.inf))
-    """Odometry x, y [m], heading [rad] and time [s] of these (SCANS, 4)."""
-    state: F64 = field(default_factory=lambda: np.zeros((kernels.TRACKS, kernels.STATE)))
+    scan_poses: F64 = field(default_factory=lambda: np.full((SCANS, PAST_POSE), np.inf))
+    """Odometry x, y [m], heading [rad] and time [s] of these (SCANS, PAST_POSE)."""
+    state: F64 = field(default_factory=lambda: np.zeros((TRACKS, STATE)))
     """Numbers of the tracks (TRACKS, STATE)."""
-    numbers: NDArray[np.int64] = field(
-        default_factory=lambda: np.zeros((kernels.TRACKS, kernels.NUMBERS), dtype=np.int64)
-    )
+    numbers: NDArray[np.int64] = field(default_factory=lambda: np.zeros((TRACKS, NUMBERS), dtype=np.int64))
     """Integers of the tracks (TRACKS, NUMBERS)."""
-    history: F64 = field(default_factory=lambda: np.zeros((kernels.TRACKS, kernels.HISTORY, 3)))
+    history: F64 = field(default_factory=lambda: np.zeros((TRACKS, HISTORY, 3)))
     """Measured centres x, y [m] and their times [s] in a ring (TRACKS, HISTORY, 3)."""
-    counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
-    """Number of the last track, and how many scans were kept (2,)."""
+    counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(COUNTERS, dtype=np.int64))
+    """Number of the last track, and how many scans were kept (COUNTERS,)."""
     time: float = -math.inf
     """Time of the last update [s]."""
+
+    def arrays(self) -> Memory:
+        """The arrays as the compiled step takes them; it changes them in place."""
+        return Memory(
+            self.state,
+            self.numbers,
+            self.history,
+            self.counters,
+            self.scans,
+            self.scan_points,
+            self.scan_poses,
+            self.scan_owners,
+        )
 
 
 class Tracker:
@@ -112,19 +169,18 @@ class Tracker:
         is_full_circle = beams > 1 and abs(beams * step - 2.0 * math.pi) < 1e-6
         self.angles = angles
         self._settings = np.array([sensors.range, angles[0], step, sensors.range_noise, float(is_full_circle)])
-        self._pose = np.zeros(5)
-        self._work = np.zeros((6, beams))
-        self._fits = np.zeros((beams + 1, kernels.FIT))
-        self._lists = np.zeros((5, 2 * beams + kernels.TRACKS), dtype=np.int64)
-        self._flags = np.zeros((2, beams), dtype=np.bool_)
+        self._pose = np.zeros(POSE)
+        self._floats = np.zeros((FLOAT_ROWS, beams))
+        self._fits = np.zeros((beams + 1, FIT))
+        self._integers = np.zeros((INTEGER_ROWS, 2 * beams + TRACKS), dtype=np.int64)
+        self._flags = np.zeros((FLAG_ROWS, beams), dtype=np.bool_)
         self._owner = np.zeros(beams, dtype=np.int64)
 
     def start(self) -> TrackerMemory:
         """Memory of a new episode."""
         beams = len(self.angles)
-        scans = kernels.SCANS
-        owners = np.zeros((scans, beams), dtype=np.int64)
-        return TrackerMemory(np.zeros((scans, beams)), np.zeros((scans, 2, beams)), owners)
+        owners = np.zeros((SCANS, beams), dtype=np.int64)
+        return TrackerMemory(np.zeros((SCANS, beams)), np.zeros((SCANS, 2, beams)), owners)
 
     def update(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """Take in a scan; call it once a step. `memory` is changed in place.
@@ -142,25 +198,19 @@ class Tracker:
         if len(view.ranges) != len(self.angles):
             raise ValueError(f"this tracker was made for {len(self.angles)} beams, the scan has {len(view.ranges)}")
         passed = time - memory.time if math.isfinite(memory.time) else 0.0
-        self._pose[:] = (*view.pose, time, passed)
+        self._pose[POSE_X], self._pose[POSE_Y], self._pose[HEADING] = view.pose
+        self._pose[NOW], self._pose[PASSED] = time, passed
         memory.time = time
-        kernels.update_tracks(
+        update_tracks(
             view.ranges,
             self.angles,
             self._pose,
             self._settings,
-            memory.state,
-            memory.numbers,
-            memory.history,
-            memory.scans,
-            memory.scan_points,
-            memory.scan_poses,
-            memory.scan_owners,
-            memory.counters,
             self._owner,
-            self._work,
+            memory.arrays(),
+            self._floats,
             self._fits,
-            self._lists,
+            self._integers,
             self._flags,
         )
         return self._tracks(memory, view, time)
@@ -168,23 +218,22 @@ class Tracker:
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""
         numbers = memory.numbers
-        places = np.flatnonzero((numbers[:, kernels.ID] > 0) & (numbers[:, kernels.IS_CONFIRMED] > 0))
+        (places,) = ((numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0)).nonzero()
         state, chosen = memory.state[places], numbers[places]
-        index = np.full(kernels.TRACKS + 1, -1)
+        index = NOBODY.copy()
         index[places] = np.arange(len(places))
-        centres = chosen[:, kernels.CENTRES, None]
-        newest = np.arange(-kernels.HISTORY, 0)
-        kept = memory.history[places[:, None], np.maximum(centres + newest, 0) % kernels.HISTORY]
+        centres = chosen[:, CENTRES, None]
+        kept = memory.history[places[:, None], np.maximum(centres + NEWEST, 0) % HISTORY]
         return Tracks(
-            id=chosen[:, kernels.ID],
-            position=state[:, kernels.X : kernels.Y + 1],
-            velocity=state[:, kernels.VX : kernels.VY + 1],
-            radius=state[:, kernels.RADIUS],
+            id=chosen[:, ID],
+            position=state[:, X : Y + 1],
+            velocity=state[:, VX : VY + 1],
+            radius=state[:, RADIUS],
             covariance=state[:, COVARIANCE],
-            moving=chosen[:, kernels.IS_MOVING] > 0,
-            age=time - state[:, kernels.BORN],
-            unseen=time - state[:, kernels.SEEN],
-            innovation=state[:, kernels.INNOVATION],
+            moving=chosen[:, IS_MOVING] > 0,
+            age=time - state[:, BORN],
+            unseen=time - state[:, SEEN],
+            innovation=state[:, INNOVATION],
             history=kept[:, :, :2],
             history_times=kept[:, :, 2],
             beam_track=index[self._owner],

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from bug_gym.agents.learning.folder import TRAINED_FOLDER
 from bug_gym.agents.prediction import make_predictor, predictor_names
 from bug_gym.agents.prediction.samples import LAWS, displacement_errors, moments, world_of
+from bug_gym.agents.prediction.settings import PredictorSettings
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.geometry import F64
 from bug_gym.held_out import TEST_SEEDS
@@ -136,7 +137,7 @@ def other_scene(scenes: dict[str, Path], settings: Settings) -> dict[str, Any]:
 
 def train_further(recording: Path, out: Path, settings: Settings) -> list[str]:
     """Train each of LEARNED on from its shipped weights with a recording; returns their folders."""
-    from bug_gym.agents.prediction.training import PredictorSettings, gather_for, train  # needs the extra `train`
+    from bug_gym.agents.prediction.training import gather_for, train  # needs the extra `train`
 
     crossings = 4 * (settings.seeds or CROSSINGS)
     folders = []

@@ -20,12 +20,13 @@ pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with th
 
 import torch
 
+from bug_gym.agents.learning.checkpoints import Rollouts
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.models import command
 from bug_gym.agents.learning.networks import RobotEncoding
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
-from bug_gym.agents.learning.training import Rollouts, make_model, make_training_env, robot_of, train
+from bug_gym.agents.learning.training import make_model, make_training_env, robot_of, train
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError, load
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS

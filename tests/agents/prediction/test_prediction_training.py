@@ -18,27 +18,15 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 
 from bug_gym.agents.learning.folder import TRAINED_FOLDER, open_graph
 from bug_gym.agents.prediction import make_predictor
+from bug_gym.agents.prediction.card import write_predictor
+from bug_gym.agents.prediction.descent import tried_slopes
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, KALMAN_ERRORS, TOP_SPEED, WIDTH, cost_of, errors_of
 from bug_gym.agents.prediction.learned import CONFIG, GRAPH, LearnedPredictor
-from bug_gym.agents.prediction.samples import Samples
-from bug_gym.agents.prediction.training import (
-    TRAININGS,
-    AnswerBuffer,
-    Answering,
-    AnswerVecEnv,
-    Curve,
-    PredictorSettings,
-    TriedAnswers,
-    costs_at_horizons,
-    gains_over_others,
-    gather,
-    main,
-    network,
-    train,
-    tried_slopes,
-    with_mirrored,
-    write_predictor,
-)
+from bug_gym.agents.prediction.network import Answering, Curve, costs_at_horizons, network
+from bug_gym.agents.prediction.ppo import AnswerBuffer, AnswerVecEnv, TriedAnswers, gains_over_others
+from bug_gym.agents.prediction.samples import Samples, with_mirrored
+from bug_gym.agents.prediction.settings import PredictorSettings
+from bug_gym.agents.prediction.training import TRAININGS, gather, main, train
 from bug_gym.config import load
 from bug_gym.view import Sensors
 

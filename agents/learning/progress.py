@@ -1,0 +1,59 @@
+"""What a training knows besides its model: its validations, which weights did best in them, and the time spent."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import torch
+
+from bug_gym.files import replaced_when_done
+
+CURVE = "curve.csv"
+"""File of a training's folder that holds its validations."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One validation."""
+
+    steps: int
+    """Environment steps so far."""
+    seconds: float
+    """Time spent on training [s]; validations and checkpoints do not count."""
+    cpu_seconds: float
+    """The same in time of processors [s]: what it would take one core that nobody else uses."""
+    success: float
+    """Share of successes, mean over the scenarios."""
+    collision: float
+    """Share of collisions."""
+    timeout: float
+    """Share of timeouts."""
+    time: float | None
+    """Mean time of a success [s]; None where there was none."""
+
+
+@dataclass
+class Progress:
+    """What a training knows besides its model."""
+
+    points: list[Point] = field(default_factory=list)
+    """Validations so far."""
+    best: dict[str, torch.Tensor] = field(default_factory=dict)
+    """Weights of the policy that did best in them."""
+    best_point: Point | None = None
+    """How it did."""
+    seconds: float = 0.0
+    """Time spent on training [s]."""
+    cpu_seconds: float = 0.0
+    """The same in time of processors [s]."""
+
+
+def write_curve(path: Path, points: Sequence[Point]) -> None:
+    """Write validations as CSV."""
+    with replaced_when_done(path) as partial, Path(partial).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(Point.__annotations__))
+        writer.writeheader()
+        writer.writerows(asdict(point) for point in points)
