@@ -26,17 +26,9 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.agents.scan import open_ways
-from bug_gym.agents.walls.boundary_following import (
-    STANDING,
-    TARGET_MOVED,
-    WAIT,
-    Boundary,
-    BugMemory,
-    Contour,
-    LeaveRule,
-    Turn,
-    side_of,
-)
+from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary, LeaveRule, Turn, side_of
+from bug_gym.agents.walls.boundary_bug import BoundaryParameters
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -463,34 +455,38 @@ class SubGoals:
         return Drawing(points=points)
 
 
+@dataclass(frozen=True)
+class SubGoalParameters(BoundaryParameters):
+    """Parameters of bugs that go from corner to corner."""
+
+    clearance: float | None = None
+    """Distance from a corner to its sub-goal, and from the robot's centre to a wall [m]; None: the body's radius and one
+    step."""
+    turn: Turn = "left"
+    """Which of two equally good corners to take, seen from the line to the goal."""
+    leave_rule: LeaveRule = "any"
+    """Where a goal may lie that is open only as far as the scan reaches: "any" everywhere, "front" within 90 degrees of
+    the direction of travel."""
+    jump: float | None = None
+    """Change of the reading that makes an open point [m]; None: 0.5, for small robots less."""
+
+
 class SubGoalBug(ScriptedPolicy):
     """What bugs that go from corner to corner share; each chooses the next corner by a rule of its own.
 
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
-        turn: which of two equally good corners to take, seen from the line to the goal.
-        leave_rule: "any" or "front", see SubGoals.
-        jump: change of the reading that makes an open point [m]; None: 0.5, for small robots less.
-        discrete: whether actions are numbers of the discrete table.
-
     Raises:
+        TypeError: an unknown parameter.
         ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        jump: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
-        self.side = side_of(turn)
+    Parameters = SubGoalParameters
+    parameters: SubGoalParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        own = self.parameters
+        self.sub_goals = SubGoals(sensors, clearance=own.clearance, leave_rule=own.leave_rule, jump=own.jump)
+        self.side = side_of(own.turn)
 
     def start(self) -> SubGoalMemory:
         """Memory of a new episode."""

@@ -14,21 +14,14 @@ import copy
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from bug_gym.agents.scan import joined
-from bug_gym.agents.walls.boundary_following import (
-    STANDING,
-    TARGET_MOVED,
-    Boundary,
-    BugMemory,
-    Contour,
-    LeaveRule,
-    Turn,
-    side_of,
-)
-from bug_gym.agents.walls.m_line import ON_LINE, MLine, MLineMemory, go_along, nearer_crossing
+from bug_gym.agents.walls.boundary import STANDING, Boundary, side_of
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.m_line import ON_LINE, MLine, MLineMemory, MLineParameters, go_along, nearer_crossing
 from bug_gym.geometry import F64, Point
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity, braking_radius
 from bug_gym.view import Sensors, View
@@ -188,25 +181,29 @@ class Scan:
         return int(joined.first_seen_free(x, y, ex - x, ey - y, count, reach, *beams, px, py, self.radius))
 
 
+@dataclass(frozen=True)
+class VisBugParameters(MLineParameters):
+    """Parameters of VisBugs."""
+
+    vision_range: float | None = None
+    """How far the robot looks, at most the LIDAR's range [m]; None: that."""
+
+
 class Vision:
     """The scout and the robot that goes after it.
 
     Args:
         sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "front" or "any", see Boundary.
-        vision_range: how far the robot looks, at most the LIDAR's range [m]; None: that.
+        parameters: of its VisBug.
 
     Raises:
         ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
     """
 
-    def __init__(
-        self, sensors: Sensors, *, clearance: float | None, turn: str, leave_rule: str, vision_range: float | None
-    ) -> None:
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+    def __init__(self, sensors: Sensors, parameters: VisBugParameters) -> None:
+        self.boundary = Boundary(sensors, clearance=parameters.clearance, leave_rule=parameters.leave_rule)
+        self.side = side_of(parameters.turn)
+        vision_range = parameters.vision_range
         reach = sensors.range if vision_range is None else vision_range
         if not reach >= self.boundary.clearance:
             raise ValueError(
@@ -451,31 +448,17 @@ class Vision:
 class VisBug(ScriptedPolicy):
     """VisBug but for the places on the M-line that it takes in step 4.
 
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "any": leave at a crossing wherever the goal lies (the algorithm as published); "front": only with
-            the goal within 90 degrees of the direction of travel.
-        vision_range: how far the robot looks [m]; None: as far as its LIDAR.
-        discrete: whether actions are numbers of the discrete table.
-
     Raises:
+        TypeError: an unknown parameter.
         ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        vision_range: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.vision = Vision(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range)
+    Parameters = VisBugParameters
+    parameters: VisBugParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        self.vision = Vision(sensors, self.parameters)
 
     def start(self) -> VisionMemory:
         """Memory of a new episode."""
