@@ -18,15 +18,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.walls.corners import (
+from bug_gym.agents.walls.open_points import (
     OpenPoint,
     Profile,
-    SubGoalBug,
-    SubGoalMemory,
+    blocking_surface,
     cheapest,
     goal_distance_of,
     rotation_to,
 )
+from bug_gym.agents.walls.sub_goal_bug import SubGoalBug
+from bug_gym.agents.walls.sub_goals import SubGoalMemory
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing
 from bug_gym.view import View
@@ -65,7 +66,7 @@ class KBug(SubGoalBug):
             return None
         # The first open point met on each side: the end itself, or that of something nearer which hides it.
         left, right = (min(points, key=lambda point: rotation_to(point, side)) for side in (1, -1))
-        surface = self.sub_goals.surface(view, profile)
+        surface = blocking_surface(view, profile)
         chosen = cheapest([left, right], lambda end: self._way_over(view, end, surface), self.side)
         way, bearing = min(profile.goal_way, view.goal_distance), view.goal_bearing
         place = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))

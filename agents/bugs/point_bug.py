@@ -15,7 +15,9 @@ import math
 from dataclasses import dataclass
 
 from bug_gym.agents.walls.boundary import Turn
-from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoalBug, SubGoalMemory, SubGoalParameters, rotation_to
+from bug_gym.agents.walls.open_points import OpenPoint, Profile, rotation_to
+from bug_gym.agents.walls.sub_goal_bug import SubGoalBug, SubGoalParameters
+from bug_gym.agents.walls.sub_goals import SubGoalMemory
 from bug_gym.geometry import wrap
 from bug_gym.policy import Velocity
 from bug_gym.view import View
