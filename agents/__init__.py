@@ -1,7 +1,7 @@
 """The table of agents, and `make_policy`.
 
-To add a scripted policy: one file here with a ScriptedPolicy, one line in AGENTS; the tests that run over the table
-cover it then.
+To add a scripted policy: one file in the folder of its kind with a ScriptedPolicy and its `Parameters`, one line in
+AGENTS; the tests that run over the table cover it then.
 """
 
 from __future__ import annotations

@@ -125,10 +125,22 @@ class Boundary:
         """Angle between two neighbouring beams [rad]."""
         self.touch = max(0.05 * step, 2.0 * sensors.range_noise)
         """Remaining way at which a wall counts as reached [m]."""
-        self.headings = OpenHeadings(step, clearance, self.inner, self.safe_radius, self.leave_length)
-        self.laps = Laps(step, clearance, self.touch, self.gate_half_width, self.arming_length)
+        self.headings = OpenHeadings(
+            step=step,
+            clearance=clearance,
+            inner=self.inner,
+            safe_radius=self.safe_radius,
+            leave_length=self.leave_length,
+        )
+        self.laps = Laps(
+            step=step,
+            clearance=clearance,
+            touch=self.touch,
+            gate_half_width=self.gate_half_width,
+            arming_length=self.arming_length,
+        )
 
-    # ----------------------------------------------------------------------------------------- where it is
+    # ------------------------------------------------------------------------------------------------------ where it is
 
     def advance(self, view: View, memory: BugMemory) -> None:
         """Bring the memory's odometer, and its contour, up to the present. Call once a decision, first."""
@@ -153,7 +165,7 @@ class Boundary:
         if memory.contour is not None:
             self.laps.advance(view, memory.contour)
 
-    # ---------------------------------------------------------------------------------------- free ways
+    # -------------------------------------------------------------------------------------------------------- free ways
 
     def go(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> Velocity | None:
         """Velocity straight along a bearing, slowing down to stand on the contour of what is in the way.
@@ -251,7 +263,7 @@ class Boundary:
         bearing = view.goal_bearing
         return self.points_away(view, bearing, contour) or self.can_reach_goal(view, bearing, view.goal_distance)
 
-    # ---------------------------------------------------------------------------- boundary following
+    # ----------------------------------------------------------------------------------------------- boundary following
 
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
         """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""

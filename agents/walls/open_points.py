@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.scan import open_ways
-from bug_gym.geometry import Point
+from bug_gym.geometry import F64, Point
 from bug_gym.view import Sensors, View
 
 HEADINGS = 360
@@ -62,7 +62,7 @@ class Profile(NamedTuple):
     """Whether each beam and the next see one surface (B,)."""
     open_points: list[OpenPoint]
     """Counter-clockwise from the goal's bearing."""
-    ranges: NDArray[np.float64]
+    ranges: F64
     """The ranges (B,) it was made of [m]."""
 
 
@@ -75,7 +75,7 @@ class Lookout:
         jump: change of the reading that makes an open point [m].
     """
 
-    def __init__(self, sensors: Sensors, radius: float, jump: float) -> None:
+    def __init__(self, sensors: Sensors, *, radius: float, jump: float) -> None:
         self.radius = radius
         self.jump = jump
         angles = sensors.angles
@@ -104,7 +104,7 @@ class Lookout:
         points = [OpenPoint((u, v), hand, turn % (2.0 * math.pi), (w, z)) for (turn, u, v, w, z), hand in ends]
         return Profile(float(free[0]), int(beam[0]), link, points, ranges)
 
-    def _filled(self, view: View) -> NDArray[np.float64]:
+    def _filled(self, view: View) -> F64:
         """The ranges (B,) [m], filled in where a beam alone got no return from what its neighbours show to be a wall.
 
         No disc passes between their points, or those and the next ones lie on one line. On a line the inverse ranges of
@@ -125,7 +125,7 @@ class Lookout:
         return np.where((ranges >= reach) & is_wall, between, ranges)
 
 
-def blocking_surface(view: View, profile: Profile) -> NDArray[np.float64]:
+def blocking_surface(view: View, profile: Profile) -> F64:
     """Points (k, 2) of what blocks the way to the goal, as far as the scan shows it whole, robot's frame [m]."""
     count, first = len(profile.link), profile.blocking_beam
     if first < 0:

@@ -116,7 +116,7 @@ class SubGoals:
         safe, noise = self.boundary.safe_radius, 2.0 * sensors.range_noise
         self.leg_radius = max(safe, self.boundary.hit_radius - noise)
         """Of the disc whose way to a corner must be free [m]."""
-        self.lookout = Lookout(sensors, max(safe, self.boundary.inner - noise), jump)
+        self.lookout = Lookout(sensors, radius=max(safe, self.boundary.inner - noise), jump=jump)
 
     # ------------------------------------------------------------------------------------------ which open points count
 
@@ -181,7 +181,7 @@ class SubGoals:
         last, near = memory.visits[-1].corner, 0.5 * self.same
         return [point for point in points if math.dist(view.to_odometry(*point.corner), last) > near]
 
-    # ------------------------------------------------------------------------------------------ going there
+    # ------------------------------------------------------------------------------------------------------ going there
 
     def go_on(self, view: View, memory: SubGoalMemory, profile: Profile) -> Velocity | None:
         """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
@@ -316,7 +316,7 @@ class SubGoals:
         ends = [*(memory.seen or ()), *(memory.sees or ())]
         return not any(end.side == memory.side and math.dist(end.corner, memory.corner) <= self.same for end in ends)
 
-    # ------------------------------------------------------------------------------------------ what it remembers
+    # ------------------------------------------------------------------------------------------------ what it remembers
 
     def _follow_target(self, view: View, memory: SubGoalMemory) -> None:
         """Forget where it has been when the target is elsewhere: all corners may be worth a visit again."""

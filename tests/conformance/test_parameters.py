@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib
 import pickle
+import sys
 from dataclasses import MISSING, fields
 from typing import Any
 
 import pytest
 
-from bug_gym.agents import AGENTS, make_policy, parameters_table
+from bug_gym.agents import AGENTS, Agent, make_policy, parameters_table
 from bug_gym.agents.parameters import parameter_names, parameters_of
 from bug_gym.policy import ScriptedPolicy
 from bug_gym.simulation import Simulation
@@ -93,6 +94,25 @@ def test_without_parameters_of_its_own_the_constructor_says_what_can_be_set() ->
     (gain,) = parameters_of(OwnConstructor)
     assert (gain.name, gain.type, gain.default, gain.text) == ("gain", "float", 1.0, "")
     assert OwnConstructor(Sensors.of(Simulation("static").scenario), gain=2.0).gain == 2.0
+
+
+class NotScripted:
+    """A user's policy of another kind."""
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, gain: float = 1.0) -> None:
+        self.gain = gain
+
+
+@pytest.mark.parametrize("own", [OwnConstructor, NotScripted])
+def test_a_policy_with_a_plain_constructor_is_made_by_name(monkeypatch: pytest.MonkeyPatch, own: Any) -> None:
+    monkeypatch.setitem(sys.modules, "bug_gym.agents.mine", sys.modules[__name__])
+    monkeypatch.setitem(AGENTS, "mine", Agent(f"mine:{own.__name__}", "bug", "-"))
+    policy: Any = make_policy("mine", "static", gain=3.0)
+    assert policy.gain == 3.0
+    with pytest.raises(
+        ValueError, match=r"policy 'mine' has no parameter 'gian', did you mean 'gain'\? \(it has: gain\)"
+    ):
+        make_policy("mine", "static", gian=3.0)
 
 
 def test_a_derived_policy_takes_what_its_base_takes() -> None:
