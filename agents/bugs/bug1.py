@@ -17,7 +17,7 @@ from typing import Any, Literal
 from bug_gym.agents.walls.boundary import WAIT, LeaveRule
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
-from bug_gym.geometry import Point, velocity_along
+from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
 
@@ -170,16 +170,14 @@ class Bug1(BoundaryBug):
         way, here, step = memory.way_back, view.position, self.boundary.step
         while len(way) > 1 and (math.dist(way[-1], here) < step or math.dist(way[-2], here) < math.dist(way[-1], here)):
             way.pop()
-        x, y = view.to_robot(*way[-1])
-        distance, bearing = math.hypot(x, y), math.atan2(y, x)
-        if len(way) == 1 and distance <= 0.5 * step:
+        if len(way) == 1 and math.hypot(*view.to_robot(*way[-1])) <= 0.5 * step:
             self._leave(view, memory)
             return None
-        if view.free_distance(bearing, self.boundary.safe_radius) < min(step, distance):
+        velocity = self.boundary.step_to(view, way[-1])
+        if velocity is None:
             return self._wait(view, memory, contour)
         contour.waited = 0.0
-        speed = min(step, distance) / self.sensors.drive.step
-        return velocity_along(bearing, speed)
+        return velocity
 
     def _wait(self, view: View, memory: Bug1Memory, contour: Contour) -> Velocity:
         """Stand before something in the way back; if it stays, return with the hand on the wall."""

@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from bug_gym.agents.walls.boundary import LeaveRule, Turn, is_ahead
+from bug_gym.agents.walls.boundary import LeaveRule, Turn
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.survey import Survey, survey_lap
@@ -163,8 +163,7 @@ class DistBug(BoundaryBug):
         Minus infinity with the goal in sight, infinite where the way must not be taken.
         """
         boundary, bearing = self.boundary, view.goal_bearing
-        travel = contour.heading if boundary.leave_rule == "front" else None
-        if travel is not None and not is_ahead(travel, bearing + view.heading):
+        if not boundary.may_head(contour, bearing + view.heading):
             return math.inf
         reach = min(self.r_max, memory.trust)
         if boundary.sees_goal(view, reach):

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from bug_gym.agents.walls.boundary import LeaveRule, Turn, is_ahead
+from bug_gym.agents.walls.boundary import LeaveRule, Turn
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
 from bug_gym.agents.walls.survey import Survey, survey_lap
@@ -295,11 +295,8 @@ class TangentBug(BoundaryBug):
             distance, place = graph.nearest_to_goal(without=run, limit=memory.trust)
             if distance >= memory.followed - self.boundary.progress:
                 return None
-        contour = memory.contour
-        travel = contour.heading if contour is not None and self.boundary.leave_rule == "front" else None
-        if travel is not None and not is_ahead(travel, math.atan2(place[1], place[0]) + view.heading):
-            return None
-        return place
+        direction = math.atan2(place[1], place[0]) + view.heading
+        return place if self.boundary.may_head(memory.contour, direction) else None
 
     def _leave(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the place left for; None where it is near enough to the goal, or the way is blocked after all."""

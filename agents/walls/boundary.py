@@ -187,6 +187,17 @@ class Boundary:
         speed = ahead / self.sensors.drive.step
         return velocity_along(bearing, speed)
 
+    def step_to(self, view: View, place: Point) -> Velocity | None:
+        """Velocity straight to a place of the odometry frame, at most a few steps away; None where it is blocked.
+
+        The robot has been there: the body passes, if nearer to walls than the contour.
+        """
+        x, y = view.to_robot(*place)
+        ahead, bearing = min(self.step, math.hypot(x, y)), math.atan2(y, x)
+        if view.free_distance(bearing, self.safe_radius) < ahead:
+            return None
+        return velocity_along(bearing, ahead / self.sensors.drive.step)
+
     def free_way(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> float:
         """How far the robot can go along a bearing [rad] to stand on the contour of what is in the way [m].
 
@@ -234,14 +245,18 @@ class Boundary:
     def is_free(self, view: View, bearing: float, distance: float, contour: Contour | None = None) -> bool:
         """Whether the robot can head along a bearing [rad] toward a target at a distance [m].
 
-        With a contour and the rule "front" the bearing must also lie within 90 degrees of the direction of travel.
+        With a contour the leave rule must allow it too.
         """
-        travel = contour.heading if contour is not None and self.leave_rule == "front" else None
-        if travel is not None and not is_ahead(travel, bearing + view.heading):
+        if not self.may_head(contour, bearing + view.heading):
             return False
         if self.can_reach_goal(view, bearing, distance):
             return True
         return view.free_distance(bearing, self.inner) >= min(distance, self.leave_length)
+
+    def may_head(self, contour: Contour | None, direction: float) -> bool:
+        """Whether the leave rule lets a robot on a contour head in a direction [rad] of the odometry frame."""
+        travel = contour.heading if contour is not None and self.leave_rule == "front" else None
+        return travel is None or is_ahead(travel, direction)
 
     def points_away(self, view: View, bearing: float, contour: Contour) -> bool:
         """Whether a bearing [rad] points away from the wall that the hand is on.

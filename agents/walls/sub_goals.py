@@ -240,13 +240,8 @@ class SubGoals:
 
     def _is_open(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
         """Whether nothing in sight is in the way to the goal; with the rule "front" only for a goal ahead."""
-        contour = memory.contour
-        if self.boundary.leave_rule == "front" and contour is not None and contour.heading is not None:
-            aside = wrap(view.goal_bearing + view.heading - contour.heading)
-        else:
-            aside = 0.0
         is_free = self._goal_way(view, memory, profile) >= min(view.goal_distance, view.sensors.range)
-        return is_free and abs(aside) <= 0.5 * math.pi
+        return is_free and self.boundary.may_head(memory.contour, view.goal_bearing + view.heading)
 
     def _goal_way(self, view: View, memory: SubGoalMemory, profile: Profile) -> float:
         """Free way toward the goal [m], for a robot on this way with less to spare, so that it does not waver."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from bug_gym.agents.walls.boundary import Boundary
 from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.marks import Mark, passes
-from bug_gym.geometry import Point, velocity_along
+from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 
@@ -74,20 +74,10 @@ def walk_back(boundary: Boundary, view: View, memory: TurningMemory) -> Velocity
         trace.pop()  # the furthest place that one step reaches
     if trace and math.dist(trace[-1], view.position) <= 0.5 * boundary.step:
         trace.pop()
-    velocity = _go_to(boundary, view, trace[-1]) if trace else None
+    velocity = boundary.step_to(view, trace[-1]) if trace else None
     if velocity is None:
         _change_hands(view, memory)
     return velocity
-
-
-def _go_to(boundary: Boundary, view: View, place: Point) -> Velocity | None:
-    """Velocity straight to a place at most a few steps away; None where the way is blocked."""
-    x, y = view.to_robot(*place)
-    ahead, bearing = min(boundary.step, math.hypot(x, y)), math.atan2(y, x)
-    if view.free_distance(bearing, boundary.safe_radius) < ahead:
-        return None
-    speed = ahead / boundary.sensors.drive.step
-    return velocity_along(bearing, speed)
 
 
 def _change_hands(view: View, memory: TurningMemory) -> None:
