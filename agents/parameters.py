@@ -79,7 +79,7 @@ def _written(own: type) -> Iterator[tuple[str, str]]:
     """Each field of one class that has a sentence under it, with that sentence on one line."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(own)))
-    except OSError:  # typed in by hand, or run without its source
+    except (OSError, TypeError):  # typed in by hand, or run without its source
         return
     body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
     for line, below in zip(body, body[1:], strict=False):
