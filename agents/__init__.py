@@ -1,19 +1,19 @@
 """The table of agents, and `make_policy`.
 
-To add a scripted policy: one file here with a ScriptedPolicy, one line in AGENTS; the tests that run over the table
-cover it then.
+To add a scripted policy: one file in the folder of its kind with a ScriptedPolicy and its `Parameters`, one line in
+AGENTS; the tests that run over the table cover it then.
 """
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import importlib.util
-import inspect
 import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bug_gym.agents.parameters import Parameter, parameter_names, parameters_of
+from bug_gym.naming import nearest_hint
 from bug_gym.policy import Policy, is_discrete, source_scenario
 from bug_gym.view import Sensors
 
@@ -91,16 +91,9 @@ def agent(name: str) -> Agent:
         ValueError: no such policy; the message offers the nearest names.
     """
     if name not in AGENTS:
-        near = difflib.get_close_matches(name, AGENTS, n=3, cutoff=0.4)
-        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+        hint = nearest_hint(name, AGENTS, count=3, cutoff=0.4, separator=";")
         raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(AGENTS)})")
     return AGENTS[name]
-
-
-def parameter_names(policy_class: type) -> list[str]:
-    """Names of an algorithm's own parameters: those of its `Parameters` dataclass, or of its constructor."""
-    own = getattr(policy_class, "Parameters", policy_class)
-    return [key for key in inspect.signature(own).parameters if key not in ("sensors", "discrete")]
 
 
 def make_policy(name: str, source: Any, **parameters: Any) -> Policy:
@@ -118,25 +111,38 @@ def make_policy(name: str, source: Any, **parameters: Any) -> Policy:
             made for another robot.
         ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """
-    entry_point, fixed = _entry(name)
-    module, class_name = entry_point.split(":")
-    policy_class = getattr(importlib.import_module(f".{module}", __name__), class_name)
+    policy_class, fixed = _entry(name)
     known = [key for key in parameter_names(policy_class) if key not in fixed]
     for key in parameters:
         if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f", did you mean {near[0]!r}?" if near else ""
+            hint = nearest_hint(key, known, cutoff=0.6)
             raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
     sensors = Sensors.of(source_scenario(source))
     policy: Policy = policy_class(sensors, discrete=is_discrete(source), **fixed, **parameters)
     return policy
 
 
-def _entry(name: str) -> tuple[str, dict[str, Any]]:
-    """The "module:Class" behind a name or path, and the parameters that are fixed by it."""
+def parameters_table() -> list[tuple[str, Parameter]]:
+    """The parameters of all policies of the table that can be set: policy and parameter, one row each."""
+    rows = []
+    for name in AGENTS:
+        policy_class, fixed = _entry(name)
+        rows += [(name, own) for own in parameters_of(policy_class) if own.name not in fixed]
+    return rows
+
+
+def _entry(name: str) -> tuple[type[Any], dict[str, Any]]:
+    """The class behind a name or path, and the parameters that are fixed by it."""
     if name.endswith(".zip"):
-        return "learning.play:ZipPolicy", {"path": Path(name).expanduser()}
+        return _imported("learning.play:ZipPolicy"), {"path": Path(name).expanduser()}
     if "/" in name or os.sep in name:
-        return "learning.play:LearnedPolicy", {"model": Path(name).expanduser()}
+        return _imported("learning.play:LearnedPolicy"), {"model": Path(name).expanduser()}
     line = agent(name)
-    return line.entry_point, {"model": line.model} if line.model else {}
+    return _imported(line.entry_point), {"model": line.model} if line.model else {}
+
+
+def _imported(entry_point: str) -> type[Any]:
+    """The class of a "module:Class"."""
+    module, class_name = entry_point.split(":")
+    policy_class: type[Any] = getattr(importlib.import_module(f".{module}", __name__), class_name)
+    return policy_class

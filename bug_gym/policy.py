@@ -115,23 +115,39 @@ def flat_observation(observation: Observation, sensors: Sensors) -> NDArray[np.f
     return flat
 
 
+@dataclass(frozen=True)
+class NoParameters:
+    """Parameters of a policy that has none."""
+
+
 class ScriptedPolicy(ABC):
     """A policy written by hand. It sees its observation and its own memory, nothing else.
 
     Args:
         sensors: what a driver knows of the robot.
         discrete: whether actions are numbers of the discrete action table instead of velocities.
+        **parameters: the algorithm's own, see its `Parameters`.
+
+    Raises:
+        TypeError: an unknown parameter.
     """
+
+    Parameters: ClassVar[type[Any]] = NoParameters
+    """The algorithm's own parameters: a frozen dataclass with a sentence, and a unit, under each field."""
 
     privileged: ClassVar[bool] = False
     """Whether it reads the world's map (a map planner does, and says so)."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 
-    def __init__(self, sensors: Sensors, *, discrete: bool = False) -> None:
+    parameters: Any
+    """Those of this policy; an algorithm with parameters of its own gives the type."""
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         self.sensors = sensors
         self.discrete = discrete
         self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
+        self.parameters = self.Parameters(**parameters)
 
     @abstractmethod
     def start(self) -> Memory:

@@ -11,8 +11,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import Contour, TurningMemory
+from bug_gym.agents.walls.contour import Contour
 from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
+from bug_gym.agents.walls.turning_round import (
+    TurningMemory,
+    forget_marks,
+    hit_and_trace,
+    leave_and_mark,
+    trace_contour,
+    walk_back,
+)
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 
@@ -40,7 +48,7 @@ class Alg1(MLineBug):
         if memory.contour is not None and not memory.is_turning:
             self._watch(view, memory, memory.contour, line)
         if memory.is_turning:
-            velocity = boundary.walk_back(view, memory)
+            velocity = walk_back(boundary, view, memory)
             if velocity is not None:
                 memory.mode = "walking_back"
                 return velocity
@@ -50,18 +58,18 @@ class Alg1(MLineBug):
             if velocity is not None:
                 memory.mode = "motion_to_goal"
                 return velocity
-            boundary.hit_and_trace(view, memory, self.next_side(memory), view.goal_bearing)
+            hit_and_trace(boundary, view, memory, self.next_side(memory), view.goal_bearing)
         memory.mode = "boundary_following"
         return boundary.follow(view, memory)
 
     def _watch(self, view: View, memory: Alg1Memory, contour: Contour, line: MLine) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
         if self._may_leave(view, memory, contour, line):
-            self.boundary.leave_and_mark(view, memory)
+            leave_and_mark(self.boundary, view, memory)
         elif contour.is_lap_closed:
             memory.verdict = "unreachable"
         else:
-            self.boundary.trace_contour(view, memory)
+            trace_contour(self.boundary, view, memory)
 
     def _may_leave(self, view: View, memory: Alg1Memory, contour: Contour, line: MLine) -> bool:
         """Whether the last step crossed the M-line nearer to the goal than ever before, with a free way on."""
@@ -74,7 +82,7 @@ class Alg1(MLineBug):
     def forget_distances(self, view: View, memory: Alg1Memory) -> None:
         """Nothing is nearer than the start of the new line, and marks met on the way to another goal mean nothing."""
         memory.nearest = view.goal_distance
-        self.boundary.forget_marks(memory)
+        forget_marks(memory)
 
     def next_side(self, memory: Alg1Memory) -> int:
         """Side to turn to at the next hit point."""

@@ -11,7 +11,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import TARGET_MOVED, BoundaryBug, Contour, TurningMemory
+from bug_gym.agents.walls.boundary_bug import BoundaryBug
+from bug_gym.agents.walls.contour import TARGET_MOVED, Contour
+from bug_gym.agents.walls.turning_round import (
+    TurningMemory,
+    forget_marks,
+    hit_and_trace,
+    leave_and_mark,
+    trace_contour,
+    walk_back,
+)
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import View
@@ -48,14 +57,14 @@ class Alg2(BoundaryBug):
         if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
             memory.goal = view.goal_position
             memory.nearest = view.goal_distance
-            self.boundary.forget_marks(memory)
+            forget_marks(memory)
 
     def _decide(self, view: View, memory: Alg2Memory) -> Velocity:
         boundary = self.boundary
         if memory.contour is not None and not memory.is_turning:
             self.watch(view, memory, memory.contour)
         if memory.is_turning:
-            velocity = boundary.walk_back(view, memory)
+            velocity = walk_back(boundary, view, memory)
             if velocity is not None:
                 memory.mode = "walking_back"
                 return velocity
@@ -70,14 +79,14 @@ class Alg2(BoundaryBug):
 
     def hit(self, view: View, memory: Alg2Memory) -> None:
         """Begin to follow what blocks the way to the goal."""
-        self.boundary.hit_and_trace(view, memory, self.side, view.goal_bearing)
+        hit_and_trace(self.boundary, view, memory, self.side, view.goal_bearing)
 
     def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
         distance = view.goal_distance
         if distance < memory.nearest and self.boundary.is_free(view, view.goal_bearing, distance, contour):
-            self.boundary.leave_and_mark(view, memory)
+            leave_and_mark(self.boundary, view, memory)
         elif contour.is_lap_closed:
             memory.verdict = "unreachable"
         else:
-            self.boundary.trace_contour(view, memory)
+            trace_contour(self.boundary, view, memory)

@@ -8,7 +8,8 @@ heading does prove that the goal is shut in. Length bound: none.
 
 from __future__ import annotations
 
-from bug_gym.agents.walls.boundary_following import BoundaryBug, BugMemory
+from bug_gym.agents.walls.boundary_bug import BoundaryBug
+from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 
@@ -38,6 +39,6 @@ class Bug0(BoundaryBug):
                 return velocity
             boundary.hit(view, memory, self.side, bearing)
             memory.mode = "boundary_following"
-            if boundary.is_looping(memory):
+            if boundary.laps.is_looping(memory):
                 memory.verdict = "looping"
         return boundary.follow(view, memory)

@@ -10,17 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
-from bug_gym.agents.walls.boundary_following import (
-    CLOSER,
-    TARGET_MOVED,
-    BoundaryBug,
-    BugMemory,
-    Contour,
-    Gate,
-    LeaveRule,
-    Turn,
-)
+from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
+from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -50,26 +43,23 @@ class Bug0PlusMemory(BugMemory):
     """Whether the way was free somewhere on this lap nearer to the goal than its hit point, if not near enough."""
 
 
+@dataclass(frozen=True)
+class Bug0PlusParameters(BoundaryParameters):
+    """Parameters of Bug0+."""
+
+    early_stop: bool = False
+    """Whether a first lap without a free heading is proof enough; if not, it takes the second that the rules as
+    published ask for."""
+
+
 class Bug0Plus(BoundaryBug):
-    """Bug0+. Parameters not named here are those of BoundaryBug.
+    """Bug0+; it refuses what BoundaryBug refuses."""
 
-    Args:
-        early_stop: whether a first lap without a free heading is proof enough; if not, it takes the second that the
-            rules as published ask for.
-    """
+    Parameters = Bug0PlusParameters
+    parameters: Bug0PlusParameters
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "front",
-        early_stop: bool = False,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
-        self.early_stop = early_stop
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
         self.closer = CLOSER * self.boundary.step
 
     def start(self) -> Bug0PlusMemory:
@@ -114,7 +104,7 @@ class Bug0Plus(BoundaryBug):
         self.boundary.hit(view, memory, self.side, view.goal_bearing)
         memory.saved = [*memory.saved[-1:], SavedHit(view.position, view.goal_distance)]
         memory.is_free_nearer = False
-        if self.boundary.is_looping(memory):
+        if self.boundary.laps.is_looping(memory):
             memory.verdict = "looping"
 
     def _may_leave(self, view: View, memory: Bug0PlusMemory, contour: Contour) -> bool:
@@ -136,7 +126,7 @@ class Bug0Plus(BoundaryBug):
                 # A lap without a free heading nearer than its own hit point is proof; without one nearer than a hit
                 # point on another obstacle it is not.
                 memory.verdict = "looping" if memory.is_free_nearer else "unreachable"
-            elif self.early_stop:
+            elif self.parameters.early_stop:
                 memory.verdict = "unreachable"
             memory.mode = "wall_following_to_better_take_off"
         elif contour.odometer > self.boundary.arming_length and any(self._passes(contour, hit.gate) for hit in before):

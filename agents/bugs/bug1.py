@@ -12,18 +12,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
-from bug_gym.agents.walls.boundary_following import (
-    CLOSER,
-    TARGET_MOVED,
-    WAIT,
-    BoundaryBug,
-    BugMemory,
-    Contour,
-    Gate,
-    Turn,
-)
+from bug_gym.agents.walls.boundary import WAIT, LeaveRule
+from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
+from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
@@ -67,30 +60,32 @@ class Bug1Memory(BugMemory):
     """Distance to the goal at the last hit point [m]."""
 
 
-class Bug1(BoundaryBug):
-    """Bug1. Parameters not named here are those of BoundaryBug.
+@dataclass(frozen=True)
+class Bug1Parameters(BoundaryParameters):
+    """Parameters of Bug1."""
 
-    Args:
-        return_rule: how to go to the nearest point after the lap. "shortest": the shorter way, back or ahead (the
-            algorithm as published); "same": on in the direction of the lap, as in the table of Oni and Wang.
+    leave_rule: LeaveRule = field(default="front", init=False)
+    """Not to be set: it leaves at the nearest point, whatever else is free."""
+    return_rule: ReturnRule = "shortest"
+    """How to go to the nearest point after the lap. "shortest": the shorter way, back or ahead (the algorithm as
+    published); "same": on in the direction of the lap, as in the table of Oni and Wang."""
+
+
+class Bug1(BoundaryBug):
+    """Bug1.
 
     Raises:
-        ValueError: an unknown rule; and what BoundaryBug refuses.
+        TypeError: an unknown parameter.
+        ValueError: an unknown return rule; and what BoundaryBug refuses.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        return_rule: ReturnRule = "shortest",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, discrete=discrete)
-        if return_rule not in RETURN_RULES:
-            raise ValueError(f"return_rule must be one of {list(RETURN_RULES)}, got {return_rule!r}")
-        self.return_rule = return_rule
+    Parameters = Bug1Parameters
+    parameters: Bug1Parameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        if self.parameters.return_rule not in RETURN_RULES:
+            raise ValueError(f"return_rule must be one of {list(RETURN_RULES)}, got {self.parameters.return_rule!r}")
 
     def start(self) -> Bug1Memory:
         """Memory of a new episode."""
@@ -164,7 +159,7 @@ class Bug1(BoundaryBug):
         # point and finds none nearer.
         if closest.distance >= memory.hit_distance - CLOSER * self.boundary.step:
             return False
-        is_ahead = self.return_rule == "same" or closest.way <= 0.5 * (contour.odometer - gate.odometer)
+        is_ahead = self.parameters.return_rule == "same" or closest.way <= 0.5 * (contour.odometer - gate.odometer)
         ahead, back = memory.trace[: closest.index + 1], memory.trace[closest.index :]
         memory.way_back = ahead[::-1] if is_ahead else back
         memory.mode = "return_to_closest"
@@ -175,16 +170,14 @@ class Bug1(BoundaryBug):
         way, here, step = memory.way_back, view.position, self.boundary.step
         while len(way) > 1 and (math.dist(way[-1], here) < step or math.dist(way[-2], here) < math.dist(way[-1], here)):
             way.pop()
-        x, y = view.to_robot(*way[-1])
-        distance, bearing = math.hypot(x, y), math.atan2(y, x)
-        if len(way) == 1 and distance <= 0.5 * step:
+        if len(way) == 1 and math.hypot(*view.to_robot(*way[-1])) <= 0.5 * step:
             self._leave(view, memory)
             return None
-        if view.free_distance(bearing, self.boundary.safe_radius) < min(step, distance):
+        velocity = self.boundary.step_to(view, way[-1])
+        if velocity is None:
             return self._wait(view, memory, contour)
         contour.waited = 0.0
-        speed = min(step, distance) / self.sensors.drive.step
-        return speed * math.cos(bearing), speed * math.sin(bearing)
+        return velocity
 
     def _wait(self, view: View, memory: Bug1Memory, contour: Contour) -> Velocity:
         """Stand before something in the way back; if it stays, return with the hand on the wall."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import Contour
+from bug_gym.agents.walls.contour import Contour
 from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
 from bug_gym.policy import Velocity
 from bug_gym.view import View

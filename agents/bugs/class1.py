@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import TARGET_MOVED, BoundaryBug, BugMemory
+from bug_gym.agents.walls.boundary_bug import BoundaryBug
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import View

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import CLOSER, TARGET_MOVED, BoundaryBug, BugMemory, Contour
+from bug_gym.agents.walls.boundary_bug import BoundaryBug
+from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import View

@@ -10,7 +10,9 @@ not visited. Unlike E-Bug it does not count the way to the sub-goal. Guarantee: 
 
 from __future__ import annotations
 
-from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoalBug, SubGoalMemory, cheapest, goal_distance_of
+from bug_gym.agents.walls.open_points import OpenPoint, Profile, cheapest, goal_distance_of
+from bug_gym.agents.walls.sub_goal_bug import SubGoalBug
+from bug_gym.agents.walls.sub_goals import SubGoalMemory
 from bug_gym.view import View
 
 

@@ -8,25 +8,19 @@ and further hits only where the last resort below is needed.
 
 With F the free way toward the goal, a wall is left where the goal is in sight (d - F <= 0) or d - F <= d_min - STEP.
 The published proof asks for a STEP not above the thickness of walls. Where the next obstacle stands nearer than STEP no
-such place is seen at all; so a lap without one is followed by Bug1's test at the nearest point, see Boundary.survey.
+such place is seen at all; so a lap without one is followed by Bug1's test at the nearest point, see survey_lap.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
-from bug_gym.agents.walls.boundary_following import (
-    TARGET_MOVED,
-    BoundaryBug,
-    BugMemory,
-    Contour,
-    LeaveRule,
-    Survey,
-    Turn,
-    is_ahead,
-)
+from bug_gym.agents.walls.boundary import LeaveRule, Turn
+from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.survey import Survey, survey_lap
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -59,42 +53,43 @@ class DistBugMemory(BugMemory):
     """What is known of this lap."""
 
 
-class DistBug(BoundaryBug):
-    """DistBug. Parameters not named here are those of BoundaryBug.
+@dataclass(frozen=True)
+class DistBugParameters(BoundaryParameters):
+    """Parameters of DistBug."""
 
-    Args:
-        turn: which way to turn at a wall; with side_rule "goal" only where it is met at a right angle.
-        leave_rule: "any": leave wherever the goal lies (the algorithm as published); "front": only with the goal within
-            90 degrees of the direction of travel.
-        side_rule: "fixed": always to the side of `turn`; "goal": the way along the wall that turns less from the goal.
-        step: STEP, by how much nearer a leave must lead [m].
-        r_max: how far to look toward the goal [m]; None: as far as the LIDAR sees.
+    turn: Turn = "left"
+    """Which way to turn at a wall; with side_rule "goal" only where it is met at a right angle."""
+    leave_rule: LeaveRule = "any"
+    """Where a wall may be left: "any" wherever the goal lies (the algorithm as published), "front" only with the goal
+    within 90 degrees of the direction of travel."""
+    side_rule: SideRule = "fixed"
+    """"fixed": always to the side of `turn`; "goal": the way along the wall that turns less from the goal."""
+    step: float = 0.5
+    """STEP, by how much nearer a leave must lead [m]."""
+    r_max: float | None = None
+    """How far to look toward the goal [m]; None: as far as the LIDAR sees."""
+
+
+class DistBug(BoundaryBug):
+    """DistBug.
 
     Raises:
+        TypeError: an unknown parameter.
         ValueError: an unknown side rule, a step or r_max not above 0; and what BoundaryBug refuses.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        side_rule: SideRule = "fixed",
-        step: float = 0.5,
-        r_max: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
+    Parameters = DistBugParameters
+    parameters: DistBugParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        side_rule, step, r_max = self.parameters.side_rule, self.parameters.step, self.parameters.r_max
         if side_rule not in SIDE_RULES:
             raise ValueError(f"side_rule must be one of {list(SIDE_RULES)}, got {side_rule!r}")
         if not (step > 0.0 and math.isfinite(step)):
             raise ValueError(f"step must be above 0 m, got {step!r}")
         if r_max is not None and not r_max > 0.0:
             raise ValueError(f"r_max must be above 0 m, got {r_max!r}")
-        self.side_rule = side_rule
-        self.step = step
         self.r_max = sensors.range if r_max is None else min(r_max, sensors.range)
 
     def start(self) -> DistBugMemory:
@@ -139,7 +134,7 @@ class DistBug(BoundaryBug):
 
     def _turn(self, view: View) -> int:
         """The side to turn to at the wall in front."""
-        if self.side_rule == "fixed":
+        if self.parameters.side_rule == "fixed":
             return self.side
         _, wall = view.nearest(view.goal_bearing, 0.5 * math.pi)
         angle = wrap(wall - view.goal_bearing)
@@ -152,8 +147,8 @@ class DistBug(BoundaryBug):
         distance = view.goal_distance
         memory.closest = min(memory.closest, distance)
         next_wall = self._next_wall(view, memory, contour)
-        if next_wall > memory.closest - self.step:
-            advice = self.boundary.survey(view, contour, memory.survey, memory.hit_distance)
+        if next_wall > memory.closest - self.parameters.step:
+            advice = survey_lap(self.boundary, view, contour, memory.survey, memory.hit_distance)
             if advice != "leave":
                 memory.verdict = advice
                 return
@@ -168,8 +163,7 @@ class DistBug(BoundaryBug):
         Minus infinity with the goal in sight, infinite where the way must not be taken.
         """
         boundary, bearing = self.boundary, view.goal_bearing
-        travel = contour.heading if boundary.leave_rule == "front" else None
-        if travel is not None and not is_ahead(travel, bearing + view.heading):
+        if not boundary.may_head(contour, bearing + view.heading):
             return math.inf
         reach = min(self.r_max, memory.trust)
         if boundary.sees_goal(view, reach):

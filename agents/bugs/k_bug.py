@@ -16,18 +16,18 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bug_gym.agents.walls.corners import (
+from bug_gym.agents.walls.open_points import (
     OpenPoint,
     Profile,
-    SubGoalBug,
-    SubGoalMemory,
+    blocking_surface,
     cheapest,
     goal_distance_of,
     rotation_to,
 )
-from bug_gym.geometry import Point
+from bug_gym.agents.walls.sub_goal_bug import SubGoalBug
+from bug_gym.agents.walls.sub_goals import SubGoalMemory
+from bug_gym.geometry import F64, Point
 from bug_gym.policy import Drawing
 from bug_gym.view import View
 
@@ -65,7 +65,7 @@ class KBug(SubGoalBug):
             return None
         # The first open point met on each side: the end itself, or that of something nearer which hides it.
         left, right = (min(points, key=lambda point: rotation_to(point, side)) for side in (1, -1))
-        surface = self.sub_goals.surface(view, profile)
+        surface = blocking_surface(view, profile)
         chosen = cheapest([left, right], lambda end: self._way_over(view, end, surface), self.side)
         way, bearing = min(profile.goal_way, view.goal_distance), view.goal_bearing
         place = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))
@@ -83,7 +83,7 @@ class KBug(SubGoalBug):
                 return collision
         return None
 
-    def _way_over(self, view: View, end: OpenPoint, surface: NDArray[np.float64]) -> float:
+    def _way_over(self, view: View, end: OpenPoint, surface: F64) -> float:
         """Length of the way over an end, and over the next corner if one is seen to be in the way, to the goal [m]."""
         place = end.sub_goal(self.sub_goals.boundary.clearance)
         corner = self._next_corner(view, place, end.side, surface)
@@ -91,7 +91,7 @@ class KBug(SubGoalBug):
             return math.hypot(*place) + goal_distance_of(view, place)
         return math.hypot(*place) + math.dist(place, corner) + goal_distance_of(view, corner)
 
-    def _next_corner(self, view: View, place: Point, side: int, surface: NDArray[np.float64]) -> Point | None:
+    def _next_corner(self, view: View, place: Point, side: int, surface: F64) -> Point | None:
         """Where a robot that goes on to the goal passes the same obstacle once more; None where it sees a free way."""
         goal = np.array(view.goal)
         distance = math.dist(place, view.goal)

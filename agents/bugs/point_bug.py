@@ -14,11 +14,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bug_gym.agents.walls.boundary_following import LeaveRule, Turn
-from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoalBug, SubGoalMemory, rotation_to
+from bug_gym.agents.walls.boundary import Turn
+from bug_gym.agents.walls.open_points import OpenPoint, Profile, rotation_to
+from bug_gym.agents.walls.sub_goal_bug import SubGoalBug, SubGoalParameters
+from bug_gym.agents.walls.sub_goals import SubGoalMemory
 from bug_gym.geometry import wrap
 from bug_gym.policy import Velocity
-from bug_gym.view import Sensors, View
+from bug_gym.view import View
 
 BEHIND = math.radians(10.0)
 """Half width of the sector behind the robot in which a sudden point is the one it comes from [rad]."""
@@ -34,24 +36,19 @@ class PointBugMemory(SubGoalMemory):
     """Goal distance of the nearest sudden point so far (d_min) [m]."""
 
 
+@dataclass(frozen=True)
+class PointBugParameters(SubGoalParameters):
+    """Parameters of PointBug."""
+
+    turn: Turn = "right"
+    """Which way the robot turns to find its first sudden point."""
+
+
 class PointBug(SubGoalBug):
-    """PointBug. Parameters not named here are those of SubGoalBug.
+    """PointBug."""
 
-    Args:
-        turn: which way the robot turns to find its first sudden point.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "right",
-        leave_rule: LeaveRule = "any",
-        jump: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, jump=jump, discrete=discrete)
+    Parameters = PointBugParameters
+    parameters: PointBugParameters
 
     def start(self) -> PointBugMemory:
         """Memory of a new episode."""

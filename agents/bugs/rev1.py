@@ -9,7 +9,7 @@ or declares it unreachable. Length: at most D + 2 sum(p_i), p_i the perimeter of
 from __future__ import annotations
 
 from bug_gym.agents.bugs.alg1 import Alg1, Alg1Memory
-from bug_gym.agents.walls.boundary_following import alternating_side
+from bug_gym.agents.walls.boundary_bug import alternating_side
 
 
 class Rev1(Alg1):

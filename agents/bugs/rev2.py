@@ -15,44 +15,49 @@ Sensing assumed by both: contact (here the scan within the clearance), goal; by 
 
 from __future__ import annotations
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from bug_gym.agents.bugs.alg2 import Alg2, Alg2Memory
-from bug_gym.agents.walls.boundary_following import Contour, LeaveRule, Turn, alternating_side
+from bug_gym.agents.walls.boundary_bug import BoundaryParameters, alternating_side
+from bug_gym.agents.walls.contour import Contour
+from bug_gym.agents.walls.turning_round import hit_and_trace
 from bug_gym.view import Sensors, View
 
 VARIANTS = ("s001", "noborio")
 
 
-class Rev2(Alg2):
-    """Rev2. Parameters not named here are those of BoundaryBug.
+@dataclass(frozen=True)
+class Rev2Parameters(BoundaryParameters):
+    """Parameters of Rev2."""
 
-    Args:
-        variant: "s001" or "noborio", see above.
+    variant: Literal["s001", "noborio"] = "s001"
+    """Which of the two algorithms of that name: "s001" of Oni and Wang's comparison, "noborio" Alg2 with alternating
+    sides."""
+
+
+class Rev2(Alg2):
+    """Rev2.
 
     Raises:
+        TypeError: an unknown parameter.
         ValueError: an unknown variant; and what BoundaryBug refuses.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "front",
-        variant: Literal["s001", "noborio"] = "s001",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
+    Parameters = Rev2Parameters
+    parameters: Rev2Parameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        variant = self.parameters.variant
         if variant not in VARIANTS:
             raise ValueError(f"variant must be one of {list(VARIANTS)}, got {variant!r}")
         self.remembers = variant == "noborio"
 
     def hit(self, view: View, memory: Alg2Memory) -> None:
         """Begin to follow what blocks the way to the goal, to the other side than last time."""
-        self.boundary.hit_and_trace(view, memory, alternating_side(memory, self.side), view.goal_bearing)
-        if not self.remembers and self.boundary.is_looping(memory):
+        hit_and_trace(self.boundary, view, memory, alternating_side(memory, self.side), view.goal_bearing)
+        if not self.remembers and self.boundary.laps.is_looping(memory):
             memory.verdict = "looping"
 
     def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:

@@ -14,17 +14,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
-from bug_gym.agents.walls.boundary_following import (
-    BoundaryBug,
-    BugMemory,
-    Contour,
-    LeaveRule,
-    Mark,
-    Turn,
-    alternating_side,
-)
+from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters, alternating_side
+from bug_gym.agents.walls.contour import BugMemory, Contour
+from bug_gym.agents.walls.marks import Mark, is_at, passes
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -55,38 +49,35 @@ class Rev3Memory(BugMemory):
     """How many hit points there were when it last left nearer to the goal than all of them: no cycle holds those."""
 
 
-class Rev3(BoundaryBug):
-    """Rev3. Parameters not named here are those of BoundaryBug.
+@dataclass(frozen=True)
+class Rev3Parameters(BoundaryParameters):
+    """Parameters of Rev3."""
 
-    Args:
-        mspdg: a better take-off is nearer to the goal than the last "two" hit points (the paper), or "all".
-        early_stop: whether a lap without any free heading is enough to call the goal unreachable; the paper's robot
-            walks a second one.
-        guard: whether a hit point met again with the same side, however long ago, starts the search for a take-off
-            nearer to the goal than all hit points. The paper's robot has no such memory.
+    mspdg: Literal["two", "all"] = "two"
+    """A better take-off is nearer to the goal than the last "two" hit points (the paper), or "all"."""
+    early_stop: bool = False
+    """Whether a lap without any free heading is enough to call the goal unreachable; the paper's robot walks a second
+    one."""
+    guard: bool = False
+    """Whether a hit point met again with the same side, however long ago, starts the search for a take-off nearer to
+    the goal than all hit points. The paper's robot has no such memory."""
+
+
+class Rev3(BoundaryBug):
+    """Rev3.
 
     Raises:
+        TypeError: an unknown parameter.
         ValueError: an unknown mspdg; and what BoundaryBug refuses.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "front",
-        mspdg: Literal["two", "all"] = "two",
-        early_stop: bool = False,
-        guard: bool = False,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
-        if mspdg not in SAVED:
-            raise ValueError(f"mspdg must be one of {list(SAVED)}, got {mspdg!r}")
-        self.mspdg = mspdg
-        self.early_stop = early_stop
-        self.guard = guard
+    Parameters = Rev3Parameters
+    parameters: Rev3Parameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        if self.parameters.mspdg not in SAVED:
+            raise ValueError(f"mspdg must be one of {list(SAVED)}, got {self.parameters.mspdg!r}")
 
     def start(self) -> Rev3Memory:
         """Memory of a new episode."""
@@ -113,9 +104,9 @@ class Rev3(BoundaryBug):
         side = alternating_side(memory, self.side)
         contour = boundary.hit(view, memory, side, view.goal_bearing)
         here = Mark(contour.hit, contour.wall)
-        met = [boundary.is_at(mark, here.place, here.wall) for mark in memory.marks]
+        met = [is_at(boundary, mark, here.place, here.wall) for mark in memory.marks]
         same_side = zip(met, memory.hit_sides, strict=False)
-        memory.is_repeating = self.guard and any(is_met and other == side for is_met, other in same_side)
+        memory.is_repeating = self.parameters.guard and any(is_met and other == side for is_met, other in same_side)
         memory.is_searching = memory.is_repeating or any(met[-2:])
         memory.marks.append(here)
         memory.hit_before, memory.last_hit = memory.last_hit, here
@@ -148,7 +139,7 @@ class Rev3(BoundaryBug):
             self._note_free(view, memory)
         if contour.is_lap_closed:
             self._close_lap(memory)
-        elif memory.hit_before is not None and boundary.passes(contour, memory.hit_before):
+        elif memory.hit_before is not None and passes(boundary, contour, memory.hit_before):
             memory.is_searching = True
 
     def _demand(self, view: View, memory: Rev3Memory) -> float:
@@ -162,7 +153,7 @@ class Rev3(BoundaryBug):
 
     def _compares_all(self, memory: Rev3Memory) -> bool:
         """Whether the take-off must be nearer to the goal than all hit points, or than the last two."""
-        return self.mspdg == "all" or memory.is_repeating
+        return self.parameters.mspdg == "all" or memory.is_repeating
 
     def _note_free(self, view: View, memory: Rev3Memory) -> None:
         """Keep the place, if it is nearer to the goal than the last hit point and than the one kept."""
@@ -175,7 +166,7 @@ class Rev3(BoundaryBug):
         """The last hit point is met again."""
         if not memory.is_searching:
             memory.is_searching = True
-            if self.early_stop:
+            if self.parameters.early_stop:
                 memory.verdict = "unreachable"
         elif memory.nearest_free is None:
             memory.verdict = "unreachable"

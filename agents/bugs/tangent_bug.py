@@ -3,7 +3,7 @@
 Source: Kamon, Rimon and Rivlin (1998); side commitment and the registers' exact meaning for a disc are ours.
 Sensing assumed: ranges up to r_max all round, goal, own position. Memory kept: the side committed to, the distance from
 the goal to the wall followed (d_followed), a gate on it. States: motion_to_goal, boundary_following, leaving (for a
-place nearer to the goal than that wall), leaving_straight (see Boundary.survey). Guarantee: reaches the goal or
+place nearer to the goal than that wall), leaving_straight (see survey_lap). Guarantee: reaches the goal or
 declares it unreachable. Length: at most D + sum(p_i) + sum(p_i m_i) over the obstacles nearer to the goal than the
 start, m_i the number of local minima of the distance to the goal on obstacle i.
 
@@ -16,16 +16,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
-from bug_gym.agents.walls.boundary_following import (
-    TARGET_MOVED,
-    BoundaryBug,
-    BugMemory,
-    LeaveRule,
-    Survey,
-    Turn,
-    is_ahead,
-)
+from bug_gym.agents.walls.boundary import LeaveRule, Turn
+from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
+from bug_gym.agents.walls.survey import Survey, survey_lap
 from bug_gym.agents.walls.tangent_graph import Node, TangentGraph
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
@@ -71,30 +67,33 @@ class TangentBugMemory(BugMemory):
     """What is known of this lap."""
 
 
-class TangentBug(BoundaryBug):
-    """TangentBug. Parameters not named here are those of BoundaryBug.
+@dataclass(frozen=True)
+class TangentBugParameters(BoundaryParameters):
+    """Parameters of TangentBug."""
 
-    Args:
-        turn: which way to turn at a wall that has no end in sight, or equally near ones.
-        leave_rule: "any": leave for a place in any direction (the algorithm as published); "front": only within 90
-            degrees of the direction of travel.
-        r_max: how far to look [m]; None: as far as the LIDAR sees.
+    turn: Turn = "left"
+    """Which way to turn at a wall that has no end in sight, or equally near ones."""
+    leave_rule: LeaveRule = "any"
+    """Where a wall may be left: "any" for a place in any direction (the algorithm as published), "front" only within 90
+    degrees of the direction of travel."""
+    r_max: float | None = None
+    """How far to look [m]; None: as far as the LIDAR sees."""
+
+
+class TangentBug(BoundaryBug):
+    """TangentBug.
 
     Raises:
+        TypeError: an unknown parameter.
         ValueError: an r_max not above the clearance; and what BoundaryBug refuses.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        r_max: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
+    Parameters = TangentBugParameters
+    parameters: TangentBugParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        r_max = self.parameters.r_max
         if r_max is not None and not r_max > self.boundary.clearance:
             raise ValueError(f"r_max must be above the clearance of {self.boundary.clearance:g} m, got {r_max!r}")
         self.r_max = sensors.range if r_max is None else min(r_max, sensors.range)
@@ -273,7 +272,7 @@ class TangentBug(BoundaryBug):
             memory.contour = None
             memory.mode = "leaving"
         elif contour is not None:
-            advice = self.boundary.survey(view, contour, memory.survey, memory.hit_distance)
+            advice = survey_lap(self.boundary, view, contour, memory.survey, memory.hit_distance)
             if advice == "leave":
                 self.boundary.leave(view, memory)
                 memory.mode = "leaving_straight"
@@ -296,11 +295,8 @@ class TangentBug(BoundaryBug):
             distance, place = graph.nearest_to_goal(without=run, limit=memory.trust)
             if distance >= memory.followed - self.boundary.progress:
                 return None
-        contour = memory.contour
-        travel = contour.heading if contour is not None and self.boundary.leave_rule == "front" else None
-        if travel is not None and not is_ahead(travel, math.atan2(place[1], place[0]) + view.heading):
-            return None
-        return place
+        direction = math.atan2(place[1], place[0]) + view.heading
+        return place if self.boundary.may_head(memory.contour, direction) else None
 
     def _leave(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
         """Velocity to the place left for; None where it is near enough to the goal, or the way is blocked after all."""

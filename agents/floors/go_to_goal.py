@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
+from bug_gym.geometry import velocity_along
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import View
 
@@ -22,4 +21,4 @@ class GoToGoal(ScriptedPolicy):
         free = view.free_distance(bearing, self.sensors.radius + margin) - margin
         speed = min(self.sensors.drive.max_speed, min(free, distance) / self.sensors.drive.step)
         speed = max(speed, 0.0)
-        return speed * math.cos(bearing), speed * math.sin(bearing)
+        return velocity_along(bearing, speed)

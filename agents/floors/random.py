@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from bug_gym import kernels
+from bug_gym.geometry import velocity_along
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
@@ -17,18 +19,23 @@ class RandomMemory(Memory):
     draw: int = 0
 
 
+@dataclass(frozen=True)
+class RandomParameters:
+    """Parameters of the random policy."""
+
+    seed: int = 0
+    """Number that the draws are a function of, beside that of the step."""
+
+
 class Random(ScriptedPolicy):
-    """A desired velocity drawn evenly from the disc of the robot's speeds, anew in each step.
+    """A desired velocity drawn evenly from the disc of the robot's speeds, anew in each step."""
 
-    Args:
-        sensors: what a driver knows of the robot.
-        seed: the draws are a function of it and of the step.
-        discrete: whether actions are numbers of the discrete table.
-    """
+    Parameters = RandomParameters
+    parameters: RandomParameters
 
-    def __init__(self, sensors: Sensors, *, seed: int = 0, discrete: bool = False) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self._key = kernels.hash64(seed, 0, 0, kernels.STREAM_POLICY)
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        self._key = kernels.hash64(self.parameters.seed, 0, 0, kernels.STREAM_POLICY)
 
     def start(self) -> RandomMemory:
         """Memory of a new episode."""
@@ -39,4 +46,4 @@ class Random(ScriptedPolicy):
         angle = 2.0 * math.pi * kernels.uniform(self._key, memory.draw)
         speed = self.sensors.drive.max_speed * math.sqrt(kernels.uniform(self._key, memory.draw + 1))
         memory.draw += 2
-        return speed * math.cos(angle), speed * math.sin(angle)
+        return velocity_along(angle, speed)

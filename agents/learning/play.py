@@ -6,6 +6,7 @@ and one scanner, and is refused for any other.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,6 +22,14 @@ from bug_gym.policy import MisfitError, Observation, flat_observation
 from bug_gym.view import Sensors
 
 
+@dataclass(frozen=True)
+class LearnedParameters:
+    """Parameters of a learned policy."""
+
+    model: str | Path
+    """Name of a shipped model, or a folder."""
+
+
 class LearnedPolicy:
     """A trained model.
 
@@ -30,7 +39,7 @@ class LearnedPolicy:
     Args:
         sensors: the robot that it is to drive.
         discrete: whether the env takes numbers of discrete actions.
-        model: name of a shipped model, or a folder.
+        **parameters: see LearnedParameters.
 
     Raises:
         MisfitError: the model was made for another robot.
@@ -38,11 +47,13 @@ class LearnedPolicy:
         ImportError: onnxruntime is not installed.
     """
 
+    Parameters = LearnedParameters
     one_by_one: ClassVar[bool] = True
     """Asked for each robot alone by an evaluation, so that its times of decisions compare with those of others."""
 
-    def __init__(self, sensors: Sensors, *, discrete: bool = False, model: str | Path) -> None:
-        folder = model_folder(model)
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        self.parameters = LearnedParameters(**parameters)
+        folder = model_folder(self.parameters.model)
         self.config = read_config(folder)
         self.robot = RobotModel.from_dict(self.config["robot"])
         require_fit(self.config["name"], self.robot, sensors)
@@ -82,22 +93,35 @@ class LearnedPolicy:
         return (actions[0] if flat.ndim == 1 else actions), state
 
 
+@dataclass(frozen=True)
+class ZipParameters:
+    """Parameters of a model that SB3 has saved."""
+
+    path: Path
+    """The zip."""
+    trust: bool = False
+    """Whether to read it at all: a zip is a pickle and can run any code."""
+
+
 class ZipPolicy:
     """A model that SB3 has saved, as a policy; it was trained on our observations, Dict or flat.
 
     Args:
         sensors: the robot that it is to drive.
         discrete: whether the env takes numbers of discrete actions.
-        path: the zip.
-        trust: whether to read it at all: a zip is a pickle and can run any code.
+        **parameters: see ZipParameters.
 
     Raises:
         MisfitError: the model was made for other observations.
         ValueError: the zip is not trusted, or no model of SB3.
     """
 
-    def __init__(self, sensors: Sensors, *, discrete: bool = False, path: Path, trust: bool = False) -> None:
-        if trust is not True:
+    Parameters = ZipParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        self.parameters = ZipParameters(**parameters)
+        path = self.parameters.path
+        if self.parameters.trust is not True:
             raise ValueError(
                 f"{path} is a pickle, which can run any code when it is read: "
                 "pass trust=True if you know where it comes from"

@@ -10,18 +10,12 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
-from bug_gym.agents.walls.boundary_following import (
-    TARGET_MOVED,
-    Boundary,
-    BoundaryBug,
-    BugMemory,
-    Contour,
-    LeaveRule,
-    Turn,
-)
+from bug_gym.agents.walls.boundary import Boundary, LeaveRule
+from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
-from bug_gym.view import Sensors, View
+from bug_gym.view import View
 
 ON_LINE = 0.1
 """How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
@@ -89,24 +83,20 @@ def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLin
     return distance if distance <= limit - ON_LINE * boundary.step else None
 
 
+@dataclass(frozen=True)
+class MLineParameters(BoundaryParameters):
+    """Parameters of bugs with an M-line."""
+
+    leave_rule: LeaveRule = "any"
+    """Where a wall may be left: "any" at a crossing wherever the goal lies (the algorithms as published), "front" only
+    with the goal within 90 degrees of the direction of travel."""
+
+
 class MLineBug(BoundaryBug):
-    """What bugs with an M-line share. Parameters not named here are those of BoundaryBug.
+    """What bugs with an M-line share; they refuse what BoundaryBug refuses."""
 
-    Args:
-        leave_rule: "any": leave at a crossing wherever the goal lies (the algorithms as published); "front": only with
-            the goal within 90 degrees of the direction of travel.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, discrete=discrete)
+    Parameters = MLineParameters
+    parameters: MLineParameters
 
     def m_line(self, view: View, memory: MLineMemory) -> MLine:
         """The M-line; drawn anew from here when the target has moved away from its end."""

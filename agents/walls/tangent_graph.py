@@ -18,10 +18,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.agents.scan import pieces
-from bug_gym.geometry import Point
+from bug_gym.geometry import F64, Point
 from bug_gym.view import View
 
 LEAST_HEADINGS, MOST_HEADINGS = 180, 360
@@ -98,7 +97,7 @@ class TangentGraph:
         """The run that the goal's bearing ends at, -1 where nothing is in sight there."""
         return int(self.run_of[0])
 
-    def points(self, run: int) -> NDArray[np.float64]:
+    def points(self, run: int) -> F64:
         """Contacts (k, 2) of a run in the robot's frame [m]."""
         index = self.contacts[(self.run_of == run) & (self.contacts >= 0)]
         return np.column_stack([self.x[index], self.y[index]])

@@ -4,8 +4,6 @@ Source: Lumelsky and Skewis (1990), the procedure "compute T_i". The *scout* sta
 holds the registers of Bug2 there. It walks Bug2's path, M-line and contour, step by step over the present scan, and
 stops where the robot can no longer see it; the robot goes straight toward it. So the path that counts is Bug2's,
 whichever short cuts the robot takes, and with a vision range no wider than the clearance the robot is Bug2.
-
-A place is visible where the robot sees the whole disc of the clearance round it, and a disc can go straight to it.
 """
 
 from __future__ import annotations
@@ -14,54 +12,18 @@ import copy
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
+from typing import Any
 
-import numpy as np
-
-from bug_gym.agents.scan import joined
-from bug_gym.agents.walls.boundary_following import (
-    STANDING,
-    TARGET_MOVED,
-    Boundary,
-    BugMemory,
-    Contour,
-    LeaveRule,
-    Turn,
-    side_of,
-)
-from bug_gym.agents.walls.m_line import ON_LINE, MLine, MLineMemory, go_along, nearer_crossing
-from bug_gym.geometry import F64, Point
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity, braking_radius
+from bug_gym.agents.walls.boundary import STANDING, Boundary, side_of
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.m_line import ON_LINE, MLine, MLineMemory, MLineParameters, go_along, nearer_crossing
+from bug_gym.agents.walls.visibility import NEAR, Scan
+from bug_gym.geometry import Point
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
-
-NEAR = 2.5
-"""Up to where T_i is right before the robot, in steps: the contour between them is not straight, but free."""
 
 MOST_STEPS = 200
 """Steps that the scout takes in one decision at most; it goes on in the next one."""
-
-
-class Elsewhere(View):
-    """The present scan as a robot at another place would know it.
-
-    Args:
-        view: what the robot observes.
-        place: where it is not, odometry frame [m].
-        x: points' x (k,) in the robot's frame [m].
-        y: points' y (k,) [m].
-    """
-
-    __slots__ = ()
-
-    def __init__(self, view: View, place: Point, x: F64, y: F64) -> None:
-        dx, dy = view.to_robot(*place)
-        self.sensors = view.sensors
-        self.ranges = view.ranges
-        self.goal = (view.goal[0] - dx, view.goal[1] - dy)
-        self.pose = (place[0], place[1], view.heading)
-        self.velocity = view.velocity
-        self._flat = view._flat
-        self._trig = view._trig
-        self._points = (x - dx, y - dy)
 
 
 @dataclass
@@ -117,75 +79,12 @@ class VisionMemory(BugMemory):
         return self.trail[-1]
 
 
-class Scan:
-    """What the robot sees now: walls as lines of points, and the free space between it and them.
+@dataclass(frozen=True)
+class VisBugParameters(MLineParameters):
+    """Parameters of VisBugs."""
 
-    Args:
-        view: the observation.
-        boundary: the robot's settings at walls.
-    """
-
-    def __init__(self, view: View, boundary: Boundary) -> None:
-        sensors = view.sensors
-        beams = len(sensors.angles)
-        self.view = view
-        self.boundary = boundary
-        self.nearest, _ = view.nearest()
-        # Noise must not close the view along a wall at the clearance.
-        self.radius = max(boundary.safe_radius, boundary.inner - 2.0 * sensors.range_noise)
-        self.first_angle = float(sensors.angles[0])
-        self.angle_step = float(sensors.angles[1] - sensors.angles[0]) if beams > 1 else 2.0 * math.pi
-        self.is_round = beams * self.angle_step > 2.0 * math.pi - 1e-6
-        gap, spacing = 2.0 * boundary.inner, 0.5 * boundary.inner
-        points = np.empty((2, 7 * beams))
-        cos, sin = sensors.beam_directions
-        count, total = joined.join_scan(view.ranges, cos, sin, sensors.range, self.is_round, gap, spacing, *points)
-        self.x, self.y = points[:, :count]
-        self.all = points[:, :total]
-        """Points of walls, and those up to which walls may go on unseen."""
-
-    def is_open(self, place: Point) -> bool:
-        """Whether nothing is in the way to a place that was visible, by a smaller disc than made it so."""
-        boundary, view = self.boundary, self.view
-        x, y = view.to_robot(*place)
-        bearing, distance = math.atan2(y, x), math.hypot(x, y)
-        if distance <= NEAR * boundary.step:
-            radius, distance = boundary.safe_radius, min(distance, boundary.step)
-        else:
-            radius = max(boundary.safe_radius, boundary.hit_radius - 2.0 * view.sensors.range_noise)
-        # A robot that came too near to a wall can still go along it.
-        radius = max(min(radius, 0.98 * self.nearest), braking_radius(view.sensors))
-        return view.free_distance(bearing, radius) >= min(distance, view.sensors.range)
-
-    def seen_from(self, place: Point) -> Elsewhere:
-        """The scan from a place of the odometry frame [m]."""
-        return Elsewhere(self.view, place, self.x, self.y)
-
-    def sees(self, place: Point, reach: float) -> bool:
-        """Whether a place of the odometry frame [m] is visible, at most `reach` [m] away."""
-        return self._first_seen(place, (0.0, 0.0), 1, reach, self.x, self.y) == 0
-
-    def sees_surely(self, place: Point, reach: float) -> bool:
-        """Whether it stays visible on the way to it, wherever between two beams the walls beside the way end."""
-        return self._first_seen(place, (0.0, 0.0), 1, reach, *self.all) == 0
-
-    def first_visible(self, line: MLine, stride: float, count: int, reach: float) -> Point | None:
-        """The first surely visible one of `count` places on the M-line, each `stride` [m] further from its goal."""
-        whole = math.dist(line.start, line.goal)
-        count = min(count, int(whole / stride))
-        if count <= 0:
-            return None
-        dx = (line.start[0] - line.goal[0]) * stride / whole
-        dy = (line.start[1] - line.goal[1]) * stride / whole
-        k = self._first_seen((line.goal[0] + dx, line.goal[1] + dy), (dx, dy), count, reach, *self.all) + 1
-        return None if k == 0 else (line.goal[0] + k * dx, line.goal[1] + k * dy)
-
-    def _first_seen(self, place: Point, stride: Point, count: int, reach: float, px: F64, py: F64) -> int:
-        """Number of the first one of `count` places that the points leave visible, or -1."""
-        x, y = self.view.to_robot(*place)
-        ex, ey = self.view.to_robot(place[0] + stride[0], place[1] + stride[1])
-        beams = self.view.ranges, self.first_angle, self.angle_step, self.is_round
-        return int(joined.first_seen_free(x, y, ex - x, ey - y, count, reach, *beams, px, py, self.radius))
+    vision_range: float | None = None
+    """How far the robot looks, at most the LIDAR's range [m]; None: that."""
 
 
 class Vision:
@@ -193,20 +92,16 @@ class Vision:
 
     Args:
         sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "front" or "any", see Boundary.
-        vision_range: how far the robot looks, at most the LIDAR's range [m]; None: that.
+        parameters: of its VisBug.
 
     Raises:
         ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
     """
 
-    def __init__(
-        self, sensors: Sensors, *, clearance: float | None, turn: str, leave_rule: str, vision_range: float | None
-    ) -> None:
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
-        self.side = side_of(turn)
+    def __init__(self, sensors: Sensors, parameters: VisBugParameters) -> None:
+        self.boundary = Boundary(sensors, clearance=parameters.clearance, leave_rule=parameters.leave_rule)
+        self.side = side_of(parameters.turn)
+        vision_range = parameters.vision_range
         reach = sensors.range if vision_range is None else vision_range
         if not reach >= self.boundary.clearance:
             raise ValueError(
@@ -215,7 +110,7 @@ class Vision:
         self.reach = min(reach, sensors.range)
         self.on_line = ON_LINE * self.boundary.step
 
-    # ------------------------------------------------------------------------------------------ what is seen now
+    # ------------------------------------------------------------------------------------------------- what is seen now
 
     def look(self, view: View, memory: VisionMemory) -> Scan:
         """The present scan, with the memory brought up to it. Call once a decision, first."""
@@ -289,7 +184,7 @@ class Vision:
         self._begin(view, memory)
         return True
 
-    # ------------------------------------------------------------------------------------------ compute T_i
+    # ------------------------------------------------------------------------------------------------------ compute T_i
 
     def sees_goal(self, scan: Scan, memory: VisionMemory) -> bool:
         """Step 1: whether the goal itself is T_i."""
@@ -396,7 +291,7 @@ class Vision:
         memory.trail.append(ahead)
         return True
 
-    # ------------------------------------------------------------------------------------------ motion to T_i
+    # ---------------------------------------------------------------------------------------------------- motion to T_i
 
     def move(self, scan: Scan, memory: VisionMemory) -> Velocity:
         """Velocity straight toward T_i; back on the own way while T_i is hidden."""
@@ -451,31 +346,17 @@ class Vision:
 class VisBug(ScriptedPolicy):
     """VisBug but for the places on the M-line that it takes in step 4.
 
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: centre to wall while following [m]; None: body radius and one step.
-        turn: which way to turn at a wall.
-        leave_rule: "any": leave at a crossing wherever the goal lies (the algorithm as published); "front": only with
-            the goal within 90 degrees of the direction of travel.
-        vision_range: how far the robot looks [m]; None: as far as its LIDAR.
-        discrete: whether actions are numbers of the discrete table.
-
     Raises:
+        TypeError: an unknown parameter.
         ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        vision_range: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.vision = Vision(sensors, clearance=clearance, turn=turn, leave_rule=leave_rule, vision_range=vision_range)
+    Parameters = VisBugParameters
+    parameters: VisBugParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        self.vision = Vision(sensors, self.parameters)
 
     def start(self) -> VisionMemory:
         """Memory of a new episode."""

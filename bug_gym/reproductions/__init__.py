@@ -5,11 +5,11 @@ Each is a module with `reproduce(settings) -> Reproduction`; to add one, write t
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from collections.abc import Callable
 from typing import cast
 
+from bug_gym.naming import nearest_hint
 from bug_gym.reproductions.result import Reproduction, Settings
 
 REPRODUCTIONS: dict[str, str] = {
@@ -40,8 +40,7 @@ def reproduction(name: str) -> Callable[[Settings], Reproduction]:
         ValueError: no such reproduction; the message offers the nearest names.
     """
     if name not in REPRODUCTIONS:
-        near = difflib.get_close_matches(name, REPRODUCTIONS, n=2, cutoff=0.4)
-        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+        hint = nearest_hint(name, REPRODUCTIONS, count=2, cutoff=0.4, separator=";")
         raise ValueError(f"unknown reproduction {name!r}{hint} (known: {', '.join(REPRODUCTIONS)})")
     module = importlib.import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}")
     return cast(Callable[[Settings], Reproduction], module.reproduce)

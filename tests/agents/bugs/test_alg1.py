@@ -27,6 +27,7 @@ from shapely.geometry.polygon import orient
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.alg1 import Alg1
+from bug_gym.agents.walls.turning_round import hit_and_trace, walk_back
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
 
@@ -224,10 +225,10 @@ def test_where_the_way_back_is_blocked_the_other_hand_takes_the_wall() -> None:
     assert isinstance(policy, Alg1)
     flat: NDArray[np.float32] = simulation.reset(seeds=[0])[0, 0]
     view, memory = View(flat, policy.sensors), policy.start()
-    policy.boundary.hit_and_trace(view, memory, 1, view.goal_bearing)
+    hit_and_trace(policy.boundary, view, memory, 1, view.goal_bearing)
     memory.is_turning = True
     memory.trace = [(1.0, 0.0)]  # inside the slab
-    assert policy.boundary.walk_back(view, memory) is None
+    assert walk_back(policy.boundary, view, memory) is None
     assert memory.contour is not None and memory.contour.side == -1
     assert not memory.is_turning
 

@@ -14,7 +14,8 @@ from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.critical_point_bug import CriticalPointBug
 from bug_gym.agents.bugs.e_bug import EBug
 from bug_gym.agents.scan import open_ways
-from bug_gym.agents.walls.corners import OpenPoint, Profile, SubGoals
+from bug_gym.agents.walls.open_points import OpenPoint, Profile
+from bug_gym.agents.walls.sub_goals import SubGoals
 from bug_gym.reproductions import hd_bug_tables
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View

@@ -1,56 +1,28 @@
-"""The toolbox of bugs that go from corner to corner in sight: open points, sub-goals, and how a robot goes to them.
+"""Sub-goals, beside corners in sight: which of them count, how a robot goes to one, and what it remembers of them.
 
-An *open point* (a *sudden point* in PointBug) is where the reading of a turning range sensor jumps by more than a
-threshold: an end of an obstacle in sight. It is looked for in the free ways of a disc over the full circle of headings,
-so the ends of gaps that the robot cannot pass are none. The *sub-goal* lies beside it, at the clearance, square to the
-line of sight. The robot goes to it along the line that just passes the corner at the clearance, then round the corner
-as a hand on the wall would, until it looks past it: what a point robot does in no time by standing in the corner.
+The robot goes to a sub-goal along the line that just passes the corner at the clearance, then round the corner as a
+hand on the wall would, until it looks past it: what a point robot does in no time by standing in the corner.
 
-              o  sub-goal                     side +1: the corner is the left end of what is behind it
-              |  clearance
-    S . . . . x=========  corner, obstacle
-
-Sources: Buniyamin, Ngah, Wan Ngah and Mohamad (2011) for sudden points; Das, Dutta and Debnath (2020) for sub-goals.
+Source: Das, Dutta and Debnath (2020) for sub-goals; see open_points for what they lie beside.
 """
 
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from bug_gym import kernels
-from bug_gym.agents.scan import open_ways
-from bug_gym.agents.scan.open_ways import LinkedScan, Sweep
-from bug_gym.agents.walls.boundary_following import (
-    STANDING,
-    TARGET_MOVED,
-    WAIT,
-    Boundary,
-    BugMemory,
-    Contour,
-    LeaveRule,
-    Turn,
-    side_of,
-)
+from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.open_points import Lookout, OpenPoint, Profile
 from bug_gym.geometry import Point, wrap
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
-
-HEADINGS = 360
-"""Headings of the full circle that are looked along."""
 
 JUMP = 0.5
 """Change of the reading that makes an open point [m], at most: behind a gap that a small robot passes there may be only
 as much room as it needs."""
-
-TIE = 0.01
-"""Costs nearer to each other than this are equal [m]."""
 
 SHORT = 0.5
 """By how much of its distance an end in sight may seem to move between two decisions, along the line of sight."""
@@ -60,40 +32,6 @@ LOOKS = 5
 
 LONGEST_ROUND = 1.5 * math.pi
 """Turning after which a corner is left whatever lies behind it: a post has no other side [rad]."""
-
-
-class OpenPoint(NamedTuple):
-    """An end of an obstacle in sight."""
-
-    corner: Point
-    """Last point in sight of what ends there, robot's frame [m]."""
-    side: int
-    """+1: its left end, which the robot passes with the wall on its right; -1: its right end."""
-    rotation: float
-    """Angle from the goal's bearing to the heading that passes it, counter-clockwise, in [0, 2 pi) [rad]."""
-    farthest: Point
-    """Up to where the obstacle may go on unseen, between this beam and the next, robot's frame [m]."""
-
-    def sub_goal(self, offset: float) -> Point:
-        """The place at an offset [m] from the corner, square to the line of sight, robot's frame [m]."""
-        x, y = self.corner
-        away = max(math.hypot(x, y), 1e-9)
-        return x - self.side * offset * y / away, y + self.side * offset * x / away
-
-
-class Profile(NamedTuple):
-    """What a look around shows."""
-
-    goal_way: float
-    """Free way toward the goal [m], infinite where nothing is in sight there."""
-    blocking_beam: int
-    """The beam that saw what ends it, -1 for none."""
-    link: NDArray[np.bool_]
-    """Whether each beam and the next see one surface (B,)."""
-    open_points: list[OpenPoint]
-    """Counter-clockwise from the goal's bearing."""
-    ranges: NDArray[np.float64]
-    """The ranges (B,) it was made of [m]."""
 
 
 class End(NamedTuple):
@@ -172,73 +110,19 @@ class SubGoals:
         jump = min(JUMP, self.boundary.inner) if jump is None else jump
         if not jump > 0.0 or not math.isfinite(jump):
             raise ValueError(f"jump must be above 0 m, got {jump!r}")
-        self.jump = jump
         self.same = self.boundary.gate_half_width
         """Distance within which two corners are one [m]."""
-        angles = sensors.angles
-        self._spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
-        self._wraps = bool(angles[-1] + 1.5 * self._spacing >= angles[0] + 2.0 * math.pi)
         # Noise must not close the view along a wall at the clearance.
         safe, noise = self.boundary.safe_radius, 2.0 * sensors.range_noise
-        self.radius = max(safe, self.boundary.inner - noise)
-        """Of the disc whose free ways are looked at [m]."""
         self.leg_radius = max(safe, self.boundary.hit_radius - noise)
         """Of the disc whose way to a corner must be free [m]."""
-        self._headings = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
+        self.lookout = Lookout(sensors, radius=max(safe, self.boundary.inner - noise), jump=jump)
 
-    # ------------------------------------------------------------------------------------------ looking around
+    # ------------------------------------------------------------------------------------------ which open points count
 
     def look(self, view: View) -> Profile:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
-        radius, reach, ranges = self.radius, view.sensors.range, self._filled(view)
-        noise = view.sensors.range_noise
-        x, y = view.sensors.beam_directions * ranges
-        link = np.empty(len(x), dtype=np.bool_)
-        open_ways.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, noise, self._wraps, link)
-        first = view.goal_bearing
-        cos, sin = np.cos(first + self._headings), np.sin(first + self._headings)
-        free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)
-        open_ways.sweep_disc(x, y, ranges, reach, link, radius, first, cos, sin, free, beam)
-        found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
-        chosen = np.empty(len(x), dtype=np.int64)
-        scan = LinkedScan(x, y, ranges, reach, noise, link, self._wraps)
-        count = open_ways.find_open_points(scan, Sweep(radius, first, free, beam), self.jump, chosen, found, side)
-        ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
-        points = [OpenPoint((u, v), hand, turn % (2.0 * math.pi), (w, z)) for (turn, u, v, w, z), hand in ends]
-        return Profile(float(free[0]), int(beam[0]), link, points, ranges)
-
-    def _filled(self, view: View) -> NDArray[np.float64]:
-        """The ranges (B,) [m], filled in where a beam alone got no return from what its neighbours show to be a wall.
-
-        No disc passes between their points, or those and the next ones lie on one line. On a line the inverse ranges of
-        three neighbours have no second difference, but for the curvature of the cosine.
-        """
-        ranges, reach, bend = view.ranges, view.sensors.range, 2.0 * math.cos(self._spacing)
-        earlier, before, after, later = (np.maximum(np.roll(ranges, shift), 1e-9) for shift in (2, 1, -1, -2))
-        apart = before * before + after * after - 2.0 * before * after * math.cos(2.0 * self._spacing)
-        between = bend * before * after / (before + after)
-        error = 3.0 * view.sensors.range_noise + 0.2 * self.jump
-        is_line = np.ones(len(ranges), dtype=np.bool_)
-        for near, far in ((before, earlier), (after, later)):
-            is_line &= (far < reach) & (np.abs(1.0 / far + 1.0 / between - bend / near) <= error / (near * between))
-        if not self._wraps:
-            is_line[:2] = is_line[-2:] = False
-            apart[[0, -1]] = math.inf
-        is_wall = (np.maximum(before, after) < reach) & ((apart <= 4.0 * self.radius**2) | is_line)
-        return np.where((ranges >= reach) & is_wall, between, ranges)
-
-    def surface(self, view: View, profile: Profile) -> NDArray[np.float64]:
-        """Points (k, 2) of what blocks the way to the goal, as far as the scan shows it whole, robot's frame [m]."""
-        count, first = len(profile.link), profile.blocking_beam
-        if first < 0:
-            return np.empty((0, 2))
-        last = first
-        while profile.link[last % count] and last < first + count:
-            last += 1
-        while profile.link[(first - 1) % count] and first > last - count:
-            first -= 1
-        beams = np.arange(first, last + 1) % count
-        return (view.sensors.beam_directions[:, beams] * profile.ranges[beams]).T
+        return self.lookout.look(view)
 
     def is_visited(self, view: View, memory: SubGoalMemory, point: OpenPoint) -> bool:
         """Whether an open point's corner is one that the robot has gone round, as far as the scan can tell."""
@@ -279,7 +163,7 @@ class SubGoals:
 
     def _drift(self, point: OpenPoint) -> float:
         """How far beside where it is seen now a corner may turn out to be [m]."""
-        return max(self.same, 1.5 * self._spacing * math.hypot(*point.corner))
+        return max(self.same, 1.5 * self.lookout.spacing * math.hypot(*point.corner))
 
     def new_points(self, view: View, memory: SubGoalMemory, profile: Profile) -> list[OpenPoint]:
         """The open points in sight whose corners are neither visited nor out of reach."""
@@ -297,7 +181,7 @@ class SubGoals:
         last, near = memory.visits[-1].corner, 0.5 * self.same
         return [point for point in points if math.dist(view.to_odometry(*point.corner), last) > near]
 
-    # ------------------------------------------------------------------------------------------ going there
+    # ------------------------------------------------------------------------------------------------------ going there
 
     def go_on(self, view: View, memory: SubGoalMemory, profile: Profile) -> Velocity | None:
         """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
@@ -356,13 +240,8 @@ class SubGoals:
 
     def _is_open(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
         """Whether nothing in sight is in the way to the goal; with the rule "front" only for a goal ahead."""
-        contour = memory.contour
-        if self.boundary.leave_rule == "front" and contour is not None and contour.heading is not None:
-            aside = wrap(view.goal_bearing + view.heading - contour.heading)
-        else:
-            aside = 0.0
         is_free = self._goal_way(view, memory, profile) >= min(view.goal_distance, view.sensors.range)
-        return is_free and abs(aside) <= 0.5 * math.pi
+        return is_free and self.boundary.may_head(memory.contour, view.goal_bearing + view.heading)
 
     def _goal_way(self, view: View, memory: SubGoalMemory, profile: Profile) -> float:
         """Free way toward the goal [m], for a robot on this way with less to spare, so that it does not waver."""
@@ -432,7 +311,7 @@ class SubGoals:
         ends = [*(memory.seen or ()), *(memory.sees or ())]
         return not any(end.side == memory.side and math.dist(end.corner, memory.corner) <= self.same for end in ends)
 
-    # ------------------------------------------------------------------------------------------ what it remembers
+    # ------------------------------------------------------------------------------------------------ what it remembers
 
     def _follow_target(self, view: View, memory: SubGoalMemory) -> None:
         """Forget where it has been when the target is elsewhere: all corners may be worth a visit again."""
@@ -463,89 +342,7 @@ class SubGoals:
         return Drawing(points=points)
 
 
-class SubGoalBug(ScriptedPolicy):
-    """What bugs that go from corner to corner share; each chooses the next corner by a rule of its own.
-
-    Args:
-        sensors: what a driver knows of the robot.
-        clearance: corner to sub-goal and centre to wall [m]; None: body radius and one step.
-        turn: which of two equally good corners to take, seen from the line to the goal.
-        leave_rule: "any" or "front", see SubGoals.
-        jump: change of the reading that makes an open point [m]; None: 0.5, for small robots less.
-        discrete: whether actions are numbers of the discrete table.
-
-    Raises:
-        ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
-    """
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        *,
-        clearance: float | None = None,
-        turn: Turn = "left",
-        leave_rule: LeaveRule = "any",
-        jump: float | None = None,
-        discrete: bool = False,
-    ) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.sub_goals = SubGoals(sensors, clearance=clearance, leave_rule=leave_rule, jump=jump)
-        self.side = side_of(turn)
-
-    def start(self) -> SubGoalMemory:
-        """Memory of a new episode."""
-        return SubGoalMemory(mode="motion_to_goal")
-
-    def act(self, view: View, memory: Any) -> Velocity:
-        """One decision."""
-        profile = self.sub_goals.look(view)
-        velocity = self.sub_goals.go_on(view, memory, profile)
-        if velocity is not None:
-            return velocity
-        if self.sub_goals.looks_again(view, memory, profile):
-            return STANDING
-        point = self.choose(view, memory, profile)
-        if point is None:
-            return self.sub_goals.give_up(memory, self.verdict(profile))
-        return self.sub_goals.set_out(view, memory, profile, point)
-
-    @abstractmethod
-    def choose(self, view: View, memory: Any, profile: Profile) -> OpenPoint | None:
-        """The open point to go to next; None where there is none."""
-
-    def verdict(self, profile: Profile) -> str:
-        """What it means that there is none."""
-        return "stuck"
-
-    def draw(self, memory: Any) -> Drawing:
-        """Sub-goals and the present corner."""
-        return self.sub_goals.draw(memory)
-
-
-def cheapest(points: list[OpenPoint], cost: Callable[[OpenPoint], float], side: int) -> OpenPoint | None:
-    """The open point of least cost [m]; of equal ones the first met when turning from the goal to a side; None of none.
-
-    Args:
-        points: to choose from.
-        cost: of one of them [m].
-        side: +1 turns left, -1 right.
-    """
-    costs = [cost(point) for point in points]
-    equal = [point for point, value in zip(points, costs, strict=True) if value <= min(costs) + TIE]
-    return min(equal, key=lambda point: rotation_to(point, side), default=None)
-
-
 def distance_between(first: tuple[Point, Point], second: tuple[Point, Point]) -> float:
     """Distance between two straight lines that do not cross, each from one point to another [m]."""
     ends = (*((end, second) for end in first), *((end, first) for end in second))
     return min(kernels.point_wall_distance(*end, *begin, *until) for end, (begin, until) in ends)
-
-
-def rotation_to(point: OpenPoint, side: int) -> float:
-    """Angle from the goal's bearing to an open point, turning to the left (+1) or right (-1), in [0, 2 pi) [rad]."""
-    return point.rotation if side > 0 else (-point.rotation) % (2.0 * math.pi)
-
-
-def goal_distance_of(view: View, place: Point) -> float:
-    """Distance from a place in the robot's frame to the goal [m]."""
-    return math.dist(place, view.goal)

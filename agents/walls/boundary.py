@@ -1,0 +1,372 @@
+"""How a robot goes straight until a wall, follows it at a clearance and leaves it: what all bugs do.
+
+Every question is put to the swept free distance of a disc (View.free_distance), never to single beams.
+
+Sources of the rules: Lumelsky and Stepanov (1987) for motion to goal and boundary following; McGuire et al. (2019) for
+what a robot with a range sensor needs beyond a point with a contact sensor.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from bug_gym.agents.scan.motion import has_moved
+from bug_gym.agents.walls.contour import BugMemory, Contour
+from bug_gym.agents.walls.headings import TRIED, OpenHeadings
+from bug_gym.agents.walls.laps import Laps
+from bug_gym.geometry import Point, velocity_along, wrap
+from bug_gym.policy import Drawing, Velocity
+from bug_gym.view import Sensors, View
+
+Turn = Literal["left", "right"]
+LeaveRule = Literal["front", "any"]
+
+SIDES: dict[str, int] = {"left": 1, "right": -1}
+LEAVE_RULES = ("front", "any")
+STANDING: Velocity = (0.0, 0.0)
+
+WAIT = 10.0
+"""Time without any open heading after which a robot calls itself stuck [s]; something that moves may go away before."""
+
+GLANCE = 0.5
+"""How often a robot compares its scan with an earlier one [s]."""
+
+GLANCES = 4
+"""How many glances earlier: after 2 s a mover at 0.1 m/s has left the noise behind."""
+
+NEAR = 3.0
+"""How far from a robot what moves makes its lap worthless [m]."""
+
+
+def swept(travel: float, wall: float, heading: float, side: int) -> float:
+    """Turning [rad] from a direction of travel to a heading found by turning away from a wall's bearing.
+
+    In the end of a narrow wedge that is about half a turn, whose sense the two directions alone leave open. The wall
+    lay at the side, so the way from the travel to its bearing is known, and the way from there is not wrapped.
+    """
+    to_wall = wrap(side * (travel - wall) - 0.5 * math.pi) + 0.5 * math.pi
+    return side * (side * (heading - wall) - to_wall)
+
+
+def is_ahead(travel: float, direction: float) -> bool:
+    """Whether a direction [rad] lies within 90 degrees of the direction of travel [rad]."""
+    return abs(wrap(direction - travel)) <= 0.5 * math.pi
+
+
+def side_of(turn: str) -> int:
+    """+1 for "left", -1 for "right".
+
+    Raises:
+        ValueError: another word.
+    """
+    if turn not in SIDES:
+        raise ValueError(f"turn must be one of {sorted(SIDES)}, got {turn!r}")
+    return SIDES[turn]
+
+
+def checked_leave_rule(leave_rule: str) -> str:
+    """The leave rule, "front" or "any".
+
+    Raises:
+        ValueError: another word.
+    """
+    if leave_rule not in LEAVE_RULES:
+        raise ValueError(f"leave_rule must be one of {list(LEAVE_RULES)}, got {leave_rule!r}")
+    return leave_rule
+
+
+class Boundary:
+    """How a robot goes to walls, along them and away from them; the settings that all bugs share.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        clearance: distance from the robot's centre to a wall while following it [m]; None: the body's radius and the
+            way of one step, which is how far a robot can be off its line.
+        leave_rule: "front": a heading is free only within 90 degrees of the direction of travel, as a robot sees it
+            that looks ahead; "any": a free heading in any direction counts.
+
+    Raises:
+        ValueError: a clearance not above the body's radius, or an unknown leave rule.
+    """
+
+    def __init__(self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "front") -> None:
+        radius, step = sensors.radius, sensors.step_length
+        clearance = radius + step if clearance is None else clearance
+        if not clearance > radius or not math.isfinite(clearance):
+            raise ValueError(f"clearance must be above the body's radius of {radius} m, got {clearance!r}")
+        self.sensors = sensors
+        self.step = step
+        """The way of one step [m]."""
+        self.clearance = clearance
+        self.leave_rule = checked_leave_rule(leave_rule)
+        margin = clearance - radius
+        # The contour is kept at `clearance`, but a gap counts as one down to `inner`: a disc of exactly the gap's
+        # width would pass it or not by the noise of a range.
+        slack = min(0.1 * clearance, 0.5 * margin)
+        self.inner = clearance - slack
+        """Radius of the disc that must pass for a gap to be one [m]."""
+        self.hit_radius = clearance - 1.5 * slack if 1.5 * slack < margin else self.inner
+        """Radius of the disc that must not touch anything on the way to the goal [m]."""
+        self.safe_radius = radius + 0.3 * margin
+        """Radius of the disc that the body needs where it comes nearer to walls than the contour [m]."""
+        self.progress = max(2.0 * step, 0.05)
+        """By how much "closer" must be closer [m]."""
+        self.leave_length = max(1.5 * clearance, 4.0 * step)
+        """Free way toward the goal that makes a heading free [m]."""
+        self.gate_half_width = min(clearance, max(3.0 * step, 0.3 * clearance))
+        """How near to a remembered place, across the contour, is there [m]."""
+        self.arming_length = max(2.0 * clearance, 4.0 * self.gate_half_width)
+        """Way after which a gate may fire [m]."""
+        angles = sensors.angles
+        self.beam_spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
+        """Angle between two neighbouring beams [rad]."""
+        self.touch = max(0.05 * step, 2.0 * sensors.range_noise)
+        """Remaining way at which a wall counts as reached [m]."""
+        self.headings = OpenHeadings(
+            step=step,
+            clearance=clearance,
+            inner=self.inner,
+            safe_radius=self.safe_radius,
+            leave_length=self.leave_length,
+        )
+        self.laps = Laps(
+            step=step,
+            clearance=clearance,
+            touch=self.touch,
+            gate_half_width=self.gate_half_width,
+            arming_length=self.arming_length,
+        )
+
+    # ------------------------------------------------------------------------------------------------------ where it is
+
+    def advance(self, view: View, memory: BugMemory) -> None:
+        """Bring the memory's odometer, and its contour, up to the present. Call once a decision, first."""
+        if self.sees_motion(view, memory) and memory.contour is not None:
+            memory.contour.is_disturbed = True
+        self.move_on(view, memory)
+
+    def sees_motion(self, view: View, memory: BugMemory) -> bool:
+        """Whether something near has moved since a while ago; it looks now and then."""
+        memory.glance_age += self.sensors.drive.step
+        if memory.glances and memory.glance_age < GLANCE:
+            return False
+        memory.glance_age = 0.0
+        memory.glances.append(view)
+        return len(memory.glances) > GLANCES and has_moved(memory.glances.pop(0), view, NEAR)
+
+    def move_on(self, view: View, memory: BugMemory) -> None:
+        """Bring the memory's odometer, and its contour, up to the present place."""
+        if memory.position is not None:
+            memory.odometer += math.dist(memory.position, view.position)
+        memory.position = view.position
+        if memory.contour is not None:
+            self.laps.advance(view, memory.contour)
+
+    # -------------------------------------------------------------------------------------------------------- free ways
+
+    def go(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> Velocity | None:
+        """Velocity straight along a bearing, slowing down to stand on the contour of what is in the way.
+
+        Args:
+            view: the observation.
+            bearing: where to [rad].
+            distance: how far [m]; what lies beyond does not block.
+            radius: of the disc that must not touch anything [m]; None: hit_radius.
+
+        Returns:
+            The velocity in the robot's frame [m/s], or None at the hit point: the way is blocked from here.
+        """
+        if distance <= 0.0:
+            return STANDING
+        ahead = min(self.step, distance, self.free_way(view, bearing, distance, radius=radius))
+        if ahead <= 0.0:
+            return None
+        speed = ahead / self.sensors.drive.step
+        return velocity_along(bearing, speed)
+
+    def step_to(self, view: View, place: Point) -> Velocity | None:
+        """Velocity straight to a place of the odometry frame, at most a few steps away; None where it is blocked.
+
+        The robot has been there: the body passes, if nearer to walls than the contour.
+        """
+        x, y = view.to_robot(*place)
+        ahead, bearing = min(self.step, math.hypot(x, y)), math.atan2(y, x)
+        if view.free_distance(bearing, self.safe_radius) < ahead:
+            return None
+        return velocity_along(bearing, ahead / self.sensors.drive.step)
+
+    def free_way(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> float:
+        """How far the robot can go along a bearing [rad] to stand on the contour of what is in the way [m].
+
+        Zero where it stands there already; infinite where nothing is in the way up to `distance` [m].
+        """
+        radius = self.hit_radius if radius is None else radius
+        free = view.free_distance(bearing, radius)
+        if free >= distance or self.can_reach_goal(view, bearing, distance):
+            return math.inf
+        ahead = free - (self.clearance - radius)
+        return ahead if ahead > self.touch else 0.0
+
+    def certain_way(self, view: View, bearing: float) -> float:
+        """How far the way along a bearing [rad] is free for certain [m]: corners may stand out between two beams."""
+        x, y = view.points
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        along, lateral = x * cos + y * sin, y * cos - x * sin
+        radius = self.inner + self.beam_spacing * np.sqrt(x * x + y * y)
+        room = radius * radius - lateral * lateral
+        way = np.where((along > 0.0) & (room > 0.0), along - np.sqrt(np.maximum(room, 0.0)), math.inf)
+        return min(max(float(way.min(initial=math.inf)), 0.0), self.sensors.range)
+
+    def sees_goal(self, view: View, reach: float = math.inf) -> bool:
+        """Whether the way to the goal is free as far as it, looking not farther than `reach` [m].
+
+        A goal nearer to a wall than the clearance is seen where the way is free up to it.
+        """
+        bearing, distance = view.goal_bearing, view.goal_distance
+        if distance > reach:
+            return False
+        free = self.certain_way(view, bearing)
+        if free >= distance:
+            return True
+        if free < distance - 2.0 * self.clearance:
+            return False
+        return view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius
+
+    def can_reach_goal(self, view: View, bearing: float, distance: float) -> bool:
+        """Whether the body passes to a goal that lies nearer to a wall than the clearance; False for any other place."""
+        is_goal = abs(distance - view.goal_distance) <= 1e-6
+        if not is_goal or distance > 2.0 * self.clearance + self.sensors.goal_radius:
+            return False
+        return view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius
+
+    def is_free(self, view: View, bearing: float, distance: float, contour: Contour | None = None) -> bool:
+        """Whether the robot can head along a bearing [rad] toward a target at a distance [m].
+
+        With a contour the leave rule must allow it too.
+        """
+        if not self.may_head(contour, bearing + view.heading):
+            return False
+        if self.can_reach_goal(view, bearing, distance):
+            return True
+        return view.free_distance(bearing, self.inner) >= min(distance, self.leave_length)
+
+    def may_head(self, contour: Contour | None, direction: float) -> bool:
+        """Whether the leave rule lets a robot on a contour head in a direction [rad] of the odometry frame."""
+        travel = contour.heading if contour is not None and self.leave_rule == "front" else None
+        return travel is None or is_ahead(travel, direction)
+
+    def points_away(self, view: View, bearing: float, contour: Contour) -> bool:
+        """Whether a bearing [rad] points away from the wall that the hand is on.
+
+        A way that is free of the followed obstacle, if only as far as the next one: algorithms that may leave at few
+        places (on the M-line) take it, and hit the next one.
+        """
+        x, y = view.to_robot(*contour.wall)
+        return math.cos(bearing - math.atan2(y, x)) < -0.1
+
+    def may_go_on(self, view: View, contour: Contour) -> bool:
+        """Whether a bug that may leave here does: toward the goal the way is free, or by the rule "any" begins to be."""
+        if self.is_free(view, view.goal_bearing, view.goal_distance, contour):
+            return True
+        return self.leave_rule == "any" and self.points_away(view, view.goal_bearing, contour)
+
+    def is_open(self, view: View, contour: Contour) -> bool:
+        """The test of reachability: from a nearest point the goal lies straight away from the wall or behind it."""
+        bearing = view.goal_bearing
+        return self.points_away(view, bearing, contour) or self.can_reach_goal(view, bearing, view.goal_distance)
+
+    # ----------------------------------------------------------------------------------------------- boundary following
+
+    def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
+        """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
+        contour = self.lay_hand(view, side, bearing)
+        memory.contour = contour
+        memory.hits.append(view.position)
+        memory.hit_sides.append(side)
+        memory.hit_odometers.append(memory.odometer)
+        return contour
+
+    def lay_hand(self, view: View, side: int, bearing: float) -> Contour:
+        """A contour along the boundary that blocks a bearing [rad], which begins here."""
+        wall = view.to_odometry(*self._blocking_point(view, bearing))
+        approach = wrap(bearing + view.heading)
+        return Contour(side, view.position, wall, view.position, view.goal_position, approach, view.position)
+
+    def _blocking_point(self, view: View, bearing: float) -> Point:
+        """The scan point that a disc going along a bearing [rad] touches first, in the robot's frame [m]."""
+        x, y = view.points
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        along, lateral = x * cos + y * sin, y * cos - x * sin
+        room = self.clearance**2 - lateral**2
+        way = np.where((along > 0.0) & (room > 0.0), along - np.sqrt(np.maximum(room, 0.0)), np.inf)
+        if len(way) == 0 or not math.isfinite(way.min()):
+            return self.clearance * cos, self.clearance * sin
+        index = int(way.argmin())
+        return float(x[index]), float(y[index])
+
+    def leave(self, view: View, memory: BugMemory) -> None:
+        """Stop following; records the leave point."""
+        memory.leaves.append(view.position)
+        memory.contour = None
+
+    def follow(self, view: View, memory: BugMemory) -> Velocity:
+        """Velocity of one step along the boundary, its end on the contour.
+
+        The hand stays on the wall: from the bearing of the wall the heading turns away from it until a whole step is
+        open. One rule for straight walls, convex and concave corners, dead ends and thin walls. A robot without any
+        open heading waits, and calls itself stuck after WAIT seconds.
+        """
+        contour = memory.contour
+        assert contour is not None
+        bearing = self._wall_bearing(view, contour)
+        # At the hit point it is along the wall: a gap just too narrow must not turn it away there either.
+        along = bearing + contour.side * 0.5 * math.pi
+        travel = along if contour.heading is None else contour.heading - view.heading
+        heading = self.headings.first(view, bearing, contour.side, travel)
+        if heading is None:
+            contour.waited += self.sensors.drive.step
+            if contour.waited > WAIT:
+                memory.verdict = "stuck"
+            return STANDING
+        contour.waited = 0.0
+        if contour.heading is not None:
+            contour.sweep = swept(travel, bearing, heading, contour.side)
+        self._move_hand(view, contour, heading)
+        speed = self.sensors.drive.max_speed
+        return velocity_along(heading, speed)
+
+    def _wall_bearing(self, view: View, contour: Contour) -> float:
+        """Bearing of the wall that the hand is on, looked up in the present scan."""
+        x, y = view.to_robot(*contour.wall)
+        last = math.atan2(y, x)
+        # Wider windows only where the wall went out of sight: a nearer wall on the other side must not take the hand.
+        for window in (math.radians(45.0), math.radians(120.0), math.pi):
+            distance, bearing = view.nearest(last, window)
+            if math.isfinite(distance):
+                contour.wall = view.to_odometry(distance * math.cos(bearing), distance * math.sin(bearing))
+                return bearing
+        return last
+
+    def _move_hand(self, view: View, contour: Contour, heading: float) -> None:
+        """Lay the hand on the point that forbids a step nearer to the wall than `heading` [rad].
+
+        In a concave corner that is the next wall already, in a corridor never the wall across.
+        """
+        x, y = view.points
+        if len(x) == 0:
+            return
+        inward = heading - contour.side * TRIED
+        square = (x - self.step * math.cos(inward)) ** 2 + (y - self.step * math.sin(inward)) ** 2
+        index = int(square.argmin())
+        if square[index] <= self.clearance**2:
+            contour.wall = view.to_odometry(float(x[index]), float(y[index]))
+
+    def draw(self, memory: BugMemory) -> Drawing:
+        """Hit and leave points, and the wall that the hand is on."""
+        points = [(*place, "hit") for place in memory.hits] + [(*place, "leave") for place in memory.leaves]
+        if memory.contour is not None:
+            points.append((*memory.contour.wall, "wall"))
+        return Drawing(points=points)

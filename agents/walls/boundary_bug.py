@@ -1,0 +1,50 @@
+"""What bugs that follow walls with a hand share: their parameters, and what they show of their memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
+from bug_gym.agents.walls.contour import BugMemory
+from bug_gym.policy import Drawing, ScriptedPolicy
+from bug_gym.view import Sensors
+
+
+@dataclass(frozen=True)
+class BoundaryParameters:
+    """Parameters of bugs that follow walls."""
+
+    clearance: float | None = None
+    """Distance from the robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    turn: Turn = "left"
+    """Which way to turn at a wall; of a bug that changes sides, at the first one."""
+    leave_rule: LeaveRule = "front"
+    """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
+
+
+def alternating_side(memory: BugMemory, first: int) -> int:
+    """Side for the next hit point of a bug that changes sides at each: the first one's, the other, and so on."""
+    return first if len(memory.hits) % 2 == 0 else -first
+
+
+class BoundaryBug(ScriptedPolicy):
+    """What bugs that follow walls with a hand share.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: a clearance not above the radius, an unknown turn or rule.
+    """
+
+    Parameters: ClassVar[type[BoundaryParameters]] = BoundaryParameters
+    parameters: BoundaryParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        own = self.parameters
+        self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
+        self.side = side_of(own.turn)
+
+    def draw(self, memory: Any) -> Drawing:
+        """Hit and leave points, and the wall that the hand is on."""
+        return self.boundary.draw(memory)

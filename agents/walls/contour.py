@@ -1,0 +1,121 @@
+"""What a bug remembers of walls: the boundary that it follows now, and where it hit and left boundaries.
+
+A bug walks on the *contour*: the line at the clearance from the obstacles, where convex corners are arcs. All positions
+are kept in the odometry frame. Sides: +1 turns left at a wall and keeps it on the right, -1 is its mirror image.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from bug_gym.geometry import Point
+from bug_gym.policy import Memory
+from bug_gym.view import View
+
+TARGET_MOVED = 0.5
+"""Way of the target after which distances and laps measured for its old place mean nothing [m]."""
+
+CLOSER = 0.1
+"""How much nearer to the goal than a hit point is nearer, in steps."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A door across the contour: passing it once more in the same direction closes a lap.
+
+    Proximity to a remembered point would fire several times a pass, and on the other side of a thin wall.
+    """
+
+    place: Point
+    """Middle of the door, odometry frame [m]."""
+    heading: float
+    """Direction in which it was passed [rad]."""
+    odometer: float
+    """Length of the contour walked when it was placed [m]."""
+    turned: float
+    """Total turning when it was placed [rad]."""
+
+    def is_passed(self, before: Point, after: Point, half_width: float, travel: float) -> bool:
+        """Whether the step from `before` to `after` goes through the door in its direction.
+
+        A door that stands right before a corner is passed in the turn: then the direction of travel [rad] of the step
+        before counts.
+        """
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        x0, y0 = before[0] - self.place[0], before[1] - self.place[1]
+        x1, y1 = after[0] - self.place[0], after[1] - self.place[1]
+        along0, along1 = cos * x0 + sin * y0, cos * x1 + sin * y1
+        if not along0 < 0.0 <= along1:
+            return False
+        share = -along0 / (along1 - along0)
+        lateral = cos * (y0 + share * (y1 - y0)) - sin * (x0 + share * (x1 - x0))
+        return abs(lateral) <= half_width and (
+            along1 - along0 > 0.5 * math.dist(before, after) or math.cos(travel - self.heading) > 0.5
+        )
+
+
+@dataclass
+class Contour:
+    """What a bug keeps while it follows one boundary."""
+
+    side: int
+    """+1: the wall is on the right; -1: on the left."""
+    hit: Point
+    """Where it met the boundary, odometry frame [m]."""
+    wall: Point
+    """The point of the wall that the hand is on, odometry frame [m]."""
+    position: Point
+    """Own place at the last decision, odometry frame [m]."""
+    goal: Point
+    """Where the target was when the lap began, odometry frame [m]."""
+    approach: float
+    """Direction in which it came to the hit point, odometry frame [rad]."""
+    before: Point = (0.0, 0.0)
+    """Own place at the decision before, odometry frame [m]."""
+    heading: float | None = None
+    """Direction of the last step, odometry frame [rad]; None before the first."""
+    heading_before: float = 0.0
+    """Direction of the step before the last, odometry frame [rad]."""
+    sweep: float = 0.0
+    """Turning that the next step will add, more than half a turn in a narrow wedge [rad]."""
+    odometer: float = 0.0
+    """Length walked along the boundary [m]."""
+    turned: float = 0.0
+    """Total turning since the hit [rad]; a closed lap adds or takes 2 pi."""
+    steps: int = 0
+    """Steps with motion since the hit."""
+    aligned: int = 0
+    """Steps in a row on the contour without turning away from the wall."""
+    gate: Gate | None = None
+    """Door where the lap began; None until the robot goes along the wall."""
+    is_lap_closed: bool = False
+    """Whether the last step passed the gate, after a lap among still obstacles."""
+    is_disturbed: bool = False
+    """Whether something near has been seen to move in this lap, which proves nothing then."""
+    waited: float = 0.0
+    """Time without an open heading [s]."""
+
+
+@dataclass
+class BugMemory(Memory):
+    """Memory of a bug: what it follows now, and where it hit and left boundaries."""
+
+    contour: Contour | None = None
+    """The boundary that it follows; None while it goes to the goal."""
+    hits: list[Point] = field(default_factory=list)
+    """Hit points, odometry frame [m]."""
+    leaves: list[Point] = field(default_factory=list)
+    """Leave points, odometry frame [m]."""
+    hit_sides: list[int] = field(default_factory=list)
+    """Side taken at each hit point."""
+    hit_odometers: list[float] = field(default_factory=list)
+    """Length of the whole way at each hit point [m]."""
+    odometer: float = 0.0
+    """Length of the way so far by odometry [m]."""
+    position: Point | None = None
+    """Own place at the last decision, odometry frame [m]."""
+    glances: list[View] = field(default_factory=list)
+    """Earlier observations, the oldest first, to see what has moved since."""
+    glance_age: float = 0.0
+    """How long ago the last one was [s]."""

@@ -1,0 +1,85 @@
+"""Laps round an obstacle: when one is closed, and when a robot goes round in circles.
+
+A lap begins at a gate across the contour, once the robot goes along the wall, and is closed where that gate is passed
+again after a full turn. A lap in which something moved proves nothing, and begins anew.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
+from bug_gym.geometry import wrap
+from bug_gym.view import View
+
+LONGEST_ALIGNING = 10
+"""Steps after which a lap begins where the robot is, aligned with the wall or not."""
+
+
+@dataclass(frozen=True)
+class Laps:
+    """How far a robot has come along boundaries, and whether it has been there before."""
+
+    step: float
+    """The way of one step [m]."""
+    clearance: float
+    """Distance to a wall while following it [m]."""
+    touch: float
+    """How much nearer than that still counts as on the contour [m]."""
+    gate_half_width: float
+    """Half the width of a gate, and how near to each other two hit points are one [m]."""
+    arming_length: float
+    """Way after which a gate may fire [m]."""
+
+    def advance(self, view: View, contour: Contour) -> None:
+        """Odometer, turning and gate of a contour after the last step."""
+        contour.is_lap_closed = False
+        contour.before = contour.position
+        length = math.dist(contour.position, view.position)
+        if length < 1e-3 * self.step:
+            return
+        heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
+        contour.heading_before = heading if contour.heading is None else contour.heading
+        change = contour.sweep + wrap(heading - contour.heading_before - contour.sweep)
+        contour.sweep = 0.0
+        contour.turned += change
+        contour.odometer += length
+        contour.position = view.position
+        contour.heading = heading
+        contour.steps += 1
+        # Where the step began: the next lap may turn back in a dead end up to a step before where it ended.
+        gate = Gate(contour.before, heading, contour.odometer - length, contour.turned)
+        if contour.gate is None:
+            # In a wedge the hit point lies deeper than a lap will lead, and next to a corner the way comes from behind.
+            is_lap = view.nearest()[0] >= self.clearance - self.touch
+            is_turning = contour.side * change > math.radians(10.0)
+            contour.aligned = contour.aligned + 1 if is_lap and not is_turning else 0
+            if contour.aligned > 2 or contour.steps > LONGEST_ALIGNING:
+                contour.gate = gate
+            return
+        has_target_moved = math.dist(view.goal_position, contour.goal) > TARGET_MOVED
+        is_closed = not has_target_moved and self.closes(contour, contour.gate)
+        if has_target_moved or (is_closed and contour.is_disturbed):
+            contour.goal = view.goal_position
+            contour.gate = gate
+            contour.is_disturbed = False
+            return
+        contour.is_lap_closed = is_closed
+
+    def closes(self, contour: Contour, gate: Gate) -> bool:
+        """Whether the last step passed a gate after a lap: far enough, in its direction, with a full turn made."""
+        if contour.odometer - gate.odometer <= self.arming_length:
+            return False
+        if abs(contour.turned - gate.turned) < math.pi:
+            return False  # a corridor walked back, or a wall met on its other side: no lap
+        return gate.is_passed(contour.before, contour.position, self.gate_half_width, contour.heading_before)
+
+    def is_looping(self, memory: BugMemory) -> bool:
+        """Whether the last hit repeats earlier ones, side included: the third time at the same place."""
+        *earlier, (place, side, odometer) = zip(memory.hits, memory.hit_sides, memory.hit_odometers, strict=True)
+        matches = 0
+        for other, other_side, other_odometer in earlier:
+            is_same = other_side == side and math.dist(other, place) <= self.gate_half_width
+            matches += is_same and odometer - other_odometer > self.arming_length
+        return matches >= 2
