@@ -17,9 +17,10 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, ValidationError, model_validator
 
 import bug_gym
-from bug_gym.config import AtLeastOne, Count, Part, Scenario, ScenarioError, dump, explain, read_yaml, scenario_names
+from bug_gym.config import Scenario, ScenarioError, dump, explain, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
 from bug_gym.policy import Policy
+from bug_gym.schema.values import AtLeastOne, Count, Part
 from bug_gym.simulation import Simulation
 
 SUITE_FOLDER = Path(__file__).parents[1] / "configs" / "suites"

@@ -1,4 +1,4 @@
-"""Explicit worlds from files of other projects: the BARN benchmark's worlds."""
+"""Files of the BARN benchmark: its Gazebo worlds, or lines of JSON that say the same."""
 
 from __future__ import annotations
 
