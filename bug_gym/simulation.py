@@ -20,8 +20,9 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels, observation, scenarios, task
-from bug_gym.config import FieldWorld, Scenario, load
+from bug_gym.config import Scenario, load
 from bug_gym.world import Capacity, Snapshot, World
+from bug_gym.worlds.field import FieldWorld
 
 if TYPE_CHECKING:
     from bug_gym.shortest_path import Path as ShortestPath

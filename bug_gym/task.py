@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from bug_gym import kernels
-from bug_gym.config import Reward
+from bug_gym.schema.task import Reward
 
 REWARD_TERMS = ("progress", "goal", "collision", "step", "clearance", "smoothness")
 """Reward terms, in the order in which the core writes them. Each is weighted by the scenario's key of that name:

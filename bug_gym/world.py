@@ -1,70 +1,24 @@
 """The state of N worlds as arrays, row n = world n.
 
 All state lies in two flat buffers, `floats` (N, Wf) and `ints` (N, Wi): one row is contiguous for the kernels, and a
-copy of the buffers is a snapshot. The named arrays of a World are views into them. A `Layout` is one world as plain
-data: what a family of worlds makes, what pictures, shortest paths and files read.
+copy of the buffers is a snapshot. The named arrays of a World are views into them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.config import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Scenario, Waypoints, WeightedRegion
+from bug_gym.config import Scenario
 from bug_gym.geometry import F64
-
-Rings = tuple[F64, ...]
-
-
-@dataclass(frozen=True)
-class Mover:
-    """An obstacle that moves as one body and doesn't turn."""
-
-    outline: float | F64
-    """Radius of a circle [m], or corners (k, 2) of a polygon relative to its place [m]."""
-    at: tuple[float, float]
-    """Place x, y [m]."""
-    motion: Motion
-    """How it moves."""
-
-    @property
-    def is_circle(self) -> bool:
-        """Whether the outline is a radius."""
-        return np.ndim(self.outline) == 0
-
-    @property
-    def is_there(self) -> bool:
-        """Whether it stands at `at`: one that follows a record may have yet to come, or have left."""
-        return not isinstance(self.motion, Replay) or self.motion.is_there(0.0)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """One world at the start of an episode."""
-
-    border: F64
-    """Corners (k, 2) of the simple polygon that bounds the world [m]; always a wall."""
-    starts: F64
-    """Poses (R, 3) of the robots: x, y [m], heading [rad]."""
-    goals: F64
-    """Places (G, 2) of the goals [m]: one for all robots, or one each."""
-    circles: F64
-    """Still circles (n, 3): x, y, radius [m]."""
-    polygons: tuple[Rings, ...] = ()
-    """Still polygons, each a tuple of rings (k, 2): the shell, then its holes [m]."""
-    movers: tuple[Mover, ...] = ()
-    """Moving circles and polygons."""
-    target: Motion | None = None
-    """How the goals move; None: they stand."""
-    goal_room: float = 0.0
-    """Distance that a moving goal keeps from still obstacles [m]."""
-
+from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
+from bug_gym.schema.polygons import WeightedRegion
+from bug_gym.worlds.layout import SAME_POINT, Layout, Mover, Rings
 
 Steered = Crowd | Evade | Replay
 
@@ -445,9 +399,6 @@ class World:
         )
 
 
-SAME_POINT = 1e-9
-"""Corners nearer to one another than this are one [m]: every wall has a direction."""
-
 PER_BODY = ("body_", "last_", "leg_", "way_first", "way_count", "way_next", "way_loops")
 """Beginnings of the names of arrays with one entry a body."""
 
@@ -633,10 +584,3 @@ def beam_angles(scenario: Scenario) -> F64:
     if scenario.lidar.is_full_circle:
         return 2.0 * np.pi * np.arange(beams) / beams
     return np.linspace(-0.5 * fov, 0.5 * fov, beams) if beams > 1 else np.zeros(1)
-
-
-def side_by_side(start: Sequence[float], robots: int) -> F64:
-    """Poses (R, 3) of robots 2 m apart in a row across the heading, their middle at `start`."""
-    x, y, heading = start
-    offset = 2.0 * np.arange(robots) - (robots - 1.0)
-    return np.column_stack([x - offset * math.sin(heading), y + offset * math.cos(heading), np.full(robots, heading)])

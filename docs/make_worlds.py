@@ -1,6 +1,6 @@
 """Writes worlds.md and its pictures: `python docs/make_worlds.py` (needs the extra `render`).
 
-What the page says of a family and of its keys are the docstrings of config.py.
+What the page says of a family and of its keys are the docstrings in bug_gym/worlds and bug_gym/schema.
 """
 
 from __future__ import annotations
@@ -15,8 +15,13 @@ from typing import Any, get_args
 
 import numpy as np
 
-from bug_gym.config import Motion, Mover, Part, Target, WeightedRegion, WorldFamily, load
-from bug_gym.floor_plans import Rng
+from bug_gym.config import load
+from bug_gym.schema.motions import Motion
+from bug_gym.schema.movers import Mover, Target
+from bug_gym.schema.polygons import WeightedRegion
+from bug_gym.schema.values import Part
+from bug_gym.worlds import WorldFamily
+from bug_gym.worlds.family import Rng
 
 DOCS = Path(__file__).parent
 SIZE = 300  # pixels
@@ -55,7 +60,7 @@ are in metres, angles in radians, times in seconds.
 `{region: [...]}`. A world is a function of the seed and of the episode's number. Where a promise is made (a path at
 some clearance, gaps of some width) it holds by construction, or worlds are drawn until one keeps it.
 
-This page and its pictures are made by `python docs/make_worlds.py` from the docstrings in `bug_gym/config.py`.
+This page and its pictures are made by `python docs/make_worlds.py` from the docstrings in `bug_gym/worlds`.
 """
 
 BORDERS = """## Borders that are polygons

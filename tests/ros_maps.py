@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.ros_map import FREE, OCCUPIED, UNKNOWN
+from bug_gym.worlds.ros_files import FREE, OCCUPIED, UNKNOWN
 
 SHADES = {FREE: 254, UNKNOWN: 205, OCCUPIED: 0}
 """What map_saver writes."""

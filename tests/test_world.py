@@ -14,7 +14,8 @@ from bug_gym import kernels
 from bug_gym.config import Bounce, RandomWalk, Scenario, Waypoints, load
 from bug_gym.scenarios import draw_layout
 from bug_gym.simulation import Simulation
-from bug_gym.world import Capacity, Layout, Mover, World, beam_angles
+from bug_gym.world import Capacity, World, beam_angles
+from bug_gym.worlds.layout import Layout, Mover
 
 F64 = NDArray[np.float64]
 

@@ -9,22 +9,9 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from bug_gym.config import (
-    SCENARIO_FOLDER,
-    AtLeastOne,
-    Count,
-    NotNegative,
-    Number,
-    Part,
-    Positive,
-    Scenario,
-    ScenarioError,
-    Share,
-    explain,
-    load,
-    read_yaml,
-)
+from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, explain, load, read_yaml
 from bug_gym.naming import nearest_hint
+from bug_gym.schema.values import AtLeastOne, Count, NotNegative, Number, Part, Positive, Share
 
 TRAIN_FOLDER = SCENARIO_FOLDER.parent / "train"
 

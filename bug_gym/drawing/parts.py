@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels
-from bug_gym.config import WeightedRegion
 from bug_gym.drawing.brush import (
     DASHED,
     GOAL,
@@ -28,6 +27,7 @@ from bug_gym.drawing.brush import (
     mixed,
 )
 from bug_gym.policy import Drawing
+from bug_gym.schema.polygons import WeightedRegion
 from bug_gym.task import OUTCOMES
 from bug_gym.world import World
 

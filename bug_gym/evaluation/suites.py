@@ -10,8 +10,9 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
-from bug_gym.config import AtLeastOne, Count, Part, Scenario, ScenarioError, dump, explain, read_yaml, scenario_names
+from bug_gym.config import Scenario, ScenarioError, dump, explain, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
+from bug_gym.schema.values import AtLeastOne, Count, Part
 
 SUITE_FOLDER = Path(__file__).parents[1] / "configs" / "suites"
 EPISODES = 50

@@ -13,8 +13,8 @@ from typing import Any
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.intervals import wilson_interval
-from bug_gym.maps import load_barn
 from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.worlds.barn_files import load_barn
 
 POLICIES = (
     "bug1",

@@ -23,7 +23,7 @@ from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Reproduction, Settings, Table
-from bug_gym.world import Layout
+from bug_gym.worlds.layout import Layout
 
 COMPLETE = ("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22")
 NEARLY = {"rev3": 0.99}

@@ -21,14 +21,16 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
-from bug_gym.config import MazeWorld, Scenario, load
+from bug_gym.config import Scenario, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
-from bug_gym.floor_plans import as_polygons
 from bug_gym.reproductions.bug_bounds import CLEARANCE, COMPLETE
 from bug_gym.reproductions.result import Reproduction, Settings, Table
-from bug_gym.scenarios import carve, maze_walls, polygon_data
+from bug_gym.scenarios import polygon_data
+from bug_gym.worlds.grid import carve
+from bug_gym.worlds.maze import MazeWorld, maze_walls
+from bug_gym.worlds.polygons import as_polygons
 
 PROVEN = (*COMPLETE, "rev1")
 INCOMPLETE = ("bug0", "bug0_plus", "rev2", "rev3", "point_bug", "k_bug", "e_bug", "critical_point_bug")

@@ -10,11 +10,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bug_gym.maps import load_barn
 from bug_gym.reproductions import barn
 from bug_gym.reproductions.avoidable import SUDDEN, appeared, is_avoidable
 from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
 from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.worlds.barn_files import load_barn
 
 SCENES = ("pedestrians_eth.csv", "pedestrians_hotel.csv")
 CROSSINGS = 100

@@ -16,7 +16,7 @@ from scipy import stats
 
 from bug_gym.kernels import chords, geometry
 from bug_gym.simulation import Simulation
-from bug_gym.world import Layout
+from bug_gym.worlds.layout import Layout
 
 F64 = NDArray[np.float64]
 

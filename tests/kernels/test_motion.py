@@ -17,9 +17,10 @@ from scipy.optimize import linprog
 from bug_gym import kernels
 from bug_gym.config import Crowd, Evade, Replay, ScenarioError, load
 from bug_gym.kernels import avoidance
-from bug_gym.recordings import load_recording
 from bug_gym.simulation import Simulation
-from bug_gym.world import Capacity, Layout, Mover
+from bug_gym.world import Capacity
+from bug_gym.worlds.layout import Layout, Mover
+from bug_gym.worlds.recordings import load_recording
 
 F64 = NDArray[np.float64]
 

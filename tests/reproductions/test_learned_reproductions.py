@@ -17,7 +17,7 @@ from bug_gym.evaluation import evaluate
 from bug_gym.reproductions import learned, ppo_curve, reproduction
 from bug_gym.reproductions.result import Settings
 from bug_gym.reproductions.scripted_and_learned import ROBOT, real_maps
-from bug_gym.ros_map import FREE, OCCUPIED
+from bug_gym.worlds.ros_files import FREE, OCCUPIED
 
 
 def test_held_out_results_are_those_that_the_card_of_the_model_tells() -> None:

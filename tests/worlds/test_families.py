@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from test_scenarios import bodies_of, free_room, gap_to_mover, gaps, polygons_of
+from measured import bodies_of, free_room, gap_to_mover, gaps, polygons_of
 
 from bug_gym.config import (
     FAMILIES,
@@ -28,7 +28,7 @@ from bug_gym.config import (
 from bug_gym.scenarios import as_explicit, draw_layout
 from bug_gym.shortest_path import reachable
 from bug_gym.simulation import Simulation
-from bug_gym.world import Layout
+from bug_gym.worlds.layout import Layout
 
 HEXAGON = [[10.0, 0.0], [5.0, 8.66], [-5.0, 8.66], [-10.0, 0.0], [-5.0, -8.66], [5.0, -8.66]]
 # An L: its border is not convex, and narrow nowhere.

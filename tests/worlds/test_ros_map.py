@@ -14,11 +14,12 @@ from ros_maps import picture_of, write_map, write_pgm, write_yaml
 
 from bug_gym.config import ScenarioError, load
 from bug_gym.evaluation import evaluate
-from bug_gym.ros_map import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, RosMap, load_outlines, load_ros_map, outline
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import reachable
 from bug_gym.simulation import Simulation
-from bug_gym.world import Layout
+from bug_gym.worlds.layout import Layout
+from bug_gym.worlds.ros_files import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, RosMap, load_ros_map
+from bug_gym.worlds.ros_outlines import load_outlines, outline
 
 Bools = NDArray[np.bool_]
 F64 = NDArray[np.float64]

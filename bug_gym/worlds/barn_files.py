@@ -1,4 +1,4 @@
-"""Explicit worlds from files of other projects: the BARN benchmark's worlds."""
+"""Files of the BARN benchmark: its Gazebo worlds, or lines of JSON that say the same."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +99,8 @@ def load_gazebo(file: Path) -> BarnMap:
     Raises:
         ValueError: not XML, no cylinder in it, or a cylinder without a place or a size.
     """
+    from xml.etree import ElementTree  # start-up time: only this format of one family needs it
+
     try:
         root = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as error:

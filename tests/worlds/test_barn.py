@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from bug_gym.config import load
-from bug_gym.maps import load_barn
 from bug_gym.scenarios import draw_layout
 from bug_gym.simulation import Simulation
+from bug_gym.worlds.barn_files import load_barn
 
 CYLINDERS = [[-0.5, 5.0], [-3.5, 7.25], [-1.0, 9.0]]
 START, GOAL = [-2.0, 3.0, 1.5707963], [-2.0, 13.0]

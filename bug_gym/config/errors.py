@@ -1,0 +1,71 @@
+"""Errors in plain words: what pydantic found, as a reader of the file would say it."""
+
+from __future__ import annotations
+
+import re
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from bug_gym.naming import nearest_hint
+from bug_gym.schema.errors import shortened
+from bug_gym.schema.motions import LAWS
+from bug_gym.worlds import FAMILIES
+
+EXPECTED = {
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "a number below {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "string_too_short": "text that is not empty",
+    "tuple_type": "a list",
+    "too_short": "a list of at least {min_length}",
+    "literal_error": "{expected}",
+    "union_tag_invalid": "{expected_tags}",
+    "model_type": "a mapping of keys to values",
+    "model_attributes_type": "a mapping of keys to values",
+}
+"""What is allowed, by pydantic's name of the error."""
+
+
+def explain(error: ValidationError, label: str) -> str:
+    """One line a fault: file, key, what came, what is allowed.
+
+    A list that is too short because its entries are faulty is not told again: pydantic counts the good ones only.
+    """
+    details = error.errors()
+    faulty = {detail["loc"][:depth] for detail in details for depth in range(len(detail["loc"]))}
+    told = [one for one in details if not (one["type"] == "too_short" and one["loc"] in faulty)]
+    return "\n".join(f"{label}: {_explain_one(detail)}" for detail in told)
+
+
+def _explain_one(detail: ErrorDetails) -> str:
+    context, came, kind = detail.get("ctx", {}), detail["input"], detail["type"]
+    keys = _keys(detail["loc"])
+    if kind == "scenario":
+        key = ".".join(filter(None, [*keys, context["key"]]))
+        return f"{key}: {context['reason']}" if key else str(context["reason"])
+    known: tuple[str, ...] = ()
+    if kind.startswith("union_tag"):
+        discriminator = str(context["discriminator"]).strip("'")
+        known = FAMILIES if discriminator == "family" else LAWS
+        keys.append(discriminator)
+        if kind == "union_tag_not_found":
+            return f"{'.'.join(keys)}: missing, expected one of {', '.join(known)}"
+        came = context["tag"]
+    elif kind == "literal_error":
+        known = tuple(re.findall(r"'([^']+)'", context["expected"]))
+    expected = EXPECTED[kind].format(**context) if kind in EXPECTED else detail["msg"]
+    return f"{'.'.join(keys)}: got {shortened(came)}, expected {expected}{nearest_hint(came, known)}"
+
+
+def _keys(location: tuple[int | str, ...]) -> list[str]:
+    """The keys a reader sees: without the names of branches, which pydantic puts after the key of a union."""
+    unions = ("world", "motion", "target_motion")
+    pairs = zip(("", *location), location, strict=False)
+    return [str(item) for before, item in pairs if before not in unions and not str(item).startswith("<")]

@@ -1,0 +1,160 @@
+"""Scenarios from YAML files and mappings, checked; and written as such again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from bug_gym.config.errors import explain
+from bug_gym.config.scenario import Scenario
+from bug_gym.naming import nearest_hint
+from bug_gym.schema.errors import ScenarioError, shortened
+from bug_gym.schema.values import Part
+
+SCENARIO_FOLDER = Path(__file__).parents[1] / "configs" / "scenarios"
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that come with the package, sorted."""
+    return sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))
+
+
+def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """Makes a scenario.
+
+    Args:
+        source: a name from `scenario_names()`, the path of a YAML file, a mapping that says the same, or a scenario.
+        overrides: values by dotted key, such as `{"lidar.beams": 360}`; each replaces all that stands there. Relative
+            paths in a file start from its folder, those in mappings and overrides from the working directory.
+
+    Raises:
+        ScenarioError: where something is unknown, missing or not allowed.
+    """
+    if isinstance(source, Scenario) and not overrides:
+        return source
+    label, data = _read(source)
+    for key, value in (overrides or {}).items():
+        _override(data, key, _plain(value), label)
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, f"{label} with overrides" if overrides else label)) from None
+
+
+def dump(scenario: Scenario) -> dict[str, Any]:
+    """The scenario's differences from the defaults, as a dict that JSON can hold; `load` gives the scenario back."""
+    data: dict[str, Any] = scenario.model_dump(mode="json", exclude_defaults=True)
+    return data
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """The scenario's differences from the defaults, as the text of a YAML file."""
+    return yaml.safe_dump(dump(scenario), sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
+
+
+def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[str, Any]]:
+    """A name for errors, and the scenario as plain data."""
+    if isinstance(source, Scenario):
+        return source.name, dump(source)
+    if isinstance(source, Mapping):
+        return "scenario", _plain(source)
+    if not isinstance(source, (str, Path)):
+        raise ScenarioError(f"scenario: got {source!r}, expected a name, a path, a mapping or a Scenario")
+    if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
+        if source not in scenario_names():
+            known = ", ".join(scenario_names())
+            raise ScenarioError(f"no scenario {source!r}{nearest_hint(source, scenario_names())} (known: {known})")
+        return f"{source}.yaml", read_yaml(SCENARIO_FOLDER / f"{source}.yaml")
+    return str(source), read_yaml(Path(source).expanduser())
+
+
+class YamlLoader(yaml.SafeLoader):
+    """Safe YAML in which a key may stand only once, and 1e-3 is a number as in YAML 1.2."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """A mapping without a key that stands there twice."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.value in seen:
+                raise yaml.constructor.ConstructorError(problem=f"key {key.value!r} twice", problem_mark=key.start_mark)
+            seen.add(str(key.value))
+        return super().construct_mapping(node, deep=deep)
+
+
+YamlLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file, paths in it starting from its folder and `name` its stem where it gives none.
+
+    Raises:
+        ScenarioError: no such file, or no mapping in it.
+    """
+    try:
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=YamlLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
+        raise ScenarioError(f"{path}:{line} {error.problem}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: not a YAML file: {error}") from None
+    except OSError as error:
+        known = [*(file.name for file in path.parent.glob("*.y*ml")), *scenario_names()]
+        raise ScenarioError(f"{path}: {error.strerror}{nearest_hint(path.name, known)}") from None
+    if not isinstance(data, dict):
+        raise ScenarioError(f"{path}: got {shortened(data)}, expected a mapping such as `world: {{family: empty}}`")
+    data = _plain(data)  # what two aliases share comes apart, so that each can change alone
+    _resolve_paths(data, path.parent)
+    return {"name": path.stem, **data}
+
+
+def _resolve_paths(data: Any, folder: Path) -> None:
+    """Makes what stands under a key `path` start from the file's folder, at any depth, in place."""
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in items:
+        if key == "path" and isinstance(value, str):
+            data[key] = str(folder / Path(value).expanduser())
+        else:
+            _resolve_paths(value, folder)
+
+
+def _plain(value: Any) -> Any:
+    """A copy in which there are only dicts, lists, numbers and text, as JSON has them."""
+    if isinstance(value, Part):
+        return value.model_dump(mode="json")
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy's numbers and arrays
+        return value.tolist()
+    return str(value) if isinstance(value, Path) else value
+
+
+def _override(data: dict[str, Any], key: str, value: Any, label: str) -> None:
+    """Puts `value` at a dotted key of nested mappings and lists, in place."""
+    if isinstance(data.get("robots"), list):
+        data["robots"] = {"places": data["robots"]}
+    *parents, last = str(key).split(".")
+    place: Any = data
+    for parent in parents:
+        place = place.setdefault(parent, {}) if isinstance(place, dict) else _item(place, parent, key, label)
+    if isinstance(place, dict):
+        place[last] = value
+    else:
+        _item(place, last, key, label)
+        place[int(last)] = value
+
+
+def _item(items: Any, index: str, key: str, label: str) -> Any:
+    if not isinstance(items, list) or not index.isdecimal() or int(index) >= len(items):
+        expected = f"an index below {len(items)}" if isinstance(items, list) else f"no key below {shortened(items)}"
+        raise ScenarioError(f"{label}: override {key!r}: got {index!r}, expected {expected}")
+    return items[int(index)]

@@ -1,0 +1,71 @@
+"""A scenario: all that defines a task."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from bug_gym.schema.errors import wrong
+from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
+from bug_gym.schema.task import GoalSettings, Reward, Time
+from bug_gym.schema.values import Part
+from bug_gym.worlds import WorldFamily
+from bug_gym.worlds.empty import EmptyWorld
+from bug_gym.worlds.family import Crew
+
+
+class Scenario(Part):
+    """All that defines a task: robot, sensors, clock, world, reward."""
+
+    name: Annotated[str, Field(min_length=1)] = "custom"
+    """What tables and pictures call it; a file's stem where the file gives none."""
+    robot: Robot = Robot()
+    """The robot's body and its limits."""
+    lidar: Lidar = Lidar()
+    """The laser scanner."""
+    odometry: Odometry = Odometry()
+    """How the robot's own estimate of its pose drifts."""
+    time: Time = Time()
+    """The clock."""
+    goal: GoalSettings = GoalSettings()
+    """When the goal is reached."""
+    world: WorldFamily = EmptyWorld(family="empty")
+    """The family of worlds and its parameters."""
+    reward: Reward = Reward()
+    """Weights of the reward's terms."""
+    robots: Robots = Robots()
+    """How many robots."""
+
+    @property
+    def crew(self) -> Crew:
+        """Whom its worlds are made for."""
+        return Crew(self.robot, self.robots, self.goal.radius, self.time.limit)
+
+    @model_validator(mode="after")
+    def _parts_fit_together(self) -> Self:
+        try:
+            self.world.check(self.robot)
+        except PydanticCustomError as error:
+            context = error.context or {}
+            raise wrong(context["reason"], f"world.{context['key']}") from None
+        self._check_places()
+        return self
+
+    def _check_places(self) -> None:
+        """Each robot starts clear of what is fixed and of the robots before it, and its goal is free."""
+        bodies: list[tuple[tuple[float, float, float], ...]] = []
+        for index, place in enumerate(self.robots.places[: self.robots.count]):
+            key, body = f"robots.places.{index}", self.robot.body(place.start)
+            touched = self.world.obstruction(body)
+            for other, earlier in enumerate(bodies):
+                if any(math.dist(a[:2], b[:2]) < a[2] + b[2] for a in body for b in earlier):
+                    touched = touched or f"robots.places.{other}"
+            if touched:
+                reason = f"got {list(place.start)}, expected room for the robot; in its way: {touched}"
+                raise wrong(reason, f"{key}.start")
+            if place.goal is not None:
+                self.world.check_point(place.goal, f"{key}.goal")
+            bodies.append(body)

@@ -1,0 +1,143 @@
+"""The robots: body and limits, laser scanner, odometry, and where several of them start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from bug_gym.schema.errors import wrong
+from bug_gym.schema.values import AtLeastOne, Disc, NotNegative, Number, Part, Point, Pose, Positive, Share
+
+FULL_TURN = 2.0 * math.pi
+FULL_TURN_TOLERANCE = 0.005  # a rounded 6.28 in a file still means the whole circle
+
+
+class Robot(Part):
+    """The robot's body and its limits."""
+
+    kinematics: Literal["holonomic", "differential"] = "holonomic"
+    """How it moves: in any direction without turning, or ahead and around."""
+    radius: Positive = 0.2
+    """Radius of a round body [m]."""
+    circles: Annotated[tuple[Disc, ...], Field(min_length=1)] | None = None
+    """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`. While it turns they
+    are tested along their arcs: no contact is missed, and none comes more than 0.01 mm too early."""
+    max_speed: Positive = 1.0
+    """Maximum speed, of a differential robot ahead [m/s]."""
+    max_reverse: NotNegative = 0.3
+    """Maximum speed backwards of a differential robot [m/s]."""
+    max_turn_rate: Positive = 1.5
+    """Maximum turn rate of a differential robot [rad/s]."""
+    max_acceleration: Positive | None = None
+    """Maximum change of speed [m/s^2]; none: at once."""
+
+    @model_validator(mode="after")
+    def _limits_fit(self) -> Self:
+        if self.max_reverse > self.max_speed:
+            raise wrong(f"got {self.max_reverse}, expected at most max_speed ({self.max_speed})", "max_reverse")
+        return self
+
+    @property
+    def footprint(self) -> tuple[tuple[float, float, float], ...]:
+        """The body as circles x, y, radius [m] in the robot's frame."""
+        return self.circles or ((0.0, 0.0, self.radius),)
+
+    @property
+    def reach(self) -> float:
+        """Radius of the disc about the robot's origin that holds its body [m]."""
+        return max(math.hypot(x, y) + radius for x, y, radius in self.footprint)
+
+    def body(self, pose: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
+        """The body as circles x, y, radius [m] in the world, at a pose x [m], y [m], heading [rad]."""
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        return tuple(
+            (pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y, radius) for x, y, radius in self.footprint
+        )
+
+
+def _whole_circle(fov: float) -> float:
+    return FULL_TURN if abs(fov - FULL_TURN) <= FULL_TURN_TOLERANCE else fov
+
+
+class Lidar(Part):
+    """The laser scanner, at the robot's origin."""
+
+    beams: AtLeastOne = 180
+    """How many beams, spread evenly."""
+    range: Positive = 10.0
+    """Longest range; what nothing returns reads this [m]."""
+    min_range: NotNegative = 0.0
+    """Shortest range [m]."""
+    fov: Annotated[Positive, Field(le=FULL_TURN + FULL_TURN_TOLERANCE), AfterValidator(_whole_circle)] = FULL_TURN
+    """Field of view, symmetric about the heading; within 0.005 of a full turn it is one [rad]."""
+    noise: NotNegative = 0.0
+    """Standard deviation of a range [m]."""
+    dropout: Share = 0.0
+    """Share of beams that return nothing, 0 to 1."""
+
+    @model_validator(mode="after")
+    def _ranges_are_ordered(self) -> Self:
+        if self.min_range >= self.range:
+            raise wrong(f"got {self.min_range}, expected less than range ({self.range})", "min_range")
+        return self
+
+    @property
+    def is_full_circle(self) -> bool:
+        """Whether the beams go all around."""
+        return self.fov == FULL_TURN
+
+
+class Odometry(Part):
+    """How the robot's own estimate of its pose drifts."""
+
+    translation_noise: NotNegative = 0.0
+    """Standard deviation of the distance, growing with its root [m/sqrt(m)]."""
+    rotation_noise: NotNegative = 0.0
+    """Standard deviation of the heading, growing with the root of the distance [rad/sqrt(m)]."""
+    translation_bias: Number = 0.0
+    """Excess of the distance [m/m]."""
+    rotation_bias: Number = 0.0
+    """Drift of the heading [rad/m]."""
+
+
+class Place(Part):
+    """Where one robot of several starts, and where it goes."""
+
+    start: Pose
+    """x [m], y [m], heading [rad]."""
+    goal: Point | None = None
+    """x, y [m]; none: the world's goal."""
+
+
+class Robots(Part):
+    """How many robots there are; a plain list gives the places of all of them."""
+
+    count: AtLeastOne = 1
+    """How many robots; where `places` are given, the first ones are taken."""
+    places: tuple[Place, ...] = ()
+    """Start and goal of each; none: 1 m to either side of the world's start, with one goal."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_list_is_places(cls, data: object) -> object:
+        if isinstance(data, (list, tuple)):
+            data = {"places": data}
+        if isinstance(data, Mapping) and "count" not in data and isinstance(data.get("places"), (list, tuple)):
+            return {**data, "count": len(data["places"])}
+        return data
+
+    @model_validator(mode="after")
+    def _each_has_a_place(self) -> Self:
+        if self.places and self.count > len(self.places):
+            raise wrong(f"got {self.count}, expected at most {len(self.places)}, as many as there are places", "count")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _shortest(self, handler: SerializerFunctionWrapHandler) -> Any:
+        data = handler(self)
+        if not self.places:
+            return data
+        return data["places"] if self.count == len(self.places) else {"count": self.count, "places": data["places"]}
