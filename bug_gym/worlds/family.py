@@ -151,7 +151,7 @@ class Family(Part):
             raise wrong(f"got {width:g}, expected more than the robot's width ({2 * robot.reach:g})", key)
 
     def check_clearance(self, clearance: float | None, robot: Robot, key: str) -> None:
-        """Raises where a promised clearance [m] lets this robot not through."""
+        """Raises where this robot needs more room than a promised clearance [m]."""
         if clearance is not None and clearance < robot.reach:
             raise wrong(f"got {clearance:g}, expected at least the robot's reach ({robot.reach:g})", key)
 
