@@ -59,7 +59,9 @@ from bug_gym.agents.hd_bug.moving_goal import MovingGoal, meeting_time
 from bug_gym.agents.hd_bug.path_list import PathList
 from bug_gym.agents.hd_bug.poses import TURNING, Turns, find_poses
 from bug_gym.agents.hd_bug.roll_out import Movers, RollOut, Velocities, roll_out
-from bug_gym.agents.mapping.point_map import PointMap, Search, Way
+from bug_gym.agents.mapping.lazy_theta import Search
+from bug_gym.agents.mapping.point_map import PointMap
+from bug_gym.agents.mapping.way import Way
 from bug_gym.agents.prediction import make_predictor
 from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks

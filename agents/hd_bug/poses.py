@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from bug_gym.agents.mapping.point_map import PointMap, Way
+from bug_gym.agents.mapping.point_map import PointMap
+from bug_gym.agents.mapping.way import Way
 from bug_gym.geometry import F64
 from bug_gym.policy import Velocity
 from bug_gym.view import View
