@@ -111,15 +111,15 @@ def find_way(
         count = close_first(scratch, count)
         if node == trip.goal:
             break
-        if node != trip.start:
-            reparent(cells, trip, scratch, node)
         x, y = place_of(cells, trip, node)
+        if node != trip.start:
+            reparent(cells, trip, scratch, node, x, y)
         if is_in_sight(cells, x, y, gx, gy, trip.escape if node == trip.start else 0.0, tolerance):
             # From the node's parent, if it sees the goal too, the way is no longer; it was looked at before.
-            count = see_goal(cells, trip, scratch, count, node)
+            count = see_goal(cells, trip, scratch, count, node, x, y)
             if not cells.is_weighted:
                 continue
-        count = open_neighbours(cells, trip, scratch, count, node, box)
+        count = open_neighbours(cells, trip, scratch, count, node, x, y, box)
     if scratch.seen[trip.goal] != stamp or scratch.place[trip.goal] != -1:
         return 0
     return write_way(cells, trip, scratch, places, rest)
@@ -159,14 +159,13 @@ def cost_of_line(cells: Cells, ax: float, ay: float, bx: float, by: float) -> fl
 
 
 @inlined
-def reparent(cells: Cells, trip: Trip, scratch: Scratch, node: int) -> None:
+def reparent(cells: Cells, trip: Trip, scratch: Scratch, node: int, x: float, y: float) -> None:
     """Look at the parent that a node took on trust: out of sight, the best closed neighbour stands in for it.
 
     On weighted ground the neighbour may be the better one in any case.
     """
     cost, parent = scratch.cost, scratch.parent
     up = parent[node]
-    x, y = place_of(cells, trip, node)
     ux, uy = place_of(cells, trip, up)
     is_seen = is_in_sight(cells, ux, uy, x, y, trip.escape if up == trip.start else 0.0, 0.0)
     if is_seen and not cells.is_weighted:
@@ -190,10 +189,9 @@ def reparent(cells: Cells, trip: Trip, scratch: Scratch, node: int) -> None:
 
 
 @inlined
-def see_goal(cells: Cells, trip: Trip, scratch: Scratch, count: int, node: int) -> int:
+def see_goal(cells: Cells, trip: Trip, scratch: Scratch, count: int, node: int, x: float, y: float) -> int:
     """Reach the goal straight from a node that sees it. Returns how many nodes are open then."""
     goal = trip.goal
-    x, y = place_of(cells, trip, node)
     total = scratch.cost[node] + cost_of_line(cells, x, y, trip.gx, trip.gy)
     if scratch.seen[goal] != trip.stamp or total < scratch.cost[goal]:
         count = open_node(scratch, trip, count, goal, node, total, total)
@@ -201,11 +199,12 @@ def see_goal(cells: Cells, trip: Trip, scratch: Scratch, count: int, node: int) 
 
 
 @inlined
-def open_neighbours(cells: Cells, trip: Trip, scratch: Scratch, count: int, node: int, box: Integers) -> int:
+def open_neighbours(
+    cells: Cells, trip: Trip, scratch: Scratch, count: int, node: int, x: float, y: float, box: Integers
+) -> int:
     """Reach the open cells around a node straight from its parent, on trust. Returns how many nodes are open then."""
     columns = cells.blocked.shape[1]
     row, column = node // columns, node % columns
-    x, y = place_of(cells, trip, node)
     up = scratch.parent[node]
     ux, uy = place_of(cells, trip, up)
     # Among blocked cells no neighbour may be open: out of them it goes to any cell within the escape.
