@@ -1,6 +1,6 @@
 """Light and shadow areas of a scan, how far they are looked at, and the candidates that the scan itself offers.
 
-Source: Hasibuzzaman, Jan and Wu, section 4.1, Procedures 2 and 3, and Table 1; the reading of them is told in hd_bug.py.
+Source: Hasibuzzaman, Jan and Wu, section 4.1, Procedures 2 and 3, and Table 1; the reading of them is told in policy.py.
 All coordinates are in the robot's frame [m].
 """
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from bug_gym.agents.mapping.point_map import PointMap, Way
-from bug_gym.geometry import F64
+from bug_gym.agents.mapping.point_map import PointMap
+from bug_gym.agents.mapping.way import Way
+from bug_gym.geometry import F64, velocity_along
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 
@@ -94,7 +95,7 @@ class Turns:
             speed = min(speed, ahead / view.sensors.drive.step)
         else:
             speed = TURNING
-        return speed * math.cos(bearing), speed * math.sin(bearing)
+        return velocity_along(bearing, speed)
 
     def _is_aligned(self, heading: float) -> bool:
         """Whether a heading [rad] is that of the next pose."""

@@ -11,7 +11,8 @@ import shapely
 from episodes import run_episode
 
 from bug_gym.agents.hd_bug.poses import find_poses, turn_to
-from bug_gym.agents.mapping.point_map import PointMap, Search
+from bug_gym.agents.mapping.lazy_theta import Search
+from bug_gym.agents.mapping.point_map import PointMap
 
 BODY = [[-0.4, 0.0, 0.22], [0.0, 0.0, 0.22], [0.4, 0.0, 0.22]]
 MARGIN = 0.03

@@ -12,7 +12,9 @@ from scipy import ndimage
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
-from bug_gym.agents.mapping.point_map import PointMap, Search, Way
+from bug_gym.agents.mapping.lazy_theta import Search
+from bug_gym.agents.mapping.point_map import PointMap
+from bug_gym.agents.mapping.way import Way
 from bug_gym.shortest_path import shortest_path
 
 F64 = NDArray[np.float64]
