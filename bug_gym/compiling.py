@@ -45,7 +45,7 @@ def own_dispatchers() -> Any:
         logger.warning("not tried with numba %s: it compiles by itself, which takes longer", numba.__version__)
         return None
     try:
-        from bug_gym import dispatchers
+        from bug_gym import dispatchers  # loads numba's insides, which a release may have changed
     except (ImportError, AttributeError, TypeError) as error:
         logger.warning("numba %s compiles by itself, which takes longer: %s", numba.__version__, error)
         return None

@@ -329,7 +329,7 @@ class Simulation:
 
         A body that is no disc counts as the disc about it. It is short in metres: what regions cost doesn't count.
         """
-        from bug_gym.shortest_path import shortest_path
+        from bug_gym.shortest_path import shortest_path  # scipy and shapely are slow to load
 
         layout = self.world.layout(row)
         goal = layout.goals[min(robot, len(layout.goals) - 1)]

@@ -40,7 +40,9 @@ NUMBA = {
 COMPILED = {"kernel", "called", "inlined"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
 COMPOSED = {"agents.bugs.rev1", "agents.bugs.rev2"}  # their paper defines them as a change of another algorithm
-LEARNING = ("agents.sb3", "agents.learning", "agents.prediction.training")
+LEARNING = ("agents.sb3", "agents.learning") + tuple(
+    f"agents.prediction.{name}" for name in ("training", "card", "descent", "network", "ppo")
+)
 """The only modules and folders that know torch and stable-baselines3."""
 PLAYING = {"agents.learning"} | {
     f"agents.learning.{name}" for name in ("folder", "history", "play", "robot_model", "settings")

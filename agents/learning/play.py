@@ -128,7 +128,7 @@ class ZipPolicy:
             )
         if not path.is_file():
             raise ValueError(f"no file {path}")
-        from bug_gym.agents.learning.models import load_zip
+        from bug_gym.agents.learning.models import load_zip  # torch, of the extra `train`
 
         self.model: Any = load_zip(path)
         self.sensors, self.discrete = sensors, discrete

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
-from bug_gym.agents.bugs.bug2 import Bug2
+from bug_gym.agents import make_policy
 from bug_gym.agents.prediction.features import (
     ANSWERS,
     HORIZONS,
@@ -38,8 +38,8 @@ LAWS = ("bounce", "waypoints", "random_walk", "crowd", "evade")
 """Motion laws that are learnt."""
 STREET = "street"
 """Family of worlds of people who walk straight on, as fast as people do; it makes a learner sure of what goes straight."""
-DRIVER = Bug2
-"""What drives the robot."""
+DRIVER = "bug2"
+"""The policy that drives the robot."""
 SPEEDS = (0.2, 1.0)
 """Of the movers [m/s]."""
 SCANNERS: tuple[dict[str, Any], ...] = ({"beams": 64, "range": 5.0}, {"beams": 180, "range": 10.0})
@@ -177,7 +177,7 @@ def moments(
     simulation = Simulation(scenario)
     step = scenario.time.step
     sensors = Sensors.of(scenario)
-    driver, state = DRIVER(sensors), None
+    driver, state = make_policy(DRIVER, simulation), None
     observation = simulation.reset(seeds=[seed])[:, 0]
     tracker = Tracker(sensors)
     memory = tracker.start()

@@ -23,7 +23,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.policy import HDBug
+from bug_gym.agents import make_policy
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS
 from bug_gym.agents.prediction.learned import LearnedPredictor
 from bug_gym.config import Scenario, load
@@ -99,7 +99,7 @@ class Run(NamedTuple):
 def drive(folder: Path, change: F64, world: str, seed: int) -> Run:
     """A run of HD-BUG with a changed predictor through a crowded world of a motion law, or of a scenario."""
     simulation = Simulation(crowded(world) if world in LAWS else load(world))
-    policy = HDBug(Sensors.of(simulation.scenario))
+    policy: Any = make_policy("hd_bug", simulation)
     policy.predictor = ChangedPredictor(policy.sensors, folder, change)
     observation, state = simulation.reset(seeds=[seed])[:, 0], None
     first = last = simulation.robot_step()

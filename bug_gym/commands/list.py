@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import MISSING
 from importlib import import_module
+from inspect import Parameter
 from pathlib import Path
 
 from bug_gym.reproductions import REPRODUCTIONS
@@ -11,13 +13,13 @@ from bug_gym.reproductions import REPRODUCTIONS
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
-    parser.add_argument("what", nargs="?", choices=[*LISTS], help="which names (default: all)")
+    parser.add_argument("what", nargs="?", choices=[*LISTS, *LONG_LISTS], help="which names (default: all)")
 
 
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
     for number, what in enumerate([options.what] if options.what else LISTS):
-        lines = LISTS[what]()
+        lines = (LISTS | LONG_LISTS)[what]()
         width = max(len(name) for name, _ in lines)
         print("\n" * (number > 0) + what)
         for name, summary in lines:
@@ -54,6 +56,16 @@ def _trainings() -> list[tuple[str, str]]:
     return [(name, _first_comment(TRAIN_FOLDER / f"{name}.yaml")) for name in training_names()]
 
 
+def _parameters() -> list[tuple[str, str]]:
+    from bug_gym.agents import parameters_table  # loads the compiler
+
+    lines = []
+    for name, one in parameters_table():
+        default = "" if one.default in (MISSING, Parameter.empty) else f" = {one.default!r}"
+        lines.append((f"{name}.{one.name}", f"{one.type}{default}; {one.text}".rstrip("; ")))
+    return lines
+
+
 LISTS = {
     "scenarios": _scenarios,
     "policies": _policies,
@@ -61,6 +73,10 @@ LISTS = {
     "trainings": _trainings,
     "reproductions": _reproductions,
 }
+"""What `bug-gym list` prints, in this order."""
+
+LONG_LISTS = {"parameters": _parameters}
+"""What it prints only when asked for it."""
 
 
 def _first_comment(path: Path) -> str:

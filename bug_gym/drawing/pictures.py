@@ -27,7 +27,7 @@ class Pictures:
         self._canvases: list[Canvas] = []
         self._window: Window | None = None
         if render_mode is not None:
-            from bug_gym.drawing.canvas import Canvas
+            from bug_gym.drawing.canvas import Canvas  # pygame, of the extra `render`
 
             self._canvases = [Canvas(simulation, row=row) for row in range(simulation.count)]
 
@@ -38,7 +38,7 @@ class Pictures:
         if self.render_mode != "human":
             return
         if self._window is None:
-            from bug_gym.drawing.window import Window
+            from bug_gym.drawing.window import Window  # pygame, of the extra `render`
 
             self._window = Window(self._canvases[0], self._fps)
         self._window.update()
