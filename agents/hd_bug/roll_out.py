@@ -42,6 +42,19 @@ class Movers(NamedTuple):
     """Nearer than this is near [m]."""
 
 
+class Steering(NamedTuple):
+    """How the robot turns a desired velocity into motion, as kinematics.steering does."""
+
+    is_holonomic: bool
+    """Whether it goes any way without turning."""
+    max_turn_rate: float
+    """[rad/s]."""
+    turn_gain: float
+    """Turn rate per radian of heading error [1/s]."""
+    turn_in_place: float
+    """Heading error beyond which it stands while it turns [rad]."""
+
+
 class RollOut(NamedTuple):
     """What comes of m velocities."""
 
@@ -75,16 +88,15 @@ def roll_out(
     """
     m = len(velocities.directions)
     result = RollOut(np.empty(m), np.empty(m), np.empty((m, 2)))
-    is_holonomic, turn_gain = drive.kinematics == "holonomic", min(TURN_GAIN, 1.0 / drive.step)
-    _roll_out(is_holonomic, drive.max_turn_rate, turn_gain, *pose, radius, velocities, movers, times, compare, result)
+    turn_gain = min(TURN_GAIN, 1.0 / drive.step)
+    steering = Steering(drive.kinematics == "holonomic", drive.max_turn_rate, turn_gain, TURN_IN_PLACE)
+    _roll_out(steering, *pose, radius, velocities, movers, times, compare, result)
     return result
 
 
 @kernel
 def _roll_out(
-    is_holonomic: bool,
-    max_turn_rate: float,
-    turn_gain: float,
+    steering: Steering,
     x: float,
     y: float,
     heading: float,
@@ -95,6 +107,7 @@ def _roll_out(
     compare: int,
     result: RollOut,
 ) -> None:
+    is_holonomic, max_turn_rate, turn_gain, turn_in_place = steering
     directions, speeds, free = velocities
     predicted, radii, margin = movers
     contact, nearness, end = result
@@ -117,7 +130,7 @@ def _roll_out(
                 turn = min(max(turn_gain * error, -max_turn_rate), max_turn_rate) * dt
                 if abs(turn) > abs(error):
                     turn = error
-                way = min(speeds[i] * math.cos(error) * dt, left) if abs(error) <= TURN_IN_PLACE else 0.0
+                way = min(speeds[i] * math.cos(error) * dt, left) if abs(error) <= turn_in_place else 0.0
                 px += way * math.cos(theta + 0.5 * turn)
                 py += way * math.sin(theta + 0.5 * turn)
                 theta += turn
