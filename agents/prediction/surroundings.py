@@ -1,10 +1,13 @@
-"""Compiled code of the predictors' view: what the scan says of the surroundings of each mover."""
+"""The compiled part of what a learned predictor is told: what the scan says of the surroundings of each mover.
+
+One call describes all tracks of one robot; `features` encodes the numbers.
+"""
 
 from __future__ import annotations
 
 import math
 
-from bug_gym.compiling import kernel
+from bug_gym.compiling import called, kernel
 from bug_gym.kernels.layout import Floats, Integers
 
 
@@ -67,7 +70,7 @@ def describe_surroundings(
             describe_wall(hits, owners, t, at, wall_reach, ax, ay, touch)
 
 
-@kernel
+@called
 def describe_wall(
     hits: Floats, owners: Integers, t: int, at: int, reach: float, ax: float, ay: float, touch: Floats
 ) -> None:

@@ -13,24 +13,37 @@ from bug_gym.agents.tracking.discs import NEW_RADIUS, NEW_RADIUS_SPREAD, NEW_SHA
 from bug_gym.agents.tracking.evidence import keep_scan, weigh_evidence
 from bug_gym.agents.tracking.filter import GATE, departure, measure, predict_tracks, refit
 from bug_gym.agents.tracking.layout import (
+    BEARINGS,
+    BEGINS,
+    CHOSEN,
     CLUSTER,
+    COUNTS,
     FR,
     FR_VARIANCE,
     FX,
     FY,
     HEADING,
+    HIT_FLAGS,
+    HIT_X,
+    HIT_Y,
     HITS,
     ID,
     IS_FULL_CIRCLE,
     IS_MOVING,
     LAST_ID,
+    MEMBERS,
+    NEAREST,
     NOW,
     PASSED,
+    PLACE_X,
+    PLACE_Y,
     POSE_X,
     POSE_Y,
     RADIUS,
     RANGE,
     SHAPE,
+    SQUARES,
+    THING_FLAGS,
     TRACKS,
     Clusters,
     Hits,
@@ -71,10 +84,10 @@ def update_tracks(
         floats, fits, integers, flags: working memory (FLOAT_ROWS, B), (B + 1, FIT), (INTEGER_ROWS, 2 B + TRACKS),
             (FLAG_ROWS, B).
     """
-    members, counts, nearest = integers[0], integers[3], integers[4]
-    hits = Hits(floats[0], floats[1], floats[4], ranges, members, settings)
-    scan = Scan(ranges, floats[2], floats[3], flags[0], owner, pose, settings)
-    clusters = Clusters(integers[1], flags[1], fits, integers[2], nearest, floats[5])
+    members, counts, nearest = integers[MEMBERS], integers[COUNTS], integers[NEAREST]
+    hits = Hits(floats[HIT_X], floats[HIT_Y], floats[BEARINGS], ranges, members, settings)
+    scan = Scan(ranges, floats[PLACE_X], floats[PLACE_Y], flags[HIT_FLAGS], owner, pose, settings)
+    clusters = Clusters(integers[BEGINS], flags[THING_FLAGS], fits, integers[CHOSEN], nearest, floats[SQUARES])
     place_hits(hits, scan, angles)
     predict_tracks(memory, pose[PASSED])
     begin_update(memory, owner)

@@ -197,7 +197,8 @@ def test_a_training_killed_outright_and_started_again_ends_with_the_same_model(t
     train(settings, tmp_path / "whole", threads=1, tensorboard=False)
     killed = tmp_path / "killed"
     script = (
-        "import sys\nfrom bug_gym.agents.training import train\nfrom bug_gym.agents.training_settings import load_settings\n"
+        "import sys\nfrom bug_gym.agents.learning.training import train\n"
+        "from bug_gym.agents.learning.settings import load_settings\n"
         "train(load_settings(eval(sys.argv[1])), sys.argv[2], threads=1, tensorboard=False)"
     )
     data = {**TINY, "overrides": {"time.limit": 3.0}, "n_timesteps": 6144}
