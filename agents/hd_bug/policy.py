@@ -2,9 +2,11 @@
 
 Source: Hasibuzzaman, Jan and Wu, "Dynamic Path Planning in the Unknown Environment with Mobile Target and Obstacles".
 Sensing assumed: ranges all round, goal, own position; the terrain around where the scenario has regions. Memory kept:
-points of still obstacles (mapping.point_map), the double linked list of the path (path_list), tracks of what moves. States:
-direct, candidates, backtracking, avoidance, emergency, turning, waiting. Guarantee: among still obstacles it reaches the
-goal or declares it unreachable, for every way with the clearance (see mapping.point_map); the paper gives none.
+points of still obstacles (mapping.point_map), the double linked list of the path (path_list), tracks of what moves.
+States: direct, candidates, backtracking, avoidance, emergency, turning, waiting. Guarantee: among still obstacles it
+reaches the goal or declares it unreachable, for every way with the clearance (see mapping.point_map); the paper gives none.
+
+A decision is to perceive, to aim, to plan, and to choose or, among movers, to avoid: a file each.
 
 Where the paper contradicts itself or is silent, this module decides:
 
@@ -37,7 +39,7 @@ Where the paper contradicts itself or is silent, this module decides:
 9. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by
    no longer than its velocity has foretold where it went. The goal radius grows with what it moves in a step.
 10. Deep reinforcement learning (mentioned in the conclusion): a predictor beside "none", "constant_velocity" and
-   "kalman"; see bug_gym.agents.prediction.
+   "kalman"; see agents.prediction.
 11. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for
    as far again, so that a wide region is not entered because only its near edge is known. What is seen or supposed from
    nearer counts, else it would change with the heading, and the side to go round a region with it.

@@ -1,8 +1,8 @@
 """The compiled memory of a map: square cells that remember scan points and what the ground costs.
 
 A cell remembers at most one point, with its place inside the cell; a cell is *blocked* when its centre lies nearer than
-the clearance to a remembered point. A beam that passes a remembered point twice takes it away. All coordinates are in the
-odometry frame [m].
+the clearance to a remembered point. A beam that passes a remembered point twice takes it away. All coordinates are in
+the odometry frame [m].
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ def forget_disc(cells: Cells, x: float, y: float, radius: float) -> None:
                     remove(cells, row, column)
 
 
-# ------------------------------------------------------------------------------------------------------ scans
+# ---------------------------------------------------------------------------------------------------------------- scans
 
 
 @kernel

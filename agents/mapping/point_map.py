@@ -1,8 +1,9 @@
 """What a robot remembers of still obstacles: points of its scans on a grid, and the shortest way among them.
 
 The plane is cut into square cells (cells.py). Everything that isn't blocked counts as open, seen or not ("free-space
-assumption"; Koenig, Tovey and Smirnov 2003). The way is found by Lazy Theta* (lazy_theta.py). As every cell is looked at
-before it gives up, no way is found only where the remembered points close the goal off, up to half a cell's diagonal.
+assumption"; Koenig, Tovey and Smirnov 2003). The way is found by Lazy Theta* (lazy_theta.py). As every cell is looked
+at before it gives up, no way is found only where the remembered points close the goal off, up to half a cell's
+diagonal.
 
 All coordinates are in the odometry frame [m].
 """
