@@ -88,10 +88,10 @@ class HDBug(ScriptedPolicy):
     """
 
     Parameters = HDBugParameters
+    parameters: HDBugParameters
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
-        super().__init__(sensors, discrete=discrete)
-        self.parameters = self.Parameters(**parameters)
+        super().__init__(sensors, discrete=discrete, **parameters)
         self.predictor: Predictor = make_predictor(self.parameters.predictor, sensors)
         self.tracker = Tracker(sensors)
         self.measures = measures_of(sensors, self.parameters)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from bug_gym.evaluation.intervals import exact_mcnemar
-
+from bug_gym.intervals import exact_mcnemar
 from bug_gym.reproductions import avoidable as avoidable_rule
 from bug_gym.reproductions import barn, claims, hd_bug_dynamic, hd_bug_real, hd_bug_tables, hd_bug_targets
 from result_pages import Page, Record

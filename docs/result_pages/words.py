@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from bug_gym.evaluation.intervals import exact_mcnemar
-
+from bug_gym.intervals import exact_mcnemar
 from result_pages import Record
 
 
