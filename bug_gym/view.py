@@ -68,9 +68,12 @@ class Sensors:
 
     @cached_property
     def always_seen(self) -> tuple[slice, ...]:
-        """Where ranges, goal, pose and velocity lie in the flat observation."""
-        places = {field.name: slice(field.begin, field.end) for field in self.fields}
-        return tuple(places[name] for name in ("ranges", "goal", "pose", "velocity"))
+        """Where the ranges lie in the flat observation, where the rest that each has, and in it goal, pose, velocity."""
+        places = {field.name: field for field in self.fields}
+        ranges, *rest = (places[name] for name in ("ranges", "goal", "pose", "velocity"))
+        first, last = min(field.begin for field in rest), max(field.end for field in rest)
+        within = (slice(field.begin - first, field.end - first) for field in rest)
+        return slice(ranges.begin, ranges.end), slice(first, last), *within
 
     @cached_property
     def beam_directions(self) -> NDArray[np.float64]:
@@ -91,11 +94,12 @@ class View:
         self.sensors = sensors
         self._flat = flat
         self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-        ranges, goal, pose, velocity = sensors.always_seen
+        ranges, rest, goal, pose, velocity = sensors.always_seen
+        numbers = flat[rest].tolist()
         self.ranges: NDArray[np.float64] = flat[ranges].astype(np.float64)
-        self.goal: tuple[float, float] = tuple(flat[goal].tolist())
-        self.pose: tuple[float, float, float] = tuple(flat[pose].tolist())
-        self.velocity: tuple[float, float] = tuple(flat[velocity].tolist())
+        self.goal: tuple[float, float] = tuple(numbers[goal])
+        self.pose: tuple[float, float, float] = tuple(numbers[pose])
+        self.velocity: tuple[float, float] = tuple(numbers[velocity])
         self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
 
     @property

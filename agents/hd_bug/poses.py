@@ -10,6 +10,7 @@ where the robot stands; the shortest way over it is Dijkstra's. All coordinates 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +103,25 @@ class Turns:
         return abs(turn_to(heading, float(self.poses[1, 2]))) <= ALIGNED
 
 
+class Lattice(NamedTuple):
+    """Places on a grid about the robot, at each heading of ANGLES."""
+
+    x: F64
+    """(C,) [m]."""
+    y: F64
+    """(R,) [m]."""
+    number: NDArray[np.int64]
+    """Number of each pose (H, R, C)."""
+    free: NDArray[np.bool_]
+    """Where the body fits (H, R, C)."""
+    here: tuple[int, int]
+    """Row and column of the robot's own place."""
+
+
+Edges = tuple[NDArray[np.int64], NDArray[np.int64], F64]
+"""Numbers of poses from and to, and what it costs to go [m]."""
+
+
 def find_poses(grid: PointMap, footprint: F64, pose: Pose, goal: tuple[float, float], goal_radius: float) -> F64 | None:
     """Poses (k, 3), x, y, heading, from the robot's to one within `goal_radius` of the goal; None where there are none.
 
@@ -114,6 +134,26 @@ def find_poses(grid: PointMap, footprint: F64, pose: Pose, goal: tuple[float, fl
         goal: where to.
         goal_radius: how near is there [m].
     """
+    lattice = lattice_about(grid, footprint, pose, goal)
+    edges: list[Edges] = []
+    for k in range(HEADINGS):
+        edges.append(drives(grid, footprint, lattice, k))
+        edges += turns(grid, footprint, lattice, k)
+    start = lattice.number.size
+    edges.append(first_turns(grid, footprint, lattice, pose))
+    begins, ends, costs = (np.concatenate(part) for part in zip(*edges, strict=True))
+    graph = coo_array((costs, (begins, ends)), shape=(start + 1, start + 1)).tocsr()
+    length, previous = dijkstra(graph, indices=start, return_predecessors=True)
+    near = np.hypot(lattice.x[None, :] - goal[0], lattice.y[:, None] - goal[1]) <= goal_radius
+    targets = lattice.number[:, near].ravel()
+    if len(targets) == 0 or not np.isfinite(length[targets]).any():
+        return None
+    poses = poses_to(lattice, int(targets[length[targets].argmin()]), previous)
+    return np.concatenate([np.array([pose]), poses])
+
+
+def lattice_about(grid: PointMap, footprint: F64, pose: Pose, goal: tuple[float, float]) -> Lattice:
+    """The poses over all that is known, the robot and the goal, and a rim about it; the robot stands on one."""
     rim = float(np.hypot(footprint[:, 0], footprint[:, 1]).max()) + 1.0
     low = np.minimum(np.minimum(grid.extent[:2], pose[:2]), goal) - rim
     high = np.maximum(np.maximum(grid.extent[2:], pose[:2]), goal) + rim
@@ -121,53 +161,57 @@ def find_poses(grid: PointMap, footprint: F64, pose: Pose, goal: tuple[float, fl
     after = np.ceil((high - np.array(pose[:2])) / grid.cells.size).astype(int)
     x = pose[0] + np.arange(-before[0], after[0] + 1) * grid.cells.size
     y = pose[1] + np.arange(-before[1], after[1] + 1) * grid.cells.size
-    shape = len(y), len(x)
-    layer = shape[0] * shape[1]
-    number = np.arange(HEADINGS * layer).reshape(HEADINGS, *shape)
+    number = np.arange(HEADINGS * len(y) * len(x)).reshape(HEADINGS, len(y), len(x))
     free = np.stack([open_poses(grid, footprint, x, y, angle) for angle in ANGLES])
-    begins, ends, costs = [], [], []
-    for k, (rows, columns) in enumerate(STEPS):
-        here = (slice(max(-rows, 0), shape[0] - max(rows, 0)), slice(max(-columns, 0), shape[1] - max(columns, 0)))
-        there = (slice(max(rows, 0), shape[0] - max(-rows, 0)), slice(max(columns, 0), shape[1] - max(-columns, 0)))
-        both = free[k][here] & free[k][there]
-        if abs(rows) + abs(columns) == 3:
-            half = ANGLES[k], 0.5 * columns * grid.cells.size, 0.5 * rows * grid.cells.size
-            both &= open_poses(grid, footprint, x + half[1], y + half[2], half[0])[here]
-        begins.append(number[k][here][both])
-        ends.append(number[k][there][both])
-        costs.append(np.full(len(begins[-1]), grid.cells.size * math.hypot(rows, columns)))
-        can = free[k] & free[(k + 1) % HEADINGS]
-        turn = turn_to(ANGLES[k], ANGLES[(k + 1) % HEADINGS])
-        for share in np.arange(1, CHECKPOINTS) / CHECKPOINTS:
-            can &= open_poses(grid, footprint, x, y, ANGLES[k] + share * turn)
-        left, right = number[k][can], number[(k + 1) % HEADINGS][can]
-        begins += [left, right]
-        ends += [right, left]
-        costs += [np.full(len(left), TURN_COST * turn / (0.25 * math.pi))] * 2
-    start = HEADINGS * layer
+    return Lattice(x, y, number, free, (int(before[1]), int(before[0])))
+
+
+def drives(grid: PointMap, footprint: F64, lattice: Lattice, k: int) -> Edges:
+    """Steps ahead at heading k, where the body fits at both ends, and half-way of a long one."""
+    x, y, number, free, _ = lattice
+    shape, (rows, columns) = (len(y), len(x)), STEPS[k]
+    here = (slice(max(-rows, 0), shape[0] - max(rows, 0)), slice(max(-columns, 0), shape[1] - max(columns, 0)))
+    there = (slice(max(rows, 0), shape[0] - max(-rows, 0)), slice(max(columns, 0), shape[1] - max(-columns, 0)))
+    both = free[k][here] & free[k][there]
+    if abs(rows) + abs(columns) == 3:
+        half = ANGLES[k], 0.5 * columns * grid.cells.size, 0.5 * rows * grid.cells.size
+        both &= open_poses(grid, footprint, x + half[1], y + half[2], half[0])[here]
+    begins = number[k][here][both]
+    return begins, number[k][there][both], np.full(len(begins), grid.cells.size * math.hypot(rows, columns))
+
+
+def turns(grid: PointMap, footprint: F64, lattice: Lattice, k: int) -> list[Edges]:
+    """Turns on the spot from heading k to the next and back, where the body fits all the way."""
+    x, y, number, free, _ = lattice
+    following = (k + 1) % HEADINGS
+    can = free[k] & free[following]
+    turn = turn_to(ANGLES[k], ANGLES[following])
+    for share in np.arange(1, CHECKPOINTS) / CHECKPOINTS:
+        can &= open_poses(grid, footprint, x, y, ANGLES[k] + share * turn)
+    left, right = number[k][can], number[following][can]
+    cost = np.full(len(left), TURN_COST * turn / (0.25 * math.pi))
+    return [(left, right, cost), (right, left, cost)]
+
+
+def first_turns(grid: PointMap, footprint: F64, lattice: Lattice, pose: Pose) -> Edges:
+    """Turns on the spot from the robot's own heading, whose pose has the number after the last."""
     reachable = [k for k in range(HEADINGS) if can_turn(grid, footprint, pose, ANGLES[k])]
-    begins.append(np.full(len(reachable), start))
-    ends.append(number[reachable, before[1], before[0]])
-    costs.append(np.array([abs(turn_to(pose[2], ANGLES[k])) + 1e-6 for k in reachable]) * TURN_COST / (0.25 * math.pi))
-    graph = coo_array(
-        (np.concatenate(costs), (np.concatenate(begins), np.concatenate(ends))), shape=(start + 1, start + 1)
-    ).tocsr()
-    length, previous = dijkstra(graph, indices=start, return_predecessors=True)
-    near = np.hypot(x[None, :] - goal[0], y[:, None] - goal[1]) <= goal_radius
-    targets = number[:, near].ravel()
-    if len(targets) == 0 or not np.isfinite(length[targets]).any():
-        return None
-    node = int(targets[length[targets].argmin()])
+    row, column = lattice.here
+    costs = np.array([abs(turn_to(pose[2], ANGLES[k])) + 1e-6 for k in reachable]) * TURN_COST / (0.25 * math.pi)
+    return np.full(len(reachable), lattice.number.size), lattice.number[reachable, row, column], costs
+
+
+def poses_to(lattice: Lattice, node: int, previous: NDArray[np.int32]) -> F64:
+    """Poses (k, 3) from the first one after the robot's own to a node, but for those amid a straight run."""
     nodes = []
-    while node != start:
+    while node != lattice.number.size:
         nodes.append(node)
         node = int(previous[node])
-    turned, row, column = np.unravel_index(np.array(nodes[::-1], dtype=np.int64), (HEADINGS, *shape))
-    poses = np.column_stack([x[column], y[row], np.array(ANGLES)[turned]])
+    turned, row, column = np.unravel_index(np.array(nodes[::-1], dtype=np.int64), lattice.number.shape)
+    poses = np.column_stack([lattice.x[column], lattice.y[row], np.array(ANGLES)[turned]])
     inner = np.ones(len(poses), dtype=np.bool_)
-    # A pose in the middle of a straight run says nothing.
     inner[1:-1] = (poses[1:-1, 2] != poses[:-2, 2]) | (poses[1:-1, 2] != poses[2:, 2])
-    return np.concatenate([np.array([pose]), poses[inner]])
+    return poses[inner]
 
 
 def open_poses(grid: PointMap, footprint: F64, x: F64, y: F64, heading: float) -> NDArray[np.bool_]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from bug_gym.agents.scan.pieces import bend_of
 from bug_gym.compiling import called, inlined, kernel
@@ -293,48 +292,39 @@ def farthest_end(
     return share * px[after], share * py[after]
 
 
-class LinkedScan(NamedTuple):
-    """A scan whose beams are known to see the same surface as the next, or another."""
-
-    x: Floats
-    """Points (B,) in the robot's frame [m], one for each beam."""
-    y: Floats
-    """Points (B,) [m]."""
-    ranges: Floats
-    """(B,) [m]."""
-    reach: float
-    """Range that means "nothing seen" [m]."""
-    noise: float
-    """Standard deviation of the ranges [m]."""
-    link: Flags
-    """(B,) from `link_beams`."""
-    wraps: bool
-    """Whether the last beam is the first one's neighbour."""
-
-
-class Sweep(NamedTuple):
-    """How far a disc goes along headings all round, from `sweep_disc`."""
-
-    radius: float
-    """Of the disc [m]."""
-    first: float
-    """Heading 0 [rad]."""
-    free: Floats
-    """Free way along each heading (m,) [m]."""
-    beam: Integers
-    """The beam that saw what ends it (m,)."""
-
-
 @kernel
-def find_open_points(
-    scan: LinkedScan, sweep: Sweep, jump: float, chosen: Integers, found: Floats, side: Integers
+def find_open_points(  # plain arrays: a record handed over from Python costs as much as a tenth of the work
+    px: Floats,
+    py: Floats,
+    ranges: Floats,
+    reach: float,
+    link: Flags,
+    radius: float,
+    first: float,
+    free: Floats,
+    beam: Integers,
+    jump: float,
+    noise: float,
+    wraps: bool,
+    chosen: Integers,
+    found: Floats,
+    side: Integers,
 ) -> int:
     """Where the free way of a disc jumps between neighbouring headings, from one surface to another or to none.
 
     Args:
-        scan: what is seen.
-        sweep: how far the disc goes.
+        px: points' x (B,) in the robot's frame [m], one for each beam.
+        py: points' y (B,) [m].
+        ranges: (B,) [m].
+        reach: range that means "nothing seen" [m].
+        link: (B,) from `link_beams`.
+        radius: of the disc [m].
+        first: heading 0 [rad].
+        free: free way along each heading (m,) [m], from `sweep_disc`.
+        beam: the beam that saw what ends it (m,), from `sweep_disc`.
         jump: change of the free way that is one [m].
+        noise: standard deviation of the ranges [m].
+        wraps: whether the last beam is the first one's neighbour.
         chosen: scratch (B,).
         found: result (m, 5): the heading where the nearer surface ends, counted from heading 0 [rad], x and y of the
             point touched there, and of the `farthest_end` [m].
@@ -343,15 +333,6 @@ def find_open_points(
     Returns:
         How many there are, in the order of the headings.
     """
-    px, py, link, radius, first, free, beam = (
-        scan.x,
-        scan.y,
-        scan.link,
-        sweep.radius,
-        sweep.first,
-        sweep.free,
-        sweep.beam,
-    )
     count = 0
     increment = 2.0 * math.pi / free.size
     for k in range(free.size):
@@ -360,7 +341,7 @@ def find_open_points(
         if not abs(change) > jump or is_one_surface(link, beam[k], beam[after]):
             continue
         inside, outside = k * increment, (k + 1) * increment
-        seen = beams_between(px, py, scan.ranges, scan.reach, link, radius, first + inside, first + outside, chosen)
+        seen = beams_between(px, py, ranges, reach, link, radius, first + inside, first + outside, chosen)
         surface = beam[k]
         if change < 0.0:
             inside, outside, surface = outside, inside, beam[after]
@@ -377,6 +358,6 @@ def find_open_points(
         found[count, 0], found[count, 1], found[count, 2] = inside, x, y
         found[count, 3], found[count, 4] = x, y
         if last >= 0:
-            found[count, 3:] = farthest_end(px, py, scan.ranges, link, scan.noise, scan.wraps, last, side[count])
+            found[count, 3:] = farthest_end(px, py, ranges, link, noise, wraps, last, side[count])
         count += 1
     return count

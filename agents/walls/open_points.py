@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.scan import open_ways
-from bug_gym.agents.scan.open_ways import LinkedScan, Sweep
 from bug_gym.geometry import F64, Point
 from bug_gym.view import Sensors, View
 
@@ -98,8 +97,9 @@ class Lookout:
         open_ways.sweep_disc(x, y, ranges, reach, link, radius, first, cos, sin, free, beam)
         found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
         chosen = np.empty(len(x), dtype=np.int64)
-        scan = LinkedScan(x, y, ranges, reach, noise, link, self._wraps)
-        count = open_ways.find_open_points(scan, Sweep(radius, first, free, beam), self.jump, chosen, found, side)
+        count = open_ways.find_open_points(
+            x, y, ranges, reach, link, radius, first, free, beam, self.jump, noise, self._wraps, chosen, found, side
+        )
         ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
         points = [OpenPoint((u, v), hand, turn % (2.0 * math.pi), (w, z)) for (turn, u, v, w, z), hand in ends]
         return Profile(float(free[0]), int(beam[0]), link, points, ranges)

@@ -540,7 +540,7 @@ def test_a_window_needs_a_positive_rate(fps: float) -> None:
 def test_frames_need_no_display() -> None:
     code = (
         "import pygame\n"
-        "from bug_gym.rendering import Canvas\n"
+        "from bug_gym.drawing.canvas import Canvas\n"
         "from bug_gym.simulation import Simulation\n"
         "simulation = Simulation('static')\n"
         "simulation.reset(seeds=[0])\n"
