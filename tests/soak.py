@@ -50,7 +50,7 @@ WORLDS = 512
 """Rows of the vector env."""
 SIGNALS = (signal.SIGKILL, signal.SIGTERM)
 
-EPISODES = 100
+EPISODES = 40
 POLICIES = ("bug2", "tangent_bug", "hd_bug")
 SCENARIOS = ("static", "dynamic", "crossing_robots")
 MOST_ROBOTS = 2
