@@ -1,5 +1,7 @@
 """Fixtures that several test files use."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 
