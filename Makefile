@@ -2,11 +2,13 @@
 PYTHON ?= python3
 # Where the main job writes; name an earlier folder to go on with it.
 OUT ?= results/quick-$(shell date +%Y%m%d-%H%M%S)
+# How long work is killed and goes on.
+SOAK_MINUTES ?= 60
 
 BIN := .venv/bin
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt
 
-.PHONY: help run test lint clean
+.PHONY: help run test lint soak clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
@@ -23,6 +25,10 @@ lint: .venv/test.stamp  ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+soak: .venv/test.stamp  ## an hour of work with random kills; its figures go to docs/results
+	$(BIN)/python tests/soak.py --minutes $(SOAK_MINUTES) --out docs/results/soak.json; \
+	held=$$?; $(BIN)/python docs/make_results.py && exit $$held
 
 clean:  ## remove .venv, caches and build products; results stay
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache build dist *.egg-info

@@ -1,20 +1,21 @@
 """Writes the pages of results: `python docs/make_results.py`.
 
-A page for each reproduction, out of docs/results/NAME.json, and an index. What a page asks is the docstring of the
-reproduction's module, what it says stands in docs/result_pages; every number there is looked up in the JSON or, of
-trained models, in the record beside their weights. Claims are checked again; a JSON that says otherwise of itself is an
-error.
+A page for each reproduction and each of the long checks, out of docs/results/NAME.json, and an index. What a page asks is
+the docstring of the module that made its JSON, what it says stands in docs/result_pages; every number there is looked up
+in the JSON or, of trained models, in the record beside their weights. Claims are checked again; a JSON that says otherwise
+of itself is an error.
 """
 
 from __future__ import annotations
 
+import ast
 import importlib
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from result_pages import Page, Record, bug_family, hd_bug, learning
+from result_pages import Page, Record, bug_family, hd_bug, learning, long_checks
 from result_pages.words import table
 
 from bug_gym.reproductions import REPRODUCTIONS
@@ -38,8 +39,12 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "ppo-curve": learning.ppo_curve,
     "predictors": learning.predictor_errors,
     "scripted-and-learned": learning.side_by_side,
+    "soak": long_checks.soak,
 }
-"""Name of a reproduction -> what its page says."""
+"""Name of a reproduction or a check -> what its page says."""
+
+CHECKS = {"soak": Path(__file__).parents[1] / "tests" / "soak.py"}
+"""Name of a check that `make` runs -> the script that it is."""
 
 WITH_DATA = ("barn", "hd-bug-real", "predictors", "scripted-and-learned")
 """Reproductions that were given somebody else's data."""
@@ -48,14 +53,19 @@ MADE = "by `python docs/make_results.py`; its sentences stand in docs/result_pag
 
 
 def command(name: str) -> str:
-    """What runs a reproduction."""
+    """What runs a reproduction or a check."""
+    if name in CHECKS:
+        return f"make {name}"
     return f"bug-gym reproduce {name}{' --data PATH' if name in WITH_DATA else ''} --out docs/results/{name}.json"
 
 
 def asked(name: str) -> tuple[str, str]:
-    """The first sentence of the docstring of a reproduction, and the rest of it."""
-    module = importlib.import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}")
-    first, _, rest = str(module.__doc__).strip().partition("\n\n")
+    """The first sentence of the docstring of a reproduction or a check, and the rest of it."""
+    if name in CHECKS:
+        said = ast.get_docstring(ast.parse(CHECKS[name].read_text(encoding="utf-8")))
+    else:
+        said = importlib.import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}").__doc__
+    first, _, rest = str(said).strip().partition("\n\n")
     return " ".join(first.split()), rest
 
 
@@ -65,7 +75,7 @@ def verdict(holds: bool | None) -> str:
 
 
 def page(name: str, found: Record) -> str:
-    """The page of a reproduction.
+    """The page of a reproduction or a check.
 
     Raises:
         ValueError: its claims, checked again, are not what the JSON says of itself.
@@ -90,18 +100,24 @@ def page(name: str, found: Record) -> str:
 
 def index(everything: Mapping[str, Record]) -> str:
     """The list of the pages."""
-    rows = []
-    for name, found in everything.items():
-        claims = PAGES[name](found).claims
-        count = f"{sum(true for _, true in claims)} of {len(claims)} claims true" if claims else "claims nothing"
-        rows.append([f"[{name}]({name}.md)", asked(name)[0], count])
+
+    def listing(title: str, names: Iterable[str]) -> str:
+        rows = []
+        for name in names:
+            claims = PAGES[name](everything[name]).claims
+            count = f"{sum(true for _, true in claims)} of {len(claims)} claims true" if claims else "claims nothing"
+            rows.append([f"[{name}]({name}.md)", asked(name)[0], count])
+        return table(title, ["name", "asks", "found"], rows).split("\n\n", 1)[1]
+
     return (
         "# Results\n\nWhat papers report and what this package claims, run again: a page each, with the command, the "
         "commit, the tables and what was found. A claim that was found false stands as false. `bug-gym list "
         "reproductions` names them. Somebody else's data (`--data`: the worlds of the BARN benchmark, recorded "
         "pedestrians, maps of ROS's map_server) is not part of this package.\n\n"
         f"These pages are made {MADE.replace('its', 'their')}\n\n"
-        + table("Reproductions", ["name", "asks", "found"], rows).split("\n\n", 1)[1]
+        + listing("Reproductions", [name for name in everything if name not in CHECKS])
+        + "\n\nChecks that take too long for each change, with the figures of their last run:\n\n"
+        + listing("Checks", [name for name in everything if name in CHECKS])
         + "\n\nHow fast the package is: [speed](../speed.md). What was tried and not kept: [trials](../trials.md).\n"
     )
 
@@ -110,7 +126,7 @@ def pages() -> dict[str, str]:
     """Text by file name below docs/results."""
     everything = {
         name: json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
-        for name in REPRODUCTIONS
+        for name in (*REPRODUCTIONS, *CHECKS)
         if (RESULTS / f"{name}.json").exists()
     }
     return {"README.md": index(everything), **{f"{name}.md": page(name, found) for name, found in everything.items()}}

@@ -49,9 +49,11 @@ def test_the_pages_of_results_are_what_the_json_says() -> None:
         assert text_of(RESULTS / name) == text, name
 
 
-def test_each_reproduction_has_its_result_and_each_result_its_page() -> None:
-    assert {path.stem for path in RESULTS.glob("*.json")} == set(REPRODUCTIONS)
-    assert set(script("make_results.py")["PAGES"]) == set(REPRODUCTIONS)
+def test_each_reproduction_and_long_check_has_its_result_and_each_result_its_page() -> None:
+    made = script("make_results.py")
+    names = {*REPRODUCTIONS, *made["CHECKS"]}
+    assert {path.stem for path in RESULTS.glob("*.json")} == names
+    assert set(made["PAGES"]) == names
 
 
 def test_a_result_that_contradicts_its_own_numbers_makes_no_page() -> None:

@@ -292,7 +292,7 @@ def train(
         raise ValueError(f"seed must be at least 0, got {seed}")
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
-    torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
+    torch.set_num_threads(threads or usable_cores())
     torch.set_flush_denormal(True)
     env = make_training_env(settings, seed)
     model = make_model(settings, env, seed)
@@ -310,6 +310,13 @@ def train(
     write_best(folder, settings, model, kept, seed)
     env.close()
     return kept
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):  # macOS and Windows don't tell
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def identity_of(settings: AnySettings, seed: int) -> dict[str, Any]:

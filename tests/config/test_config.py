@@ -42,7 +42,6 @@ from bug_gym.config import (
 BARN_FILE = "worlds.jsonl"
 MAP_FILE = "plan.yaml"
 RECORDING_FILE = "walk.csv"
-PAPER_MAP = Path(__file__).parents[3] / "shared" / "data" / "oni_wang_fig1.yaml"
 
 SQUARE = [[4, -2], [5, -2], [5, 2], [4, 2]]
 
@@ -316,9 +315,8 @@ def test_the_map_of_the_paper_has_its_perimeter_at_1_m_and_its_crossings_of_the_
     assert sorted(round(point.x, 9) for point in crossings.geoms) == [4, 7, 12, 15, 21, 24]
 
 
-@pytest.mark.skipif(not PAPER_MAP.exists(), reason="the recovered map lies beside the project")
-def test_the_map_of_the_paper_is_the_recovered_one() -> None:
-    recovered = yaml.safe_load(PAPER_MAP.read_text())
+def test_the_map_of_the_paper_is_the_recovered_one(shared_data: Path) -> None:
+    recovered = yaml.safe_load((shared_data / "oni_wang_fig1.yaml").read_text())
     assert [list(corner) for corner in ONI_WANG_POLYGON] == recovered["polygon"]
     assert {letter: list(place) for letter, place in ONI_WANG_PLACES.items()} == recovered["points"]
 

@@ -26,7 +26,7 @@ from bug_gym.agents.learning.models import command
 from bug_gym.agents.learning.networks import RobotEncoding
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
-from bug_gym.agents.learning.training import make_model, make_training_env, robot_of, train
+from bug_gym.agents.learning.training import make_model, make_training_env, robot_of, train, usable_cores
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError, load
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
@@ -211,6 +211,12 @@ def test_a_training_killed_outright_and_started_again_ends_with_the_same_model(t
     assert (killed / "checkpoint.pt").exists() and not (killed / "config.json").exists()
     train(settings, killed, threads=1, tensorboard=False)
     assert same_weights(tmp_path / "whole", killed)
+
+
+def test_the_cores_are_counted_where_the_system_tells_no_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert usable_cores() == len(os.sched_getaffinity(0))
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert usable_cores() == os.cpu_count()
 
 
 def test_the_folder_of_another_training_is_refused(tmp_path: Path) -> None:
