@@ -20,6 +20,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels, observation, scenarios, task
+from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
 from bug_gym.world import Capacity, Snapshot, World
 from bug_gym.worlds.field import FieldWorld
@@ -127,7 +128,8 @@ class Simulation:
         self._scratch: list[Scratch] = []
         self._bound_world: object = None
         self._bind()
-        announce_compilation()
+        arguments = (*self._arrays, *self._scratch[0], self._no_actions(self.all_rows), self.all_rows)
+        announce_compilation(types_of(kernels.STEP, *arguments))
 
     @property
     def robots(self) -> int:
@@ -423,7 +425,7 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
 
 
 @functools.cache  # they are compiled at the first step, before which many environments may be made
-def announce_compilation() -> None:
-    """Say in the log, once in a process, that the kernels will be compiled, where they are not kept on disk."""
-    if not kernels.is_compiled():
+def announce_compilation(types: tuple[Any, ...]) -> None:
+    """Say in the log, once in a process, that kernels will be compiled for these types, where none are kept on disk."""
+    if not kernels.is_compiled(types):
         logger.warning("compiling the simulation's kernels, once on this machine (up to half a minute)")

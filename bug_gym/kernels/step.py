@@ -6,6 +6,7 @@ What robots see is most of what is compiled, so all that makes them look anew go
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -35,9 +36,9 @@ from bug_gym.kernels.sensing import clearance_at, observe
 from bug_gym.kernels.vectors import NEAR, prefetch
 
 
-def is_compiled() -> bool:
-    """Whether the kernels are ready: compiled in this process, or kept on disk by numba's cache."""
-    return is_ready(run_rows)
+def is_compiled(types: tuple[Any, ...]) -> bool:
+    """Whether `run_rows` is ready for arguments of these types: in this process, or kept on disk by numba's cache."""
+    return is_ready(run_rows, types)
 
 
 @inlined
