@@ -6,6 +6,7 @@ What a kernel is compiled for is decided by the arguments that it gets, so the w
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator
 from importlib.util import find_spec
 from time import perf_counter
@@ -32,8 +33,10 @@ def run(options: argparse.Namespace) -> None:
     begin = perf_counter()
     for what in _compiled():
         print(f"{perf_counter() - begin:6.1f} s  {what}", flush=True)
-    folders = sorted({str(kernel.stats.cache_path) for kernel in KERNELS if kernel.signatures})
-    print(f"kept in {', '.join(folders)}")
+    folders = [kernel.stats.cache_path for kernel in KERNELS if kernel.signatures]
+    if not folders:
+        raise ValueError("this numba keeps nothing of what it compiles")
+    print(f"{len(folders)} kernels are kept under {os.path.commonpath(folders)}")
 
 
 def _compiled() -> Iterator[str]:
