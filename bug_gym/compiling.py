@@ -96,7 +96,7 @@ def for_python(function: Callable[..., Any]) -> Any:
     """A function compiled to the end, not kept."""
     if DISPATCHERS is None:
         return numba.njit(**OPTIONS)(function)
-    return DISPATCHERS.OncePerType(function, targetoptions={**OPTIONS, **DISPATCHERS.OPTIONS})
+    return DISPATCHERS.Kernel(function, targetoptions={**OPTIONS, **DISPATCHERS.OPTIONS})
 
 
 def for_kernels(function: Callable[..., Any], **options: Any) -> Any:
@@ -132,13 +132,19 @@ def keep(dispatcher: Any, stamp: str) -> bool:
     return True
 
 
-def is_ready(function: Callable[..., Any]) -> bool:
-    """Whether a kernel is compiled in this process, or kept on disk as it is written today."""
+def types_of(*arguments: Any) -> tuple[Any, ...]:
+    """The types that a kernel is compiled for where it is called with these arguments."""
+    return tuple(map(numba.typeof, arguments))
+
+
+def is_ready(function: Callable[..., Any], types: tuple[Any, ...] | None = None) -> bool:
+    """Whether a kernel is compiled for these types, or for any: in this process, or on disk as it is written today."""
     dispatcher: Any = function
-    if dispatcher.signatures:
+    if types in dispatcher.signatures or (types is None and dispatcher.signatures):
         return True
     try:
-        return any(dispatcher is kept and kept._cache._cache_file._load_index() for kept in KERNELS)
+        kept = dispatcher._cache._cache_file._load_index() if any(dispatcher is one for one in KERNELS) else {}
+        return any(types in (None, signature) for signature, *_ in kept)
     except (AttributeError, OSError):  # kept in another way; or another process is writing it, which Windows refuses
         return False
 

@@ -93,3 +93,21 @@ class Callee(OncePerType):
     def add_overload(self, cres: Any) -> None:
         """Keep what was compiled for one signature."""
         self.overloads[tuple(cres.signature.args)] = cres
+
+
+class Kernel(OncePerType):
+    """A function for Python. To kernels that call it, it is a `Callee`: they need no machine code of its own."""
+
+    def __init__(
+        self, py_func: Callable[..., Any], locals: Any = None, targetoptions: dict[str, Any] | None = None
+    ) -> None:
+        super().__init__(py_func, locals, targetoptions)
+        self.callee = Callee(py_func, locals, targetoptions)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What numba asks for when it meets a call."""
+        return self.callee.get_call_template(args, kws)
+
+    def get_overload(self, sig: Any) -> Any:
+        """What numba asks for when it writes a call."""
+        return self.callee.get_overload(sig)

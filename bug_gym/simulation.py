@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,6 +20,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels, observation, scenarios, task
+from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
 from bug_gym.world import Capacity, Snapshot, World
 from bug_gym.worlds.field import FieldWorld
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger("bug_gym")
 
 Rows = NDArray[np.int64]
+Scratch = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 REPORTED = ("time", "path_length", "min_clearance", "goal_distance", "reward", "terms", "outcome")
 """Arrays of a row that tell how its robots are doing."""
@@ -123,10 +125,11 @@ class Simulation:
         self._all_seeded = False
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="bug_gym") if threads > 1 else None
-        self._scratch: list[tuple[NDArray[np.float64], NDArray[np.int64]]] = []
+        self._scratch: list[Scratch] = []
         self._bound_world: object = None
         self._bind()
-        announce_compilation()
+        arguments = (*self._arrays, *self._scratch[0], self._no_actions(self.all_rows), self.all_rows)
+        announce_compilation(types_of(kernels.STEP, *arguments))
 
     @property
     def robots(self) -> int:
@@ -155,8 +158,12 @@ class Simulation:
             self._place_fields(rows, self._field_record)
         else:
             self._place_layouts(rows)
-        self._run(kernels.begin_rows, rows)
+        self.begin(rows)
         return self.observations(rows)
+
+    def begin(self, rows: Rows) -> None:
+        """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
+        self._do(kernels.BEGIN, rows, self._no_actions(rows))
 
     def restart_robots(self, rows: Rows, starts: NDArray[np.float64]) -> NDArray[np.float32]:
         """Put robots whose runs have ended back to a start, while their worlds go on; not where something stands there.
@@ -168,7 +175,12 @@ class Simulation:
         Returns:
             Flat observations (n, R, D), a copy.
         """
-        self._run(kernels.restart_robots, rows, np.ascontiguousarray(starts, dtype=np.float64))
+        if self._bound_world is not self.world.floats:
+            self._bind()
+        world = self.world
+        starts = np.ascontiguousarray(starts, dtype=np.float64)
+        kernels.restart_robots(world.floats, world.ints, world.spec, self._footprint, starts, rows)
+        self._do(kernels.LOOK, rows, self._no_actions(rows))
         return self.observations(rows)
 
     def _seed(self, rows: Rows, seeds: Sequence[int | None] | None) -> None:
@@ -240,7 +252,7 @@ class Simulation:
             raise ValueError(f"actions must be finite, got {array[~np.isfinite(array)][0]}")
         if not self._all_seeded:
             self._require_episodes(rows)
-        self._run(kernels.step_rows, rows, array)
+        self._do(kernels.STEP, rows, array)
 
     def _require_episodes(self, rows: Rows) -> None:
         missing = rows[~self._seeded[rows]]
@@ -248,27 +260,41 @@ class Simulation:
             raise ResetNeeded(f"row {missing[0]} has no episode yet: call reset first")
         self._all_seeded = bool(self._seeded.all())
 
-    def _run(self, kernel: Callable[..., None], rows: Rows, *per_row: NDArray[Any]) -> None:
-        """Call a kernel over the rows, in blocks where there are threads to share them."""
+    def _no_actions(self, rows: Rows) -> NDArray[np.float64]:
+        return np.empty((len(rows), self.robots, 2))
+
+    def _do(self, task: int, rows: Rows, actions: NDArray[np.float64]) -> None:
+        """Have the rows do a task of the kernels, in blocks where there are threads to share them."""
         if self._bound_world is not self.world.floats:
             self._bind()
         if self._pool is None or len(rows) < 2 * self._threads:
-            kernel(*self._arrays, *self._scratch[0], *per_row, rows)
+            self._do_block(task, self._scratch[0], actions, rows)
             return
-        jobs = []
-        for number, block in enumerate(np.array_split(np.arange(len(rows)), self._threads)):
-            parts = [array[block] for array in per_row]
-            jobs.append(self._pool.submit(kernel, *self._arrays, *self._scratch[number], *parts, rows[block]))
+        blocks = np.array_split(np.arange(len(rows)), self._threads)
+        jobs = [
+            self._pool.submit(self._do_block, task, scratch, actions[block], rows[block])
+            for scratch, block in zip(self._scratch, blocks, strict=True)
+        ]
         wait(jobs)
         for job in jobs:
             job.result()
+
+    def _do_block(self, task: int, scratch: Scratch, actions: NDArray[np.float64], rows: Rows) -> None:
+        world = self.world
+        if world.capacity.steered and task != kernels.LOOK:
+            kernels.steer_rows(task, world.floats, world.ints, world.spec, world.footprint, *scratch, rows)
+        kernels.run_rows(task, *self._arrays, *scratch, actions, rows)
 
     def _bind(self) -> None:
         """Take hold of the world's buffers, which are new ones once it has grown."""
         world = self.world
         self._scratch = [world.make_scratch() for _ in range(self._threads)]
         self._bound_world = world.floats
-        constants = (world.spec, world.beams, world.footprint, world.regions)
+        # None where there is little to say: less is compiled for that.
+        is_disc = self.robots == 1 and len(world.footprint) == 1 and not world.footprint[0, :2].any()
+        self._footprint = None if is_disc else world.footprint
+        regions = world.regions if self.scenario.world.regions else None
+        constants = (world.spec, world.beams, self._footprint, regions)
         self._arrays = (world.floats, world.ints, world.observation, *constants)
         self._begins = {name: int(world.spec[name][0]) for name in REPORTED}
         numbers = {name: begin for name, begin in self._begins.items() if name != "outcome"}
@@ -399,7 +425,7 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
 
 
 @functools.cache  # they are compiled at the first step, before which many environments may be made
-def announce_compilation() -> None:
-    """Say in the log, once in a process, that the kernels will be compiled, where they are not kept on disk."""
-    if not kernels.is_compiled():
+def announce_compilation(types: tuple[Any, ...]) -> None:
+    """Say in the log, once in a process, that kernels will be compiled for these types, where none are kept on disk."""
+    if not kernels.is_compiled(types):
         logger.warning("compiling the simulation's kernels, once on this machine (up to half a minute)")

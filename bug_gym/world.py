@@ -334,7 +334,7 @@ class World:
     # ------------------------------------------------------------------------------------------ layouts
 
     def load(self, row: int, layout: Layout) -> None:
-        """Put a layout into a row; `kernels.begin_rows` then starts its episode."""
+        """Put a layout into a row; `Simulation.begin` then starts its episode."""
         self.grow(Capacity.of(layout))
         seed, episode = self.seed[row], self.episode[row]
         self.floats[row] = 0.0

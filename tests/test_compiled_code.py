@@ -258,6 +258,59 @@ def test_a_kernel_is_ready_where_it_is_compiled_here_or_kept_as_it_is_written_to
     assert told() == ["False True"], "an index of older sources is there, and nothing of it is run"
 
 
+TYPES = """
+import double
+from bug_gym.compiling import is_ready, types_of
+before = [is_ready(double.double, types_of(x)) for x in (1, 0.5)]
+double.double(21)
+print(*before, *(is_ready(double.double, types_of(x)) for x in (1, 0.5)))
+"""
+
+
+def test_a_kernel_is_ready_for_the_types_that_it_is_compiled_for(tmp_path: Path) -> None:
+    (tmp_path / "double.py").write_text(MODULE)
+
+    def told() -> list[str]:
+        return output(TYPES, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+
+    assert told() == ["False False True False"]
+    assert told() == ["True False True False"]
+
+
+CHOOSES = """
+from bug_gym.compiling import called, kernel
+
+@called
+def half(x, shift):
+    if shift is not None:
+        return missing(x)
+    return x / 2
+
+@kernel
+def quarter(x, shift):
+    return half(half(x, shift), shift)
+"""
+
+
+def test_what_stands_behind_is_not_none_is_not_compiled_for_none(tmp_path: Path) -> None:
+    """Worlds of one robot and no regions rest on that: `missing` is nowhere."""
+    (tmp_path / "chooses.py").write_text(CHOOSES)
+    assert output("import chooses; print(chooses.quarter(8.0, None))", tmp_path) == ["2.0"]
+
+
+ASKED = """
+import parts
+print(parts.sum_of_sums(2), len(parts.sum_of_powers.overloads), parts.sum_of_powers(2))
+"""
+
+
+@pytest.mark.skipif(IS_PLAIN, reason="plain numba compiles everything for Python too")
+def test_a_kernel_that_only_another_kernel_calls_is_not_compiled_for_python(tmp_path: Path) -> None:
+    more = "\n@kernel\ndef sum_of_sums(x):\n    return sum_of_powers(x) + sum_of_powers(x + 1)\n"
+    (tmp_path / "parts.py").write_text(PARTS + more)
+    assert output(ASKED, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) == ["55 0 15"]
+
+
 DOUBLE = "import double; print(double.double(21), sum(double.double.stats.cache_hits.values()))"
 
 

@@ -704,7 +704,7 @@ def test_a_process_tells_once_that_it_compiles_and_not_where_there_is_nothing_to
     is_compiled: bool, lines: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     announce_compilation.cache_clear()
-    monkeypatch.setattr(kernels, "is_compiled", lambda: is_compiled)
+    monkeypatch.setattr(kernels, "is_compiled", lambda types: is_compiled)
     for _ in range(3):
         make()
     assert [record.message.split(",")[0] for record in caplog.records] == lines * ["compiling the simulation's kernels"]

@@ -10,7 +10,6 @@ import shapely
 from numpy.typing import NDArray
 from scipy import stats
 
-from bug_gym import kernels
 from bug_gym.config import Bounce, RandomWalk, Scenario, Waypoints, load
 from bug_gym.scenarios import draw_layout
 from bug_gym.simulation import Simulation
@@ -423,7 +422,7 @@ def test_a_layout_read_in_mid_episode_continues_as_the_episode_does() -> None:
     for _ in range(57):
         whole.step([[[0.0, 0.0]]])
     resumed.world.load(0, whole.world.layout(0))
-    resumed._run(kernels.begin_rows, resumed.all_rows)
+    resumed.begin(resumed.all_rows)
     for _ in range(200):
         whole.step([[[0.0, 0.0]]])
         resumed.step([[[0.0, 0.0]]])

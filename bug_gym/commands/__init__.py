@@ -60,6 +60,11 @@ COMMANDS: dict[str, Command] = {
         "Run again what a paper reports, and print both side by side.",
         "bug-gym reproduce oni-wang-table-1 --workers 2",
     ),
+    "warm-up": Command(
+        "bug_gym.commands.warm_up",
+        "Compile everything that is compiled when it is first used, and keep it: for images and clusters.",
+        "bug-gym warm-up",
+    ),
     "benchmark": Command(
         "bug_gym.commands.benchmark",
         "Measure speeds on this machine: environments, new worlds, imports, decisions of policies.",

@@ -10,7 +10,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
     contact  avoidance                                 who touches what, when; half planes of velocities
     sensing  laws                                      the observation and the clearance; bodies that look
-    step                                               the sentence: step_rows, begin_rows, restart_robots, read_status
+    step                                               the sentence: run_rows, steer_rows, restart_robots, read_status
 
 Each line imports from those above it.
 
@@ -63,7 +63,17 @@ from bug_gym.kernels.layout import (
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
 from bug_gym.kernels.rays import beam_table, scratch_floats, scratch_integers
-from bug_gym.kernels.step import STATUS, begin_rows, is_compiled, read_status, restart_robots, step_rows
+from bug_gym.kernels.step import (
+    BEGIN,
+    LOOK,
+    STATUS,
+    STEP,
+    is_compiled,
+    read_status,
+    restart_robots,
+    run_rows,
+    steer_rows,
+)
 
 __all__ = [
     "ATTEMPTS",
@@ -76,7 +86,10 @@ __all__ = [
     "CROWD_BIT",
     "DIFFERENTIAL",
     "EVADE",
+    "BEGIN",
+    "LOOK",
     "STATUS",
+    "STEP",
     "FIELD",
     "FLOAT_ARRAYS",
     "Flags",
@@ -107,7 +120,6 @@ __all__ = [
     "WALK_BIT",
     "WAYPOINTS",
     "beam_table",
-    "begin_rows",
     "free_distance",
     "free_distances",
     "hash64",
@@ -116,9 +128,10 @@ __all__ = [
     "point_wall_distance",
     "read_status",
     "restart_robots",
+    "run_rows",
     "scratch_floats",
     "scratch_integers",
+    "steer_rows",
     "steering_floats",
-    "step_rows",
     "uniform",
 ]

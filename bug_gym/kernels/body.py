@@ -7,18 +7,30 @@ import math
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
 from bug_gym.kernels.geometry import length, sin_cos
-from bug_gym.kernels.layout import Floats, Record
+from bug_gym.kernels.layout import Floats, Footprint, Record
 
 
 @inlined
-def body_circle(f: Floats, s: Record, footprint: Floats, at: int, r: int, c: int) -> tuple[float, float]:
+def body_circle(f: Floats, s: Record, footprint: Footprint, at: int, r: int, c: int) -> tuple[float, float]:
     """Centre of circle c of robot r's body at the pose stored at `at` (s.pose or s.next_pose)."""
     x, y = f[at + 3 * r], f[at + 3 * r + 1]
+    if footprint is None:
+        return x, y
     ox, oy = footprint[c, 0], footprint[c, 1]
     if ox == 0.0 and oy == 0.0:
         return x, y
     sin, cos = sin_cos(f[at + 3 * r + 2])
     return x + cos * ox - sin * oy, y + sin * ox + cos * oy
+
+
+@inlined
+def circle_radius(s: Record, footprint: Footprint, c: int) -> float:
+    """Radius of circle c of a robot's body [m]."""
+    if footprint is None:
+        reach: float = s.body_reach
+        return reach
+    radius: float = footprint[c, 2]
+    return radius
 
 
 @inlined

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from bug_gym.compiling import called, inlined
-from bug_gym.kernels.body import NO_WALL, body_circle, is_beside, swing, swing_contact, swung_circle
+from bug_gym.kernels.body import NO_WALL, body_circle, circle_radius, is_beside, swing, swing_contact, swung_circle
 from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
 from bug_gym.kernels.geometry import length
-from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Integers, Record
+from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Footprint, Integers, Record
 from bug_gym.kernels.motion import body_motion
 from bug_gym.kernels.rays import Discs, find_near_discs
 from bug_gym.kernels.vectors import NEAR
@@ -32,7 +32,7 @@ def goal_contact(f: Floats, k: Integers, s: Record, r: int) -> float:
 
 @inlined
 def disc_contacts(
-    f: Floats, k: Integers, s: Record, footprint: Floats, r: int, need: float, end: float, index: Integers
+    f: Floats, k: Integers, s: Record, footprint: Footprint, r: int, need: float, end: float, index: Integers
 ) -> tuple[float, float]:
     """First contact of robot r with discs on its chord up to `end`, and the smallest clearance to them."""
     x0, y0 = f[s.pose + 3 * r], f[s.pose + 3 * r + 1]
@@ -49,8 +49,8 @@ def disc_contacts(
         if m < moving:
             mx, my = body_motion(f, s, m)
         for c in range(s.footprint):
-            reach = f[s.body_radius + m] + footprint[c, 2]
-            if is_beside(footprint, c):
+            reach = f[s.body_radius + m] + circle_radius(s, footprint, c)
+            if footprint is not None and is_beside(footprint, c):
                 fraction, gap = swing_contact(f, s, footprint, r, c, x, y, mx, my, reach, NO_WALL, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
@@ -66,7 +66,7 @@ def disc_contacts(
 def wall_contacts(
     f: Floats,
     s: Record,
-    footprint: Floats,
+    footprint: Footprint,
     r: int,
     begin: int,
     count: int,
@@ -94,8 +94,8 @@ def wall_contacts(
         if gap_x * gap_x + gap_y * gap_y >= need * need:
             continue
         for c in range(s.footprint):
-            radius = footprint[c, 2]
-            if is_beside(footprint, c):
+            radius = circle_radius(s, footprint, c)
+            if footprint is not None and is_beside(footprint, c):
                 fraction, gap = swing_contact(f, s, footprint, r, c, bx, by, mx, my, radius, w, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
@@ -118,7 +118,7 @@ def find_near_polygons(
 
 @inlined
 def obstacle_contact(
-    f: Floats, k: Integers, s: Record, footprint: Floats, r: int, end: float, index: Integers
+    f: Floats, k: Integers, s: Record, footprint: Footprint, r: int, end: float, index: Integers
 ) -> tuple[float, float]:
     """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
 
@@ -201,7 +201,7 @@ def settle_robots(
     f: Floats,
     k: Integers,
     s: Record,
-    footprint: Floats,
+    footprint: Footprint,
     stops: Floats,
     verdicts: Integers,
     index: Integers,
@@ -226,7 +226,7 @@ def settle_robots(
             verdicts[r] = COLLISION
             clearance = 0.0
         f[s.clearance + r] = clearance
-    if s.robots > 1:
+    if footprint is not None and s.robots > 1:
         settle_among_robots(f, k, s, footprint, stops, verdicts)
 
 

@@ -7,12 +7,12 @@ import math
 from bug_gym.compiling import inlined
 from bug_gym.kernels.geometry import clip, length, sin_cos, wrap
 from bug_gym.kernels.ground import factor_at
-from bug_gym.kernels.layout import HOLONOMIC, STREAM_ODOMETRY, Floats, Integers, Record
+from bug_gym.kernels.layout import HOLONOMIC, STREAM_ODOMETRY, Floats, Integers, Record, Regions
 from bug_gym.kernels.randomness import hash64, normal
 
 
 @inlined
-def drive(f: Floats, s: Record, regions: Floats, r: int, first: float, second: float) -> None:
+def drive(f: Floats, s: Record, regions: Regions, r: int, first: float, second: float) -> None:
     """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose).
 
     The ground where its centre is now divides its greatest speeds: it enters a region as slow as that lets it be.
@@ -20,7 +20,7 @@ def drive(f: Floats, s: Record, regions: Floats, r: int, first: float, second: f
     step = s.step
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     max_speed, max_reverse = s.max_speed, s.max_reverse
-    if s.regions > 0:
+    if regions is not None:
         factor = factor_at(s, regions, x, y)
         max_speed, max_reverse = max_speed / factor, max_reverse / factor
         slow_down(f, s, r, max_speed, max_reverse)

@@ -13,6 +13,13 @@ Ranges = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
 Record = Any  # of SPEC or FIELD; numba reads its fields as attributes
 
+# Of the two ways to say what most worlds have, None is the one for which less is compiled: numba leaves out what stands
+# behind `is not None`.
+Footprint = Floats | None
+"""Circles x, y, radius (C, 3) of a robot's body; None: one robot, a disc about its origin."""
+Regions = Floats | None
+"""Weighted regions, as `ground` reads them; None: there are none."""
+
 
 RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
 HOLONOMIC, DIFFERENTIAL = 0, 1

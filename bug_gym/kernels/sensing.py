@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from bug_gym.compiling import called, inlined
-from bug_gym.kernels.body import body_circle
+from bug_gym.kernels.body import body_circle, circle_radius
 from bug_gym.kernels.chords import point_wall_distance
 from bug_gym.kernels.contact import find_near_polygons
 from bug_gym.kernels.geometry import clip, length, sin_cos
@@ -18,9 +18,11 @@ from bug_gym.kernels.layout import (
     TERRAIN_HEADINGS,
     TERRAIN_RINGS,
     Floats,
+    Footprint,
     Integers,
     Ranges,
     Record,
+    Regions,
 )
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
@@ -71,9 +73,11 @@ def gather_walls(f: Floats, k: Integers, s: Record, x: float, y: float, scratch:
 
 
 @inlined
-def stand_in(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> int:
+def stand_in(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int) -> int:
     """Puts the other robots, who are discs too while robot r looks, behind the world's own; returns how many there are."""
     discs: int = k[s.disc_count]
+    if footprint is None:
+        return discs
     for other in range(s.robots):
         if other != r:
             for c in range(s.footprint):
@@ -149,8 +153,8 @@ def observe(
     observation: Ranges,
     s: Record,
     beams: Floats,
-    footprint: Floats,
-    regions: Floats,
+    footprint: Footprint,
+    regions: Regions,
     scratch: Floats,
     scratch_int: Integers,
     r: int,
@@ -169,10 +173,10 @@ def observe(
     observation[s.see_pose + 2] = f[s.odometry + 3 * r + 2]
     observation[s.see_velocity] = f[s.velocity + 2 * r]
     observation[s.see_velocity + 1] = f[s.velocity + 2 * r + 1]
-    if s.regions > 0:
+    if regions is not None:
         samples = TERRAIN_HEADINGS * TERRAIN_RINGS
         sample_ground(s, regions, observation[s.see_terrain : s.see_terrain + samples], x, y, heading)
-    if s.robots > 1:
+    if footprint is not None and s.robots > 1:
         see_peers(f, observation[s.see_peers :], s, origin, heading, r)
 
 
@@ -184,12 +188,12 @@ def wall_gap(f: Floats, s: Record, w: int, x: float, y: float) -> float:
 
 
 @called
-def clearance_at(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> float:
+def clearance_at(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int) -> float:
     """Distance from robot r's body to the nearest obstacle, border and other robot [m], at its present pose."""
     nearest = math.inf
     for c in range(s.footprint):
         x, y = body_circle(f, s, footprint, s.pose, r, c)
-        radius = footprint[c, 2]
+        radius = circle_radius(s, footprint, c)
         for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
             nearest = min(nearest, wall_gap(f, s, w, x, y) - radius)
         for m in range(k[s.disc_count]):
@@ -208,6 +212,8 @@ def clearance_at(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -
             first = k[s.polygon_first + number]
             for w in range(first, first + k[s.polygon_walls + number]):
                 nearest = min(nearest, wall_gap(f, s, w, x - bx, y - by) - radius)
+        if footprint is None:
+            continue
         for other in range(s.robots):
             if other != r:
                 for d in range(s.footprint):

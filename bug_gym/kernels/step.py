@@ -1,8 +1,12 @@
-"""The step of a row, from the actions to what the robots see; how rows begin, start again and are read."""
+"""The step of a row, from the actions to what the robots see; how rows begin, start again and are read.
+
+What robots see is most of what is compiled, so all that makes them look anew goes through one kernel, `run_rows`.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -21,18 +25,20 @@ from bug_gym.kernels.layout import (
     TERMS,
     TIMEOUT,
     Floats,
+    Footprint,
     Integers,
     Ranges,
     Record,
+    Regions,
 )
 from bug_gym.kernels.motion import move_bodies, plan_body, take_heading
 from bug_gym.kernels.sensing import clearance_at, observe
 from bug_gym.kernels.vectors import NEAR, prefetch
 
 
-def is_compiled() -> bool:
-    """Whether the kernels are ready: compiled in this process, or kept on disk by numba's cache."""
-    return is_ready(step_rows)
+def is_compiled(types: tuple[Any, ...]) -> bool:
+    """Whether `run_rows` is ready for arguments of these types: in this process, or kept on disk by numba's cache."""
+    return is_ready(run_rows, types)
 
 
 @inlined
@@ -66,22 +72,18 @@ def judge(f: Floats, k: Integers, s: Record, r: int, verdict: int, first: float,
 def step_row(
     f: Floats,
     k: Integers,
-    observation: Ranges,
     s: Record,
-    beams: Floats,
-    footprint: Floats,
-    regions: Floats,
+    footprint: Footprint,
+    regions: Regions,
     scratch: Floats,
     scratch_int: Integers,
     actions: Floats,
 ) -> None:
-    """One step of one world; `actions` (R, 2) in [-1, 1], `observation` (R, D) is filled."""
+    """One step of one world, but for what the robots see; `actions` (R, 2) in [-1, 1]."""
     k[s.steps] += 1
     start = f[s.time]
     end = k[s.steps] * s.step
     f[s.time] = end
-    if k[s.steered_count] > 0:
-        steer_bodies(f, k, s, footprint, start, end, scratch, scratch_int)
     move_bodies(f, k, s, start, end)
     robots = s.robots
     for r in range(robots):
@@ -100,8 +102,6 @@ def step_row(
             f[s.reward + r] = 0.0
             for i in range(TERMS):
                 f[s.terms + TERMS * r + i] = 0.0
-    for r in range(robots):
-        observe(f, k, observation[r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 # Rows of many walls don't stay in the processor's cache, and which walls a step needs is known only when the places of
@@ -132,35 +132,8 @@ def fetch_near_walls(f: Floats, k: Integers, s: Record, index: Integers) -> None
             prefetch(f, line)
 
 
-@kernel
-def step_rows(
-    floats: Floats,
-    ints: Integers,
-    observation: Ranges,
-    spec: Record,
-    beams: Floats,
-    footprint: Floats,
-    regions: Floats,
-    scratch: Floats,
-    scratch_int: Integers,
-    actions: Floats,
-    rows: Integers,
-) -> None:
-    """Step the worlds `rows` (n,) with `actions` (n, R, 2); everything else is (N, ...) and changed in place."""
-    s = spec[0]
-    ahead = s.walls >= MANY_WALLS and rows.size >= MANY_ROWS
-    for i in range(-2, rows.size):
-        if ahead and i + 2 < rows.size:
-            fetch_row(floats[rows[i + 2]], ints[rows[i + 2]], s)
-        if ahead and 0 <= i + 1 < rows.size:
-            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, scratch_int)
-        if i >= 0:
-            n = rows[i]
-            step_row(floats[n], ints[n], observation[n], s, beams, footprint, regions, scratch, scratch_int, actions[i])
-
-
 @called
-def begin_robot(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) -> None:
+def begin_robot(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int) -> None:
     """Start the run of robot r at the pose that it has."""
     g = k[s.goal_body + r]
     k[s.outcome + r] = RUNNING
@@ -180,8 +153,11 @@ def begin_robot(f: Floats, k: Integers, s: Record, footprint: Floats, r: int) ->
 
 
 @called
-def begin_world(f: Floats, k: Integers, s: Record, footprint: Floats) -> None:
-    """Start the episode of a row whose obstacles, poses and goals have been placed, but for what the robots see."""
+def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None:
+    """Start the episode of a row whose obstacles, poses and goals have been placed, but for what the robots see.
+
+    Bodies that look have begun before (`steer_rows`).
+    """
     f[s.time] = 0.0
     k[s.steps] = 0
     fastest, steered = 0.0, 0
@@ -194,7 +170,6 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Floats) -> None:
         fastest = max(fastest, f[s.body_speed + b])
         if law >= CROWD:
             steered += 1
-            begin_steered(f, k, s, b)
             continue
         if law == RANDOM_WALK:
             f[s.body_event + b] = take_heading(f, k, s, b)
@@ -205,44 +180,95 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Floats) -> None:
         begin_robot(f, k, s, footprint, r)
 
 
+STEP, BEGIN, LOOK = 0, 1, 2  # what is done with a row before its robots look
+
+
 @kernel
-def begin_rows(
+def steer_rows(
+    task: int,
+    floats: Floats,
+    ints: Integers,
+    spec: Record,
+    footprint: Floats,
+    scratch: Floats,
+    scratch_int: Integers,
+    rows: Integers,
+) -> None:
+    """What the bodies that look do first, when the worlds `rows` (n,) STEP or BEGIN: they take their velocities.
+
+    Apart from `run_rows`, so that only who has such bodies waits until this is compiled.
+    """
+    s = spec[0]
+    for i in range(rows.size):
+        f, k = floats[rows[i]], ints[rows[i]]
+        if task == BEGIN:
+            for b in range(s.bodies):
+                if k[s.body_law + b] >= CROWD and not k[s.disc_count] <= b < s.discs:
+                    begin_steered(f, k, s, b)
+        elif k[s.steered_count] > 0:
+            steer_bodies(f, k, s, footprint, f[s.time], (k[s.steps] + 1) * s.step, scratch, scratch_int)
+
+
+@kernel
+def run_rows(
+    task: int,
     floats: Floats,
     ints: Integers,
     observation: Ranges,
     spec: Record,
     beams: Floats,
-    footprint: Floats,
-    regions: Floats,
+    footprint: Footprint,
+    regions: Regions,
     scratch: Floats,
     scratch_int: Integers,
+    actions: Floats,
     rows: Integers,
 ) -> None:
-    """Start the episodes of the worlds `rows` (n,)."""
+    """Have the worlds `rows` (n,) do a task, after which their robots look.
+
+    Everything but rows and actions is (N, ...) and changed in place.
+
+    Args:
+        task: STEP with the actions, BEGIN the episodes, or LOOK only.
+        floats: the rows.
+        ints: the rows.
+        observation: (N, R, D), filled.
+        spec: one record of SPEC.
+        beams: as `rays.Beams`.
+        footprint: the robots' body.
+        regions: of the ground.
+        scratch: working memory.
+        scratch_int: likewise.
+        actions: (n, R, 2), read only in a STEP.
+        rows: numbers of the worlds.
+    """
     s = spec[0]
-    for i in range(rows.size):
+    ahead = s.walls >= MANY_WALLS and rows.size >= MANY_ROWS
+    for i in range(-2, rows.size):
+        if ahead and i + 2 < rows.size:
+            fetch_row(floats[rows[i + 2]], ints[rows[i + 2]], s)
+        if ahead and 0 <= i + 1 < rows.size:
+            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, scratch_int)
+        if i < 0:
+            continue
         n = rows[i]
         f, k = floats[n], ints[n]
-        begin_world(f, k, s, footprint)
+        if task == STEP:
+            step_row(f, k, s, footprint, regions, scratch, scratch_int, actions[i])
+        elif task == BEGIN:
+            begin_world(f, k, s, footprint)
         for r in range(s.robots):
             observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 @kernel
 def restart_robots(
-    floats: Floats,
-    ints: Integers,
-    observation: Ranges,
-    spec: Record,
-    beams: Floats,
-    footprint: Floats,
-    regions: Floats,
-    scratch: Floats,
-    scratch_int: Integers,
-    starts: Floats,
-    rows: Integers,
+    floats: Floats, ints: Integers, spec: Record, footprint: Footprint, starts: Floats, rows: Integers
 ) -> None:
-    """Put robots of the worlds `rows` (n,) whose runs have ended back to `starts` (n, R, 3), where those are free."""
+    """Put robots of the worlds `rows` (n,) whose runs have ended back to `starts` (n, R, 3), where those are free.
+
+    They have yet to LOOK.
+    """
     s = spec[0]
     for i in range(rows.size):
         n = rows[i]
@@ -257,8 +283,6 @@ def restart_robots(
                 begin_robot(f, k, s, footprint, r)
             else:
                 f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2] = x, y, heading
-        for r in range(s.robots):
-            observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
 
 
 STATUS = 5  # numbers of a robot besides its reward terms: reward, path_length, time, min_clearance, goal_distance

@@ -14,7 +14,6 @@ from compiled import for_python
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from bug_gym import kernels
 from bug_gym.config import Crowd, Evade, Replay, ScenarioError, load
 from bug_gym.kernels import avoidance
 from bug_gym.simulation import Simulation
@@ -286,7 +285,7 @@ def begin_with(layouts: list[Layout]) -> Simulation:
     simulation = begin(scenario([walker([0, 0])]), count=len(layouts))
     for row, layout in enumerate(layouts):
         simulation.world.load(row, layout)
-    simulation._run(kernels.begin_rows, simulation.all_rows)
+    simulation.begin(simulation.all_rows)
     return simulation
 
 
@@ -1007,7 +1006,7 @@ def test_a_world_in_which_nobody_looks_makes_room_when_somebody_does() -> None:
     before = simulation.world.layout(0)
     simulation.world.load(1, crossing(0, 5))
     assert simulation.world.layout(0).movers == before.movers
-    simulation._run(kernels.begin_rows, np.array([1]))
+    simulation.begin(np.array([1]))
     moving = watch(simulation, 20)[0]
     assert norms(moving[-1, 1, :1] - moving[0, 1, :1]).min() > 0.5
     assert moving[-1, 0, 0] == pytest.approx(np.array(before.movers[0].at) + 2.0 * np.array([1.0, 0.3]))
@@ -1040,7 +1039,7 @@ def test_a_record_read_in_mid_episode_continues_as_the_episode_does() -> None:
     watch(whole, 17)
     layout = whole.world.layout(0)
     resumed.world.load(0, replace(layout))
-    resumed._run(kernels.begin_rows, resumed.all_rows)
+    resumed.begin(resumed.all_rows)
     assert watch(resumed, 80)[0] == pytest.approx(watch(whole, 80)[0], abs=1e-9)
 
 
