@@ -1,28 +1,204 @@
-"""Files that are written whole or not at all, and where results come from."""
+"""Files that are written whole or not at all, folders with one writer, strict JSON, and where results come from.
+
+Everything that this package writes goes through `replaced_when_done` or `append`. Both write regular files and new ones
+only: a device, a folder, a pipe is refused, and so is a symbolic link, which is neither replaced nor written through.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
-from collections.abc import Iterator
-from contextlib import contextmanager
+import socket
+import stat
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import bug_gym
+
+LOCK, HOLDER = ".lock", ".lock.json"
+"""What `one_writer` puts into a folder: what is locked, and who holds it."""
+PARTIAL = ".partial"
+"""Part of the name of every file that is not yet whole; a kill leaves such a file behind."""
+
+KINDS = {
+    stat.S_IFLNK: "a symbolic link",
+    stat.S_IFDIR: "a folder",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+}
+"""What is no regular file, by its bits of the mode."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Writing
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def writable(path: str | Path, suffixes: Sequence[str] = ()) -> Path:
+    """The path of a file to write; to be asked before the work, not after it.
+
+    Args:
+        path: of a new file, or of a regular one that is to be replaced.
+        suffixes: what the name may end in, such as `.png`, in small or large letters; none: anything.
+
+    Raises:
+        ValueError: another suffix, no folder to write into, or something there that is no regular file.
+    """
+    target = Path(path)
+    if suffixes and target.suffix.lower() not in suffixes:
+        *first, last = suffixes
+        allowed = f"{', '.join(first)} or {last}" if first else last
+        raise ValueError(f"got {target} to write to, expected a name that ends in {allowed}")
+    if not target.parent.is_dir():
+        raise ValueError(f"no folder {target.parent} to write {target.name} into")
+    with suppress(FileNotFoundError):
+        mode = target.lstat().st_mode
+        if not stat.S_ISREG(mode):
+            kind = KINDS.get(stat.S_IFMT(mode), "something else")
+            raise ValueError(f"{target} is {kind}, expected a regular file or a new name")
+    return target
 
 
 @contextmanager
 def replaced_when_done(path: str | Path) -> Iterator[Path]:
-    """A place to write a file to, which takes its name once it is whole; a failure leaves nothing behind."""
-    target = Path(path)
-    partial = target.with_name(f"{target.stem}.partial{target.suffix}")
+    """A place to write a file to, which takes its name once it is whole and on the disk; a failure leaves nothing.
+
+    The place has the suffix of the path, and an unpredictable name in its folder that was nobody's before. What it
+    replaces hands its permissions on; those of a new file are the usual ones.
+
+    Raises:
+        ValueError: the path is not `writable`, or somebody else has put another file in the place.
+    """
+    target = writable(path)
+    partial = target.with_name(f".{os.urandom(8).hex()}{PARTIAL}{target.suffix}")
+    own = partial.open("xb")  # made new, so neither another's file nor one behind a link
+    made = os.fstat(own.fileno())
     try:
-        yield partial
+        with own:
+            yield partial
+            os.fsync(own.fileno())
+            if not _is_at(partial, made):
+                raise ValueError(f"{partial} was taken away or exchanged while {target} was written into it")
+        if writable(target).exists():
+            partial.chmod(stat.S_IMODE(target.lstat().st_mode))
         partial.replace(target)
+        _sync(target.parent)
     finally:
-        partial.unlink(missing_ok=True)
+        if _is_at(partial, made):
+            partial.unlink()
+
+
+def _is_at(path: Path, made: os.stat_result) -> bool:
+    """Whether a file that was made lies at a path, and no other."""
+    try:
+        return os.path.samestat(path.lstat(), made)
+    except FileNotFoundError:
+        return False
+
+
+def _sync(folder: Path) -> None:
+    """Let a new name outlive a loss of power, on systems that can be asked for it."""
+    if os.name == "posix":
+        with suppress(OSError):
+            opened = os.open(folder, os.O_RDONLY)
+            try:
+                os.fsync(opened)
+            finally:
+                os.close(opened)
+
+
+def append(path: str | Path, data: bytes) -> None:
+    """Add to the end of a file, which is made where it is missing; all is on the disk when this returns.
+
+    Raises:
+        ValueError: the path is not `writable`.
+    """
+    with open(writable(path), "ab", opener=_open_itself) as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _open_itself(path: str, flags: int) -> int:
+    """Open a file, but nothing behind a link that has come since `writable` looked."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
+
+
+@contextmanager
+def one_writer(folder: Path) -> Iterator[None]:
+    """Keep a folder to this process; the system frees what a dead process held.
+
+    Raises:
+        ValueError: another one writes there; the message tells which.
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(writable(folder / LOCK))
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise ValueError(f"{folder} is in use{_told_holder(folder / HOLDER)}") from None
+    try:
+        with replaced_when_done(folder / HOLDER) as partial:
+            partial.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname()}), encoding="utf-8")
+        try:
+            yield
+        finally:
+            (folder / HOLDER).unlink(missing_ok=True)
+    finally:
+        lock.release()
+
+
+def _told_holder(path: Path) -> str:
+    """Who holds a folder, as far as it can be told."""
+    try:
+        holder, since = from_json(path.read_bytes()), np.datetime64(int(path.stat().st_mtime), "s")
+        return f": process {holder['pid']} on {holder['host']} has been writing there since {since} UTC"
+    except (OSError, ValueError, KeyError, TypeError):
+        return " by another process"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Reading
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def from_json(data: bytes) -> Any:
+    """The value of some strict JSON.
+
+    Raises:
+        ValueError: it is none, a key of it stands twice, or it is nested too deep.
+    """
+    try:
+        return json.loads(data.decode("utf-8"), parse_constant=_no_constant, object_pairs_hook=_distinct)
+    except RecursionError:
+        raise ValueError("nested too deep") from None
+
+
+def _no_constant(name: str) -> Any:
+    raise ValueError(f"got {name}, expected a finite number")
+
+
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise ValueError(f"key {name!r} twice")
+        found[name] = value
+    return found
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Where results come from
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 def machine() -> dict[str, Any]:

@@ -6,6 +6,7 @@ rollouts are shuffled by the process's generator, so ours have a generator of th
 
 from __future__ import annotations
 
+import io
 import pickle
 from collections.abc import Generator, Mapping
 from dataclasses import asdict
@@ -18,12 +19,15 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.type_aliases import RolloutBufferSamples
 
-from bug_gym.agents.learning.progress import Point, Progress
+from bug_gym.agents.learning.folder import Point, sha256
+from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.vec_envs import TrainingEnv
 from bug_gym.files import replaced_when_done
 
 CHECKPOINT = "checkpoint.pt"
 """File of a training's folder that it goes on from."""
+MAGIC = b"bug_gym checkpoint, sha256 of what follows: "
+"""What it begins with, before the checksum and a line break; then comes what torch has written."""
 
 
 class Rollouts(RolloutBuffer):
@@ -69,8 +73,12 @@ def save_checkpoint(path: Path, model: PPO, env: TrainingEnv, progress: Progress
         "seconds": progress.seconds,
         "cpu_seconds": progress.cpu_seconds,
     }
-    with replaced_when_done(path) as partial:
-        torch.save(_as_tensors(state), partial)
+    buffered = io.BytesIO()
+    torch.save(_as_tensors(state), buffered)
+    content = buffered.getvalue()
+    with replaced_when_done(path) as partial, partial.open("wb") as file:
+        file.write(MAGIC + sha256(content).encode() + b"\n")
+        file.write(content)
 
 
 def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
@@ -79,10 +87,15 @@ def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ValueError: it is damaged, or of another training.
     """
+    head, _, content = path.read_bytes().partition(b"\n")
+    if head != MAGIC + sha256(content).encode():
+        raise ValueError(f"{path} is damaged: it does not begin with the checksum of its content")
     try:
-        state: dict[str, Any] = _as_arrays(torch.load(path, weights_only=True))
-    except (RuntimeError, EOFError, ValueError, KeyError, OSError, pickle.UnpicklingError) as error:
+        state: dict[str, Any] = _as_arrays(torch.load(io.BytesIO(content), weights_only=True))
+    except (RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
+    if not isinstance(state, dict) or not isinstance(state.get("identity"), dict):
+        raise ValueError(f"{path} is damaged: it holds no checkpoint")
     for name, value in identity.items():
         if state["identity"].get(name) != value:
             raise ValueError(f"{path} is of another training: {name} was {state['identity'].get(name)}, is now {value}")

@@ -7,15 +7,107 @@ robot, card.md the same for people.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+
+from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.agents.learning.settings import Lags
+from bug_gym.config import checked
+from bug_gym.files import from_json
+from bug_gym.schema.errors import wrong
+from bug_gym.schema.values import Count, NotNegative, Number, Part, Share
 
 TRAINED_FOLDER = Path(__file__).parents[1] / "trained"
 GRAPH, WEIGHTS, CONFIG = "policy.onnx", "policy.safetensors", "config.json"
 """Files of a model: what is played, what can be trained on, and what made it."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What config.json says
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Point:
+    """One validation of a training."""
+
+    steps: Count
+    """Environment steps so far."""
+    seconds: NotNegative
+    """Time spent on training [s]; validations and checkpoints do not count."""
+    cpu_seconds: NotNegative
+    """The same in time of processors [s]: what it would take one core that nobody else uses."""
+    success: Share
+    """Share of successes, mean over the scenarios."""
+    collision: Share
+    """Share of collisions."""
+    timeout: Share
+    """Share of timeouts."""
+    time: NotNegative | None
+    """Mean time of a success [s]; None where there was none."""
+
+
+class RunRecord(Part):
+    """The training of one seed."""
+
+    curve: tuple[Point, ...] = Field(min_length=1)
+    """Its validations."""
+    best: Point
+    """The one in which it did best."""
+    held_out: dict[str, dict[str, Number | None]]
+    """How the best model did in held-out worlds, by scenario."""
+
+
+Checksum = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+"""SHA-256 of a file, in hexadecimal."""
+
+
+def checksums_of(*names: str) -> AfterValidator:
+    """Checks that a mapping has the checksums of these files and no others."""
+
+    def check(value: dict[str, str]) -> dict[str, str]:
+        if value.keys() != set(names):
+            raise wrong(f"got checksums of {', '.join(sorted(value)) or 'nothing'}, expected {', '.join(names)}")
+        return value
+
+    return AfterValidator(check)
+
+
+class ModelRecord(Part):
+    """What config.json says of a model."""
+
+    name: str
+    """Of its training."""
+    robot: RobotModel
+    """What it was trained for."""
+    action: Literal["continuous", "discrete"]
+    """Which actions it takes."""
+    history: Lags
+    """How many steps ago its History looks; empty: it has no memory."""
+    settings: dict[str, Any]
+    """Of its training: see settings.Settings."""
+    scenarios: tuple[dict[str, Any], ...]
+    """What it was trained in, as data."""
+    seed: Count
+    """Of the model that is played."""
+    machine: dict[str, Any]
+    """What it was trained on."""
+    sha256: Annotated[dict[str, Checksum], checksums_of(GRAPH, WEIGHTS)]
+    """Checksums of its files, by name."""
+    runs: dict[str, RunRecord]
+    """Its trainings, by seed."""
+
+    @model_validator(mode="after")
+    def _has_its_own_run(self) -> ModelRecord:
+        if str(self.seed) not in self.runs:
+            raise wrong(f"got those of the seeds {', '.join(self.runs) or 'none'}, not of {self.seed}", "runs")
+        return self
 
 
 def model_folder(model: str | Path) -> Path:
@@ -35,29 +127,33 @@ def read_config(folder: Path) -> dict[str, Any]:
     Raises:
         ValueError: it is missing or damaged.
     """
-    return read_record(folder / CONFIG, "policy", {"name", "robot", "history", "sha256"})
+    return read_record(folder / CONFIG, "policy", ModelRecord)
 
 
-def read_record(path: Path, kind: str, required: Set[str]) -> dict[str, Any]:
+def read_record(path: Path, kind: str, schema: type[Part]) -> dict[str, Any]:
     """What the JSON file of something trained says.
 
     Args:
         path: of the file.
         kind: "policy" or "predictor".
-        required: keys that it has to have.
+        schema: what it may say.
 
     Raises:
         ValueError: it is missing or damaged.
     """
+    if not path.is_file():
+        raise ValueError(f"no trained {kind} in {path.parent}: it has no {path.name}")
     try:
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise ValueError(f"no trained {kind} in {path.parent}: it has no {path.name}") from None
+        record = from_json(path.read_bytes())
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
-    if missing := required - record.keys():
-        raise ValueError(f"{path} is damaged: it lacks {', '.join(sorted(missing))}")
-    return record
+    checked(schema, record, f"{path} is damaged")
+    return dict(record)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The other files
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 def sha256(data: bytes) -> str:
@@ -70,11 +166,25 @@ def checksums(folder: Path, names: Iterable[str]) -> dict[str, str]:
     return {name: sha256((folder / name).read_bytes()) for name in names}
 
 
+def read_checked(path: Path, checksum: str) -> bytes:
+    """What a file holds.
+
+    Raises:
+        ValueError: no such file, or one with another checksum.
+    """
+    if not path.is_file():
+        raise ValueError(f"no file {path}")
+    data = path.read_bytes()
+    if sha256(data) != checksum:
+        raise ValueError(f"{path} is damaged: its checksum is not the one kept with it")
+    return data
+
+
 def open_graph(path: Path, checksum: str) -> Any:
     """A graph of ONNX, ready to run on one thread.
 
     Raises:
-        ValueError: no such file, or one with another checksum.
+        ValueError: no such file, one with another checksum, or no graph in it.
         ImportError: onnxruntime is not installed.
     """
     try:
@@ -83,11 +193,48 @@ def open_graph(path: Path, checksum: str) -> Any:
         raise ImportError(
             "learned agents need onnxruntime, of the extra `play`: pip install 'bug-gym[play]'"
         ) from error
-    if not path.is_file():
-        raise ValueError(f"no file {path}")
-    graph = path.read_bytes()
-    if sha256(graph) != checksum:
-        raise ValueError(f"{path} is damaged: its checksum is not the one kept with it")
+    graph = read_checked(path, checksum)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
-    return onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+    try:
+        return onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+    except _graph_faults() as error:
+        raise ValueError(f"{path} holds no graph of ONNX that can be run: {error}") from None
+
+
+def require_answers(graph: Any, path: Path, width: int, expected: Sequence[tuple[int, ...]]) -> None:
+    """Ask a graph once, about nothing: one that was made for something else shows it here, not in a run.
+
+    Args:
+        graph: from `open_graph`.
+        path: it came from.
+        width: how many numbers it is told of each of n rows.
+        expected: shapes of one row's answer that it may have: real numbers, or a whole one for ().
+
+    Raises:
+        ValueError: it takes or gives something else.
+    """
+    rows = 3
+    try:
+        answers = graph.run(None, {"observation": np.zeros((rows, width), dtype=np.float32)})
+    except (ValueError, *_graph_faults()) as error:
+        raise ValueError(f"{path} is not a graph for observations of {width} numbers: {error}") from None
+    if len(answers) != 1 or not _is_answer(answers[0], rows, expected):
+        shapes = ", ".join(f"{answer.dtype} {answer.shape}" for answer in map(np.asarray, answers))
+        wanted = " or ".join(str((rows, *shape)) for shape in expected)
+        raise ValueError(f"{path} answers {rows} observations with {shapes}, expected finite numbers {wanted}")
+
+
+def _is_answer(answer: Any, rows: int, expected: Sequence[tuple[int, ...]]) -> bool:
+    if not isinstance(answer, np.ndarray) or answer.ndim < 1 or len(answer) != rows:
+        return False
+    shape, kind = answer.shape[1:], answer.dtype.kind
+    return shape in expected and kind in ("f" if shape else "iu") and bool(np.isfinite(answer).all())
+
+
+def _graph_faults() -> tuple[type[Exception], ...]:
+    """What onnxruntime raises, which has no common ancestor."""
+    from onnxruntime.capi import onnxruntime_pybind11_state as state
+
+    names = ("EPFail", "EngineError", "Fail", "InvalidArgument", "InvalidGraph", "InvalidProtobuf", "NoModel")
+    return tuple(getattr(state, name) for name in (*names, "NoSuchFile", "NotImplemented", "RuntimeException"))

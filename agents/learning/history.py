@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 
 TOP_SPEED = 2.0
 """Speeds are cut to this [m/s]."""
+MOST_STEPS = 1000
+"""Steps that a history may look back: it keeps a scan of each robot for every one of them."""
 
 
 def history_width(robot: RobotModel, lags: Sequence[int]) -> int:
@@ -37,12 +39,12 @@ class History:
         rows: how many robots, n.
 
     Raises:
-        ValueError: a lag below 1, or a scanner that does not look all around.
+        ValueError: a lag that is not from 1 to MOST_STEPS, or a scanner that does not look all around.
     """
 
     def __init__(self, robot: RobotModel, lags: Sequence[int], rows: int) -> None:
-        if min(lags) < 1:
-            raise ValueError(f"lags are at least 1 step, got {list(lags)}")
+        if not 1 <= min(lags) <= max(lags) <= MOST_STEPS:
+            raise ValueError(f"lags are from 1 to {MOST_STEPS} steps, got {list(lags)}")
         if not robot.is_full_circle:
             raise ValueError("a history needs a scanner that looks all around")
         self.robot, self.lags = robot, tuple(lags)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import warnings
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -14,14 +13,14 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save
+from safetensors.torch import load, save
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.dqn.policies import DQNPolicy
 from stable_baselines3.sac.policies import SACPolicy
 
-from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, read_config
+from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, read_checked, read_config
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
 from bug_gym.config import dump
@@ -135,7 +134,8 @@ def gather(folders: Sequence[Path], out: Path) -> Path:
     best = scores.index(max(scores))
     out.mkdir(exist_ok=True)
     for name in (GRAPH, WEIGHTS):
-        shutil.copyfile(folders[best] / name, out / name)
+        with replaced_when_done(out / name) as partial:
+            partial.write_bytes(read_checked(folders[best] / name, records[best]["sha256"][name]))
     runs = {seed: run for record in records for seed, run in record["runs"].items()}
     _write_record(out, {**records[best], "runs": runs})
     return out
@@ -200,15 +200,16 @@ def _curve_lines(runs: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def load_weights(path: Path, network: torch.nn.Module) -> None:
+def load_weights(path: Path, network: torch.nn.Module, checksum: str) -> None:
     """Give a network the weights of a trained one of the same layers.
 
     Raises:
         ValueError: the file is missing or damaged, or of another network.
     """
+    data = read_checked(path, checksum)
     try:
-        network.load_state_dict(load_file(path))
-    except (OSError, SafetensorError, RuntimeError) as error:
+        network.load_state_dict(load(data))
+    except (SafetensorError, RuntimeError, KeyError, ValueError) as error:
         raise ValueError(f"{path} cannot be read into this network: {error}") from None
 
 

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read_config
-from bug_gym.agents.learning.history import History, with_history
+from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read_config, require_answers
+from bug_gym.agents.learning.history import History, history_width, with_history
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict
@@ -60,6 +60,8 @@ class LearnedPolicy:
         self.sensors, self.discrete = sensors, discrete
         self._lags = tuple(self.config["history"])
         self._session = open_graph(folder / GRAPH, self.config["sha256"][GRAPH])
+        width = self.robot.width + history_width(self.robot, self._lags)
+        require_answers(self._session, folder / GRAPH, width, [(2,), ()])
         self._table = discrete_actions(sensors.drive)
 
     def predict(

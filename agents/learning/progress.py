@@ -9,30 +9,11 @@ from pathlib import Path
 
 import torch
 
+from bug_gym.agents.learning.folder import Point
 from bug_gym.files import replaced_when_done
 
 CURVE = "curve.csv"
 """File of a training's folder that holds its validations."""
-
-
-@dataclass(frozen=True)
-class Point:
-    """One validation."""
-
-    steps: int
-    """Environment steps so far."""
-    seconds: float
-    """Time spent on training [s]; validations and checkpoints do not count."""
-    cpu_seconds: float
-    """The same in time of processors [s]: what it would take one core that nobody else uses."""
-    success: float
-    """Share of successes, mean over the scenarios."""
-    collision: float
-    """Share of collisions."""
-    timeout: float
-    """Share of timeouts."""
-    time: float | None
-    """Mean time of a success [s]; None where there was none."""
 
 
 @dataclass

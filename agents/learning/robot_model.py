@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import Field
+
+from bug_gym.schema.values import AtLeastOne, Count, NotNegative, Number, Positive
 from bug_gym.view import Sensors
 
 LAYOUT = ("ranges", "goal", "pose", "velocity", "peers")
@@ -15,31 +18,31 @@ LAYOUT = ("ranges", "goal", "pose", "velocity", "peers")
 
 @dataclass(frozen=True)
 class RobotModel:
-    """The part of `Sensors` that a network depends on."""
+    """The part of `Sensors` that a network depends on; pydantic checks it where it is part of a file's schema."""
 
-    kinematics: str
+    kinematics: Annotated[str, Field(pattern="^(holonomic|differential)$")]
     """ "holonomic" or "differential"."""
-    radius: float
+    radius: NotNegative
     """Radius of the disc that holds the body [m]."""
-    max_speed: float
+    max_speed: NotNegative
     """Largest forward speed [m/s]."""
-    max_reverse: float
+    max_reverse: NotNegative
     """Largest backward speed [m/s]."""
-    max_turn_rate: float
+    max_turn_rate: NotNegative
     """Largest turn rate [rad/s]."""
-    max_acceleration: float | None
+    max_acceleration: Positive | None
     """Largest change of speed [m/s^2]; None: no limit."""
-    step: float
+    step: Positive
     """Time between two actions [s]."""
-    beams: int
+    beams: AtLeastOne
     """Beams of the scanner, B."""
-    first_angle: float
+    first_angle: Number
     """Bearing of the first beam [rad]."""
-    angle_step: float
+    angle_step: Number
     """Angle from one beam to the next [rad]."""
-    range: float
+    range: Positive
     """Range that means "nothing seen" [m]."""
-    peers: int = 0
+    peers: Count = 0
     """Other robots that the observation tells of."""
 
     @classmethod

@@ -5,16 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from bug_gym.agents.learning.history import MOST_STEPS
 from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, explain, load, read_yaml
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.values import AtLeastOne, Count, NotNegative, Number, Part, Positive, Share
 
 TRAIN_FOLDER = SCENARIO_FOLDER.parent / "train"
 
+Lag = Annotated[AtLeastOne, Field(le=MOST_STEPS)]
+"""How many steps ago a History looks."""
+Lags = Annotated[tuple[Lag, ...], Field(max_length=100)]
+"""Of one History."""
 LearningRate = Positive | str
 """A number, or "lin_NUMBER": from there straight down to 0 at the end, as rl-zoo writes it."""
 
@@ -57,7 +62,7 @@ class Settings(Part):
     """The network."""
     encoding: Literal["clearance", "linear"] = "clearance"
     """How ranges are encoded."""
-    history: tuple[AtLeastOne, ...] = ()
+    history: Lags = ()
     """How many steps ago a History looks; empty: the policy has no memory."""
     start_from: str | None = None
     """Name or folder of a model of ours with the same network, whose weights it begins with; none: from scratch."""

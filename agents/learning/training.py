@@ -25,11 +25,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
-from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, model_folder, read_config
+from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Point, model_folder, read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
-from bug_gym.agents.learning.progress import CURVE, Point, Progress, write_curve
+from bug_gym.agents.learning.progress import CURVE, Progress, write_curve
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
     AnySettings,
@@ -41,6 +41,7 @@ from bug_gym.agents.learning.settings import (
 )
 from bug_gym.agents.learning.vec_envs import HistoryVecEnv, TrainingEnv, join
 from bug_gym.config import Scenario
+from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
 from bug_gym.view import Sensors
 
@@ -141,7 +142,7 @@ def rebuild(model: str | Path) -> BaseAlgorithm:
     config = read_config(folder)
     settings = load_settings(config["settings"])
     made = make_model(settings, make_training_env(settings, config["seed"]), config["seed"])
-    load_weights(folder / WEIGHTS, made.policy)
+    load_weights(folder / WEIGHTS, made.policy, config["sha256"][WEIGHTS])
     return made
 
 
@@ -286,18 +287,58 @@ def train(
         progress: whether to show a bar on the terminal.
 
     Raises:
-        ValueError: a seed below 0, a model to begin with that does not fit, or `out` is of another training.
+        ValueError: a seed below 0, a model to begin with that does not fit, or `out` is of another training or in use.
     """
     if seed < 0:
         raise ValueError(f"seed must be at least 0, got {seed}")
     folder = Path(out)
+    require_same(folder, settings, [seed])
     folder.mkdir(parents=True, exist_ok=True)
+    with one_writer(folder):
+        require_same(folder, settings, [seed])  # somebody may have ended just now
+        torch.set_flush_denormal(True)
+        try:
+            return _train_in(
+                folder, settings, seed, minutes=minutes, threads=threads, tensorboard=tensorboard, progress=progress
+            )
+        finally:
+            torch.set_flush_denormal(False)  # it holds for all that this process computes, not for torch alone
+
+
+def require_same(folder: Path, settings: AnySettings, seeds: Sequence[int]) -> None:
+    """Refuse a folder with a model that another training has made.
+
+    Raises:
+        ValueError: its settings were others, or it holds seeds that are not to be trained now.
+    """
+    if not (folder / CONFIG).exists():
+        return
+    config, here = read_config(folder), json.loads(settings.model_dump_json())
+    for key in dict.fromkeys([*config["settings"], *here]):
+        was, now = config["settings"].get(key), here.get(key)
+        if was != now:
+            raise ValueError(f"{folder} is of another training: settings.{key} was {was!r}, is now {now!r}")
+    if others := config["runs"].keys() - set(map(str, seeds)):
+        was, now = ", ".join(sorted(others)), ", ".join(map(str, seeds))
+        raise ValueError(f"{folder} is of another training: seed was {was}, is now {now}")
+
+
+def _train_in(
+    folder: Path,
+    settings: AnySettings,
+    seed: int,
+    *,
+    minutes: float | None,
+    threads: int | None,
+    tensorboard: bool,
+    progress: bool,
+) -> Progress:
     torch.set_num_threads(threads or usable_cores())
-    torch.set_flush_denormal(True)
     env = make_training_env(settings, seed)
     model = make_model(settings, env, seed)
     if settings.start_from is not None:
-        load_weights(model_folder(settings.start_from) / WEIGHTS, model.policy)
+        begun = model_folder(settings.start_from)
+        load_weights(begun / WEIGHTS, model.policy, read_config(begun)["sha256"][WEIGHTS])
     goes_on = isinstance(model, PPO) and (folder / CHECKPOINT).exists()
     kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
@@ -336,8 +377,13 @@ def resume(
 
     Returns:
         How far the training is; and what writes a checkpoint, None where the algorithm cannot go on from one.
+
+    Raises:
+        ValueError: the checkpoint is damaged, or of another training.
     """
     if not isinstance(model, PPO):
+        if path.exists():
+            raise ValueError(f"{path} is of another training: {type(model).__name__} leaves no checkpoints")
         return Progress(), None
     kept = restore(model, env, load_checkpoint(path, identity)) if path.exists() else Progress()
     return kept, partial(save_checkpoint, path, model, env, kept, identity)
@@ -383,8 +429,13 @@ def train_seeds(
 
     Returns:
         The folder of the model, of several the one that did best in its validation.
+
+    Raises:
+        ValueError: as `train` has it; nothing is trained then that would replace the model of another training.
     """
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
+    if len(folders) > 1:
+        require_same(Path(out) / "agent", settings, seeds)
     for seed, folder in zip(seeds, folders, strict=True):
         if not is_done(settings, folder, seed):
             train(settings, folder, seed=seed, minutes=minutes, threads=threads, progress=progress)

@@ -13,7 +13,7 @@ import torch
 
 from bug_gym.agents.learning.models import load_weights
 from bug_gym.agents.prediction.features import HORIZONS
-from bug_gym.agents.prediction.learned import WEIGHTS
+from bug_gym.agents.prediction.learned import WEIGHTS, read_config
 from bug_gym.agents.prediction.network import Answering, Curve, costs_at_horizons, network
 from bug_gym.agents.prediction.samples import Samples, with_mirrored
 from bug_gym.agents.prediction.settings import PredictorSettings
@@ -27,7 +27,7 @@ def descend(settings: PredictorSettings, training: Samples, validation: Samples,
     torch.manual_seed(settings.seed)
     model = Answering(network(settings.hidden))
     if settings.start_from is not None:
-        load_weights(settings.start_from / WEIGHTS, model)
+        load_weights(settings.start_from / WEIGHTS, model, read_config(settings.start_from)["sha256"][WEIGHTS])
     data = with_mirrored(training)
     features, answers = torch.from_numpy(data.features), torch.from_numpy(data.answers)
     batch = min(settings.batch, len(features))

@@ -6,20 +6,68 @@ They answer what BugGym/Prediction-v0 asks. The shipped ones lie in agents/train
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
 
-from bug_gym.agents.learning.folder import TRAINED_FOLDER, open_graph, read_record
-from bug_gym.agents.prediction.features import HORIZONS, WIDTH, decode, encode
+from bug_gym.agents.learning.folder import (
+    TRAINED_FOLDER,
+    Checksum,
+    checksums_of,
+    open_graph,
+    read_record,
+    require_answers,
+)
+from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, WIDTH, decode, encode
 from bug_gym.agents.prediction.predictor import Prediction, place_deviation
 from bug_gym.agents.tracking.tracker import Tracks
 from bug_gym.geometry import F64
+from bug_gym.schema.errors import shortened, wrong
+from bug_gym.schema.values import Count, NotNegative, Number, Part
 from bug_gym.view import Sensors
 
 GRAPH, WEIGHTS, CONFIG = "predictor.onnx", "predictor.safetensors", "predictor.json"
 """Files of a predictor: what is played, what can be trained on, and what made it."""
+WIDEST = 65_536
+"""Of a layer."""
+
+
+def _with_layers(value: dict[str, Any]) -> dict[str, Any]:
+    hidden = value.get("hidden")
+    if not isinstance(hidden, list) or not all(type(width) is int and 1 <= width <= WIDEST for width in hidden):
+        raise wrong(f"got {shortened(hidden)}, expected a list of widths of layers from 1 to {WIDEST}", "hidden")
+    return value
+
+
+class PredictorRecord(Part):
+    """What predictor.json says of a predictor."""
+
+    kind: Literal["ppo", "reinforce", "supervised"]
+    """How it was trained."""
+    width: Count
+    """How many numbers it is told of a mover."""
+    horizons: tuple[Number, ...]
+    """How far ahead it is asked [s]."""
+    errors: Annotated[tuple[NotNegative, ...], Field(min_length=len(HORIZONS), max_length=len(HORIZONS))]
+    """Its errors in validation at those horizons [m]."""
+    settings: Annotated[dict[str, Any], AfterValidator(_with_layers)]
+    """Of its training: see settings.PredictorSettings."""
+    sources: tuple[str, ...]
+    """What it learned from."""
+    samples: dict[str, Count]
+    """How many samples there were, by use."""
+    held_out: dict[str, dict[str, Any]]
+    """How it did in held-out worlds, by name."""
+    curve: tuple[dict[str, Any], ...]
+    """Its validations."""
+    repeats: dict[str, tuple[dict[str, Any], ...]]
+    """Those of the same training with other seeds, by seed."""
+    machine: dict[str, Any]
+    """What it was trained on."""
+    sha256: Annotated[dict[str, Checksum], checksums_of(GRAPH, WEIGHTS)]
+    """Checksums of its files, by name."""
 
 
 class LearnedPredictor:
@@ -38,6 +86,7 @@ class LearnedPredictor:
         self.sensors = sensors
         self.config = read_config(folder)
         self._session = open_graph(folder / GRAPH, self.config["sha256"][GRAPH])
+        require_answers(self._session, folder / GRAPH, WIDTH, [(ANSWERS,)])
         # An error is a distance, a spread that of one coordinate.
         self._errors = np.concatenate([[0.0], np.array(self.config["errors"]) / np.sqrt(2.0)])
 
@@ -71,7 +120,7 @@ def read_config(folder: Path) -> dict[str, Any]:
         ValueError: it is missing, damaged, or of a predictor that is told other things.
     """
     path = folder / CONFIG
-    config = read_record(path, "predictor", {"width", "horizons", "errors", "sha256"})
+    config = read_record(path, "predictor", PredictorRecord)
     if config["width"] != WIDTH or config["horizons"] != HORIZONS.tolist():
         raise ValueError(f"{path} is of a predictor that is told {config['width']} numbers, expected {WIDTH}")
     return config

@@ -25,7 +25,7 @@ from torch import nn
 
 from bug_gym.agents.learning.models import load_weights
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, WIDTH
-from bug_gym.agents.prediction.learned import WEIGHTS
+from bug_gym.agents.prediction.learned import WEIGHTS, read_config
 from bug_gym.agents.prediction.network import Answering, Curve, costs_at_horizons
 from bug_gym.agents.prediction.samples import Samples, with_mirrored
 from bug_gym.agents.prediction.settings import PredictorSettings
@@ -199,7 +199,7 @@ def train_ppo(settings: PredictorSettings, training: Samples, validation: Sample
     policy.log_std.requires_grad_(False)
     model = Answering(nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net))
     if settings.start_from is not None:
-        load_weights(settings.start_from / WEIGHTS, model)
+        load_weights(settings.start_from / WEIGHTS, model, read_config(settings.start_from)["sha256"][WEIGHTS])
     curve = Curve(model, validation)
     ppo.learn(settings.epochs * len(data.features), callback=_EpochEnds(settings, curve, policy.log_std))
     curve.add(ppo.num_timesteps)

@@ -13,18 +13,18 @@ is kept.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from joblib import Parallel, delayed
 
-from bug_gym.agents.learning.folder import read_record
 from bug_gym.agents.prediction.card import write_predictor
 from bug_gym.agents.prediction.descent import train_reinforce, train_supervised
-from bug_gym.agents.prediction.learned import CONFIG
+from bug_gym.agents.prediction.learned import CONFIG, read_config
 from bug_gym.agents.prediction.ppo import train_ppo
 from bug_gym.agents.prediction.samples import Samples, samples_of, world_of
 from bug_gym.agents.prediction.settings import PredictorSettings
@@ -83,15 +83,31 @@ def train(
         validation: what the best weights are chosen by.
         held_out: what it is judged by in the end, by name.
         repeats: other seeds to train with, to see how much depends on the seed; only their curves are kept.
+
+    Raises:
+        ValueError: a predictor to begin with that is damaged, or the folder holds another one.
     """
     if settings.start_from is not None:
-        begun = read_record(settings.start_from / CONFIG, "predictor", {"settings"})["settings"]
+        begun = read_config(settings.start_from)["settings"]
         settings = replace(settings, hidden=tuple(begun["hidden"]))
+    require_same(out, settings)
     model, curve = TRAININGS[settings.kind](settings, training, validation)
     curves = {seed: TRAININGS[settings.kind](replace(settings, seed=seed), training, validation)[1] for seed in repeats}
     counts = len(training.features), len(validation.features)
     repeated = {seed: one.points for seed, one in curves.items()}
     write_predictor(out, settings, model, curve, counts, held_out=held_out, repeats=repeated)
+
+
+def require_same(folder: Path, settings: PredictorSettings) -> None:
+    """Refuse a folder with a predictor that other settings have made."""
+    if not (folder / CONFIG).exists():
+        return
+    there, here = read_config(folder)["settings"], json.loads(json.dumps(asdict(settings), default=str))
+    for key in dict.fromkeys([*there, *here]):
+        if there.get(key) != here.get(key):
+            raise ValueError(
+                f"{folder} holds another predictor: {key} was {there.get(key)!r}, is now {here.get(key)!r}"
+            )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -68,10 +67,3 @@ def policy_entry(text: str) -> PolicyEntry:
 
     name, *pairs = re.split(r":(?=\w+=)", text)
     return PolicyEntry(text, name, assignments(pairs))
-
-
-def writable(path: Path) -> Path:
-    """The path of a file to write; a missing folder is found out before the work, not after it."""
-    if not path.parent.is_dir():
-        raise ValueError(f"no folder {path.parent} to write {path.name} into")
-    return path

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import writable
+from bug_gym.files import writable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,6 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--baseline", help="policy that the others are compared with (default: the first)")
     parser.add_argument("--data", type=Path, help="somebody else's data that a suite needs")
     parser.add_argument("--out", type=Path, help="folder for rows, summary and pictures; goes on with a run cut off")
+    parser.add_argument(
+        "--repair", action="store_true", help="drop lines of --out that stand there twice, or that this run cannot have"
+    )
     add_overrides(parser)
 
 
@@ -43,6 +46,7 @@ def run(options: argparse.Namespace) -> None:
         progress=True,
         data=options.data,
         baseline=options.baseline,
+        repair=options.repair,
     )
     console = Console()
     print_table(summarise(rows), console)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_overrides, assignments, at_least_one, policy_entry, writable
+from bug_gym.commands.arguments import add_overrides, assignments, at_least_one, policy_entry
+from bug_gym.files import writable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,14 +24,15 @@ def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from bug_gym.agents import AGENTS  # loads the compiler
     from bug_gym.config import load  # loads pydantic
+    from bug_gym.drawing.clips import GIF, PNG  # loads numpy
     from bug_gym.evaluation.entries import PolicyEntry  # loads the compiler
     from bug_gym.evaluation.gallery import draw_gallery  # loads the compiler
 
+    png, gif = writable(options.out, [PNG]), options.gif and writable(options.gif, [GIF])
     bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name != "com"]
     entries = (
         [policy_entry(text) for text in options.policies.split(",")] if options.policies else map(PolicyEntry.of, bugs)
     )
     scenario = load(options.scenario, {"lidar.beams": 360, "time.limit": 600.0, **assignments(options.overrides)})
-    png, gif = writable(options.out), options.gif and writable(options.gif)
     draw_gallery(scenario, list(entries), seed=options.seed, size=options.size, png=png, gif=gif)
     print(f"{png}{f' and {gif}' if gif else ''}")

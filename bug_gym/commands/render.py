@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_scenario, assignments, at_least_one, policy_entry, writable
+from bug_gym.commands.arguments import add_scenario, assignments, at_least_one, policy_entry
+from bug_gym.files import writable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,16 +23,14 @@ def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from bug_gym.config import load  # loads pydantic
     from bug_gym.drawing.canvas import Canvas  # loads the compiler
-    from bug_gym.drawing.clips import grid, save_gif, save_mp4, save_png, together  # loads the compiler
+    from bug_gym.drawing.clips import GIF, MP4, PNG, grid, save_gif, save_mp4, save_png, together  # loads the compiler
     from bug_gym.evaluation.entries import ScenarioEntry  # loads the compiler
     from bug_gym.evaluation.pictures import film, portrait  # loads the compiler
     from bug_gym.evaluation.progress import progress_bar  # loads the compiler
     from bug_gym.evaluation.rollout import Rollout  # loads the compiler
 
-    out = writable(options.out)
-    save = {".gif": save_gif, ".mp4": save_mp4}.get(out.suffix)
-    if save is None and out.suffix != ".png":
-        raise ValueError(f"got {out} to write to, expected a name that ends in .gif, .mp4 or .png")
+    out = writable(options.out, [GIF, MP4, PNG])
+    save = {GIF: save_gif, MP4: save_mp4}.get(out.suffix.lower())
     scenario, entries = load(options.scenario, assignments(options.overrides)), map(policy_entry, options.policies)
     seeds = range(options.seed, options.seed + 1)
     rollouts = [Rollout(entry, ScenarioEntry(scenario.name, scenario, seeds), seeds) for entry in entries]

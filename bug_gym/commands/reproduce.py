@@ -6,8 +6,8 @@ import argparse
 import subprocess
 from pathlib import Path
 
-from bug_gym.commands.arguments import at_least_one, writable
-from bug_gym.files import replaced_when_done
+from bug_gym.commands.arguments import at_least_one
+from bug_gym.files import replaced_when_done, writable
 from bug_gym.reproductions import reproduction
 from bug_gym.reproductions.result import Settings
 
@@ -19,16 +19,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--policies", help="NAME,... where a reproduction leaves the choice")
     parser.add_argument("--data", type=Path, help="somebody else's data that a reproduction needs")
     parser.add_argument("--workers", type=at_least_one, default=1, help="processes (default: 1)")
-    parser.add_argument("--out", type=Path, help="JSON to write, with the commit that made it")
+    parser.add_argument("--out", type=Path, help="JSON to write, with the commit that made it; curves beside it as PNG")
 
 
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from rich.console import Console
 
+    from bug_gym.drawing.clips import PNG  # loads numpy
     from bug_gym.evaluation.report import draw_curves, print_text_table  # loads the compiler
 
-    out = options.out and writable(options.out)
+    out = options.out and writable(options.out, [".json"])
+    picture = out and writable(out.with_suffix(PNG))
     reproduce = reproduction(options.name)
     policies = tuple(options.policies.split(",")) if options.policies else ()
     result = reproduce(Settings(options.seeds, options.workers, options.data, progress=True, policies=policies))
@@ -40,7 +42,7 @@ def run(options: argparse.Namespace) -> None:
     if result.holds is not None:
         console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
     if out and result.curves:
-        draw_curves(out.with_suffix(".png"), result.curves)
+        draw_curves(picture, result.curves)
     if out:
         told = subprocess.run(
             ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False

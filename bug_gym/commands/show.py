@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_scenario, assignments, writable
-from bug_gym.files import replaced_when_done
+from bug_gym.commands.arguments import add_scenario, assignments
+from bug_gym.files import replaced_when_done, writable
 
 if TYPE_CHECKING:
     from bug_gym.simulation import Simulation
@@ -23,16 +23,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from bug_gym.drawing.canvas import Canvas  # loads the compiler
-    from bug_gym.drawing.clips import save_png  # loads the compiler
+    from bug_gym.drawing.clips import PNG, save_png  # loads the compiler
     from bug_gym.simulation import Simulation  # loads the compiler
 
+    out, save = options.out and writable(options.out, [PNG]), options.save and writable(options.save)
     simulation = Simulation(options.scenario, overrides=assignments(options.overrides))
-    simulation.reset(seeds=[options.seed])
-    name, out, save = simulation.scenario.name, options.out, options.save
+    name = simulation.scenario.name
     if out is None and save is None:
-        out = Path(f"{name}-{options.seed}.png")
-    for path in filter(None, (out, save)):
-        writable(path)
+        out = writable(f"{name}-{options.seed}.png", [PNG])
+    simulation.reset(seeds=[options.seed])
     if save:
         _save_world(save, simulation)
         print(f"{save}: {name}, seed {options.seed}, as an explicit world")

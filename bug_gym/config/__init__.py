@@ -5,7 +5,7 @@ Here is all that a scenario may be written in; it lives in `bug_gym.schema` (val
 metres, times in seconds, angles in radians.
 """
 
-from bug_gym.config.errors import EXPECTED, explain
+from bug_gym.config.errors import EXPECTED, checked, explain
 from bug_gym.config.loading import SCENARIO_FOLDER, YamlLoader, dump, load, read_yaml, scenario_names, to_yaml
 from bug_gym.config.scenario import Scenario
 from bug_gym.schema.errors import ScenarioError
@@ -139,6 +139,7 @@ __all__ = [
     "WeightedRegion",
     "WorldFamily",
     "YamlLoader",
+    "checked",
     "dump",
     "explain",
     "load",

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from typing import TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from bug_gym.naming import nearest_hint
-from bug_gym.schema.errors import shortened
+from bug_gym.schema.errors import ScenarioError, shortened
 from bug_gym.schema.motions import LAWS
+from bug_gym.schema.values import Part
 from bug_gym.worlds import FAMILIES
 
 EXPECTED = {
@@ -24,6 +26,7 @@ EXPECTED = {
     "string_type": "text",
     "string_too_short": "text that is not empty",
     "tuple_type": "a list",
+    "dict_type": "a mapping of keys to values",
     "too_short": "a list of at least {min_length}",
     "literal_error": "{expected}",
     "union_tag_invalid": "{expected_tags}",
@@ -31,6 +34,16 @@ EXPECTED = {
     "model_attributes_type": "a mapping of keys to values",
 }
 """What is allowed, by pydantic's name of the error."""
+
+P = TypeVar("P", bound=Part)
+
+
+def checked(model: type[P], data: object, label: str) -> P:
+    """The data as a part; errors name what it is of."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, label)) from None
 
 
 def explain(error: ValidationError, label: str) -> str:
@@ -61,7 +74,8 @@ def _explain_one(detail: ErrorDetails) -> str:
     elif kind == "literal_error":
         known = tuple(re.findall(r"'([^']+)'", context["expected"]))
     expected = EXPECTED[kind].format(**context) if kind in EXPECTED else detail["msg"]
-    return f"{'.'.join(keys)}: got {shortened(came)}, expected {expected}{nearest_hint(came, known)}"
+    place = f"{'.'.join(keys)}: " if keys else ""
+    return f"{place}got {shortened(came)}, expected {expected}{nearest_hint(came, known)}"
 
 
 def _keys(location: tuple[int | str, ...]) -> list[str]:

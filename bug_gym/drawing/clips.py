@@ -14,7 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.files import replaced_when_done
+from bug_gym.files import replaced_when_done, writable
+
+PNG, GIF, MP4 = ".png", ".gif", ".mp4"
+"""What names of pictures and films end in."""
 
 Frame = NDArray[np.uint8]
 """RGB pixels (H, W, 3)."""
@@ -52,9 +55,13 @@ def together(films: Sequence[Iterator[Frame]]) -> Iterator[Frame]:
 
 
 def save_png(path: str | Path, frame: Frame) -> None:
-    """Write a frame as PNG."""
+    """Write a frame as PNG.
+
+    Raises:
+        ValueError: a path that does not end in .png.
+    """
     image = load_pillow().fromarray(frame)
-    with replaced_when_done(path) as partial:
+    with replaced_when_done(writable(path, [PNG])) as partial:
         image.save(partial, format="PNG", optimize=True)
 
 
@@ -62,9 +69,10 @@ def save_gif(path: str | Path, frames: Iterable[Frame], fps: float) -> None:
     """Write frames as an endless GIF, in the 256 most frequent colours of its first, middle and last frame.
 
     Raises:
-        ValueError: no frame, frames of different sizes, or fps that is not positive.
+        ValueError: no frame, frames of different sizes, fps that is not positive, or a path that does not end in .gif.
     """
     pillow = load_pillow()
+    writable(path, [GIF])
     # Frames wait compressed until the palette is known: a minute of film takes a gigabyte.
     clip = [(frame.shape, zlib.compress(frame.tobytes(), level=1)) for frame in same_size(frames, fps)]
 
@@ -112,12 +120,13 @@ def save_mp4(path: str | Path, frames: Iterable[Frame], fps: float) -> None:
     """Write frames as H.264 in MP4; an odd side gets one more line of pixels.
 
     Raises:
-        ValueError: no frame, frames of different sizes, or fps that is not positive.
+        ValueError: no frame, frames of different sizes, fps that is not positive, or a path that does not end in .mp4.
     """
     try:
         import imageio_ffmpeg  # comes with moviepy
     except ImportError as error:
         raise ImportError("writing MP4 needs moviepy: pip install 'bug-gym[render]'") from error
+    writable(path, [MP4])
     checked = same_size(frames, fps)
     first = even_sided(next(checked))
     with replaced_when_done(path) as partial:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.report import write_summary
-from bug_gym.evaluation.results_folder import ResultFolder
+from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import compare, summarise
 from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds
@@ -34,6 +35,7 @@ def evaluate(
     progress: bool = False,
     data: str | os.PathLike[str] | None = None,
     baseline: str | None = None,
+    repair: bool = False,
 ) -> list[EpisodeRow]:
     """Drive policies through the same worlds and measure each episode.
 
@@ -44,27 +46,32 @@ def evaluate(
         episodes: worlds of each scenario; None: as many as the suite says, 50 without one.
         seed: of the first world, the others count up; None: as the suite says, 0 without one.
         workers: processes that share the work. Times of decisions are fair where each has a core of its own.
-        out: a folder for the rows as they come, the summary and pictures. A run that was cut off goes on from it.
+        out: a folder for the rows as they come, the summary and pictures. A run that was cut off goes on from it; one
+            process at a time writes there.
         overrides: values by dotted key that replace those of every scenario.
         progress: whether to show a bar on the terminal.
         data: path of the data that a suite needs and that is not part of this package.
         baseline: label of the policy that the summary compares the others with; None: the first one.
+        repair: whether lines of `out` that this run cannot have, or has twice, are dropped; else they are an error.
 
     Returns:
         One row an episode and robot, by scenario, policy, seed and robot.
 
     Raises:
-        ValueError: an unknown name, a policy that does not fit, or `out` is of another run.
+        ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
+    if repair and out is None:
+        raise ValueError("got nothing to repair, expected a folder `out`")
     plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides, data=data)
     labels = [policy.label for policy in plan.policies]
     if baseline is not None and baseline not in labels:
         raise ValueError(f"baseline must be one of {', '.join(labels)}, came {baseline!r}")
-    folder = None if out is None else ResultFolder(out, plan)
-    rows = [] if folder is None else list(folder.rows)
-    with progress_bar(shown=progress) as track:
+    with ExitStack() as stack:
+        folder = None if out is None else stack.enter_context(opened(out, plan, repair=repair))
+        rows = [] if folder is None else list(folder.rows)
+        track = stack.enter_context(progress_bar(shown=progress))
         missing = missing_worlds(plan, rows)
         lengths = known_lengths(missing, folder, workers, track)
         for world in drive_missing(missing, lengths, workers, track):

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bug_gym.agents import make_policy
-from bug_gym.config import Scenario
-from bug_gym.evaluation.suites import SuitePolicy, checked
+from bug_gym.config import Scenario, checked
+from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import Policy
 from bug_gym.simulation import Simulation
 

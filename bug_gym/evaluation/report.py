@@ -15,8 +15,10 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from bug_gym.drawing.clips import PNG
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import OVERALL, PairedDifference, Summary
+from bug_gym.files import replaced_when_done, writable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -183,6 +185,7 @@ def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
 
     Raises:
         ImportError: matplotlib is not installed (the extra `report`).
+        ValueError: a path that does not end in .png.
     """
     try:
         from matplotlib.figure import Figure
@@ -203,9 +206,8 @@ def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
     known = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
     handles = {name: handle for handle, name in reversed(known)}
     figure.legend([handles[name] for name in names], names, loc="outside right center", fontsize="small")
-    partial = path.with_name(f"{path.stem}.partial.png")
-    figure.savefig(partial, dpi=100)
-    partial.replace(path)
+    with replaced_when_done(writable(path, [PNG])) as partial:
+        figure.savefig(partial, dpi=100)
 
 
 def write_summary(
@@ -228,7 +230,8 @@ def write_summary(
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     for name, text in contents.items():
-        _replace(target / name, text)
+        with replaced_when_done(target / name) as partial:
+            partial.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _tables(summaries: Sequence[Summary], columns: Sequence[_Column]) -> list[tuple[str, list[str], list[list[str]]]]:
@@ -327,13 +330,3 @@ def _number(value: float, digits: int) -> str:
 def _percent(share: float, n: int) -> str:
     """A share of n episodes in percent, with a decimal where rounding would hide a single episode."""
     return f"{100.0 * share:.{int(n >= 200)}f}"
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write beside the file and rename over it: whoever looks sees the old file or the new one."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_text(text, encoding="utf-8", newline="\n")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -1,130 +1,290 @@
 """The folder in which the rows of a plan are kept as they come, so that a run that was cut off goes on.
 
-manifest.json says what was asked, rows.jsonl has one row a line in order of arrival, shortest_paths.jsonl one world.
+manifest.json says what was asked, rows.jsonl has one row a line in order of arrival, shortest_paths.jsonl one world. All
+of it is checked when it is read back: nothing that this plan cannot have made reaches a summary. A kill leaves at most a
+torn last line and, where a world has several robots, a last world without all of them; both go without a word.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from math import isclose, isnan
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
+from bug_gym.config import checked
+from bug_gym.evaluation.entries import ScenarioEntry
 from bug_gym.evaluation.lengths import Lengths, World
 from bug_gym.evaluation.plan import Plan
-from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.files import replaced_when_done
+from bug_gym.evaluation.records import LengthsRecord, Manifest
+from bug_gym.evaluation.rows import EpisodeRow, spl
+from bug_gym.files import HOLDER, LOCK, PARTIAL, append, from_json, one_writer, replaced_when_done, writable
+from bug_gym.naming import nearest_hint
+from bug_gym.schema.errors import shortened
 
+logger = logging.getLogger("bug_gym")
+
+MANIFEST = "manifest.json"
+"""What was asked."""
 ROWS, LENGTHS = "rows.jsonl", "shortest_paths.jsonl"
 """Files of a result folder that grow as the work goes on."""
+DROPPED = "dropped.jsonl"
+"""Where a repair keeps the lines that it drops."""
+MOST_TOLD = 10
+"""Lines of a kind that a repair tells by number."""
 
 T = TypeVar("T")
 
 
-class ResultFolder:
-    """Where the rows of one plan are kept as they come.
+@contextmanager
+def opened(path: str | os.PathLike[str], plan: Plan, *, repair: bool = False) -> Iterator[ResultFolder]:
+    """The folder of a plan, kept to this process as long as it is open.
 
     Args:
         path: a folder that is missing or empty, or that of an earlier run of the same plan with policies by name.
         plan: what is evaluated.
+        repair: whether lines that this plan cannot have are dropped, and what stands twice; else they are an error.
 
     Raises:
-        ValueError: the folder is of another run, or its files are damaged.
+        ValueError: the folder is of another run or in use, or its files are damaged.
     """
+    folder = Path(path)
+    _require_ours(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with one_writer(folder):
+        _require_ours(folder)  # somebody may have been there just now
+        yield ResultFolder(folder, plan, repair=repair)
 
-    def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
-        self.path = Path(path)
-        manifest_path, manifest = self.path / "manifest.json", plan.manifest()
-        if manifest_path.exists():
-            differences = list(_differences(_read_json(manifest_path), manifest))
-            if differences:
-                raise ValueError(f"{self.path} holds another run: {'; '.join(differences[:3])}")
-            objects = [policy.label for policy in plan.policies if policy.policy is not None]
-            if objects:
-                raise ValueError(
-                    f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object"
-                )
-        elif self.path.exists() and not _is_empty(self.path):
-            raise ValueError(f"{self.path} holds something else, expected a new folder or that of an earlier run")
-        else:
-            self.path.mkdir(parents=True, exist_ok=True)
-            with replaced_when_done(manifest_path) as partial:
-                partial.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
-        self.rows: list[EpisodeRow] = _read_lines(self.path / ROWS, EpisodeRow.from_dict)
+
+def _require_ours(folder: Path) -> None:
+    """Refuse a folder that somebody else has left something in; what a start that was cut off has left is ours."""
+    for name in (MANIFEST, ROWS, LENGTHS, DROPPED):
+        if folder.is_dir():
+            writable(folder / name)
+    if (folder / MANIFEST).exists() or not os.path.lexists(folder):
+        return
+    if not folder.is_dir() or any(not _is_beginning(path.name) for path in folder.iterdir()):
+        raise ValueError(f"{folder} holds something else, expected a new folder or that of an earlier run")
+
+
+def _is_beginning(name: str) -> bool:
+    return name in (LOCK, HOLDER) or re.fullmatch(rf"\.[0-9a-f]{{16}}{re.escape(PARTIAL)}\.json", name) is not None
+
+
+class ResultFolder:
+    """Where the rows of one plan are kept as they come; see `opened`."""
+
+    def __init__(self, path: Path, plan: Plan, *, repair: bool) -> None:
+        self.path = path
+        self._plan = plan
+        self._scenarios = {scenario.label: scenario for scenario in plan.scenarios}
+        self._pairs = {(scenario.label, policy.label) for scenario, policy in plan.pairs()}
+        self._agree_on_manifest()
+        rows, lengths = self._read_rows(), self._read_lengths()
+        self._require_agreement(rows, lengths)
+        self._require_whole_worlds(rows)
+        self.rows: list[EpisodeRow] = rows.settled(repair=repair)
         """Rows of the worlds that are done."""
-        self.lengths: Lengths = dict(_read_lines(self.path / LENGTHS, _length_from_dict))
+        self.lengths: Lengths = dict(lengths.settled(repair=repair))
         """Shortest paths that are known."""
-        self._drop_partial_world({scenario.label: scenario.scenario.robots.count for scenario in plan.scenarios})
-
-    def _drop_partial_world(self, robots: Mapping[str, int]) -> None:
-        """Rows of a world are written at once, its last robot last: a kill may have cut them short."""
-        count = len(self.rows)
-        while self.rows and self.rows[-1].robot + 1 != robots.get(self.rows[-1].scenario):
-            self.rows.pop()
-        if len(self.rows) < count:
-            with replaced_when_done(self.path / ROWS) as partial:
-                partial.write_text("".join(_line(row.as_dict()) for row in self.rows), encoding="utf-8")
 
     def add_rows(self, rows: Sequence[EpisodeRow]) -> None:
         """Keep the rows of one world; they are on the disk when this returns."""
-        _append(self.path / ROWS, "".join(_line(row.as_dict()) for row in rows))
+        append(self.path / ROWS, "".join(_line(row.as_dict()) for row in rows).encode())
 
     def add_lengths(self, world: World, lengths: Sequence[float]) -> None:
         """Keep the shortest paths of one world."""
-        # As text, because JSON has neither infinity nor NaN.
         record = {"scenario": world[0], "seed": world[1], "lengths": [repr(length) for length in lengths]}
-        _append(self.path / LENGTHS, _line(record))
+        append(self.path / LENGTHS, _line(record).encode())
+
+    def _agree_on_manifest(self) -> None:
+        """Write down what is asked, or find that the same was asked before."""
+        path, manifest = self.path / MANIFEST, self._plan.manifest()
+        if not path.exists():
+            with replaced_when_done(path) as partial:
+                partial.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+            return
+        try:
+            there = from_json(path.read_bytes())
+        except ValueError as error:
+            raise ValueError(f"{path} is damaged: {error}") from None
+        checked(Manifest, there, f"{path} is damaged")
+        differences = list(_differences(there, manifest))
+        if differences:
+            raise ValueError(f"{self.path} holds another run: {'; '.join(differences[:3])}")
+        objects = [policy.label for policy in self._plan.policies if policy.policy is not None]
+        if objects:
+            raise ValueError(f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object")
+
+    def _read_lengths(self) -> _Lines[tuple[World, list[float]]]:
+        lines = _Lines(self.path / LENGTHS, self._length_of)
+        lines.require_distinct(key=lambda value: value[0], content=lambda value: list(map(repr, value[1])))
+        return lines
+
+    def _length_of(self, data: Any) -> tuple[World, list[float]]:
+        record = checked(LengthsRecord, data, "shortest path")
+        scenario = self._scenario_of(record.scenario, record.seed)
+        if scenario.has_moving_target:
+            raise ValueError(f"scenario: got {record.scenario!r}, which has a moving target and no shortest path")
+        if len(record.lengths) != (robots := scenario.scenario.robots.count):
+            raise ValueError(f"lengths: got {len(record.lengths)} of them, expected {robots}, one a robot")
+        return (record.scenario, record.seed), [float(length) for length in record.lengths]
+
+    def _read_rows(self) -> _Lines[EpisodeRow]:
+        lines = _Lines(self.path / ROWS, self._row_of)
+        lines.require_distinct(
+            key=lambda row: (row.policy, row.scenario, row.seed, row.robot),
+            content=lambda row: {name: value for name, value in row.as_dict().items() if "decision_time" not in name},
+        )
+        return lines
+
+    def _row_of(self, data: Any) -> EpisodeRow:
+        row = EpisodeRow.from_dict(data)
+        scenario = self._scenario_of(row.scenario, row.seed)
+        if (row.scenario, row.policy) not in self._pairs:
+            known = [policy for label, policy in self._pairs if label == row.scenario]
+            hint = nearest_hint(row.policy, known)
+            raise ValueError(f"policy: got {shortened(row.policy)}, expected one of those in {row.scenario}{hint}")
+        if row.robot >= (robots := scenario.scenario.robots.count):
+            raise ValueError(f"robot: got {row.robot}, expected a number below {robots}")
+        taken = row.path_length + row.goal_distance
+        expected = spl(success=row.success, shortest=row.shortest_path_length, taken=taken)
+        if isnan(row.spl) != isnan(expected) or not (isnan(expected) or isclose(row.spl, expected, abs_tol=1e-9)):
+            raise ValueError(f"spl: got {row.spl}, expected {expected} by the row's lengths")
+        if not scenario.has_moving_target and not isnan(row.time_ratio):
+            raise ValueError(f"time_ratio: got {row.time_ratio}, expected none: the target stands still")
+        return row
+
+    def _scenario_of(self, label: str, seed: int) -> ScenarioEntry:
+        """The scenario of a line, which has such a world."""
+        scenario = self._scenarios.get(label)
+        if scenario is None:
+            known = ", ".join(self._scenarios)
+            hint = nearest_hint(label, self._scenarios)
+            raise ValueError(f"scenario: got {shortened(label)}, expected one of {known}{hint}")
+        if seed not in scenario.seeds:
+            raise ValueError(f"seed: got {seed}, expected one from {scenario.seeds[0]} to {scenario.seeds[-1]}")
+        return scenario
+
+    def _require_agreement(self, rows: _Lines[EpisodeRow], lengths: _Lines[tuple[World, list[float]]]) -> None:
+        """Find rows that contradict the shortest paths. Nobody knows which are right: a repair drops both."""
+        known = {world: (line, found) for line, (world, found) in lengths.values.items()}
+        for number, row in list(rows.values.items()):
+            line, found = known.get((row.scenario, row.seed), (0, []))
+            if found and repr(found[row.robot]) != repr(row.shortest_path_length):
+                came, kind = row.shortest_path_length, "contradicting the other file"
+                rows.fault(number, kind, f"shortest_path_length: got {came}, {LENGTHS} says {found[row.robot]}")
+                lengths.fault(line, kind, f"{ROWS} says {came} in line {number}")
+
+    def _require_whole_worlds(self, lines: _Lines[EpisodeRow]) -> None:
+        """Rows of a world are written at once: a kill may have cut the last ones short, and no others."""
+        worlds: dict[tuple[str, str, int], list[int]] = {}
+        for number, row in lines.values.items():
+            worlds.setdefault((row.policy, row.scenario, row.seed), []).append(number)
+        last = max(lines.values, default=0)
+        for (policy, scenario, seed), numbers in worlds.items():
+            robots = self._scenarios[scenario].scenario.robots.count
+            if len(numbers) == robots:
+                continue
+            for number in numbers:
+                if last in numbers:
+                    lines.cut(number)
+                else:
+                    why = f"{policy} in {scenario}, seed {seed}, has {len(numbers)} of {robots} robots"
+                    lines.fault(number, "of a world without all its robots", why)
 
 
-def _length_from_dict(record: Any) -> tuple[World, list[float]]:
-    try:
-        return (record["scenario"], record["seed"]), [float(length) for length in record["lengths"]]
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"got {record!r}, expected scenario, seed and lengths") from error
+class _Fault(NamedTuple):
+    """What is wrong with a line."""
+
+    kind: str
+    """As a repair tells it of several lines."""
+    text: str
+    """As an error tells it of the line."""
+
+
+class _Lines(Generic[T]):
+    """A file of one JSON value a line, read back.
+
+    Args:
+        path: of the file, which may be missing.
+        parse: makes a value of what a line holds, or raises a ValueError.
+    """
+
+    def __init__(self, path: Path, parse: Callable[[Any], T]) -> None:
+        self.path = path
+        *self._texts, self._torn = path.read_bytes().split(b"\n") if path.exists() else [b""]
+        self.values: dict[int, T] = {}
+        """Good lines by number, the first being 1."""
+        self._faults: dict[int, _Fault] = {}
+        self._cut: set[int] = set()
+        for number, text in enumerate(self._texts, start=1):
+            try:
+                self.values[number] = parse(from_json(text))
+            except ValueError as error:
+                self._faults[number] = _Fault("no line of this run", "; ".join(str(error).splitlines()))
+
+    def require_distinct(self, key: Callable[[T], object], content: Callable[[T], object]) -> None:
+        """Find lines that are about the same as an earlier one, and tell those that say the same from others."""
+        first: dict[object, int] = {}
+        for number, value in list(self.values.items()):
+            before = first.setdefault(key(value), number)
+            if before != number:
+                same = content(value) == content(self.values[before])
+                kind = "there twice" if same else "contradicting an earlier line, which is kept"
+                told = "says again what" if same else "contradicts what"
+                self.fault(number, kind, f"{told} line {before} says")
+
+    def fault(self, number: int, kind: str, text: str) -> None:
+        """Take a line for wrong."""
+        self.values.pop(number, None)
+        self._faults[number] = _Fault(kind, text)
+
+    def cut(self, number: int) -> None:
+        """Take a line for what a kill has left."""
+        del self.values[number]
+        self._cut.add(number)
+
+    def settled(self, *, repair: bool) -> list[T]:
+        """The values of the good lines, which are all that is left in the file.
+
+        Raises:
+            ValueError: a line is wrong, and nobody asked for a repair.
+        """
+        if self._faults and not repair:
+            number = min(self._faults)
+            others = f" ({len(self._faults)} such lines)" if len(self._faults) > 1 else ""
+            raise ValueError(f"{self.path}: line {number}: {self._faults[number].text}{others}; --repair drops it")
+        if self._faults:
+            dropped = b"".join(self._texts[number - 1] + b"\n" for number in sorted(self._faults))
+            append(self.path.with_name(DROPPED), dropped)
+        if self._faults or self._cut or self._torn:
+            with replaced_when_done(self.path) as partial:
+                partial.write_bytes(b"".join(self._texts[number - 1] + b"\n" for number in sorted(self.values)))
+        if self._faults:
+            logger.warning("%s", self._told())
+        return list(self.values.values())
+
+    def _told(self) -> str:
+        """What a repair has dropped, in one line."""
+        kinds: dict[str, list[int]] = {}
+        for number, fault in sorted(self._faults.items()):
+            kinds.setdefault(fault.kind, []).append(number)
+        parts = []
+        for kind, numbers in kinds.items():
+            more = f" and {len(numbers) - MOST_TOLD} more" if len(numbers) > MOST_TOLD else ""
+            parts.append(f"{len(numbers)} {kind} (line {', '.join(map(str, numbers[:MOST_TOLD]))}{more})")
+        whole = len(self._texts)
+        return f"{self.path}: dropped {len(self._faults)} of {whole} lines, {'; '.join(parts)}; they are in {DROPPED}"
 
 
 def _line(record: Mapping[str, Any]) -> str:
     return json.dumps(record, allow_nan=False) + "\n"
-
-
-def _append(path: Path, text: str) -> None:
-    with path.open("ab") as file:
-        file.write(text.encode())
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _read_lines(path: Path, parse: Callable[[Any], T]) -> list[T]:
-    """What a file holds, one JSON value a line; a last line that a kill has cut short is taken out of the file.
-
-    Raises:
-        ValueError: another line is damaged.
-    """
-    if not path.exists():
-        return []
-    *lines, torn = path.read_bytes().split(b"\n")
-    values = []
-    for number, line in enumerate(lines, start=1):
-        try:
-            values.append(parse(json.loads(line)))
-        except ValueError as error:
-            raise ValueError(f"{path}: line {number}: {error}") from None
-    if torn:
-        os.truncate(path, sum(len(line) + 1 for line in lines))
-    return values
-
-
-def _is_empty(folder: Path) -> bool:
-    """Whether nobody has left anything in a folder, but for the beginning of a manifest."""
-    return folder.is_dir() and all(".partial" in path.name for path in folder.iterdir())
-
-
-def _read_json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
 
 
 def _differences(there: Any, here: Any, key: str = "") -> Iterator[str]:

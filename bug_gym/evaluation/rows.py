@@ -229,7 +229,10 @@ def _float_of(value: Any) -> Any:
         return nan
     if value == "inf":
         return inf
-    return float(value) if type(value) is int else value
+    if type(value) is int:
+        # A whole number beyond all floats is left to be refused, too.
+        return float(value) if abs(value) < 2**1000 else inf if value > 0 else -inf
+    return value
 
 
 def _check_field(name: str, kind: Any, value: Any) -> None:

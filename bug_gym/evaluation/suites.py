@@ -6,19 +6,17 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from bug_gym.config import Scenario, ScenarioError, dump, explain, read_yaml, scenario_names
+from bug_gym.config import Scenario, ScenarioError, checked, dump, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.values import AtLeastOne, Count, Part
 
 SUITE_FOLDER = Path(__file__).parents[1] / "configs" / "suites"
 EPISODES = 50
 """Episodes of a scenario where nobody says how many."""
-
-P = TypeVar("P", bound=Part)
 
 
 class Seeds(Part):
@@ -137,14 +135,6 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
 
 def _is_path(source: object) -> bool:
     return isinstance(source, str) and re.search(r"[/\\]|\.ya?ml$", source) is not None
-
-
-def checked(model: type[P], data: object, label: str) -> P:
-    """The data as a part; errors name what it is of."""
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise ScenarioError(explain(error, label)) from None
 
 
 def as_suite(source: Any) -> tuple[Suite, str]:
