@@ -25,6 +25,7 @@ EXPECTED = {
     "string_too_short": "text that is not empty",
     "tuple_type": "a list",
     "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
     "literal_error": "{expected}",
     "union_tag_invalid": "{expected_tags}",
     "model_type": "a mapping of keys to values",
