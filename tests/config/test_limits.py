@@ -56,7 +56,7 @@ def numbers_of(annotation: Any, metadata: tuple[Any, ...], place: str, seen: set
 @pytest.mark.parametrize("model", [Scenario, Suite, *ALGORITHMS.values()])
 def test_every_number_has_a_least_and_a_greatest_value(model: type[BaseModel]) -> None:
     found = dict.fromkeys(numbers_of(model, (), "", set()))
-    assert len(found) > (60 if model is Scenario else 3)
+    assert len(found) > (60 if model is Scenario else 2)
     assert [place for place, has_limits in found if not has_limits] == []
 
 
@@ -140,7 +140,7 @@ def test_more_worlds_than_memory_are_refused_before_they_are_made() -> None:
     with pytest.raises(
         ValueError, match=r"1,000,000,000 worlds of 'empty' would take .* TB, expected at most 68\.7 GB"
     ):
-        NavigationVectorEnv("empty", num_envs=10**9)
+        NavigationVectorEnv(10**9, scenario="empty")
     with pytest.raises(ValueError, match="worlds of 'static' would take"):
         Simulation("static", 10**15)
 
@@ -184,7 +184,7 @@ def test_pictures_of_too_many_pixels_say_what_they_would_take() -> None:
     with pytest.raises(ValueError, match="size must be at most 5,000 pixels, got 10000: a picture would take 5.0 GB"):
         canvas.Canvas(simulation, size=10_000)
     with pytest.raises(ValueError, match="pictures of 10,000 worlds would take 180.0 GB"):
-        NavigationVectorEnv("empty", num_envs=10_000, render_mode="rgb_array")
+        NavigationVectorEnv(10_000, scenario="empty", render_mode="rgb_array")
 
 
 @pytest.mark.parametrize(
