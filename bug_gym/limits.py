@@ -51,7 +51,7 @@ MOST_WIDTH, WEIGHT_BYTES = 16_384, 16
 MEMORY = 64 * 2**30
 """What worlds side by side, or their pictures, may take together [bytes]."""
 
-TEXT = 4_000_000
+TEXT = 2_000_000
 """Longest text of YAML [bytes]."""
 MOST_NODES, MOST_DEPTH, MOST_ALIASES = 1_000_000, 50, 100
 """Values of a scenario and of a text of YAML, how deep they may be nested, and aliases."""

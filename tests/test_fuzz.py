@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from bug_gym.config import Scenario, ScenarioError, load, read_yaml, scenario_names
 from bug_gym.navigation_env import NavigationEnv
-from bug_gym.robots_env import RobotsEnv
+from bug_gym.robots_env import parallel_env
 from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
 from bug_gym.worlds.barn_files import load_barn, load_gazebo
@@ -146,7 +146,7 @@ def run_vector(scenario: Scenario, rng: np.random.Generator) -> None:
 
 
 def run_parallel(scenario: Scenario, rng: np.random.Generator) -> None:
-    env = RobotsEnv(scenario)
+    env = parallel_env(scenario)
     check_finite(env.reset(seed=3), "reset")
     for number in range(STEPS):
         actions = {agent: actions_of(env.action_space(agent), rng) for agent in env.agents}
@@ -293,7 +293,7 @@ def load_yaml(path: Path) -> None:
 def read_map(path: Path) -> None:
     (path.parent / "plan.pgm").write_bytes(PGM)
     load_ros_map(str(path))
-    load({"world": {"family": "ros_map", "path": str(path)}})
+    load({"world": {"family": "ros_map", "path": str(path), "separation": 0.0}})
 
 
 def read_pgm(path: Path) -> None:

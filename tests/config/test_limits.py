@@ -299,12 +299,12 @@ def test_a_file_of_100_mb_is_one_line(tmp_path: Path) -> None:
     for read in (load_recording, load_barn):
         with pytest.raises(ValueError, match=r"got 100\.0 MB, expected at most 64\.0 MB"):
             read(large)
-    with pytest.raises(ValueError, match=r"got 100\.0 MB, expected at most 4\.0 MB"):
+    with pytest.raises(ValueError, match=r"got 100\.0 MB, expected at most 2\.0 MB"):
         load_ros_map(large)
     with pytest.raises(ValueError, match=r"got 100\.0 MB"):
         load_gazebo(Path(large))
     (tmp_path / "large.yaml").symlink_to(large)
-    with pytest.raises(ScenarioError, match="got more than 4.0 MB"):
+    with pytest.raises(ScenarioError, match="got more than 2.0 MB"):
         load(tmp_path / "large.yaml")
 
 

@@ -119,7 +119,7 @@ def test_plain_data_is_read_as_ever() -> None:
 def test_a_text_that_is_too_long_is_not_parsed(tmp_path: Path) -> None:
     path = tmp_path / "long.yaml"
     path.write_text("name: x\n" + "#" * TEXT)
-    with pytest.raises(ScenarioError, match=r"long\.yaml: got more than 4\.0 MB"):
+    with pytest.raises(ScenarioError, match=r"long\.yaml: got more than 2\.0 MB"):
         load(path)
 
 
