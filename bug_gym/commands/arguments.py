@@ -49,7 +49,7 @@ def assignments(pairs: Sequence[str]) -> dict[str, Any]:
     import yaml
 
     from bug_gym.config import parse_yaml  # loads pydantic
-    from bug_gym.schema.errors import shortened
+    from bug_gym.schema.errors import shortened  # loads pydantic
 
     found = {}
     for pair in pairs:
