@@ -89,7 +89,7 @@ class Simulation:
         threads: how many threads share the rows of a call; results do not depend on it.
 
     Raises:
-        ValueError: a scenario that can't be, or a count or a number of threads below 1.
+        ValueError: a scenario that can't be, a count or a number of threads below 1, or more worlds than memory holds.
     """
 
     def __init__(

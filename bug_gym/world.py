@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bug_gym import kernels
 from bug_gym.config import Scenario
 from bug_gym.geometry import F64
+from bug_gym.limits import MEMORY, told_bytes
 from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
 from bug_gym.schema.polygons import WeightedRegion
 from bug_gym.worlds.layout import SAME_POINT, Layout, Mover, Rings
@@ -103,8 +104,8 @@ class World:
         self.beams = np.stack(kernels.beam_table(len(angles), float(angles[0]), float(step)))
         self.spec = np.zeros(1, dtype=kernels.SPEC)
         self._set_constants(weights, clearance_scale, span, width)
-        self.observation: NDArray[np.float32] = np.zeros((count, self.robots, width), dtype=np.float32)
         self._allocate(capacity or Capacity())
+        self.observation: NDArray[np.float32] = np.zeros((count, self.robots, width), dtype=np.float32)
 
     def _set_constants(self, weights: dict[str, float], clearance_scale: float, span: float, width: int) -> None:
         robot, lidar, odometry = self.scenario.robot, self.scenario.lidar, self.scenario.odometry
@@ -146,7 +147,11 @@ class World:
             self.spec[name] = value
 
     def _allocate(self, capacity: Capacity) -> None:
-        """Lay out the buffers for a capacity, empty."""
+        """Lay out the buffers for a capacity, empty.
+
+        Raises:
+            ValueError: all worlds together would take more than MEMORY.
+        """
         self.capacity = capacity
         robots, walls = self.robots, capacity.walls
         # The other robots stand behind the world's own discs while one robot looks.
@@ -165,6 +170,11 @@ class World:
                 self.spec[name] = begin
             widths.append(kernels.rounded_up(max(begin + size for begin, size in places.values())))
             self._places |= places
+        # A snapshot is as large again, but few take one of very many worlds.
+        memory = self.count * (8 * sum(widths) + 4 * self.robots * int(self.spec["width"][0]))
+        if memory > MEMORY:
+            what = f"{self.count:,} worlds of {self.scenario.name!r} would take {told_bytes(memory)}"
+            raise ValueError(f"{what}, expected at most {told_bytes(MEMORY)}: fewer of them, or smaller ones")
         self.floats: F64 = aligned_zeros(self.count, widths[0], np.float64)
         self.ints: NDArray[np.int64] = aligned_zeros(self.count, widths[1], np.int64)
         beams = int(self.spec["beams"][0])

@@ -16,7 +16,7 @@ PACKAGE = ROOT / "bug_gym"
 # Row n is layer n; a name is a module of bug_gym or a folder with all that is in it. A module imports from its own layer
 # and from those above it in this table, at the top of the file or in a function, by import or by "module:Class".
 LAYERS = (
-    ("dispatchers", "compiling", "kernels", "geometry", "naming", "files"),
+    ("dispatchers", "compiling", "kernels", "geometry", "limits", "naming", "files"),
     ("schema", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
     ("worlds",),
     ("config",),

@@ -10,9 +10,21 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from bug_gym.agents.learning.history import MOST_STEPS
-from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, explain, load, read_yaml
+from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, expanded, explain, load, read_yaml
 from bug_gym.naming import nearest_hint
-from bug_gym.schema.values import AtLeastOne, Count, NotNegative, Number, Part, Positive, Share
+from bug_gym.schema.values import (
+    AtLeastOne,
+    Coefficient,
+    Count,
+    Episodes,
+    NotNegative,
+    Number,
+    Part,
+    Samples,
+    Share,
+    Steps,
+    Width,
+)
 
 TRAIN_FOLDER = SCENARIO_FOLDER.parent / "train"
 
@@ -20,14 +32,14 @@ Lag = Annotated[AtLeastOne, Field(le=MOST_STEPS)]
 """How many steps ago a History looks."""
 Lags = Annotated[tuple[Lag, ...], Field(max_length=100)]
 """Of one History."""
-LearningRate = Positive | str
+LearningRate = Coefficient | str
 """A number, or "lin_NUMBER": from there straight down to 0 at the end, as rl-zoo writes it."""
 
 
 class PolicyKwargs(Part):
     """The network behind the encoding of the observation."""
 
-    net_arch: tuple[AtLeastOne, ...] = (128, 128)
+    net_arch: tuple[Width, ...] = (128, 128)
     """Widths of the hidden layers; actor and critic have their own."""
     activation_fn: Literal["relu", "tanh"] = "relu"
     """Between the layers."""
@@ -50,13 +62,13 @@ class Settings(Part):
     """Class of the policy in stable-baselines3; observations are flat."""
     n_envs: AtLeastOne
     """Worlds side by side."""
-    n_timesteps: AtLeastOne
+    n_timesteps: Steps
     """Environment steps of the whole training."""
     gamma: Share = 0.99
     """Discount of a step."""
     learning_rate: LearningRate = "lin_1e-3"
     """Step size of the optimiser."""
-    batch_size: AtLeastOne
+    batch_size: Samples
     """Samples of a gradient step."""
     policy_kwargs: PolicyKwargs = PolicyKwargs()
     """The network."""
@@ -66,13 +78,13 @@ class Settings(Part):
     """How many steps ago a History looks; empty: the policy has no memory."""
     start_from: str | None = None
     """Name or folder of a model of ours with the same network, whose weights it begins with; none: from scratch."""
-    eval_freq: AtLeastOne = 500_000
+    eval_freq: Steps = 500_000
     """Environment steps from one validation to the next."""
-    eval_episodes: AtLeastOne = 1000
+    eval_episodes: Episodes = 1000
     """Validation worlds of each scenario."""
-    test_episodes: AtLeastOne = 2000
+    test_episodes: Episodes = 2000
     """Held-out worlds of each scenario in which the best model is judged at the end."""
-    save_freq: AtLeastOne = 250_000
+    save_freq: Steps = 250_000
     """Environment steps from one checkpoint to the next."""
 
     @property
@@ -99,20 +111,20 @@ class PPOSettings(Settings):
 
     algo: Literal["ppo"]
     n_envs: AtLeastOne = 1024
-    batch_size: AtLeastOne = 8192
+    batch_size: Samples = 8192
     n_steps: AtLeastOne = 32
     """Steps of each world from one update to the next."""
     n_epochs: AtLeastOne = 4
     """Times that an update goes through its samples."""
     gae_lambda: Share = 0.95
     """Of generalised advantage estimation."""
-    clip_range: Positive = 0.2
+    clip_range: Coefficient = 0.2
     """How far an update may change the probability of an action, as a share."""
     ent_coef: NotNegative = 0.0
     """Weight of the entropy."""
     vf_coef: NotNegative = 0.5
     """Weight of the value's error."""
-    max_grad_norm: Positive = 0.5
+    max_grad_norm: Coefficient = 0.5
     """Gradients are cut to this length."""
 
 
@@ -120,9 +132,9 @@ class OffPolicySettings(Settings):
     """What algorithms with a replay buffer have."""
 
     n_envs: AtLeastOne = 64
-    batch_size: AtLeastOne = 512
+    batch_size: Samples = 512
     learning_rate: LearningRate = 1e-3
-    buffer_size: AtLeastOne = 300_000
+    buffer_size: Samples = 300_000
     """Steps that are kept."""
     learning_starts: Count = 10_000
     """Steps before the first update."""
@@ -138,7 +150,7 @@ class SACSettings(OffPolicySettings):
     """Soft actor-critic, Haarnoja et al. 2018."""
 
     algo: Literal["sac"]
-    ent_coef: str | Positive = "auto_0.05"
+    ent_coef: str | Coefficient = "auto_0.05"
     """Weight of the entropy; "auto_X" learns it from X on."""
     target_entropy: Number = -2.0
     """Entropy that "auto" keeps."""
@@ -208,5 +220,5 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
             known = ", ".join(training_names())
             raise ScenarioError(f"no training {source!r}{nearest_hint(source, training_names())} (known: {known})")
         source = TRAIN_FOLDER / f"{source}.yaml"
-    path = Path(source).expanduser()
+    path = expanded(source)
     return path.name, read_yaml(path)

@@ -47,7 +47,8 @@ def assignments(pairs: Sequence[str]) -> dict[str, Any]:
     """
     import yaml
 
-    from bug_gym.config import YamlLoader  # loads pydantic
+    from bug_gym.config import parse_yaml  # loads pydantic
+    from bug_gym.schema.errors import shortened  # loads pydantic
 
     found = {}
     for pair in pairs:
@@ -55,9 +56,10 @@ def assignments(pairs: Sequence[str]) -> dict[str, Any]:
         if not key or not equals:
             raise ValueError(f"got {pair!r}, expected KEY=VALUE, such as lidar.beams=180")
         try:
-            found[key] = yaml.load(value, Loader=YamlLoader)
+            found[key] = parse_yaml(value)
         except yaml.YAMLError:
-            raise ValueError(f"got {pair!r}, expected a value as YAML has it, such as 180, true or [0, 1]") from None
+            expected = "a value as YAML has it, such as 180, true or [0, 1]"
+            raise ValueError(f"got {shortened(pair, 300)}, expected {expected}") from None
     return found
 
 

@@ -6,7 +6,7 @@ metres, times in seconds, angles in radians.
 """
 
 from bug_gym.config.errors import EXPECTED, checked, explain
-from bug_gym.config.loading import SCENARIO_FOLDER, YamlLoader, dump, load, read_yaml, scenario_names, to_yaml
+from bug_gym.config.loading import SCENARIO_FOLDER, dump, expanded, load, read_yaml, scenario_names, to_yaml
 from bug_gym.config.scenario import Scenario
 from bug_gym.schema.errors import ScenarioError
 from bug_gym.schema.motions import LAWS, Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
@@ -24,7 +24,6 @@ from bug_gym.schema.values import (
     ExistingPath,
     Flag,
     Goal,
-    Interval,
     NotNegative,
     Number,
     Part,
@@ -36,10 +35,12 @@ from bug_gym.schema.values import (
     Rotation,
     Share,
     Sizes,
+    Speeds,
     Start,
     StartRegion,
     Velocity,
 )
+from bug_gym.schema.yaml_text import parse_yaml
 from bug_gym.worlds import FAMILIES, WorldFamily
 from bug_gym.worlds.barn import BarnWorld
 from bug_gym.worlds.beach import BeachWorld
@@ -90,7 +91,6 @@ __all__ = [
     "Goal",
     "GoalSettings",
     "HookWorld",
-    "Interval",
     "LAWS",
     "Lidar",
     "MazeWorld",
@@ -128,6 +128,7 @@ __all__ = [
     "Shape",
     "Share",
     "Sizes",
+    "Speeds",
     "Start",
     "StartRegion",
     "Target",
@@ -138,11 +139,12 @@ __all__ = [
     "Waypoints",
     "WeightedRegion",
     "WorldFamily",
-    "YamlLoader",
     "checked",
     "dump",
+    "expanded",
     "explain",
     "load",
+    "parse_yaml",
     "read_yaml",
     "scenario_names",
     "to_yaml",

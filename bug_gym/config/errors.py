@@ -28,6 +28,7 @@ EXPECTED = {
     "tuple_type": "a list",
     "dict_type": "a mapping of keys to values",
     "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
     "literal_error": "{expected}",
     "union_tag_invalid": "{expected_tags}",
     "model_type": "a mapping of keys to values",

@@ -12,9 +12,11 @@ from pydantic import ValidationError
 
 from bug_gym.config.errors import explain
 from bug_gym.config.scenario import Scenario
+from bug_gym.limits import MOST_DEPTH, MOST_NODES, TEXT, told_bytes
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import ScenarioError, shortened
 from bug_gym.schema.values import Part
+from bug_gym.schema.yaml_text import parse_yaml, told_fault
 
 SCENARIO_FOLDER = Path(__file__).parents[1] / "configs" / "scenarios"
 
@@ -39,7 +41,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Mapping[s
         return source
     label, data = _read(source)
     for key, value in (overrides or {}).items():
-        _override(data, key, _plain(value), label)
+        _override(data, key, _plain(value, f"{label}: override {shortened(key)}"), label)
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
@@ -62,7 +64,7 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[
     if isinstance(source, Scenario):
         return source.name, dump(source)
     if isinstance(source, Mapping):
-        return "scenario", _plain(source)
+        return "scenario", _plain(source, "scenario")
     if not isinstance(source, (str, Path)):
         raise ScenarioError(f"scenario: got {source!r}, expected a name, a path, a mapping or a Scenario")
     if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
@@ -70,25 +72,22 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[
             known = ", ".join(scenario_names())
             raise ScenarioError(f"no scenario {source!r}{nearest_hint(source, scenario_names())} (known: {known})")
         return f"{source}.yaml", read_yaml(SCENARIO_FOLDER / f"{source}.yaml")
-    return str(source), read_yaml(Path(source).expanduser())
+    return str(source), read_yaml(expanded(source))
 
 
-class YamlLoader(yaml.SafeLoader):
-    """Safe YAML in which a key may stand only once, and 1e-3 is a number as in YAML 1.2."""
+def expanded(source: str | Path) -> Path:
+    """The path that a text names, with `~` for a home.
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """A mapping without a key that stands there twice."""
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode) and key.value in seen:
-                raise yaml.constructor.ConstructorError(problem=f"key {key.value!r} twice", problem_mark=key.start_mark)
-            seen.add(str(key.value))
-        return super().construct_mapping(node, deep=deep)
-
-
-YamlLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
-)
+    Raises:
+        ScenarioError: nobody's home, or a text that is no path.
+    """
+    try:
+        path = Path(source).expanduser()
+    except RuntimeError as error:
+        raise ScenarioError(f"{source}: {error}") from None
+    if "\0" in str(path):
+        raise ScenarioError(f"got {shortened(str(path))}, expected a path without a zero byte")
+    return path
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -97,20 +96,24 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises:
         ScenarioError: no such file, or no mapping in it.
     """
+    text = ""
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=YamlLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
-        raise ScenarioError(f"{path}:{line} {error.problem}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        with path.open("rb") as file:
+            raw = file.read(TEXT + 1)
+        if len(raw) > TEXT:
+            raise ScenarioError(f"{path}: got more than {told_bytes(TEXT)}, expected the text of a scenario")
+        text = raw.decode("utf-8")
+        data = parse_yaml(text)
+    except yaml.YAMLError as error:
+        raise ScenarioError(f"{path}: {told_fault(error, text)}") from None
+    except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: not a YAML file: {error}") from None
     except OSError as error:
         known = [*(file.name for file in path.parent.glob("*.y*ml")), *scenario_names()]
         raise ScenarioError(f"{path}: {error.strerror}{nearest_hint(path.name, known)}") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{path}: got {shortened(data)}, expected a mapping such as `world: {{family: empty}}`")
-    data = _plain(data)  # what two aliases share comes apart, so that each can change alone
+    data = _plain(data, str(path))  # what two aliases share comes apart, so that each can change alone
     _resolve_paths(data, path.parent)
     return {"name": path.stem, **data}
 
@@ -125,17 +128,32 @@ def _resolve_paths(data: Any, folder: Path) -> None:
             _resolve_paths(value, folder)
 
 
-def _plain(value: Any) -> Any:
-    """A copy in which there are only dicts, lists, numbers and text, as JSON has them."""
-    if isinstance(value, Part):
-        return value.model_dump(mode="json")
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # NumPy's numbers and arrays
-        return value.tolist()
-    return str(value) if isinstance(value, Path) else value
+def _plain(value: Any, label: str) -> Any:
+    """A copy in which there are only dicts, lists, numbers and text, as JSON has them.
+
+    Raises:
+        ScenarioError: nested too deep, which what holds itself is too, or too many values.
+    """
+    count = 0
+
+    def copy(value: Any, depth: int) -> Any:
+        nonlocal count
+        count += 1
+        if depth > MOST_DEPTH:
+            raise ScenarioError(f"{label}: nested deeper than {MOST_DEPTH} levels")
+        if count > MOST_NODES:
+            raise ScenarioError(f"{label}: more than {MOST_NODES:,} values")
+        if isinstance(value, Part):
+            return value.model_dump(mode="json")
+        if isinstance(value, Mapping):
+            return {key: copy(item, depth + 1) for key, item in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [copy(item, depth + 1) for item in value]
+        if hasattr(value, "tolist"):  # NumPy's numbers and arrays
+            return value.tolist()
+        return str(value) if isinstance(value, Path) else value
+
+    return copy(value, 0)
 
 
 def _override(data: dict[str, Any], key: str, value: Any, label: str) -> None:
@@ -143,6 +161,8 @@ def _override(data: dict[str, Any], key: str, value: Any, label: str) -> None:
     if isinstance(data.get("robots"), list):
         data["robots"] = {"places": data["robots"]}
     *parents, last = str(key).split(".")
+    if len(parents) >= MOST_DEPTH:
+        raise ScenarioError(f"{label}: override {shortened(key)}: nested deeper than {MOST_DEPTH} levels")
     place: Any = data
     for parent in parents:
         place = place.setdefault(parent, {}) if isinstance(place, dict) else _item(place, parent, key, label)
@@ -154,7 +174,7 @@ def _override(data: dict[str, Any], key: str, value: Any, label: str) -> None:
 
 
 def _item(items: Any, index: str, key: str, label: str) -> Any:
-    if not isinstance(items, list) or not index.isdecimal() or int(index) >= len(items):
+    if not isinstance(items, list) or not re.fullmatch(r"\d{1,9}", index) or int(index) >= len(items):
         expected = f"an index below {len(items)}" if isinstance(items, list) else f"no key below {shortened(items)}"
-        raise ScenarioError(f"{label}: override {key!r}: got {index!r}, expected {expected}")
+        raise ScenarioError(f"{label}: override {shortened(key)}: got {shortened(index)}, expected {expected}")
     return items[int(index)]

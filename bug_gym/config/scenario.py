@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from bug_gym.limits import WIDEST_SWING
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
@@ -51,8 +52,21 @@ class Scenario(Part):
         except PydanticCustomError as error:
             context = error.context or {}
             raise wrong(context["reason"], f"world.{context['key']}") from None
+        self._check_swing()
         self._check_places()
         return self
+
+    def _check_swing(self) -> None:
+        """A body beside its origin swings so little in a step that its arc can be tested chord by chord."""
+        if self.robot.circles is None or self.robot.kinematics == "holonomic":
+            return
+        beside = max(math.hypot(x, y) for x, y, _ in self.robot.circles)
+        turn = self.robot.max_turn_rate * self.time.step
+        if turn * math.sqrt(beside) > WIDEST_SWING:
+            most = WIDEST_SWING / math.sqrt(beside)
+            came = f"got {self.robot.max_turn_rate:g}, which turns the body by {turn:g} rad in a step"
+            reason = f"{came}, expected at most {most:g} rad with circles {beside:g} m beside its origin"
+            raise wrong(reason, "robot.max_turn_rate")
 
     def _check_places(self) -> None:
         """Each robot starts clear of what is fixed and of the robots before it, and its goal is free."""

@@ -51,6 +51,7 @@ from bug_gym.drawing.parts import (
     paint_trail,
     scan_ends,
 )
+from bug_gym.limits import told_bytes
 from bug_gym.policy import Drawing
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
@@ -62,6 +63,10 @@ logger = logging.getLogger("bug_gym")
 
 PAINT = 2
 """Pixels that are painted for one of the frame, along each side; `pixels.halve` averages them."""
+
+
+LARGEST, PIXEL_BYTES = 5_000, 50
+"""Longest side of a frame [pixels], and what one of its pixels takes while it is painted: three surfaces, and the frame."""
 
 
 class Canvas:
@@ -78,13 +83,16 @@ class Canvas:
 
     Raises:
         ImportError: pygame-ce is not installed.
-        ValueError: a size below 100 pixels, or no such row.
+        ValueError: a size below 100 pixels or above LARGEST, or no such row.
     """
 
     def __init__(self, simulation: Simulation, *, size: int = 600, row: int = 0, title: str = "") -> None:
         load_pygame()
         if size < 100:
             raise ValueError(f"size must be at least 100 pixels, got {size}")
+        if size > LARGEST:
+            memory = told_bytes(PIXEL_BYTES * size * size)
+            raise ValueError(f"size must be at most {LARGEST:,} pixels, got {size}: a picture would take {memory}")
         if not 0 <= row < simulation.count:
             raise ValueError(f"row must be from 0 to {simulation.count - 1}, got {row}")
         self.simulation = simulation

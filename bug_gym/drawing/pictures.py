@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
+from bug_gym.limits import MEMORY, told_bytes
 from bug_gym.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -14,11 +15,16 @@ if TYPE_CHECKING:
     from bug_gym.drawing.window import Window
 
 
+SIZE = 600
+"""Longer side of a picture [pixels]."""
+
+
 class Pictures:
     """What a face shows of its worlds in a render mode: one canvas a world, and for "human" a window on the first.
 
     Raises:
         ImportError: a render mode, but pygame-ce is not installed.
+        ValueError: a render mode, but more worlds than there is memory for pictures of.
     """
 
     def __init__(self, simulation: Simulation, render_mode: str | None) -> None:
@@ -27,9 +33,13 @@ class Pictures:
         self._canvases: list[Canvas] = []
         self._window: Window | None = None
         if render_mode is not None:
-            from bug_gym.drawing.canvas import Canvas  # pygame, of the extra `render`
+            from bug_gym.drawing.canvas import PIXEL_BYTES, Canvas  # pygame, of the extra `render`
 
-            self._canvases = [Canvas(simulation, row=row) for row in range(simulation.count)]
+            memory = simulation.count * PIXEL_BYTES * SIZE**2
+            if memory > MEMORY:
+                what = f"pictures of {simulation.count:,} worlds would take {told_bytes(memory)}"
+                raise ValueError(f"{what}, expected at most {told_bytes(MEMORY)}: render fewer worlds")
+            self._canvases = [Canvas(simulation, size=SIZE, row=row) for row in range(simulation.count)]
 
     def record(self) -> None:
         """Take down where the robots are now, after each step and reset; show it in the window."""

@@ -19,6 +19,7 @@ from bug_gym.config import Scenario, ScenarioError, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
+from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.policy import MisfitError
 
 logger = logging.getLogger("bug_gym")
@@ -96,6 +97,8 @@ def make_plan(
         first, count = seeds.first if seed is None else seed, seeds.count if episodes is None else episodes
         if first < 0 or count < 1:
             raise ValueError(f"expected a seed from 0 on and at least one episode, got {first} and {count}")
+        if first + count > 2**63:
+            raise ValueError(f"expected seeds below 2**63, got {count} from {first} on")
         scenarios.append(ScenarioEntry(item.label or scenario.name, scenario, range(first, first + count)))
     by_default = policies is None and not suite.policies
     if by_default:
@@ -107,6 +110,7 @@ def make_plan(
     entries = [PolicyEntry.of(policy) for policy in policies]
     if not entries:
         raise ValueError("no policies to evaluate")
+    _require_room(scenarios, len(entries))
     _require_distinct("scenarios", [entry.label for entry in scenarios])
     _require_distinct("policies", [entry.label for entry in entries])
     labelled, left_out = _try_out(entries, scenarios)
@@ -115,6 +119,14 @@ def make_plan(
         raise MisfitError(left_out[lost[0].label, scenarios[0].label])
     kept = tuple(entry for entry in labelled if entry not in lost)
     return Plan(name, kept, tuple(scenarios), frozenset(left_out))
+
+
+def _require_room(scenarios: Sequence[ScenarioEntry], policies: int) -> None:
+    """Raises where the rows would not fit into memory; seeds are ranges, which take none."""
+    rows = policies * sum((entry.seeds.stop - entry.seeds.start) * entry.scenario.robots.count for entry in scenarios)
+    if rows > MOST_EPISODES:
+        memory = f"their rows would take {told_bytes(ROW_BYTES * rows)}"
+        raise ValueError(f"got {rows:,} episodes of all policies, expected at most {MOST_EPISODES:,}: {memory}")
 
 
 def _require_distinct(what: str, labels: Sequence[str]) -> None:

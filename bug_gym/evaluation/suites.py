@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from bug_gym.config import Scenario, ScenarioError, checked, dump, read_yaml, scenario_names
+from bug_gym.config import Scenario, ScenarioError, checked, dump, expanded, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
-from bug_gym.schema.values import AtLeastOne, Count, Part
+from bug_gym.schema.values import AtLeastOne, Count, Episodes, Part
 
 SUITE_FOLDER = Path(__file__).parents[1] / "configs" / "suites"
 EPISODES = 50
@@ -24,7 +24,7 @@ class Seeds(Part):
 
     first: Count = 0
     """The first seed."""
-    count: AtLeastOne = EPISODES
+    count: Episodes = EPISODES
     """How many."""
 
 
@@ -120,7 +120,7 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
             known = ", ".join(suite_names())
             raise ScenarioError(f"no suite {source!r}{nearest_hint(source, suite_names())} (known: {known})")
         source = SUITE_FOLDER / f"{source}.yaml"
-    path = Path(source).expanduser()
+    path = expanded(source)
     data = read_yaml(path)
     if isinstance(data.get("scenarios"), list):
         items = [item if isinstance(item, dict) else {"scenario": item} for item in data["scenarios"]]
@@ -157,6 +157,6 @@ def as_suite(source: Any) -> tuple[Suite, str]:
 def _is_suite(source: Any) -> bool:
     if isinstance(source, str):
         if _is_path(source):
-            return "scenarios" in read_yaml(Path(source).expanduser())
+            return "scenarios" in read_yaml(expanded(source))
         return source in suite_names() and source not in scenario_names()
     return isinstance(source, Suite) or (isinstance(source, Mapping) and "scenarios" in source)

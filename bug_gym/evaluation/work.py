@@ -28,17 +28,21 @@ class _Job(NamedTuple):
     lengths: Lengths
 
 
-def missing_worlds(plan: Plan, rows: Sequence[EpisodeRow]) -> list[tuple[PolicyEntry, ScenarioEntry, list[int]]]:
-    """Seeds without rows, by scenario and policy that fits it."""
-    done = {(row.policy, row.scenario, row.seed) for row in rows}
-    return [
-        (policy, scenario, [seed for seed in scenario.seeds if (policy.label, scenario.label, seed) not in done])
-        for scenario, policy in plan.pairs()
-    ]
+def missing_worlds(plan: Plan, rows: Sequence[EpisodeRow]) -> list[tuple[PolicyEntry, ScenarioEntry, Sequence[int]]]:
+    """Seeds without rows, by scenario and policy that fits it; a range where there are no rows at all."""
+    done: dict[tuple[str, str], set[int]] = {}
+    for row in rows:
+        done.setdefault((row.policy, row.scenario), set()).add(row.seed)
+    missing: list[tuple[PolicyEntry, ScenarioEntry, Sequence[int]]] = []
+    for scenario, policy in plan.pairs():
+        seeds = done.get((policy.label, scenario.label))
+        rest = [seed for seed in scenario.seeds if seed not in seeds] if seeds else scenario.seeds
+        missing.append((policy, scenario, rest))
+    return missing
 
 
 def known_lengths(
-    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, list[int]]],
+    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, Sequence[int]]],
     folder: ResultFolder | None,
     workers: int,
     track: Track[Any],
@@ -65,7 +69,10 @@ def _shortest_length(job: tuple[ScenarioEntry, int]) -> tuple[World, list[float]
 
 
 def drive_missing(
-    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, list[int]]], lengths: Lengths, workers: int, track: Track[Any]
+    missing: Sequence[tuple[PolicyEntry, ScenarioEntry, Sequence[int]]],
+    lengths: Lengths,
+    workers: int,
+    track: Track[Any],
 ) -> Iterable[list[EpisodeRow]]:
     """The rows of each missing world."""
     numbered = []

@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from bug_gym.config import parse_yaml
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions.result import Reproduction, Settings, Table
@@ -64,7 +63,7 @@ def text(length: float | None) -> str:
 
 def reproduce(settings: Settings) -> Reproduction:
     """Run the table."""
-    table = yaml.safe_load(SOURCE.read_text(encoding="utf-8"))
+    table = parse_yaml(SOURCE.read_text(encoding="utf-8"))
     driven = drive(table, settings)
     lines, data = [], {}
     for name, rows in driven.items():

@@ -14,7 +14,12 @@ def wrong(reason: str, key: str = "") -> PydanticCustomError:
     return PydanticCustomError("scenario", "{reason}", {"key": key, "reason": reason})
 
 
-def shortened(value: object) -> str:
-    """A value as an error shows it: at most 80 characters of its `repr`."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+def shortened(value: object, most: int = 80) -> str:
+    """A value as an error shows it: at most so many characters of its `repr`."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of more digits than Python writes out
+        text = "a number of thousands of digits"
+    except RecursionError:
+        text = "what is nested too deep to show"
+    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -12,8 +12,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from bug_gym.limits import SMALL
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.values import Flag, NotNegative, Part, Point, Positive, Record, Velocity, tags
+from bug_gym.schema.values import Duration, Flag, Part, Point, Positive, Record, Speed, Velocity, tags
 
 
 class Bounce(Part):
@@ -22,7 +23,7 @@ class Bounce(Part):
     law: Literal["bounce"]
     velocity: Velocity | None = None
     """Velocity at the start [m/s]."""
-    speed: NotNegative | None = None
+    speed: Speed | None = None
     """Speed in a direction that is drawn [m/s], instead of `velocity`."""
 
     @model_validator(mode="after")
@@ -38,7 +39,7 @@ class Waypoints(Part):
     law: Literal["waypoints"]
     points: Annotated[tuple[Point, ...], Field(min_length=1)]
     """Places x, y [m] in the world, visited in order from where the body starts."""
-    speed: NotNegative
+    speed: Speed
     """Speed along the lines [m/s]."""
     stop: Flag = False
     """Whether it stands still at the last point; otherwise it goes on to the first."""
@@ -48,11 +49,11 @@ class RandomWalk(Part):
     """Straight legs in directions that are drawn, reflected as `bounce` is."""
 
     law: Literal["random_walk"]
-    speed: NotNegative
+    speed: Speed
     """Speed on every leg [m/s]."""
-    min_leg: Positive = 1.0
+    min_leg: Duration = 1.0
     """Least duration of a leg [s]."""
-    max_leg: Positive = 3.0
+    max_leg: Duration = 3.0
     """Greatest duration of a leg [s]."""
 
     @model_validator(mode="after")
@@ -71,9 +72,9 @@ class Crowd(Part):
     """
 
     law: Literal["crowd"]
-    speed: NotNegative
+    speed: Speed
     """Greatest speed, at which it walks where nothing is in its way [m/s]."""
-    horizon: Positive = 2.0
+    horizon: Duration = 2.0
     """How far ahead it looks for contacts [s]."""
     goals: Annotated[tuple[Point, ...], Field(min_length=1)] | None = None
     """Places x, y [m] to walk to in turn, over and over; it stays at a single one. None: drawn, each as the one before
@@ -84,11 +85,11 @@ class Evade(Part):
     """Flees the nearest robot, along walls where they are in its way; in a corner it stands."""
 
     law: Literal["evade"]
-    speed: NotNegative
+    speed: Speed
     """Speed while it flees [m/s]."""
     sight: Positive = 5.0
     """Distance at which it sees a robot, through walls too [m]."""
-    wander: NotNegative = 0.0
+    wander: Speed = 0.0
     """Speed while it sees none, in directions drawn for 2 s each [m/s]; 0: it stands."""
 
     @model_validator(mode="after")
@@ -110,6 +111,9 @@ class Replay(Part):
         for index, (before, after) in enumerate(pairwise(self.points), start=1):
             if after[0] <= before[0]:
                 raise wrong(f"got time {after[0]:g}, expected more than {before[0]:g}", f"points.{index}")
+            if after[0] - before[0] < SMALL:
+                reason = f"got {after[0] - before[0]:g} s after the record before, expected at least {SMALL:g} s"
+                raise wrong(reason, f"points.{index}")
         return self
 
     @property

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import (
     AfterValidator,
     Discriminator,
-    Field,
     SerializerFunctionWrapHandler,
-    Strict,
     Tag,
     model_serializer,
     model_validator,
 )
 
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.values import Box, Disc, Part, Point, box_or_corners
+from bug_gym.schema.values import Box, Disc, Factor, Part, Point, box_or_corners
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -104,7 +102,7 @@ class WeightedRegion(Part):
     """Corners x, y [m], or `{shell, holes}`."""
     circle: Disc | None = None
     """x, y, radius [m], instead of `polygon`."""
-    factor: Annotated[float, Strict(), Field(ge=1.0)]
+    factor: Factor
     """What a metre in it costs, in metres of open ground [1]."""
 
     @model_validator(mode="after")

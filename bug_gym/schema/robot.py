@@ -6,10 +6,27 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.values import AtLeastOne, Disc, NotNegative, Number, Part, Point, Pose, Positive, Share
+from bug_gym.schema.values import (
+    Acceleration,
+    Beams,
+    Bias,
+    Disc,
+    Noise,
+    NotNegative,
+    Part,
+    Point,
+    Pose,
+    Positive,
+    RobotCount,
+    Share,
+    Speed,
+    TopSpeed,
+    TurnRate,
+    not_tiny,
+)
 
 FULL_TURN = 2.0 * math.pi
 FULL_TURN_TOLERANCE = 0.005  # a rounded 6.28 in a file still means the whole circle
@@ -22,16 +39,16 @@ class Robot(Part):
     """How it moves: in any direction without turning, or ahead and around."""
     radius: Positive = 0.2
     """Radius of a round body [m]."""
-    circles: Annotated[tuple[Disc, ...], Field(min_length=1)] | None = None
+    circles: Annotated[tuple[Disc, ...], Field(min_length=1, max_length=100)] | None = None
     """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`. While it turns they
     are tested along their arcs: no contact is missed, and none comes more than 0.01 mm too early."""
-    max_speed: Positive = 1.0
+    max_speed: TopSpeed = 1.0
     """Maximum speed, of a differential robot ahead [m/s]."""
-    max_reverse: NotNegative = 0.3
+    max_reverse: Speed = 0.3
     """Maximum speed backwards of a differential robot [m/s]."""
-    max_turn_rate: Positive = 1.5
+    max_turn_rate: TurnRate = 1.5
     """Maximum turn rate of a differential robot [rad/s]."""
-    max_acceleration: Positive | None = None
+    max_acceleration: Acceleration | None = None
     """Maximum change of speed [m/s^2]; none: at once."""
 
     @model_validator(mode="after")
@@ -62,16 +79,25 @@ def _whole_circle(fov: float) -> float:
     return FULL_TURN if abs(fov - FULL_TURN) <= FULL_TURN_TOLERANCE else fov
 
 
+FieldOfView = Annotated[
+    float,
+    Strict(),
+    Field(gt=0.0, le=FULL_TURN + FULL_TURN_TOLERANCE),
+    AfterValidator(not_tiny),
+    AfterValidator(_whole_circle),
+]
+
+
 class Lidar(Part):
     """The laser scanner, at the robot's origin."""
 
-    beams: AtLeastOne = 180
+    beams: Beams = 180
     """How many beams, spread evenly."""
     range: Positive = 10.0
     """Longest range; what nothing returns reads this [m]."""
     min_range: NotNegative = 0.0
     """Shortest range [m]."""
-    fov: Annotated[Positive, Field(le=FULL_TURN + FULL_TURN_TOLERANCE), AfterValidator(_whole_circle)] = FULL_TURN
+    fov: FieldOfView = FULL_TURN
     """Field of view, symmetric about the heading; within 0.005 of a full turn it is one [rad]."""
     noise: NotNegative = 0.0
     """Standard deviation of a range [m]."""
@@ -93,13 +119,13 @@ class Lidar(Part):
 class Odometry(Part):
     """How the robot's own estimate of its pose drifts."""
 
-    translation_noise: NotNegative = 0.0
+    translation_noise: Noise = 0.0
     """Standard deviation of the distance, growing with its root [m/sqrt(m)]."""
-    rotation_noise: NotNegative = 0.0
+    rotation_noise: Noise = 0.0
     """Standard deviation of the heading, growing with the root of the distance [rad/sqrt(m)]."""
-    translation_bias: Number = 0.0
+    translation_bias: Bias = 0.0
     """Excess of the distance [m/m]."""
-    rotation_bias: Number = 0.0
+    rotation_bias: Bias = 0.0
     """Drift of the heading [rad/m]."""
 
 
@@ -115,7 +141,7 @@ class Place(Part):
 class Robots(Part):
     """How many robots there are; a plain list gives the places of all of them."""
 
-    count: AtLeastOne = 1
+    count: RobotCount = 1
     """How many robots; where `places` are given, the first ones are taken."""
     places: tuple[Place, ...] = ()
     """Start and goal of each; none: 1 m to either side of the world's start, with one goal."""

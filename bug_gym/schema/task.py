@@ -7,15 +7,15 @@ from typing import Literal, Self
 from pydantic import model_validator
 
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.values import Number, Part, Positive
+from bug_gym.schema.values import Duration, Part, Positive, StepTime, Weight
 
 
 class Time(Part):
     """The clock."""
 
-    step: Positive = 0.1
+    step: StepTime = 0.1
     """Time from one action to the next [s]."""
-    limit: Positive = 120.0
+    limit: Duration = 120.0
     """Time after which an episode is cut off [s]."""
 
     @model_validator(mode="after")
@@ -42,15 +42,15 @@ class GoalSettings(Part):
 class Reward(Part):
     """Weights of the reward's terms; their sum is the reward of a step."""
 
-    progress: Number = 1.0
+    progress: Weight = 1.0
     """For each metre nearer to the goal [1/m]."""
-    goal: Number = 10.0
+    goal: Weight = 10.0
     """Once, on reaching the goal [1]."""
-    collision: Number = -10.0
+    collision: Weight = -10.0
     """Once, on touching something [1]."""
-    step: Number = -0.01
+    step: Weight = -0.01
     """For each step [1]."""
-    clearance: Number = 0.0
+    clearance: Weight = 0.0
     """For nearness to obstacles [1]."""
-    smoothness: Number = 0.0
+    smoothness: Weight = 0.0
     """For a change of the action [1]."""

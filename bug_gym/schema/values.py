@@ -5,7 +5,7 @@ A value is a type with the checks that go with it; its errors say what came and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -21,8 +21,39 @@ from pydantic import (
     model_validator,
 )
 
+from bug_gym.limits import (
+    BEAM_BYTES,
+    CELL_BYTES,
+    CORNER_BYTES,
+    DRIFT,
+    EPOCH,
+    FAR,
+    FAST,
+    FASTEST_TURN,
+    HEAVY,
+    LONG,
+    LONGEST_STEP,
+    MOST,
+    MOST_BEAMS,
+    MOST_CELLS,
+    MOST_CORNERS,
+    MOST_EPISODES,
+    MOST_OBSTACLES,
+    MOST_ROBOTS,
+    MOST_SAMPLES,
+    MOST_WIDTH,
+    OBSTACLE_BYTES,
+    PEER_BYTES,
+    ROW_BYTES,
+    SAMPLE_BYTES,
+    SMALL,
+    STEEP,
+    STRONG,
+    WEIGHT_BYTES,
+    told_bytes,
+)
 from bug_gym.naming import nearest_hint
-from bug_gym.schema.errors import wrong
+from bug_gym.schema.errors import shortened, wrong
 
 
 def _sequence(names: str) -> BeforeValidator:
@@ -31,7 +62,7 @@ def _sequence(names: str) -> BeforeValidator:
 
     def check(value: object) -> object:
         if not isinstance(value, (list, tuple)) or len(value) != expected:
-            raise wrong(f"got {value!r}, expected [{names}]")
+            raise wrong(f"got {shortened(value)}, expected [{names}]")
         return value
 
     return BeforeValidator(check)
@@ -67,25 +98,125 @@ def _box(value: tuple[float, float, float, float]) -> tuple[float, float, float,
 
 
 def _existing(value: str) -> str:
-    path = Path(value).expanduser().absolute()
-    if not path.exists():
-        raise wrong(f"got {value!r}, expected a file or folder that exists")
+    path = existing_path(value)
+    if path is None:
+        raise wrong(f"got {shortened(value, 300)}, expected a file or folder that exists")
     return str(path)
 
 
-Number = Annotated[float, Strict()]
-Positive = Annotated[float, Strict(), Field(gt=0.0)]
-NotNegative = Annotated[float, Strict(), Field(ge=0.0)]
+def existing_path(text: object) -> Path | None:
+    """The absolute path that a text names, None where nothing is there."""
+    if not isinstance(text, str):
+        return None
+    try:
+        path = Path(text).expanduser().absolute()
+        return path if path.exists() else None
+    except (OSError, ValueError, RuntimeError):  # too long, with a zero byte, or of a user whom nobody knows
+        return None
+
+
+def not_tiny(value: float) -> float:
+    """The value, where it is no number whose squares and quotients are lost."""
+    if value < SMALL:
+        raise wrong(f"got {value:g}, expected at least {SMALL:g}")
+    return value
+
+
+def _takes(most: int, bytes_of: Callable[[int], int], where: str) -> BeforeValidator:
+    """Checks a count against the most that there may be; the error says what memory so many would take, and where."""
+
+    def check(value: object) -> object:
+        if isinstance(value, int) and not isinstance(value, bool) and value > most:
+            memory = f"so many would take {told_bytes(bytes_of(value))} {where}"
+            raise wrong(f"got {shortened(value)}, expected at most {most:,}: {memory}")
+        return value
+
+    return BeforeValidator(check)
+
+
+# Every number has limits (bug_gym.limits says why these): within them the state stays finite, whatever the actions.
+Number = Annotated[float, Strict(), Field(ge=-FAR, le=FAR)]
+"""A coordinate or a difference of two [m]."""
+Angle = Annotated[float, Strict(), Field(ge=-STEEP, le=STEEP)]
+Positive = Annotated[float, Strict(), Field(gt=0.0, le=FAR), AfterValidator(not_tiny)]
+"""A length that is not 0 [m]."""
+NotNegative = Annotated[float, Strict(), Field(ge=0.0, le=FAR)]
+"""A length [m]."""
+Duration = Annotated[float, Strict(), Field(gt=0.0, le=LONG), AfterValidator(not_tiny)]
+StepTime = Annotated[float, Strict(), Field(gt=0.0, le=LONGEST_STEP), AfterValidator(not_tiny)]
+Moment = Annotated[float, Strict(), Field(ge=-EPOCH, le=EPOCH)]
+"""A time on some clock [s]."""
+Speed = Annotated[float, Strict(), Field(ge=0.0, le=FAST)]
+TopSpeed = Annotated[float, Strict(), Field(gt=0.0, le=FAST), AfterValidator(not_tiny)]
+TurnRate = Annotated[float, Strict(), Field(gt=0.0, le=FASTEST_TURN), AfterValidator(not_tiny)]
+Acceleration = Annotated[float, Strict(), Field(gt=0.0, le=STRONG), AfterValidator(not_tiny)]
+Factor = Annotated[float, Strict(), Field(ge=1.0, le=STRONG)]
+Noise = Annotated[float, Strict(), Field(ge=0.0, le=DRIFT)]
+Bias = Annotated[float, Strict(), Field(ge=-DRIFT, le=DRIFT)]
+Weight = Annotated[float, Strict(), Field(ge=-HEAVY, le=HEAVY)]
+Coefficient = Annotated[float, Strict(), Field(gt=0.0, le=HEAVY)]
+"""A number of a training that is not 0 [1]."""
 Share = Annotated[float, Strict(), Field(ge=0.0, le=1.0)]
-Count = Annotated[int, Strict(), Field(ge=0)]
-AtLeastOne = Annotated[int, Strict(), Field(ge=1)]
+Count = Annotated[int, Strict(), Field(ge=0, le=MOST)]
+AtLeastOne = Annotated[int, Strict(), Field(ge=1, le=MOST)]
+Steps = Annotated[int, Strict(), Field(ge=1, le=1000 * MOST)]
+"""Steps of environments."""
+Beams = Annotated[
+    int, Strict(), Field(ge=1, le=MOST_BEAMS), _takes(MOST_BEAMS, lambda beams: BEAM_BYTES * beams, "for each robot")
+]
+RobotCount = Annotated[
+    int,
+    Strict(),
+    Field(ge=1, le=MOST_ROBOTS),
+    _takes(MOST_ROBOTS, lambda robots: PEER_BYTES * robots**2, "in each world, for each sees all others"),
+]
+Obstacles = Annotated[
+    int,
+    Strict(),
+    Field(ge=0, le=MOST_OBSTACLES),
+    _takes(MOST_OBSTACLES, lambda count: OBSTACLE_BYTES * count, "in each world"),
+]
+Streams = Annotated[
+    int,
+    Strict(),
+    Field(ge=1, le=MOST_OBSTACLES),
+    _takes(MOST_OBSTACLES, lambda count: OBSTACLE_BYTES * count, "in each world"),
+]
+Lines = Annotated[
+    int,
+    Strict(),
+    Field(ge=1, le=MOST_CELLS),
+    _takes(MOST_CELLS, lambda count: CELL_BYTES * count, "in each world"),
+]
+"""Rows or columns of cells; `check_cells` looks at their product."""
+Episodes = Annotated[
+    int,
+    Strict(),
+    Field(ge=1, le=MOST_EPISODES),
+    _takes(MOST_EPISODES, lambda count: ROW_BYTES * count, "in rows"),
+]
+Samples = Annotated[
+    int,
+    Strict(),
+    Field(ge=1, le=MOST_SAMPLES),
+    _takes(MOST_SAMPLES, lambda count: SAMPLE_BYTES * count, "of memory"),
+]
+"""Observations with what became of them, of which a training learns."""
+Width = Annotated[
+    int,
+    Strict(),
+    Field(ge=1, le=MOST_WIDTH),
+    _takes(MOST_WIDTH, lambda count: WEIGHT_BYTES * count**2, "between two layers"),
+]
+"""Neurons of a layer."""
 Flag = Annotated[bool, Strict()]
 ExistingPath = Annotated[str, AfterValidator(_existing)]
 
 Point = Annotated[tuple[Number, Number], _sequence("x, y")]
-Velocity = Annotated[tuple[Number, Number], _sequence("vx, vy")]
-Pose = Annotated[tuple[Number, Number, Number], _sequence("x, y, heading")]
-Record = Annotated[tuple[Number, Number, Number], _sequence("time, x, y")]
+VelocityPart = Annotated[float, Strict(), Field(ge=-FAST, le=FAST)]
+Velocity = Annotated[tuple[VelocityPart, VelocityPart], _sequence("vx, vy")]
+Pose = Annotated[tuple[Number, Number, Angle], _sequence("x, y, heading")]
+Record = Annotated[tuple[Moment, Number, Number], _sequence("time, x, y")]
 Disc = Annotated[tuple[Number, Number, Positive], _sequence("x, y, radius")]
 Box = Annotated[
     tuple[Number, Number, Number, Number],
@@ -93,11 +224,16 @@ Box = Annotated[
     BeforeValidator(_not_corners),
     AfterValidator(_box),
 ]
-Interval = Annotated[tuple[NotNegative, NotNegative], _sequence("least, most"), AfterValidator(_increasing)]
-AtLeastThree = Annotated[int, Strict(), Field(ge=3)]
+Speeds = Annotated[tuple[Speed, Speed], _sequence("least, most"), AfterValidator(_increasing)]
+AtLeastThree = Annotated[
+    int,
+    Strict(),
+    Field(ge=3, le=MOST_CORNERS),
+    _takes(MOST_CORNERS, lambda count: CORNER_BYTES * count, "for each obstacle"),
+]
 CornerCounts = Annotated[tuple[AtLeastThree, AtLeastThree], _sequence("least, most"), AfterValidator(_increasing)]
 Sizes = Annotated[tuple[Positive, Positive], _sequence("least, most"), AfterValidator(_increasing)]
-Window = Annotated[tuple[Number, Number], _sequence("first, last"), AfterValidator(_increasing)]
+Window = Annotated[tuple[Moment, Moment], _sequence("first, last"), AfterValidator(_increasing)]
 
 
 class Part(BaseModel):
@@ -112,7 +248,8 @@ class Part(BaseModel):
             for key in data:
                 if key not in cls.model_fields:
                     known = ", ".join(cls.model_fields)
-                    raise wrong(f"unknown key{nearest_hint(key, cls.model_fields)} (known here: {known})", str(key))
+                    shown = key if isinstance(key, str) and key.isprintable() else repr(key)
+                    raise wrong(f"unknown key{nearest_hint(key, cls.model_fields)} (known here: {known})", shown)
             for key, field in cls.model_fields.items():
                 if field.is_required() and key not in data:
                     raise wrong(f"missing: {field.description}", key)
@@ -129,7 +266,7 @@ class Region(Part):
 class StartRegion(Region):
     """A rectangle to draw a start from."""
 
-    heading: Number | None = None
+    heading: Angle | None = None
     """Heading at the start [rad]; none: drawn, any is as likely as another."""
 
 
@@ -145,7 +282,7 @@ Goal = Annotated[Annotated[Point, Tag("<fixed>")] | Annotated[Region, Tag("<draw
 
 
 Rotation = Annotated[
-    Annotated[Number, Tag("<angle>")] | Annotated[Literal["random"], Tag("<random>")],
+    Annotated[Angle, Tag("<angle>")] | Annotated[Literal["random"], Tag("<random>")],
     Discriminator(lambda value: "<random>" if isinstance(value, str) else "<angle>"),
 ]
 

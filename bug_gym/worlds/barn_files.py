@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.limits import DATA, FAR, MOST_OBSTACLES, SMALL, STEEP, read_file
+from bug_gym.schema.errors import shortened
+
 
 @dataclass(frozen=True)
 class BarnMap:
@@ -46,16 +49,23 @@ def load_barn(path: str) -> dict[int, BarnMap]:
     return worlds
 
 
+def _read(file: Path) -> bytes:
+    try:
+        return read_file(file, DATA)
+    except OSError as error:
+        raise ValueError(f"{file}: {error.strerror}") from None
+
+
 def _load_lines(source: Path) -> dict[int, BarnMap]:
     worlds: dict[int, BarnMap] = {}
-    for number, line in enumerate(source.read_bytes().split(b"\n"), start=1):
+    for number, line in enumerate(_read(source).split(b"\n"), start=1):
         if not line.strip():
             continue
         try:
             data = json.loads(line.decode("utf-8"))
             world = data["world"]
             if not isinstance(world, int) or world in worlds:
-                raise ValueError(f"got world {world!r} {'twice' if world in worlds else 'for its number'}")
+                raise ValueError(f"got world {shortened(world)} {'twice' if world in worlds else 'for its number'}")
             worlds[world] = _from_json(data)
         except UnicodeDecodeError as error:
             raise ValueError(f"{source}, line {number}: not UTF-8 ({error.reason})") from None
@@ -63,7 +73,9 @@ def _load_lines(source: Path) -> dict[int, BarnMap]:
             raise ValueError(f"{source}, line {number}: not JSON ({error.msg})") from None
         except KeyError as error:
             raise ValueError(f"{source}, line {number}: the world lacks the key {error}") from None
-        except (TypeError, ValueError) as error:
+        except RecursionError:
+            raise ValueError(f"{source}, line {number}: not a BARN world (nested too deep)") from None
+        except (TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{source}, line {number}: not a BARN world ({error})") from None
     return worlds
 
@@ -77,6 +89,15 @@ def _from_json(data: dict[str, Any]) -> BarnMap:
         raise ValueError(f"the cylinders have shape {centres.shape}, expected (n, 2)")
     if not (np.isfinite([x, y, heading, goal_x, goal_y, radius]).all() and np.isfinite(centres).all()):
         raise ValueError("a place or the radius is not a finite number")
+    if (
+        max(abs(x), abs(y), abs(goal_x), abs(goal_y), radius, abs(centres).max(initial=0.0)) > FAR
+        or abs(heading) > STEEP
+    ):
+        raise ValueError(f"a place or the radius is beyond {FAR:g} m, or the heading beyond {STEEP:g} rad")
+    if len(centres) > MOST_OBSTACLES:
+        raise ValueError(f"got {len(centres):,} cylinders, expected at most {MOST_OBSTACLES:,}")
+    if 0.0 < radius < SMALL:
+        raise ValueError(f"got the cylinder_radius {radius:g}, expected at least {SMALL:g}")
     if radius <= 0.0:
         raise ValueError(f"got the cylinder_radius {radius:g}, expected a number above 0")
     return BarnMap((x, y, heading), (goal_x, goal_y), np.column_stack([centres, np.full(len(centres), radius)]))
@@ -102,8 +123,8 @@ def load_gazebo(file: Path) -> BarnMap:
     from xml.etree import ElementTree  # start-up time: only this format of one family needs it
 
     try:
-        root = ElementTree.parse(file).getroot()
-    except ElementTree.ParseError as error:
+        root = ElementTree.fromstring(_read(file))
+    except (ElementTree.ParseError, LookupError) as error:  # no XML, or in an encoding that nobody knows
         raise ValueError(f"{file}: not a Gazebo world ({error})") from None
     moved = {model.get("name"): model.findtext("pose") for model in root.iterfind(".//state/model")}
     circles = []
@@ -113,8 +134,10 @@ def load_gazebo(file: Path) -> BarnMap:
             continue
         pose = moved.get(model.get("name")) or model.findtext("pose")
         if pose is None:
-            raise ValueError(f"{file}: the cylinder {model.get('name')!r} has no pose")
-        circles.append(_cylinder(pose, radius, f"{file}: the cylinder {model.get('name')!r}"))
+            raise ValueError(f"{file}: the cylinder {shortened(model.get('name'))} has no pose")
+        circles.append(_cylinder(pose, radius, f"{file}: the cylinder {shortened(model.get('name'))}"))
+    if len(circles) > MOST_OBSTACLES:
+        raise ValueError(f"{file}: got {len(circles):,} cylinders, expected at most {MOST_OBSTACLES:,}")
     if not circles:
         raise ValueError(f"{file}: no cylinder in it")
     return BarnMap(BARN_START, BARN_GOAL, np.array(circles))
@@ -122,11 +145,14 @@ def load_gazebo(file: Path) -> BarnMap:
 
 def _cylinder(pose: str, radius: str, label: str) -> tuple[float, float, float]:
     """x, y, radius [m] of a cylinder from the texts of its pose and radius; `label` names it in errors."""
+    came = f"{label} has pose {shortened(pose)} and radius {shortened(radius)}"
     try:
         x, y, *_ = map(float, pose.split())
         size = float(radius)
     except ValueError:
-        raise ValueError(f"{label} has pose {pose!r} and radius {radius!r}, expected numbers") from None
+        raise ValueError(f"{came}, expected numbers") from None
     if not (math.isfinite(x) and math.isfinite(y) and 0.0 < size < math.inf):
-        raise ValueError(f"{label} has pose {pose!r} and radius {radius!r}, expected finite ones and a size above 0")
+        raise ValueError(f"{came}, expected finite ones and a size above 0")
+    if max(abs(x), abs(y), size) > FAR or size < SMALL:
+        raise ValueError(f"{came}, expected places up to {FAR:g} m and a size from {SMALL:g} m on")
     return x, y, size

@@ -11,7 +11,7 @@ from bug_gym.geometry import F64, Point
 from bug_gym.schema.motions import Crowd, Motion, RandomWalk
 from bug_gym.schema.polygons import Bounds
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import CornerCounts, Count, Interval, NotNegative, Positive, Sizes
+from bug_gym.schema.values import CornerCounts, NotNegative, Obstacles, Positive, Sizes, Speeds
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
 from bug_gym.worlds.layout import Layout, Mover
 from bug_gym.worlds.places import Pose, finish
@@ -30,17 +30,17 @@ class BeachWorld(DrawnPlaces):
     family: Literal["beach"]
     bounds: Bounds = (0.0, 0.0, 50.0, 100.0)
     """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall."""
-    obstacles: Count = 28
+    obstacles: Obstacles = 28
     """How many."""
     sizes: Sizes = (1.0, 4.0)
     """Least and greatest radius of the circle about an obstacle [m]."""
     corners_each: CornerCounts = (5, 10)
     """Least and greatest number of an obstacle's corners."""
-    pedestrians: Count = 20
+    pedestrians: Obstacles = 20
     """How many."""
     radius: Positive = 0.3
     """Radius of a pedestrian [m]."""
-    speeds: Interval = (0.5, 1.3)
+    speeds: Speeds = (0.5, 1.3)
     """Least and greatest speed of a pedestrian [m/s]."""
     law: Literal["crowd", "random_walk"] = "crowd"
     """Their motion law: to places that are drawn, making way for one another and for the robot, or at random."""

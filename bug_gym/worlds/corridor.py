@@ -9,7 +9,7 @@ import numpy as np
 from bug_gym.geometry import F64
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import Box, Count, Positive
+from bug_gym.schema.values import Box, Obstacles, Positive
 from bug_gym.worlds.family import Crew, Family, Rng
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import finish
@@ -34,7 +34,7 @@ class CorridorWorld(Family):
     """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
     width: Positive = 2.0
     """Width of the passage [m]."""
-    shifts: Count = 3
+    shifts: Obstacles = 3
     """How often it shifts sideways; each shift is two right angles."""
     wall: Positive = 0.5
     """Least thickness of what lies between two of its legs, and between a leg and the border [m]."""

@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from bug_gym.limits import MOST_OBSTACLES, OBSTACLE_BYTES, told_bytes
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.motions import Waypoints
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import AtLeastOne, Box, Interval, Positive, Region, StartRegion
+from bug_gym.schema.values import Box, Positive, Region, Speeds, StartRegion, Streams
 from bug_gym.worlds.clearance import is_clear, obstacles_of
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
 from bug_gym.worlds.layout import Layout, Mover
@@ -27,7 +28,7 @@ class CrossingWorld(DrawnPlaces):
     family: Literal["crossing"]
     bounds: Box = (-10.0, -8.0, 10.0, 8.0)
     """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
-    streams: AtLeastOne = 3
+    streams: Streams = 3
     """How many streams lie beside one another along x."""
     lane: Positive = 1.6
     """Distance from a stream's lane up to its lane down [m]."""
@@ -35,7 +36,7 @@ class CrossingWorld(DrawnPlaces):
     """Radius of the movers [m]."""
     gap: Positive = 3.0
     """Least free way from one mover of a stream to the next [m]."""
-    speeds: Interval = (0.3, 0.8)
+    speeds: Speeds = (0.3, 0.8)
     """Least and greatest speed of a stream [m/s]."""
     apron: Positive = 3.0
     """Width of the free strips on the left for the start and on the right for the goal [m]."""
@@ -51,6 +52,17 @@ class CrossingWorld(DrawnPlaces):
         """Distance from the upper and the lower border to where a stream turns [m]."""
         return 2.0 * self.radius
 
+    @property
+    def round_trip(self) -> float:
+        """Length of the way of a stream, up and down [m]."""
+        low, high = self.bounds[1] + self.turn_room, self.bounds[3] - self.turn_room
+        return 2.0 * (self.lane + high - low)
+
+    @property
+    def in_a_stream(self) -> int:
+        """Movers of a stream."""
+        return max(math.floor(self.round_trip / (2.0 * self.radius + self.gap)), 1)
+
     def check(self, robot: Robot) -> None:
         """The streams fit between the strips, and the robot into the strips and between two movers."""
         self.check_width(self.apron, robot, "apron")
@@ -58,6 +70,10 @@ class CrossingWorld(DrawnPlaces):
         if self.lane + 2.0 * self.radius > self.stream_width:
             reason = f"got {self.streams}, expected fewer: each needs {self.lane + 2.0 * self.radius:g} m along x"
             raise wrong(reason, "streams")
+        movers = self.streams * self.in_a_stream
+        if movers > MOST_OBSTACLES:
+            memory = f"{movers:,} movers would take {told_bytes(OBSTACLE_BYTES * movers)} in each world"
+            raise wrong(f"got {self.gap:g}, expected more: {memory}", "gap")
         if self.lane < 2.0 * self.radius:
             raise wrong(f"got {self.lane:g}, expected at least the width of a mover ({2 * self.radius:g})", "lane")
         height = self.bounds[3] - self.bounds[1]
@@ -86,8 +102,7 @@ def streams(world: CrossingWorld, rng: Rng) -> tuple[Mover, ...]:
     """Movers evenly spaced on rectangles beside one another, each rectangle with a speed and a sense of its own."""
     xmin, ymin, _, ymax = world.bounds
     low, high = ymin + world.turn_room, ymax - world.turn_room
-    length = 2.0 * (world.lane + high - low)
-    count = max(math.floor(length / (2.0 * world.radius + world.gap)), 1)
+    length, count = world.round_trip, world.in_a_stream
     movers = []
     for number in range(world.streams):
         middle = xmin + world.apron + (number + 0.5) * world.stream_width

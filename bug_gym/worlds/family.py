@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bug_gym.limits import CELL_BYTES, MOST_CELLS, told_bytes
 from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.motions import Crowd, Motion
 from bug_gym.schema.movers import Target
@@ -36,6 +37,14 @@ class Crew:
     def goal_room(self) -> float:
         """Distance from still obstacles at which a goal can always be reached [m]."""
         return max(self.goal_radius, self.robot.reach)
+
+
+def check_cells(columns: int, rows: int, key: str) -> None:
+    """Raises where a world has more cells than one can be drawn of; `key` is what says how many."""
+    cells = columns * rows
+    if cells > MOST_CELLS:
+        memory = f"they would take {told_bytes(CELL_BYTES * cells)} while they are drawn"
+        raise wrong(f"got {columns:,} x {rows:,} cells, expected at most {MOST_CELLS:,} in all: {memory}", key)
 
 
 def _rectangle(xmin: float, ymin: float, xmax: float, ymax: float) -> tuple[tuple[float, float], ...]:

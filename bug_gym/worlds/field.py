@@ -11,7 +11,7 @@ from typing import Literal
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.motions import Motion
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import Box, Count, Goal, Interval, NotNegative, Positive, Share, Sizes, Start
+from bug_gym.schema.values import Box, Goal, NotNegative, Obstacles, Positive, Share, Sizes, Speeds, Start
 from bug_gym.worlds.family import Family
 
 
@@ -21,7 +21,7 @@ class FieldWorld(Family):
     family: Literal["field"]
     bounds: Box = (-10.0, -10.0, 10.0, 10.0)
     """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
-    obstacles: Count = 20
+    obstacles: Obstacles = 20
     """How many, still and moving together."""
     shapes: Literal["circles", "polygons", "squares", "mixed"] = "mixed"
     """What they are; mixed: circles and polygons."""
@@ -29,15 +29,15 @@ class FieldWorld(Family):
     """Least and greatest radius, of a polygon that of the circle about it [m]."""
     moving: Share = 0.0
     """Share of the obstacles that move, 0 to 1."""
-    speeds: Interval = (0.1, 0.5)
+    speeds: Speeds = (0.1, 0.5)
     """Least and greatest speed of those [m/s]."""
     laws: tuple[Literal["bounce", "random_walk", "crowd"], ...] = ("bounce", "random_walk")
     """Their motion laws, in equal parts."""
-    pedestrians: Count = 0
+    pedestrians: Obstacles = 0
     """How many round bodies walk among the obstacles under the crowd law."""
     pedestrian_radius: Positive = 0.3
     """Radius of these [m]."""
-    pedestrian_speeds: Interval = (0.6, 1.2)
+    pedestrian_speeds: Speeds = (0.6, 1.2)
     """Least and greatest of their speeds [m/s]."""
     solvable: Positive | None = None
     """Clearance [m] at which a path is certain: gaps between still obstacles, and to the border, are at least twice

@@ -6,7 +6,7 @@ from typing import Literal
 
 from bug_gym.geometry import Point
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import Count, NotNegative, Positive, Sizes
+from bug_gym.schema.values import NotNegative, Obstacles, Positive, Sizes
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
 from bug_gym.worlds.layout import Layout
 from bug_gym.worlds.places import Pose, finish
@@ -17,7 +17,7 @@ class ForestWorld(DrawnPlaces):
     """Many thin trunks: still circles, close together."""
 
     family: Literal["forest"]
-    trees: Count = 150
+    trees: Obstacles = 150
     """How many."""
     sizes: Sizes = (0.1, 0.3)
     """Least and greatest radius [m]."""

@@ -11,7 +11,7 @@ from bug_gym.schema.errors import wrong
 from bug_gym.schema.robot import Robot
 from bug_gym.schema.values import Box, NotNegative, Positive, Share
 from bug_gym.worlds.clearance import is_clear
-from bug_gym.worlds.family import Crew, Family, Rng
+from bug_gym.worlds.family import Crew, Family, Rng, check_cells
 from bug_gym.worlds.grid import carve
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import TRIES, border_of, finish, has_room_for_all
@@ -50,6 +50,7 @@ class MazeWorld(Family):
         """The robot fits through, and there are cells as far apart as `separation` says."""
         self.check_width(self.passage, robot, "passage")
         columns, rows = self.cells
+        check_cells(columns, rows, "passage")
         if columns * rows < 2:
             raise wrong(f"got {self.passage:g}, expected at most what lets two cells into the bounds", "passage")
         width, height = self.passages

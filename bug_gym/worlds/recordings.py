@@ -12,6 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.limits import DATA, EPOCH, FAR, SMALL, read_file
+from bug_gym.schema.errors import shortened
+
 HEADER = ["time_s", "pedestrian", "x_m", "y_m"]
 
 
@@ -82,6 +85,11 @@ def load_recording(path: str) -> Recording:
                 f"{path}, line {line}: got time {record[0]:g} of pedestrian {pedestrian}, expected one after "
                 f"{track[-1][0]:g}, that of the record before"
             )
+        if track and record[0] - track[-1][0] < SMALL:
+            raise ValueError(
+                f"{path}, line {line}: got {record[0] - track[-1][0]:g} s between two records of pedestrian {pedestrian}, "
+                f"expected at least {SMALL:g}"
+            )
         track.append(record)
     if not records:
         raise ValueError(f"{path}: no record in it")
@@ -91,14 +99,17 @@ def load_recording(path: str) -> Recording:
 def _rows(path: str) -> Iterator[tuple[int, list[str]]]:
     """Rows of a csv file below its header, each with the number of its line."""
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        text = read_file(Path(path), DATA).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not a csv file ({error.reason})") from None
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from None
     reader = csv.reader(text.splitlines(), strict=True)
     try:
         header = next(reader, [])
         if [name.strip() for name in header] != HEADER:
-            raise ValueError(f"{path}, line 1: got the header {','.join(header)!r}, expected {','.join(HEADER)!r}")
+            came = shortened(",".join(header), 200)
+            raise ValueError(f"{path}, line 1: got the header {came}, expected {','.join(HEADER)!r}")
         for row in reader:
             yield reader.line_num, row
     except csv.Error as error:
@@ -108,12 +119,18 @@ def _rows(path: str) -> Iterator[tuple[int, list[str]]]:
 def _record(row: list[str], label: str) -> tuple[str, tuple[float, float, float]]:
     """Pedestrian, and time, x, y of one row; `label` names it in errors."""
     if len(row) != len(HEADER) or not all(field.strip() for field in row):
-        raise ValueError(f"{label}: got {','.join(row)!r}, expected {len(HEADER)} columns, none of them empty")
+        raise _not_a_record(row, label, f"{len(HEADER)} columns, none of them empty")
     time, pedestrian, x, y = row
     try:
         record = float(time), float(x), float(y)
     except ValueError:
-        raise ValueError(f"{label}: got {','.join(row)!r}, expected numbers for time, x and y") from None
+        raise _not_a_record(row, label, "numbers for time, x and y") from None
     if not all(map(math.isfinite, record)):
-        raise ValueError(f"{label}: got {','.join(row)!r}, expected finite numbers")
+        raise _not_a_record(row, label, "finite numbers")
+    if abs(record[0]) > EPOCH or max(map(abs, record[1:])) > FAR:
+        raise _not_a_record(row, label, f"times up to {EPOCH:g} s and places up to {FAR:g} m")
     return pedestrian.strip(), record
+
+
+def _not_a_record(row: list[str], label: str, expected: str) -> ValueError:
+    return ValueError(f"{label}: got {shortened(','.join(row), 200)}, expected {expected}")

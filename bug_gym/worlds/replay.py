@@ -14,7 +14,17 @@ from bug_gym.geometry import Point
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.motions import Replay
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import Box, ExistingPath, Goal, NotNegative, Number, Positive, Start, Window
+from bug_gym.schema.values import (
+    Box,
+    ExistingPath,
+    Goal,
+    Moment,
+    NotNegative,
+    Positive,
+    Start,
+    Window,
+    existing_path,
+)
 from bug_gym.worlds.clearance import Free, is_clear, obstacles_of
 from bug_gym.worlds.family import Crew, Family, Rng
 from bug_gym.worlds.layout import Layout, Mover
@@ -38,7 +48,7 @@ class ReplayWorld(Family):
     """Free space on all sides, where `bounds` are left out [m]."""
     radius: Positive = 0.3
     """Radius of a pedestrian [m]."""
-    start_time: Number | None = None
+    start_time: Moment | None = None
     """Time of the recording at which the episode begins [s]; none: drawn so that the recording doesn't run out."""
     window: Window | None = None
     """Part of the recording to draw from [s]; none: all of it."""
@@ -56,8 +66,8 @@ class ReplayWorld(Family):
         box, path = (0.0, 0.0, 1.0, 1.0), data.get("path")
         margin, radius = (data.get(name, cls.model_fields[name].default) for name in ("margin", "radius"))
         numbers = all(isinstance(value, (int, float)) and value >= 0.0 for value in (margin, radius))
-        if isinstance(path, str) and Path(path).expanduser().exists() and numbers:
-            xmin, ymin, xmax, ymax = _recording(path).extent
+        if numbers and existing_path(path):
+            xmin, ymin, xmax, ymax = _recording(str(path)).extent
             room = margin + radius
             box = (xmin - room, ymin - room, xmax + room, ymax + room)
         return {**data, "bounds": box}

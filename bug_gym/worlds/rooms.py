@@ -9,8 +9,8 @@ import numpy as np
 from bug_gym.geometry import F64
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import AtLeastOne, Box, Positive, Share
-from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
+from bug_gym.schema.values import Box, Lines, Positive, Share
+from bug_gym.worlds.family import Crew, DrawnPlaces, Rng, check_cells
 from bug_gym.worlds.grid import carve
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import draw_within
@@ -23,9 +23,9 @@ class RoomsWorld(DrawnPlaces):
     family: Literal["rooms"]
     bounds: Box = (-10.0, -10.0, 10.0, 10.0)
     """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
-    columns: AtLeastOne = 3
+    columns: Lines = 3
     """How many rooms lie along x."""
-    rows: AtLeastOne = 3
+    rows: Lines = 3
     """How many rooms lie along y."""
     door: Positive = 1.2
     """Width of the doors [m]."""
@@ -44,6 +44,7 @@ class RoomsWorld(DrawnPlaces):
 
     def check(self, robot: Robot) -> None:
         """The robot fits through the doors, and they into the smallest room's walls."""
+        check_cells(self.columns, self.rows, "columns")
         self.check_width(self.door, robot, "door")
         least = min(self.pitch) * (1.0 - self.unevenness) - self.wall
         if self.door > least:

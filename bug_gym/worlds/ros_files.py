@@ -7,6 +7,12 @@ from __future__ import annotations
 
 import math
 import re
+import struct
+import sys
+import warnings
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -17,6 +23,9 @@ import yaml
 from numpy.typing import NDArray
 
 from bug_gym.geometry import F64
+from bug_gym.limits import DATA, FAR, SMALL, STEEP, TEXT, read_file
+from bug_gym.schema.errors import shortened
+from bug_gym.schema.yaml_text import parse_yaml
 
 MAX_CELLS = 16_000_000
 """Largest picture, such as 4,000 x 4,000 pixels: outlining it takes about 1 GB of memory."""
@@ -90,17 +99,25 @@ def load_ros_map(path: str) -> RosMap:
     resolution = _number(data, "resolution", source)
     if resolution <= 0.0:
         raise ValueError(f"{source}: resolution: got {resolution:g}, expected a number above 0 [m]")
+    if not SMALL <= resolution <= FAR:
+        raise ValueError(f"{source}: resolution: got {resolution:g}, expected {SMALL:g} to {FAR:g} [m]")
     origin = data["origin"]
     if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_number, origin)):
-        raise ValueError(f"{source}: origin: got {origin!r}, expected [x, y, yaw]")
+        raise ValueError(f"{source}: origin: got {shortened(origin)}, expected [x, y, yaw]")
+    if max(abs(origin[0]), abs(origin[1])) > FAR or abs(origin[2]) > STEEP:
+        reason = f"x and y up to {FAR:g} m and yaw up to {STEEP:g} rad"
+        raise ValueError(f"{source}: origin: got {shortened(origin)}, expected {reason}")
     if data["mode"] != "trinary":
-        raise ValueError(f"{source}: mode: got {data['mode']!r}, expected 'trinary'")
-    if data["negate"] not in (0, 1):
-        raise ValueError(f"{source}: negate: got {data['negate']!r}, expected 0 or 1")
+        raise ValueError(f"{source}: mode: got {shortened(data['mode'])}, expected 'trinary'")
+    if not isinstance(data["image"], str):
+        raise ValueError(f"{source}: image: got {shortened(data['image'])}, expected the path of a picture")
+    if not isinstance(data["negate"], (int, float)) or data["negate"] not in (0, 1):
+        raise ValueError(f"{source}: negate: got {shortened(data['negate'])}, expected 0 or 1")
     free, occupied = (_number(data, key, source) for key in ("free_thresh", "occupied_thresh"))
     if free > occupied:
         raise ValueError(f"{source}: free_thresh: got {free:g}, expected at most occupied_thresh ({occupied:g})")
-    shade = read_picture(source.parent / str(data["image"]))
+    # As in map_server the path may be absolute, or lead out of the folder: nothing but a picture is read from there.
+    shade = read_picture(source.parent / data["image"])
     # Dark is occupied, unless the colours are negated.
     occupancy = shade if data["negate"] else 1.0 - shade
     cells = np.full(shade.shape, UNKNOWN, dtype=np.uint8)
@@ -113,7 +130,8 @@ def load_ros_map(path: str) -> RosMap:
 def _read_yaml(source: Path) -> dict[str, Any]:
     """The keys of a map's YAML file, those left out at their defaults."""
     try:
-        data = yaml.safe_load(source.read_text(encoding="utf-8"))
+        raw = read_file(source, TEXT)
+        data = parse_yaml(raw.decode("utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
         raise ValueError(f"{source}: not the YAML file of a map ({' '.join(str(error).split())})") from None
     if not isinstance(data, dict):
@@ -121,7 +139,7 @@ def _read_yaml(source: Path) -> dict[str, Any]:
     known = (*REQUIRED, *DEFAULTS)
     for key in data:
         if key not in known:
-            raise ValueError(f"{source}: unknown key {key!r} (known: {', '.join(known)})")
+            raise ValueError(f"{source}: unknown key {shortened(key)} (known: {', '.join(known)})")
     for key in REQUIRED:
         if key not in data:
             raise ValueError(f"{source}: the map lacks the key {key!r}")
@@ -129,12 +147,14 @@ def _read_yaml(source: Path) -> dict[str, Any]:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return abs(value) <= sys.float_info.max  # a whole number may be larger, and then it has no square root either
 
 
 def _number(data: dict[str, Any], key: str, source: Path) -> float:
     if not _is_number(data[key]):
-        raise ValueError(f"{source}: {key}: got {data[key]!r}, expected a number")
+        raise ValueError(f"{source}: {key}: got {shortened(data[key])}, expected a number")
     return float(data[key])
 
 
@@ -145,8 +165,12 @@ def read_picture(file: Path) -> F64:
         ImportError: a picture other than .pgm, and pillow isn't installed.
         ValueError: no such picture, or one of more than MAX_CELLS pixels.
     """
-    if not file.is_file():
-        raise ValueError(f"{file}: no such picture")
+    try:
+        is_file = file.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        is_file = False
+    if not is_file:
+        raise ValueError(f"{shortened(str(file), 300)[1:-1]}: no such picture")
     return _read_pgm(file) if file.suffix.lower() == ".pgm" else _read_other(file)
 
 
@@ -157,14 +181,19 @@ def _check_size(file: Path, width: int, height: int) -> None:
         raise ValueError(f"{file}: got {width} x {height} pixels, expected at least one")
 
 
-HEADER = re.compile(rb"(P[25])" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
+HEADER = re.compile(rb"(P[25])" + 3 * rb"(?:\s|#[^\n]*\n)+(\d{1,18})" + rb"\s")
 """Magic number, width, height and greatest value of a .pgm, with comments between them."""
+HEADER_BYTES = 65536
+"""How long that may be."""
 
 
 def _read_pgm(file: Path) -> F64:
     """Shades of a plain (P2) or raw (P5) portable graymap."""
-    raw = file.read_bytes()
-    header = HEADER.match(raw)
+    try:
+        raw = read_file(file, DATA)
+    except OSError as error:
+        raise ValueError(f"{file}: {error.strerror}") from None
+    header = HEADER.match(raw[:HEADER_BYTES])
     if header is None:
         raise ValueError(f"{file}: not a .pgm picture (expected P2 or P5, width, height and greatest value)")
     width, height, greatest = (int(number) for number in header.groups()[1:])
@@ -174,10 +203,10 @@ def _read_pgm(file: Path) -> F64:
     body = raw[header.end() :]
     if header[1] == b"P2":
         body = re.sub(rb"#[^\n]*", b"", body)
-        try:
-            values = np.array(body.split(), dtype=np.int64)
-        except ValueError:
-            raise ValueError(f"{file}: a pixel is not a whole number") from None
+        if re.fullmatch(rb"[\d\s]*", body) is None:
+            raise ValueError(f"{file}: a pixel is not a whole number")
+        # No list of all pixels: their Python objects would take ten times the memory.
+        values = np.fromstring(body, dtype=np.int64, count=-1, sep=" ")
     else:
         kind = np.dtype(np.uint8 if greatest < 256 else ">u2")
         values = np.frombuffer(body, dtype=kind, count=min(width * height, len(body) // kind.itemsize))
@@ -190,20 +219,37 @@ def _read_pgm(file: Path) -> F64:
     return shades
 
 
+FORMATS = ("PNG", "PPM", "BMP", "GIF", "JPEG", "TIFF", "WEBP", "TGA", "PCX")
+"""What map_server's library reads; some other formats of pillow's are programs that it would run."""
+BROKEN = (OSError, SyntaxError, ValueError, TypeError, LookupError, EOFError, OverflowError, struct.error, zlib.error)
+"""What pillow raises for broken pictures: each of its readers something of its own."""
+
+
 def _read_other(file: Path) -> F64:
     """Shades of a picture by pillow: the mean of its channels, transparency too, as map_server takes it."""
     try:
-        from PIL import Image, UnidentifiedImageError
+        from PIL import Image
     except ImportError as error:
         raise ImportError(f"{file}: reading it needs pillow: pip install 'bug-gym[maps]'") from error
-    try:
-        with Image.open(file) as image:
-            _check_size(file, *image.size)
+    bombs = (Image.DecompressionBombError, Image.DecompressionBombWarning)
+    with _told_as_no_picture(file, *bombs), warnings.catch_warnings():
+        warnings.simplefilter("error", Image.DecompressionBombWarning)
+        image = Image.open(file, formats=FORMATS)
+    with image:
+        _check_size(file, *image.size)
+        with _told_as_no_picture(file, *bombs):
             if image.mode.startswith("I;16"):
                 return np.asarray(image, dtype=np.float64) / 65535.0
             colours = "RGBA" if image.has_transparency_data else "RGB"
             pixels = np.asarray(image.convert(colours), dtype=np.float64) / 255.0
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError) as error:
-        raise ValueError(f"{file}: not a picture ({error})") from None
     shades: F64 = pixels.mean(axis=2)
     return shades
+
+
+@contextmanager
+def _told_as_no_picture(file: Path, *bombs: type[Exception]) -> Iterator[None]:
+    """Tells what pillow raises in one line."""
+    try:
+        yield
+    except (*BROKEN, *bombs) as error:
+        raise ValueError(f"{file}: not a picture ({' '.join(str(error).split())})") from None

@@ -14,7 +14,7 @@ from pydantic import model_validator
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.polygons import Bounds
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import ExistingPath, Flag, Positive, Region, StartRegion
+from bug_gym.schema.values import ExistingPath, Flag, Positive, Region, StartRegion, existing_path
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import TRIES, border_of, draw_both, finish
@@ -48,8 +48,7 @@ class RosMapWorld(DrawnPlaces):
             return data
         # Without a map there is no outline; its own fault is told where `path` is checked.
         path = data.get("path")
-        is_file = isinstance(path, str) and Path(path).expanduser().exists()
-        return {**data, "bounds": _ros_map(str(path)).bounds if is_file else (0.0, 0.0, 1.0, 1.0)}
+        return {**data, "bounds": _ros_map(str(path)).bounds if existing_path(path) else (0.0, 0.0, 1.0, 1.0)}
 
     def check(self, robot: Robot) -> None:
         """The map can be read; start and goal lie within the bounds."""

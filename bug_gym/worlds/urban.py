@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Literal
 
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import AtLeastOne, Box, NotNegative, Positive, Share
-from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
+from bug_gym.schema.values import Box, Lines, NotNegative, Positive, Share
+from bug_gym.worlds.family import Crew, DrawnPlaces, Rng, check_cells
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import draw_within
 from bug_gym.worlds.polygons import Rectangle, boxes, rings_of
@@ -26,9 +26,9 @@ class UrbanWorld(DrawnPlaces):
     family: Literal["urban"]
     bounds: Box = (-15.0, -15.0, 15.0, 15.0)
     """xmin, ymin, xmax, ymax [m]; the border is always a wall."""
-    columns: AtLeastOne = 4
+    columns: Lines = 4
     """How many blocks lie along x."""
-    rows: AtLeastOne = 4
+    rows: Lines = 4
     """How many blocks lie along y."""
     street: Positive = 1.5
     """Least width of the streets, that along the border too [m]."""
@@ -59,6 +59,7 @@ class UrbanWorld(DrawnPlaces):
 
     def check(self, robot: Robot) -> None:
         """The robot fits through streets and gateways, and the smallest building holds a courtyard with a gateway."""
+        check_cells(self.columns, self.rows, "columns")
         self.check_width(self.street, robot, "street")
         self.check_width(self.gateway, robot, "gateway")
         least = min(self.block) * (1.0 - self.unevenness) - 2.0 * self.depth
