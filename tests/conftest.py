@@ -2,7 +2,11 @@
 
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+hypothesis.settings.register_profile("plain", deadline=None, database=None, print_blob=False)
+hypothesis.settings.load_profile("plain")  # a busy machine is no fault, and nothing is left beside the tests
 
 
 @pytest.fixture(scope="session")

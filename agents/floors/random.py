@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from bug_gym import kernels
+from bug_gym.agents.parameters import AtMost
 from bug_gym.geometry import velocity_along
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -23,8 +24,12 @@ class RandomMemory(Memory):
 class RandomParameters:
     """Parameters of the random policy."""
 
-    seed: int = 0
+    seed: Annotated[int, AtMost(2**63 - 1)] = 0
     """Number that the draws are a function of, beside that of the step."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed!r}")
 
 
 class Random(ScriptedPolicy):

@@ -13,15 +13,28 @@ from collections.abc import Iterable, Set
 from pathlib import Path
 from typing import Any
 
+from bug_gym.naming import nearest_hint
+
 TRAINED_FOLDER = Path(__file__).parents[1] / "trained"
 GRAPH, WEIGHTS, CONFIG = "policy.onnx", "policy.safetensors", "config.json"
 """Files of a model: what is played, what can be trained on, and what made it."""
 
 
 def model_folder(model: str | Path) -> Path:
-    """The folder of a model: a name of `trained_names()`, or its path."""
-    is_path = isinstance(model, Path) or "/" in model or os.sep in model
-    return Path(model).expanduser() if is_path else TRAINED_FOLDER / model
+    """The folder of a model: a name of `trained_names()`, or its path.
+
+    Raises:
+        ValueError: no such name; the message offers the nearest ones.
+    """
+    if isinstance(model, Path) or "/" in model or os.sep in model:
+        return Path(model).expanduser()
+    known = trained_names()
+    if model not in known:
+        hint = nearest_hint(model, known, count=3, cutoff=0.4, separator=";")
+        raise ValueError(
+            f"no model {model!r}{hint} (known: {', '.join(known)}; or the path of a folder, such as ./{model})"
+        )
+    return TRAINED_FOLDER / model
 
 
 def trained_names() -> list[str]:

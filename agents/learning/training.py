@@ -40,6 +40,7 @@ from bug_gym.agents.learning.settings import (
     load_settings,
 )
 from bug_gym.agents.learning.vec_envs import HistoryVecEnv, TrainingEnv, join
+from bug_gym.checks import checked_seed, checked_time
 from bug_gym.config import Scenario
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
 from bug_gym.view import Sensors
@@ -288,16 +289,20 @@ def train(
     Raises:
         ValueError: a seed below 0, a model to begin with that does not fit, or `out` is of another training.
     """
-    if seed < 0:
-        raise ValueError(f"seed must be at least 0, got {seed}")
+    seed = checked_seed(seed)
+    if minutes is not None:
+        checked_time("minutes", minutes)
+    begun = None if settings.start_from is None else model_folder(settings.start_from)
+    if begun is not None:
+        read_config(begun)  # what is wrong is found out before anything is written
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
     torch.set_flush_denormal(True)
     env = make_training_env(settings, seed)
     model = make_model(settings, env, seed)
-    if settings.start_from is not None:
-        load_weights(model_folder(settings.start_from) / WEIGHTS, model.policy)
+    if begun is not None:
+        load_weights(begun / WEIGHTS, model.policy)
     goes_on = isinstance(model, PPO) and (folder / CHECKPOINT).exists()
     kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))

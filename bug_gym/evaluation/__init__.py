@@ -11,6 +11,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from bug_gym.checks import checked_count
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import progress_bar
@@ -56,8 +57,7 @@ def evaluate(
     Raises:
         ValueError: an unknown name, a policy that does not fit, or `out` is of another run.
     """
-    if workers < 1:
-        raise ValueError(f"workers must be at least 1, got {workers}")
+    workers = checked_count("workers", workers)
     plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides, data=data)
     labels = [policy.label for policy in plan.policies]
     if baseline is not None and baseline not in labels:
