@@ -108,8 +108,6 @@ def test_a_name_that_is_no_text_is_refused(name: Any) -> None:
 def test_a_memory_of_another_policy_is_refused(name: str) -> None:
     policy = make_policy(name, SIMULATION)
     for state in ((Memory(), 3), (3, 4), ("a", "b"), "ab", 5, {"a": 1, "b": 2}):
-        if name == "go_to_goal" and state[:1] == (Memory(),) if isinstance(state, tuple) else False:
-            continue
         with pytest.raises(ValueError, match="memor"):
             policy.predict(FLAT, state)  # type: ignore[arg-type]
 
