@@ -18,9 +18,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from bug_gym.commands import COMMANDS
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 DONE, UNWRITTEN, BAD_INPUT, SIGNALLED = 0, 1, 2, 128
 BROKEN_PIPE = SIGNALLED + 13
@@ -45,6 +48,10 @@ class Parser(argparse.ArgumentParser):
         """Say what is wrong and leave with exit code 2."""
         self.exit(BAD_INPUT, f"bug-gym: error: {message} (see {self.prog} --help)\n")
 
+    def print_help(self, file: SupportsWrite[str] | None = None) -> None:
+        """Print the help; argparse's own says nothing where it cannot be written."""
+        print(self.format_help(), end="", file=file or sys.stdout)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns its exit code."""
@@ -63,8 +70,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    options = make_parser().parse_args(arguments)
+    options = argparse.Namespace()
     try:
+        options = make_parser().parse_args(arguments)
         with _ended_by_signals():
             options.run(options)
     except BrokenPipeError as error:

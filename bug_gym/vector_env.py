@@ -128,10 +128,10 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         """A seed for each row; None where all rows go on with their own."""
         if seed is None:
             return None
-        if isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, (str, bytes)):
-            if np.shape(seed)[:1] != (self.num_envs,):
+        if isinstance(seed, (list, tuple, range)) or (isinstance(seed, np.ndarray) and seed.ndim == 1):
+            if len(seed) != self.num_envs:
                 raise ValueError(f"got {len(seed)} seeds for {self.num_envs} rows")
-            return [None if one is None else checked_seed(one) for one in seed]
+            return list(seed)  # the core checks those of the rows that it resets
         first = checked_seed(seed)
         return [first + k for k in range(self.num_envs)]
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -55,6 +54,7 @@ def end_with(parent: int) -> None:
 
 
 def _watch(parent: int) -> None:
+    pause = threading.Event()
     while os.getppid() == parent:
-        time.sleep(GLANCE)
+        pause.wait(GLANCE)
     os._exit(1)  # at once: nobody is left to clean up for, and the main thread may be in compiled code

@@ -160,7 +160,7 @@ def test_a_vector_reset_with_one_bad_seed_changes_nothing(name: str, data: st.Da
 
 
 def test_a_reset_that_finds_no_place_for_one_world_changes_none() -> None:
-    world = {"family": "field", "obstacles": 60, "radii": [0.8, 0.8], "bounds": [-8, -8, 8, 8]}
+    world = {"family": "field", "obstacles": 32, "sizes": [0.5, 0.5], "bounds": [-6, -6, 6, 6], "solvable": 0.3}
     simulation = Simulation({"world": world}, count=4)
     good = next(seed for seed in range(1000) if fits(world, seed))
     bad = next(seed for seed in range(1000) if not fits(world, seed))

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
+
 from bug_gym import kernels
 from bug_gym.agents.parameters import AtMost
 from bug_gym.geometry import velocity_along
@@ -40,7 +42,8 @@ class Random(ScriptedPolicy):
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
-        self._key = kernels.hash64(self.parameters.seed, 0, 0, kernels.STREAM_POLICY)
+        # As it leaves compiled code it is an int, which half of the seeds make too large to go back in.
+        self._key = np.uint64(kernels.hash64(self.parameters.seed, 0, 0, kernels.STREAM_POLICY))
 
     def start(self) -> RandomMemory:
         """Memory of a new episode."""
