@@ -12,7 +12,7 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bug_gym.agents.parameters import Parameter, parameter_names, parameters_of
+from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.naming import nearest_hint
 from bug_gym.policy import Policy, is_discrete, source_scenario
 from bug_gym.view import Sensors
@@ -96,7 +96,7 @@ def agent(name: str) -> Agent:
     return AGENTS[name]
 
 
-def make_policy(name: str, source: Any, **parameters: Any) -> Policy:
+def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
     """Make a policy for a robot.
 
     Args:
@@ -118,7 +118,8 @@ def make_policy(name: str, source: Any, **parameters: Any) -> Policy:
             hint = nearest_hint(key, known, cutoff=0.6)
             raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
     sensors = Sensors.of(source_scenario(source))
-    policy: Policy = policy_class(sensors, discrete=is_discrete(source), **fixed, **parameters)
+    own = checked_parameters(policy_class, parameters, f"policy {name!r}: ")
+    policy: Policy = policy_class(sensors, discrete=is_discrete(source), **fixed, **own)
     return policy
 
 
@@ -133,6 +134,8 @@ def parameters_table() -> list[tuple[str, Parameter]]:
 
 def _entry(name: str) -> tuple[type[Any], dict[str, Any]]:
     """The class behind a name or path, and the parameters that are fixed by it."""
+    if not isinstance(name, str):
+        raise ValueError(f"a policy is named by text such as 'bug2', got {name!r} (known: {', '.join(AGENTS)})")
     if name.endswith(".zip"):
         return _imported("learning.play:ZipPolicy"), {"path": Path(name).expanduser()}
     if "/" in name or os.sep in name:

@@ -5,11 +5,31 @@ from __future__ import annotations
 import ast
 import functools
 import inspect
+import math
 import textwrap
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from types import NoneType, UnionType
-from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from bug_gym.naming import nearest_hint
+from bug_gym.schema.errors import shortened
+
+
+@dataclass(frozen=True)
+class AtMost:
+    """A limit above which a number makes no sense, and would overflow what is computed of it; in an `Annotated`."""
+
+    most: float
+
+
+Length = Annotated[float, AtMost(1000.0)]
+"""A length [m], a time [s] or a speed [m/s] of a policy's parameter."""
+Weight = Annotated[float, AtMost(1e6)]
+"""A weight of a policy's parameter."""
 
 
 class Parameter(NamedTuple):
@@ -46,6 +66,63 @@ def parameters_of(policy_class: type) -> list[Parameter]:
         for field in fields(own)
         if field.init
     ]
+
+
+def checked_parameters(policy_class: type, parameters: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Values of an algorithm's own parameters, of the types that its `Parameters` says, and within its limits.
+
+    NumPy's numbers become Python's. What more must hold of a value the algorithm itself says. The parameters of a
+    constructor of its own are not looked at.
+
+    Args:
+        policy_class: the algorithm.
+        parameters: values by name; the names are known.
+        where: what an error begins with.
+
+    Raises:
+        ValueError: a value of another type, or above its limit.
+    """
+    own = _declared(policy_class)
+    if own is None:
+        return dict(parameters)
+    hints, texts = get_type_hints(own, include_extras=True), _texts(own)
+    checked = {}
+    for name, value in parameters.items():
+        plain = value.item() if isinstance(value, np.generic) else value
+        hint = hints[name]
+        if get_origin(hint) is Literal and plain not in get_args(hint):
+            words = list(get_args(hint))
+            raise ValueError(
+                f"{where}{name} must be one of {words}, got {shortened(plain)}{nearest_hint(plain, words)}"
+            )
+        most = min((one.most for one in _limits(hint)), default=math.inf)
+        expected = f"{_spelled(get_type_hints(own)[name])}{'' if math.isinf(most) else f', at most {most:g}'}"
+        try:
+            checked[name] = TypeAdapter(hint, config=STRICT).validate_python(plain)
+        except ValidationError:
+            text = texts.get(name, "")
+            about = f" ({text})" if text else ""
+            raise ValueError(f"{where}{name}: got {shortened(plain)}, expected {expected}{about}") from None
+        if isinstance(plain, (int, float)) and most < plain < math.inf:
+            raise ValueError(f"{where}{name}: got {shortened(plain)}, expected {expected}")
+    return checked
+
+
+STRICT = ConfigDict(strict=True, arbitrary_types_allowed=True)
+"""No text for a number, no number for text."""
+
+
+def _parts(hint: Any) -> Iterator[Any]:
+    """A type and those that it is made of."""
+    yield hint
+    for one in get_args(hint) if get_origin(hint) in (Union, UnionType, Annotated) else ():
+        yield from _parts(one)
+
+
+def _limits(hint: Any) -> Iterator[AtMost]:
+    """The limits in a type."""
+    for part in _parts(hint):
+        yield from (one for one in getattr(part, "__metadata__", ()) if isinstance(one, AtMost))
 
 
 def _declared(policy_class: type) -> type | None:

@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.checks import checked_seed
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
@@ -132,8 +133,8 @@ class SimulationVecEnv(ArrayVecEnv):
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """At the next reset, world n starts episode 0 of seed + n; None: each world goes on with its own seed."""
-        robots = self.simulation.robots
-        self._seeds = [None if seed is None else seed + row // robots for row in range(self.num_envs)]
+        robots, first = self.simulation.robots, None if seed is None else checked_seed(seed)
+        self._seeds = [None if first is None else checked_seed(first + row // robots) for row in range(self.num_envs)]
         return self._seeds
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -152,12 +153,12 @@ class SimulationVecEnv(ArrayVecEnv):
         }
 
     def _save_simulation(self) -> Saved:
-        (capacity, *arrays), seeded = self.simulation.save()
-        return {"capacity": list(capacity), "arrays": arrays, "seeded": seeded}
+        (capacity, *arrays, digest), seeded = self.simulation.save()
+        return {"capacity": list(capacity), "arrays": arrays, "digest": digest, "seeded": seeded}
 
     def _restore_simulation(self, saved: Saved) -> None:
         floats, ints, observation = saved["arrays"]
-        snapshot = Snapshot(Capacity(*saved["capacity"]), floats, ints, observation)
+        snapshot = Snapshot(Capacity(*saved["capacity"]), floats, ints, observation, saved["digest"])
         self.simulation.restore((snapshot, saved["seeded"]))
 
     def close(self) -> None:

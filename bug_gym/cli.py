@@ -1,21 +1,44 @@
 """The command line, `bug-gym`: the commands of bug_gym.commands, their errors and exit codes.
 
-Exit codes: 0 done, 2 bad input (one line on stderr says what), 130 interrupted. What a command needs is imported when
-it runs, so that `--help` is quick.
+Exit codes: 0 done, 1 what was printed could not be written, 2 bad input, 130 interrupted, 128 + n ended by signal n, as 141
+where the reader of a pipe has gone. One line on stderr says what was wrong; a reader that has seen enough needs none. What
+a command needs is imported when it runs, so that `--help` is quick.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import os
+import select
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
-from typing import NoReturn
+from types import FrameType
+from typing import TYPE_CHECKING, NoReturn
 
 from bug_gym.commands import COMMANDS
 
-DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
+
+DONE, UNWRITTEN, BAD_INPUT, SIGNALLED = 0, 1, 2, 128
+BROKEN_PIPE = SIGNALLED + 13
+"""What a shell says of a program that SIGPIPE has ended."""
+
+ENDINGS = ("SIGTERM", "SIGHUP")
+"""Signals on which a command ends as on Ctrl-C; those that this system has."""
+
+
+class Ended(KeyboardInterrupt):
+    """A signal asks this process to end: whatever cares for Ctrl-C cares for it, too."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
 
 
 class Parser(argparse.ArgumentParser):
@@ -25,28 +48,132 @@ class Parser(argparse.ArgumentParser):
         """Say what is wrong and leave with exit code 2."""
         self.exit(BAD_INPUT, f"bug-gym: error: {message} (see {self.prog} --help)\n")
 
+    def print_help(self, file: SupportsWrite[str] | None = None) -> None:
+        """Print the help; argparse's own says nothing where it cannot be written."""
+        print(self.format_help(), end="", file=file or sys.stdout)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns its exit code."""
-    options = make_parser().parse_args(arguments)
+    with _open_streams() as unseen:
+        try:
+            code = _run(arguments)
+        except SystemExit as left:
+            if written := _write_out():
+                return written
+            if unseen.tell() and not left.code:
+                return _complain(UNWRITTEN, "error: standard output is closed")
+            raise
+        if code == DONE and unseen.tell():
+            return _complain(UNWRITTEN, "error: standard output is closed")
+        return _write_out() or code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    options = argparse.Namespace()
     try:
-        options.run(options)
-        sys.stdout.flush()
-    except BrokenPipeError:  # the reader has seen enough, as `head` has
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        options = make_parser().parse_args(arguments)
+        with _ended_by_signals():
+            options.run(options)
+    except BrokenPipeError as error:
+        if not _is_reader_gone():  # another pipe broke, of a film's writer say
+            return _complain(BAD_INPUT, f"error: {error}")
+        _drop_output()
+        return BROKEN_PIPE
     except (ValueError, OSError, ImportError) as error:
         return _complain(BAD_INPUT, f"error: {error}")
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         out = getattr(options, "out", None)
         goes_on = out and COMMANDS[options.command].goes_on
         hint = f"; {out} keeps what is done, the same command goes on" if goes_on else ""
-        return _complain(INTERRUPTED, f"interrupted{hint}")
+        number = error.number if isinstance(error, Ended) else signal.SIGINT
+        return _complain(SIGNALLED + number, f"interrupted{hint}")
     return DONE
 
 
 def _complain(code: int, message: str) -> int:
     print("bug-gym:", "; ".join(message.splitlines()), file=sys.stderr)
     return code
+
+
+# ---------------------------------------------------------------------------------------------- streams
+
+
+@contextmanager
+def _open_streams() -> Iterator[io.StringIO]:
+    """Stand-ins for streams that are closed (`>&-`), which Python has as None; gives that of stdout.
+
+    The numbers of closed streams are taken, else the next file that is opened would get one, and what a library prints.
+    """
+    unseen, before = io.StringIO(), (sys.stdout, sys.stderr)
+    if None in before:
+        while (number := os.open(os.devnull, os.O_RDWR)) < 3:
+            os.set_inheritable(number, True)  # children print to it
+        os.close(number)
+    sys.stdout = unseen if sys.stdout is None else sys.stdout
+    sys.stderr = io.StringIO() if sys.stderr is None else sys.stderr
+    try:
+        yield unseen
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+def _write_out() -> int:
+    """Write what was printed; returns an exit code where that is not possible, and drops it."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _drop_output()
+        return BROKEN_PIPE
+    except OSError as error:
+        _drop_output()
+        return _complain(UNWRITTEN, f"error: standard output: {error.strerror}")
+    return DONE
+
+
+def _is_reader_gone() -> bool:
+    """Whether nobody reads stdout any more."""
+    try:
+        sys.stdout.flush()  # which fails as long as it holds what it could not write
+    except BrokenPipeError:
+        return True
+    if not hasattr(select, "poll"):
+        return True
+    pipe = select.poll()
+    pipe.register(sys.stdout.fileno(), 0)
+    return any(event & select.POLLERR for _, event in pipe.poll(0))
+
+
+def _drop_output() -> None:
+    """Lead stdout to nowhere: Python tries again to write what it holds when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+# ---------------------------------------------------------------------------------------------- signals
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Raise Ended where a signal would end the process at once; a second one does end it at once.
+
+    A signal that is ignored, as SIGHUP is under `nohup`, stays so.
+    """
+    is_main = threading.current_thread() is threading.main_thread()  # no other thread may ask for signals
+    numbers = [getattr(signal, name) for name in ENDINGS if hasattr(signal, name)] if is_main else []
+    ours = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
+
+    def end(number: int, frame: FrameType | None) -> NoReturn:
+        for one in ours:
+            signal.signal(one, signal.SIG_DFL)
+        raise Ended(number)
+
+    for number in ours:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def make_parser() -> Parser:

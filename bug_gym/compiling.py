@@ -10,18 +10,23 @@ serves: it compiles for longer, and the results are the same bit for bit.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import logging
 import os
 import re
+import stat
 import sys
+import tempfile
 import uuid
 from collections.abc import Callable, Iterable
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import config
 from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -112,24 +117,65 @@ def for_kernels(function: Callable[..., Any], **options: Any) -> Any:
 def keep(dispatcher: Any, stamp: str) -> bool:
     """Have a dispatcher write compiled code to files that no other process writes, and read what bears its stamp.
 
-    Numba numbers the files of a function's signatures by what its index holds: of two processes that compile different
-    signatures at once, one could write the other's file, and the index then give that code to the wrong types.
-
-    False where this numba keeps its files in another way. That dispatcher must not be used: by numba's stamp alone it
-    would run code of sources that have changed since.
+    False where this numba keeps its files in another way, or there is no place for them. That dispatcher must not be
+    used: by numba's stamp alone it would run code of sources that have changed since.
     """
     try:
-        dispatcher.enable_caching()
-        files = dispatcher._cache._cache_file
-        source, pattern = files._source_stamp, files._data_name_pattern
-    except AttributeError:
+        from bug_gym.kept_code import KeptCache  # loads numba's insides, which a release may have changed
+
+        make = functools.partial(KeptCache, dispatcher.py_func, stamp, PROCESS)
+        cache = made_somewhere(make)
+    except (ImportError, AttributeError):
         return False
-    if ".{number" not in pattern:
+    if cache is None:
         return False
-    files._source_stamp = (source, stamp)
-    files._data_name_pattern = pattern.replace(".{number", f".{PROCESS}.{{number")
+    dispatcher._cache = cache
     KERNELS.append(dispatcher)
     return True
+
+
+def made_somewhere(make: Callable[[], Any]) -> Any:
+    """A cache: where numba finds no place for it, in a temporary folder; None where there is none either."""
+    try:
+        return make()
+    except RuntimeError:  # a read-only installation, and no home to write in
+        folder = temporary_folder()
+    if folder is None:
+        return None
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    try:
+        return make()
+    except RuntimeError:
+        return None
+    finally:
+        config.CACHE_DIR = before
+
+
+@functools.cache
+def temporary_folder() -> Path | None:
+    """A folder for compiled code that processes of the same user share, and nobody else can write to; it is said once.
+
+    None where nothing can be written.
+    """
+    try:
+        folder = Path(tempfile.gettempdir(), f"bug_gym-{os.getuid() if hasattr(os, 'getuid') else 'code'}")
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+        if not is_only_ours(folder):  # code that somebody else can write must not be run
+            folder = Path(tempfile.mkdtemp(prefix="bug_gym-"))
+    except OSError:
+        logger.warning("no place to keep compiled code, not even a temporary folder: each process compiles by itself")
+        return None
+    if parent_process() is None:  # a worker's parent has said it
+        logger.warning("no place to keep compiled code (NUMBA_CACHE_DIR can name one): it is kept in %s", folder)
+    return folder
+
+
+def is_only_ours(folder: Path) -> bool:
+    """Whether a folder is one, of this user, and only this user can write to it."""
+    seen = folder.lstat()
+    is_mine = not hasattr(os, "getuid") or (seen.st_uid == os.getuid() and not seen.st_mode & 0o022)
+    return stat.S_ISDIR(seen.st_mode) and is_mine
 
 
 def types_of(*arguments: Any) -> tuple[Any, ...]:
@@ -138,15 +184,17 @@ def types_of(*arguments: Any) -> tuple[Any, ...]:
 
 
 def is_ready(function: Callable[..., Any], types: tuple[Any, ...] | None = None) -> bool:
-    """Whether a kernel is compiled for these types, or for any: in this process, or on disk as it is written today."""
+    """Whether a kernel is compiled for these types, or for any: in this process, or on disk.
+
+    What is on disk counts where it is whole, of the kernel as it is written today, and for this machine.
+    """
     dispatcher: Any = function
     if types in dispatcher.signatures or (types is None and dispatcher.signatures):
         return True
-    try:
-        kept = dispatcher._cache._cache_file._load_index() if any(dispatcher is one for one in KERNELS) else {}
-        return any(types in (None, signature) for signature, *_ in kept)
-    except (AttributeError, OSError):  # kept in another way; or another process is writing it, which Windows refuses
+    if not any(dispatcher is kept for kept in KERNELS):
         return False
+    _, *code = dispatcher._cache._index_key((), dispatcher.targetctx.codegen())
+    return bool(dispatcher._cache.files.holds(code, types))
 
 
 def take_own_name() -> None:
@@ -154,8 +202,7 @@ def take_own_name() -> None:
     global PROCESS
     parent, PROCESS = PROCESS, uuid.uuid4().hex[:12]
     for dispatcher in KERNELS:
-        files = dispatcher._cache._cache_file
-        files._data_name_pattern = files._data_name_pattern.replace(parent, PROCESS)
+        dispatcher._cache.files.rename(parent, PROCESS)
 
 
 if hasattr(os, "register_at_fork"):  # not on Windows, where no process forks
@@ -181,7 +228,8 @@ def stamp_of(function: Callable[..., Any]) -> str | None:
 def own_stamp() -> str:
     """How functions are compiled; plain numba does not run what was made by `dispatchers`, nor the other way round."""
     way = "plain" if DISPATCHERS is None else "own"
-    return f"numba {numba.__version__} {way} {contents([Path(__file__), PACKAGE / 'dispatchers.py'])}"
+    sources = [Path(__file__), PACKAGE / "dispatchers.py", PACKAGE / "kept_code.py"]
+    return f"numba {numba.__version__} {way} {contents(sources)}"
 
 
 @functools.cache

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 
+from bug_gym.checks import checked_options
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
@@ -18,9 +19,6 @@ from bug_gym.spaces import (
     require_one_of,
     require_one_robot,
 )
-
-if TYPE_CHECKING:
-    pass
 
 
 class NavigationEnv(gym.Env[Any, Any]):
@@ -120,11 +118,16 @@ class NavigationEnv(gym.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start episode 0 of the seed, or without one the next episode."""
-        super().reset(seed=seed)
+        """Start episode 0 of the seed, or without one the next episode.
+
+        Raises:
+            ValueError: a seed that is no integer from 0 on, options that are no dict.
+        """
+        wanted = checked_options(options)
         flat = self.simulation.reset(seeds=None if seed is None else [seed])
+        super().reset(seed=None if seed is None else int(seed))  # which refuses NumPy's integers
         info = self.simulation.robot_step().info
-        if options and options.get("shortest_path"):
+        if wanted.get("shortest_path"):
             info["shortest_path_length"] = self.simulation.shortest_path().length
         self._pictures.record()
         return self.spaces.present(flat[0, 0]), info

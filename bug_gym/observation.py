@@ -14,6 +14,7 @@ import gymnasium as gym
 import numpy as np
 
 from bug_gym import kernels
+from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 
@@ -110,13 +111,13 @@ def as_flat(observation: Mapping[str, F32], table: tuple[Field, ...]) -> F32:
     """Join fields (..., *shape) into flat observations (..., D).
 
     Raises:
-        ValueError: a field is missing or has another shape than the table says.
+        ValueError: a field is missing, has another shape than the table says, or holds no real numbers.
     """
     parts = []
     for field in table:
         if field.name not in observation:
             raise ValueError(f"the observation lacks the field {field.name!r}; it has {sorted(observation)}")
-        value = np.asarray(observation[field.name], dtype=np.float32)
+        value = float32_numbers(f"field {field.name!r}", observation[field.name])
         batch = value.shape[: value.ndim - len(field.shape)]
         if value.shape[len(batch) :] != field.shape:
             raise ValueError(f"field {field.name!r} has shape {value.shape}, expected (..., {field.shape})")

@@ -6,6 +6,7 @@ Dict or flat. A scripted policy writes two methods: `start() -> Memory` and `act
 
 from __future__ import annotations
 
+import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -15,9 +16,10 @@ from typing import Any, ClassVar, Protocol
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels, kinematics
+from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
 from bug_gym.observation import as_flat, width
 from bug_gym.view import Sensors, View
@@ -98,21 +100,33 @@ def flat_observation(observation: Observation, sensors: Sensors) -> NDArray[np.f
     """An observation, Dict or flat, one or a batch, as flat numbers (..., D).
 
     Raises:
-        ValueError: an observation of another size than the robot's that a policy was made for.
+        ValueError: an observation of another size than the robot's that a policy was made for, or of no real numbers.
     """
     beams = len(sensors.angles)
     if isinstance(observation, Mapping):
-        came = np.shape(observation["ranges"])[-1] if "ranges" in observation else 0
+        came = (np.shape(observation.get("ranges", ())) or (0,))[-1]
         if came != beams:
             raise ValueError(f"this policy was made for {beams} beams, the observation has {came}")
         return as_flat(observation, sensors.fields)
-    flat = np.asarray(observation, dtype=np.float32)
+    flat = float32_numbers("an observation", observation)
     length = width(sensors.fields)
     if flat.ndim not in (1, 2) or flat.shape[-1] != length:
         raise ValueError(
             f"the observation has shape {flat.shape}; this policy was made for {beams} beams, so for (..., {length})"
         )
     return flat
+
+
+def checked_starts(episode_start: ArrayLike, rows: int) -> NDArray[np.bool_]:
+    """Which of some rows begin an episode (n,).
+
+    Raises:
+        ValueError: they are no truth values, or not one a row.
+    """
+    starts = np.atleast_1d(np.asarray(episode_start))
+    if starts.shape != (rows,) or starts.dtype.kind not in "biu":
+        raise ValueError(f"episode_start is {rows} bools, got shape {starts.shape} of {starts.dtype}")
+    return starts.astype(bool)
 
 
 @dataclass(frozen=True)
@@ -180,18 +194,33 @@ class ScriptedPolicy(ABC):
             Actions (2,) or (n, 2) float32, or numbers of discrete actions; and the state, changed in place.
 
         Raises:
-            ValueError: an observation of another size than the robot's this policy was made for.
+            ValueError: an observation of another size than the robot's this policy was made for, memories of another
+                policy, or an `episode_start` of another length.
         """
         flat = flat_observation(observation, self.sensors)
         rows = flat[None] if flat.ndim == 1 else flat
-        memories = list(state) if state is not None else [self.start() for _ in rows]
-        if len(memories) != len(rows):
-            raise ValueError(f"got {len(memories)} memories for {len(rows)} observations")
-        if episode_start is not None and state is not None:
-            for row in np.flatnonzero(episode_start):
+        memories = [self.start() for _ in rows] if state is None else self._checked(state, len(rows))
+        if episode_start is not None:
+            for row in np.flatnonzero(checked_starts(episode_start, len(rows))):
                 memories[row] = self.start()
         actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
         return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
+
+    def _checked(self, state: Any, rows: int) -> list[Memory]:
+        """The memories of a state."""
+        if not isinstance(state, (tuple, list)):
+            raise ValueError(f"the state is a tuple of memories, got {type(state).__name__}")
+        if len(state) != rows:
+            raise ValueError(f"got {len(state)} memories for {rows} observations")
+        for memory in state:
+            if not isinstance(memory, self._memory_type):
+                came, expected = type(memory).__name__, self._memory_type.__name__
+                raise ValueError(f"got the memory of another policy: {came}, expected {expected}")
+        return list(state)
+
+    @functools.cached_property
+    def _memory_type(self) -> type[Memory]:
+        return type(self.start())
 
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         if not np.isfinite(flat).all():

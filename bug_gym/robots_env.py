@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv, ParallelEnv
 
+from bug_gym.checks import checked_options
 from bug_gym.config import Scenario, load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.observation import flat_space
@@ -80,11 +81,12 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Start episode 0 of the seed, or without one the next episode; options as NavigationEnv's."""
+        """Start episode 0 of the seed, or without one the next episode; seed and options as NavigationEnv's."""
+        wanted = checked_options(options)
         self.simulation.reset(seeds=None if seed is None else [seed])
         self.agents = list(self.possible_agents)
         infos = {agent: self.simulation.robot_step(robot=robot).info for robot, agent in enumerate(self.agents)}
-        if options and options.get("shortest_path"):
+        if wanted.get("shortest_path"):
             for robot, info in enumerate(infos.values()):
                 info["shortest_path_length"] = self.simulation.shortest_path(robot=robot).length
         self._pictures.record()

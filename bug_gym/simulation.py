@@ -20,6 +20,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels, observation, scenarios, task
+from bug_gym.checks import checked_seed, real_numbers
 from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
 from bug_gym.world import Capacity, Snapshot, World
@@ -53,6 +54,13 @@ class Transition(NamedTuple):
         """The same of one robot, views (n, ...)."""
         observation, reward, terminated, truncated = self
         return Transition(observation[:, robot], reward[:, robot], terminated[:, robot], truncated[:, robot])
+
+
+class Starts(NamedTuple):
+    """What some rows (n,) begin with."""
+
+    seed: NDArray[np.int64]
+    episode: NDArray[np.int64]
 
 
 class RobotStatus(NamedTuple):
@@ -100,10 +108,12 @@ class Simulation:
         overrides: Mapping[str, Any] | None = None,
         threads: int = 1,
     ) -> None:
+        if not all(isinstance(value, (int, np.integer)) for value in (count, threads)):
+            raise ValueError(f"count and threads must be integers, got {count!r} and {threads!r}")
         if count < 1 or threads < 1:
             raise ValueError(f"count and threads must be at least 1, got {count} and {threads}")
         self.scenario = load(scenario, overrides)
-        self.count = count
+        self.count = count = int(count)
         self.fields = observation.fields(self.scenario)
         self._field_record: NDArray[Any] | None = None
         capacity = Capacity()
@@ -150,14 +160,16 @@ class Simulation:
             Flat observations (n, R, D), a copy.
 
         Raises:
-            ValueError: a seed that is no integer from 0 on, or a world that found no place for its obstacles.
+            ValueError: a seed that is no integer from 0 on, or a world that found no place for its obstacles; all rows
+                are then as they were.
         """
         rows = self.all_rows if rows is None else rows
-        self._seed(rows, seeds)
+        starts = self._next_episodes(rows, seeds)
         if self._field_record is not None:
-            self._place_fields(rows, self._field_record)
+            self._place_fields(rows, starts, self._field_record)
         else:
-            self._place_layouts(rows)
+            self._place_layouts(rows, starts)
+        self._seeded[rows] = True
         self.begin(rows)
         return self.observations(rows)
 
@@ -183,29 +195,26 @@ class Simulation:
         self._do(kernels.LOOK, rows, self._no_actions(rows))
         return self.observations(rows)
 
-    def _seed(self, rows: Rows, seeds: Sequence[int | None] | None) -> None:
-        seed, episode = self.world.seed, self.world.episode
-        if seeds is None:
-            episode[rows] += 1
-            fresh = rows[~self._seeded[rows]] if not self._all_seeded else ()
-            if len(fresh):
-                seed[fresh] = np.random.SeedSequence().generate_state(len(fresh), np.uint64) >> np.uint64(2)
-                episode[fresh] = 0
-        else:
-            if len(seeds) != len(rows):
-                raise ValueError(f"got {len(seeds)} seeds for {len(rows)} rows")
-            for row, value in zip(rows, seeds, strict=True):
-                if value is None:
-                    self._seed(np.array([row]), None)
-                    continue
-                if not isinstance(value, (int, np.integer)) or not 0 <= value < 2**63:
-                    raise ValueError(f"a seed is an integer from 0 to 2**63 - 1, got {value!r}")
-                seed[row], episode[row] = value, 0
-        self._seeded[rows] = True
+    def _next_episodes(self, rows: Rows, seeds: Sequence[int | None] | None) -> Starts:
+        """Which seed and episode each of the rows begins next; nothing is written yet."""
+        if seeds is not None and len(seeds) != len(rows):
+            raise ValueError(f"got {len(seeds)} seeds for {len(rows)} rows")
+        given = [None if value is None else checked_seed(value) for value in (() if seeds is None else seeds)]
+        seed, episode = self.world.seed[rows], self.world.episode[rows] + 1
+        fresh = np.flatnonzero(~self._seeded[rows]) if not self._all_seeded else ()
+        if len(fresh):
+            seed[fresh] = np.random.SeedSequence().generate_state(len(fresh), np.uint64) >> np.uint64(2)
+            episode[fresh] = 0
+        for number, value in enumerate(given):
+            if value is not None:
+                seed[number], episode[number] = value, 0
+        return Starts(seed, episode)
 
-    def _place_fields(self, rows: Rows, record: NDArray[Any]) -> None:
+    def _place_fields(self, rows: Rows, starts: Starts, record: NDArray[Any]) -> None:
         world = self.world
+        before = world.floats[rows], world.ints[rows]
         placed = np.zeros(len(rows), dtype=np.int64)
+        world.seed[rows], world.episode[rows] = starts
         kernels.place_fields(world.floats, world.ints, world.spec, record, rows, placed)
         wanted = int(record["discs"][0] + record["polygons"][0])
         failed = np.nonzero(placed < wanted)[0]
@@ -213,17 +222,19 @@ class Simulation:
             return
         row, count = int(rows[failed[0]]), int(placed[failed[0]])
         where = f"{self.scenario.name}, seed {world.seed[row]}, episode {world.episode[row]}"
+        share = scenarios.covered_share(world, row) if count >= 0 else 0.0
+        world.floats[rows], world.ints[rows] = before
         if count < 0:
             raise ValueError(f"{where}: no start and goal with their clearance and separation fit into the bounds")
-        share = scenarios.covered_share(world, row)
         raise ValueError(
             f"{where}: only {count} of {wanted} obstacles found a free place in {kernels.ATTEMPTS} attempts; "
             f"they cover {100.0 * share:.0f} % of the world"
         )
 
-    def _place_layouts(self, rows: Rows) -> None:
-        seeds, episodes = self.world.seed[rows].tolist(), self.world.episode[rows].tolist()
-        layouts = [scenarios.draw_layout(self.scenario, *key) for key in zip(seeds, episodes, strict=True)]
+    def _place_layouts(self, rows: Rows, starts: Starts) -> None:
+        keys = zip(*(numbers.tolist() for numbers in starts), strict=True)
+        layouts = [scenarios.draw_layout(self.scenario, *key) for key in keys]
+        self.world.seed[rows], self.world.episode[rows] = starts
         for row, layout in zip(rows, layouts, strict=True):
             self.world.load(int(row), layout)
 
@@ -235,7 +246,7 @@ class Simulation:
             rows: numbers of the rows (n,), all by default.
 
         Raises:
-            ValueError: actions of another shape, or not finite.
+            ValueError: actions of another shape, not real or not finite.
             gymnasium.error.ResetNeeded: a row that has never been reset.
         """
         rows = self.all_rows if rows is None else rows
@@ -245,7 +256,7 @@ class Simulation:
     def advance(self, actions: ArrayLike, rows: Rows | None = None) -> None:
         """Do what `step` does, and read nothing back."""
         rows = self.all_rows if rows is None else rows
-        array = np.ascontiguousarray(actions, dtype=np.float64)
+        array = np.ascontiguousarray(real_numbers("actions", actions))
         if array.shape != (len(rows), self.robots, 2):
             raise ValueError(f"actions have shape {array.shape}, expected {(len(rows), self.robots, 2)}")
         if not is_finite(array):
@@ -369,8 +380,14 @@ class Simulation:
         return self.world.save(), self._seeded.copy()
 
     def restore(self, state: tuple[Snapshot, NDArray[np.bool_]]) -> None:
-        """Go back to a saved state of a Simulation of the same scenario and count; it goes on bit for bit."""
+        """Go back to a saved state of a Simulation of the same scenario and count; it goes on bit for bit.
+
+        Raises:
+            ValueError: the state is of another scenario, or of another number of worlds.
+        """
         snapshot, seeded = state
+        if np.shape(seeded) != self._seeded.shape:
+            raise ValueError(f"the state is of {np.size(seeded)} worlds, expected {self.count}")
         self.world.restore(snapshot)
         self._seeded[:] = seeded
         self._all_seeded = bool(seeded.all())

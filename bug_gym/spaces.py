@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bug_gym.checks import checked_count, real_numbers
 from bug_gym.config import Scenario, load
 from bug_gym.geometry import F32
 from bug_gym.kinematics import discrete_actions
@@ -91,8 +92,8 @@ class RobotSpaces:
         """
         if not self.is_discrete:
             try:
-                array = np.asarray(actions, dtype=np.float64)
-            except (TypeError, ValueError):
+                array = real_numbers("an action", actions)
+            except ValueError:
                 raise ValueError(f"an action is numbers of shape {(*batch, 2)}, got {actions!r}") from None
             if array.shape != (*batch, 2):
                 raise ValueError(f"an action has shape {array.shape}, expected {(*batch, 2)}")
@@ -122,7 +123,11 @@ def require_one_robot(simulation: Simulation) -> None:
 
 
 def with_most_steps(scenario: Scenario, most: int | None) -> Scenario:
-    """The scenario with a time limit of at most so many steps; None: as it is."""
-    if most is None or scenario.time.steps <= most:
+    """The scenario with a time limit of at most so many steps; None: as it is.
+
+    Raises:
+        ValueError: no integer from 1 on.
+    """
+    if most is None or scenario.time.steps <= checked_count("the number of steps", most):
         return scenario
     return load(scenario, {"time.limit": most * scenario.time.step})

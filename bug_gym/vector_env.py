@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from bug_gym.checks import checked_options, checked_seed
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import RobotStatus, Simulation
@@ -78,7 +79,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self.simulation = Simulation(settings, num_envs, threads=threads)
         require_one_robot(self.simulation)
         self.spaces = RobotSpaces(self.simulation, observation, action)
-        self.num_envs = num_envs
+        self.num_envs = num_envs = self.simulation.count
         self.single_observation_space = self.spaces.observation
         self.single_action_space = self.spaces.action
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -106,24 +107,33 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             options: `reset_mask` (n,) bool, and `shortest_path` as NavigationEnv takes it; others are ignored.
 
         Raises:
-            ValueError: a mask or a sequence of seeds of another length than n.
+            ValueError: a mask or a sequence of seeds of another length than n, a seed that is no integer from 0 on,
+                options that are no dict; all rows are then as they were.
         """
+        wanted, seeds = checked_options(options), self._seeds(seed)
+        mask = self._everywhere() if wanted.get("reset_mask") is None else self._checked(wanted["reset_mask"])
+        rows = np.flatnonzero(mask)
+        self.simulation.reset(rows, None if seeds is None else [seeds[row] for row in rows.tolist()])
         if isinstance(seed, (int, np.integer)):
             super().reset(seed=int(seed))
-            seed = [int(seed) + k for k in range(self.num_envs)]
-        elif seed is not None and len(seed) != self.num_envs:
-            raise ValueError(f"got {len(seed)} seeds for {self.num_envs} rows")
-        options = options or {}
-        mask = self._everywhere() if options.get("reset_mask") is None else self._checked(options["reset_mask"])
-        rows = np.flatnonzero(mask)
-        self.simulation.reset(rows, None if seed is None else [seed[row] for row in rows.tolist()])
         self._ended[rows] = False
         infos = self._infos(mask)
-        if options.get("shortest_path"):
+        if wanted.get("shortest_path"):
             lengths = np.array([self.simulation.shortest_path(row).length for row in rows.tolist()])
             infos |= with_masks({"shortest_path_length": lengths}, mask)
         self._pictures.record()
         return self.spaces.present_batch(self.simulation.observations()[:, 0]), infos
+
+    def _seeds(self, seed: Any) -> list[int | None] | None:
+        """A seed for each row; None where all rows go on with their own."""
+        if seed is None:
+            return None
+        if isinstance(seed, (list, tuple, range)) or (isinstance(seed, np.ndarray) and seed.ndim == 1):
+            if len(seed) != self.num_envs:
+                raise ValueError(f"got {len(seed)} seeds for {self.num_envs} rows")
+            return list(seed)  # the core checks those of the rows that it resets
+        first = checked_seed(seed)
+        return [first + k for k in range(self.num_envs)]
 
     def _everywhere(self) -> Bools:
         return np.ones(self.num_envs, dtype=bool)

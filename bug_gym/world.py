@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,6 +68,8 @@ class Snapshot(NamedTuple):
     floats: F64
     ints: NDArray[np.int64]
     observation: NDArray[np.float32]
+    digest: str
+    """Of the scenario."""
 
 
 class World:
@@ -322,16 +325,22 @@ class World:
                 self.array(name)[:, : values.shape[1]] = values
         self.array("goal_body")[:] += goal_shift
 
+    @cached_property
+    def _digest(self) -> str:
+        return self.scenario.digest
+
     def save(self) -> Snapshot:
         """Copy all that the future depends on."""
-        return Snapshot(self.capacity, self.floats.copy(), self.ints.copy(), self.observation.copy())
+        return Snapshot(self.capacity, self.floats.copy(), self.ints.copy(), self.observation.copy(), self._digest)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a snapshot of a World of the same scenario and count.
 
         Raises:
-            ValueError: the snapshot is of another number of worlds or robots.
+            ValueError: the snapshot is of another scenario, or of another number of worlds.
         """
+        if snapshot.digest != self._digest:
+            raise ValueError(f"the snapshot is of another scenario than {self.scenario.name!r}")
         if snapshot.observation.shape != self.observation.shape:
             came, expected = snapshot.observation.shape, self.observation.shape
             raise ValueError(f"the snapshot's observations have shape {came}, expected {expected}")

@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+hypothesis.settings.register_profile("plain", deadline=None, database=None, print_blob=False)
+hypothesis.settings.load_profile("plain")  # a busy machine is no fault, and nothing is left beside the tests
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 """Real data that may lie beside the project."""

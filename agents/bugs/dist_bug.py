@@ -17,6 +17,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import LeaveRule, Turn
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
@@ -64,7 +65,7 @@ class DistBugParameters(BoundaryParameters):
     within 90 degrees of the direction of travel."""
     side_rule: SideRule = "fixed"
     """"fixed": always to the side of `turn`; "goal": the way along the wall that turns less from the goal."""
-    step: float = 0.5
+    step: Length = 0.5
     """STEP, by how much nearer a leave must lead [m]."""
     r_max: float | None = None
     """How far to look toward the goal [m]; None: as far as the LIDAR sees."""

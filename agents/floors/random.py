@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+import numpy as np
 
 from bug_gym import kernels
+from bug_gym.agents.parameters import AtMost
 from bug_gym.geometry import velocity_along
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -23,8 +26,12 @@ class RandomMemory(Memory):
 class RandomParameters:
     """Parameters of the random policy."""
 
-    seed: int = 0
+    seed: Annotated[int, AtMost(2**63 - 1)] = 0
     """Number that the draws are a function of, beside that of the step."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed!r}")
 
 
 class Random(ScriptedPolicy):
@@ -35,7 +42,8 @@ class Random(ScriptedPolicy):
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
-        self._key = kernels.hash64(self.parameters.seed, 0, 0, kernels.STREAM_POLICY)
+        # As it leaves compiled code it is an int, which half of the seeds make too large to go back in.
+        self._key = np.uint64(kernels.hash64(self.parameters.seed, 0, 0, kernels.STREAM_POLICY))
 
     def start(self) -> RandomMemory:
         """Memory of a new episode."""

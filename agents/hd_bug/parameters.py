@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from bug_gym.agents.parameters import AtMost, Length, Weight
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
@@ -17,13 +19,13 @@ class HDBugParameters:
 
     predictor: str = "kalman"
     """How tracks are predicted: see `prediction.predictor_names()`."""
-    clearance: float | None = None
+    clearance: Length | None = None
     """Centre to wall that a way keeps [m]; None: the radius, a quarter of it, and twice the range noise."""
-    r_base: float = 0.5
+    r_base: Length = 0.5
     """Base detection radius r [m], also the pace of the path list (eq. 6, Table 1)."""
-    alpha: float = 1.0
+    alpha: Weight = 1.0
     """Weight of the distances in the cost (eq. 8)."""
-    beta: float = 0.5
+    beta: Weight = 0.5
     """Weight of the risk in the cost (eq. 8)."""
     v_max: float = 1.0
     """Speed with a clear way, as a share of the robot's top speed (eq. 9)."""
@@ -31,15 +33,15 @@ class HDBugParameters:
     """Speed near an obstacle ahead, as a share of the top speed (Table 1: base 0.5, max 1.0)."""
     v_min: float = 0.25
     """Speed in a narrow passage, as a share of the top speed; the paper gives none."""
-    horizon: float = 3.0
+    horizon: Length = 3.0
     """How far ahead movers are predicted [s]."""
-    margin: float = 0.3
+    margin: Length = 0.3
     """Passing a mover nearer than this is risky [m]."""
-    spread: float = 0.08
+    spread: Length = 0.08
     """How fast the predicted discs of movers grow [m/s]: they don't keep their course."""
-    reaction: float = 1.5
+    reaction: Length = 1.5
     """A predicted contact sooner than this starts the second phase of avoidance [s]."""
-    patience: int = 20
+    patience: Annotated[int, AtMost(1e6)] = 20
     """Decisions in a row without any way before the goal counts as unreachable."""
     lead: bool = True
     """Whether a moving goal is met where it will be; else the robot heads for where it is: pure pursuit."""

@@ -20,6 +20,7 @@ from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import Lags
 from bug_gym.config import checked
 from bug_gym.files import from_json
+from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.values import Count, NotNegative, Number, Part, Share
 
@@ -111,9 +112,20 @@ class ModelRecord(Part):
 
 
 def model_folder(model: str | Path) -> Path:
-    """The folder of a model: a name of `trained_names()`, or its path."""
-    is_path = isinstance(model, Path) or "/" in model or os.sep in model
-    return Path(model).expanduser() if is_path else TRAINED_FOLDER / model
+    """The folder of a model: a name of `trained_names()`, or its path.
+
+    Raises:
+        ValueError: no such name; the message offers the nearest ones.
+    """
+    if isinstance(model, Path) or "/" in model or os.sep in model:
+        return Path(model).expanduser()
+    known = trained_names()
+    if model not in known:
+        hint = nearest_hint(model, known, count=3, cutoff=0.4, separator=";")
+        raise ValueError(
+            f"no model {model!r}{hint} (known: {', '.join(known)}; or the path of a folder, such as ./{model})"
+        )
+    return TRAINED_FOLDER / model
 
 
 def trained_names() -> list[str]:

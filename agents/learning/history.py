@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.geometry import F32
+from bug_gym.policy import checked_starts
+from bug_gym.schema.errors import shortened
 
 Bools = NDArray[np.bool_]
 
@@ -110,7 +112,13 @@ class History:
         return {"past": self._past.copy(), "next": self._next}
 
     def restore(self, saved: dict[str, Any]) -> None:
-        """Go back to what `save` gave."""
+        """Go back to what `save` gave.
+
+        Raises:
+            ValueError: it is of other robots, or of another number of them.
+        """
+        if np.shape(saved["past"]) != self._past.shape:
+            raise ValueError(f"got memories of shape {np.shape(saved['past'])}, expected {self._past.shape}")
         self._past[:] = saved["past"]
         self._next = saved["next"]
 
@@ -136,17 +144,25 @@ def with_history(
         What it sees (n, ...), and the state, changed in place.
 
     Raises:
-        ValueError: the state is of another number of robots.
+        ValueError: the state is of another policy or number of robots, or `episode_start` of another length.
     """
+    rows = len(flat)
+    starts = np.zeros(rows, dtype=bool) if episode_start is None else checked_starts(episode_start, rows)
     if not lags:
         return flat, state
-    rows = len(flat)
-    (history,) = state or (History(robot, lags, rows),)
+    (history,) = (History(robot, lags, rows),) if state is None else _checked_memory(state)
     if history.rows != rows:
         raise ValueError(f"got the memory of {history.rows} robots for {rows} observations")
-    starts = np.zeros(rows, dtype=bool) if episode_start is None else episode_start
+    if (history.robot, history.lags) != (robot, tuple(lags)):
+        raise ValueError("got the memory of another policy's robot")
     told = history.add(flat, np.ones(rows, dtype=bool) if state is None else starts)
     return np.concatenate([flat, told], axis=1), (history,)
+
+
+def _checked_memory(state: Any) -> tuple[History]:
+    if not (isinstance(state, tuple) and len(state) == 1 and isinstance(state[0], History)):
+        raise ValueError(f"expected the memory that the last call returned, got {shortened(state)}")
+    return state
 
 
 def _motion(before: F32, after: F32) -> tuple[F32, F32]:

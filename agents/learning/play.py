@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read_config, require_answers
 from bug_gym.agents.learning.history import History, history_width, with_history
 from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.checks import needed_from
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict
 from bug_gym.policy import MisfitError, Observation, flat_observation
@@ -130,7 +131,8 @@ class ZipPolicy:
             )
         if not path.is_file():
             raise ValueError(f"no file {path}")
-        from bug_gym.agents.learning.models import load_zip  # torch, of the extra `train`
+        with needed_from("train", "a zip of stable-baselines3"):
+            from bug_gym.agents.learning.models import load_zip  # torch, of the extra `train`
 
         self.model: Any = load_zip(path)
         self.sensors, self.discrete = sensors, discrete

@@ -40,6 +40,7 @@ from bug_gym.agents.learning.settings import (
     load_settings,
 )
 from bug_gym.agents.learning.vec_envs import HistoryVecEnv, TrainingEnv, join
+from bug_gym.checks import checked_seed, checked_time
 from bug_gym.config import Scenario
 from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
@@ -289,8 +290,12 @@ def train(
     Raises:
         ValueError: a seed below 0, a model to begin with that does not fit, or `out` is of another training or in use.
     """
-    if seed < 0:
-        raise ValueError(f"seed must be at least 0, got {seed}")
+    seed = checked_seed(seed)
+    if minutes is not None:
+        checked_time("minutes", minutes)
+    begun = None if settings.start_from is None else model_folder(settings.start_from)
+    if begun is not None:
+        read_config(begun)  # what is wrong is found out before anything is written
     folder = Path(out)
     require_same(folder, settings, [seed])
     folder.mkdir(parents=True, exist_ok=True)
@@ -299,7 +304,14 @@ def train(
         torch.set_flush_denormal(True)
         try:
             return _train_in(
-                folder, settings, seed, minutes=minutes, threads=threads, tensorboard=tensorboard, progress=progress
+                folder,
+                settings,
+                seed,
+                begun,
+                minutes=minutes,
+                threads=threads,
+                tensorboard=tensorboard,
+                progress=progress,
             )
         finally:
             torch.set_flush_denormal(False)  # it holds for all that this process computes, not for torch alone
@@ -327,6 +339,7 @@ def _train_in(
     folder: Path,
     settings: AnySettings,
     seed: int,
+    begun: Path | None,
     *,
     minutes: float | None,
     threads: int | None,
@@ -336,8 +349,7 @@ def _train_in(
     torch.set_num_threads(threads or usable_cores())
     env = make_training_env(settings, seed)
     model = make_model(settings, env, seed)
-    if settings.start_from is not None:
-        begun = model_folder(settings.start_from)
+    if begun is not None:
         load_weights(begun / WEIGHTS, model.policy, read_config(begun)["sha256"][WEIGHTS])
     goes_on = isinstance(model, PPO) and (folder / CHECKPOINT).exists()
     kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))

@@ -13,6 +13,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvW
 from bug_gym.agents.learning.history import TOP_SPEED, History, history_width
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, Saved, SimulationVecEnv
+from bug_gym.checks import checked_seed
 from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 from bug_gym.simulation import Simulation
@@ -109,9 +110,10 @@ class JoinedVecEnv(ArrayVecEnv):
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """At the next reset, row k starts episode 0 of seed + k."""
+        first = None if seed is None else checked_seed(seed)
         self._seeds = []
         for part, end in zip(self.parts, self._ends, strict=True):
-            self._seeds += part.seed(None if seed is None else seed + int(end) - part.num_envs)
+            self._seeds += part.seed(None if first is None else first + int(end) - part.num_envs)
         return self._seeds
 
     def reset(self) -> F32:

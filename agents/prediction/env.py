@@ -10,6 +10,7 @@ import numpy as np
 
 from bug_gym.agents.prediction.features import ANSWERS, WIDTH, cost_of, errors_of
 from bug_gym.agents.prediction.samples import LAWS, Samples, law_world, samples_of
+from bug_gym.checks import checked_options, checked_seed, real_numbers
 from bug_gym.geometry import F32
 from bug_gym.held_out import TRAINING_SEEDS
 
@@ -79,8 +80,13 @@ class PredictionEnv(gym.Env[F32, F32]):
         self._asked = -1
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[F32, dict[str, Any]]:
-        """Ask about the next track."""
-        super().reset(seed=seed)
+        """Ask about the next track.
+
+        Raises:
+            ValueError: a seed that is no integer from 0 on, options that are no dict.
+        """
+        checked_options(options)
+        super().reset(seed=None if seed is None else checked_seed(seed))
         if seed is not None:
             self._order, self._worlds = [], 0
         while not self._order:
@@ -103,7 +109,7 @@ class PredictionEnv(gym.Env[F32, F32]):
             ValueError: an answer of another shape, or not finite.
             gymnasium.error.ResetNeeded: nothing has been asked.
         """
-        answer = np.asarray(action, dtype=np.float64)
+        answer = real_numbers("an answer", action)
         if answer.shape != (ANSWERS,) or not np.isfinite(answer).all():
             raise ValueError(f"expected {ANSWERS} finite numbers, got {action!r}")
         if self._samples is None or self._asked < 0:

@@ -16,11 +16,11 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
@@ -32,6 +32,7 @@ from bug_gym.geometry import F64
 from bug_gym.held_out import TRAINING_SEEDS, VALIDATION_SEEDS
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
+from bug_gym.workers import each, starred
 
 LAWS = ("bounce", "random_walk", "crowd")
 """Of the movers in the worlds that HD-BUG drives in, unless it is told others."""
@@ -116,20 +117,20 @@ def search(folder: Path, settings: NavigationSettings, *, workers: int = 1) -> t
     """The change (NUMBERS,) that the rounds lead to, and the mean return of each round."""
     rng = np.random.default_rng(settings.seed)
     change, means, worlds = np.zeros(NUMBERS), [], settings.worlds
-    with Parallel(n_jobs=workers) as parallel:
-        for number in range(settings.rounds):
-            ways = rng.standard_normal((settings.pairs, NUMBERS))
-            first = TRAINING_SEEDS + number * settings.pairs
-            runs = parallel(
-                delayed(drive)(folder, change + side * settings.noise * way, worlds[pair % len(worlds)], first + pair)
-                for pair, way in enumerate(ways)
-                for side in (1.0, -1.0)
-            )
-            values = np.array([run.value for run in runs]).reshape(-1, 2)
-            means.append(float(values.mean()))
-            spread = float(values.std())
-            if spread > 0.0:
-                change = change + settings.rate * (values[:, 0] - values[:, 1]) @ ways / (spread * settings.pairs)
+    for number in range(settings.rounds):
+        ways = rng.standard_normal((settings.pairs, NUMBERS))
+        first = TRAINING_SEEDS + number * settings.pairs
+        asked = [
+            (folder, change + side * settings.noise * way, worlds[pair % len(worlds)], first + pair)
+            for pair, way in enumerate(ways)
+            for side in (1.0, -1.0)
+        ]
+        runs = each(partial(starred, drive), asked, workers, in_order=True)
+        values = np.array([run.value for run in runs]).reshape(-1, 2)
+        means.append(float(values.mean()))
+        spread = float(values.std())
+        if spread > 0.0:
+            change = change + settings.rate * (values[:, 0] - values[:, 1]) @ ways / (spread * settings.pairs)
     return change, means
 
 
@@ -138,7 +139,7 @@ def compare(folder: Path, change: F64, settings: NavigationSettings, *, workers:
     seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.validation_worlds)
     asked = [(world, seed) for seed in seeds for world in settings.worlds]
     before, after = (
-        Parallel(n_jobs=workers)(delayed(drive)(folder, numbers, *world) for world in asked)
+        list(each(partial(starred, drive), [(folder, numbers, *world) for world in asked], workers, in_order=True))
         for numbers in (np.zeros(NUMBERS), change)
     )
     gaps = np.array([now.value - then.value for then, now in zip(before, after, strict=True)])

@@ -20,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from joblib import Parallel, delayed
 
 from bug_gym.agents.prediction.card import write_predictor
 from bug_gym.agents.prediction.descent import train_reinforce, train_supervised
@@ -29,6 +28,7 @@ from bug_gym.agents.prediction.ppo import train_ppo
 from bug_gym.agents.prediction.samples import Samples, samples_of, world_of
 from bug_gym.agents.prediction.settings import PredictorSettings
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from bug_gym.workers import each
 
 TRAININGS = {"ppo": train_ppo, "reinforce": train_reinforce, "supervised": train_supervised}
 """What trains by `kind`."""
@@ -41,10 +41,15 @@ def gather(sources: Sequence[str | Path], seeds: Sequence[int], *, workers: int 
         ValueError: not one mover was tracked in them.
     """
     asked = [(source, seed) for seed in seeds for source in sources]
-    found = Parallel(n_jobs=workers)(delayed(samples_of)(world_of(source, seed), seed) for source, seed in asked)
+    found = list(each(_samples, asked, workers, in_order=True))
     if not any(len(samples.features) for samples in found):
         raise ValueError(f"nothing was tracked in {len(asked)} worlds of {', '.join(map(str, sources))}")
     return Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _samples(asked: tuple[str | Path, int]) -> Samples:
+    source, seed = asked
+    return samples_of(world_of(source, seed), seed)
 
 
 def gather_for(settings: PredictorSettings, *, workers: int = 1) -> tuple[Samples, Samples]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.policy import Drawing, ScriptedPolicy
@@ -15,7 +16,7 @@ from bug_gym.view import Sensors
 class BoundaryParameters:
     """Parameters of bugs that follow walls."""
 
-    clearance: float | None = None
+    clearance: Length | None = None
     """Distance from the robot's centre to a wall while following it [m]; None: the body's radius and one step."""
     turn: Turn = "left"
     """Which way to turn at a wall; of a bug that changes sides, at the first one."""

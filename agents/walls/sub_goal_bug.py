@@ -6,6 +6,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
+from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import STANDING, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.boundary_bug import BoundaryParameters
 from bug_gym.agents.walls.open_points import OpenPoint, Profile
@@ -18,7 +19,7 @@ from bug_gym.view import Sensors, View
 class SubGoalParameters(BoundaryParameters):
     """Parameters of bugs that go from corner to corner."""
 
-    clearance: float | None = None
+    clearance: Length | None = None
     """Distance from a corner to its sub-goal, and from the robot's centre to a wall [m]; None: the body's radius and one
     step."""
     turn: Turn = "left"
@@ -26,7 +27,7 @@ class SubGoalParameters(BoundaryParameters):
     leave_rule: LeaveRule = "any"
     """Where a goal may lie that is open only as far as the scan reaches: "any" everywhere, "front" within 90 degrees of
     the direction of travel."""
-    jump: float | None = None
+    jump: Length | None = None
     """Change of the reading that makes an open point [m]; None: 0.5, for small robots less."""
 
 

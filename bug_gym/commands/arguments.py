@@ -7,6 +7,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from bug_gym.checks import checked_time
+
 if TYPE_CHECKING:
     from bug_gym.evaluation.entries import PolicyEntry
 
@@ -17,6 +19,11 @@ def at_least_one(text: str) -> int:
     if number < 1:
         raise ValueError(text)
     return number
+
+
+def above_zero(text: str) -> float:
+    """A finite number above 0."""
+    return checked_time("it", float(text))
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:

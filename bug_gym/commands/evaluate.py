@@ -52,4 +52,5 @@ def run(options: argparse.Namespace) -> None:
     print_table(summarise(rows), console)
     print_differences(compare(rows, options.baseline or rows[0].policy), console)
     if options.out:
-        print(f"rows, summary and pictures: {options.out}")
+        has_pictures = any(options.out.glob("pictures/*.png"))
+        print(f"{'rows, summary and pictures' if has_pictures else 'rows and summary'}: {options.out}")

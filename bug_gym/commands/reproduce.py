@@ -41,8 +41,6 @@ def run(options: argparse.Namespace) -> None:
         console.print(note, highlight=False)
     if result.holds is not None:
         console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
-    if out and result.curves:
-        draw_curves(picture, result.curves)
     if out:
         told = subprocess.run(
             ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
@@ -51,3 +49,5 @@ def run(options: argparse.Namespace) -> None:
         with replaced_when_done(out) as partial:
             Path(partial).write_text(result.as_json(commit), encoding="utf-8")
         print(f"numbers: {out}")
+    if out and result.curves:  # after the numbers, which are not lost where matplotlib is missing
+        draw_curves(picture, result.curves)

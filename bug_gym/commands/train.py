@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import assignments, at_least_one
+from bug_gym.checks import needed_from
+from bug_gym.commands.arguments import above_zero, assignments, at_least_one
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of the first model (default: 0)")
     parser.add_argument("--seeds", type=at_least_one, default=1, help="how many models, a seed each (default: 1)")
     parser.add_argument("--steps", type=at_least_one, help="environment steps (default: the training's)")
-    parser.add_argument("--minutes", type=float, help="end after so many minutes of training (default: all steps)")
+    parser.add_argument("--minutes", type=above_zero, help="end after so many minutes of training (default: all steps)")
     parser.add_argument("--threads", type=at_least_one, help="threads of torch (default: one for each core)")
     parser.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
     parser.add_argument(
@@ -30,12 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
-    try:
+    with needed_from("train", "training"):
         from bug_gym.agents.learning.training import train_seeds  # loads torch
-    except ModuleNotFoundError as error:
-        raise ImportError(
-            "training needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'"
-        ) from error
     from bug_gym.agents.learning.settings import load_settings  # loads the compiler
 
     overrides = assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})

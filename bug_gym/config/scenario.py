@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from typing import Annotated, Self
 
@@ -39,6 +41,12 @@ class Scenario(Part):
     """Weights of the reward's terms."""
     robots: Robots = Robots()
     """How many robots."""
+
+    @property
+    def digest(self) -> str:
+        """What tells it from other scenarios: of all values, defaults too, which may change with the version."""
+        text = json.dumps(self.model_dump(mode="json"), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def crew(self) -> Crew:

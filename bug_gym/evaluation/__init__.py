@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
+from bug_gym.checks import checked_count
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import progress_bar
@@ -60,8 +61,7 @@ def evaluate(
     Raises:
         ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
     """
-    if workers < 1:
-        raise ValueError(f"workers must be at least 1, got {workers}")
+    workers = checked_count("workers", workers)
     if repair and out is None:
         raise ValueError("got nothing to repair, expected a folder `out`")
     plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides, data=data)

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 from bug_gym.drawing.brush import load_pygame
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.drawing.clips import Frame, load_pillow, save_png
-from bug_gym.evaluation.backends import each
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.workers import each
 
 logger = logging.getLogger("bug_gym")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 import logging
@@ -13,9 +12,11 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
+
 import bug_gym
 from bug_gym.agents import playable_names
-from bug_gym.config import Scenario, ScenarioError, dump, load
+from bug_gym.config import ScenarioError, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
@@ -52,7 +53,7 @@ class Plan:
             entry.label: {
                 "scenario": dump(entry.scenario),
                 "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
-                "digest": _digest(entry.scenario),
+                "digest": entry.scenario.digest,
             }
             for entry in self.scenarios
         }
@@ -64,12 +65,6 @@ class Plan:
             return dict(json.loads(json.dumps(manifest, allow_nan=False)))  # as it will be read back
         except (TypeError, ValueError) as error:
             raise ValueError(f"a policy's parameters must be plain data that JSON can hold: {error}") from None
-
-
-def _digest(scenario: Scenario) -> str:
-    """Of the whole scenario, defaults too: they may change from one version to the next."""
-    text = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def make_plan(
@@ -95,8 +90,9 @@ def make_plan(
             raise ScenarioError(f"{name}: scenarios.{number}: {error}" if name else str(error)) from None
         seeds = item.seeds or suite.seeds
         first, count = seeds.first if seed is None else seed, seeds.count if episodes is None else episodes
-        if first < 0 or count < 1:
+        if not all(isinstance(number, (int, np.integer)) for number in (first, count)) or first < 0 or count < 1:
             raise ValueError(f"expected a seed from 0 on and at least one episode, got {first} and {count}")
+        first, count = int(first), int(count)
         if first + count > 2**63:
             raise ValueError(f"expected seeds below 2**63, got {count} from {first} on")
         scenarios.append(ScenarioEntry(item.label or scenario.name, scenario, range(first, first + count)))

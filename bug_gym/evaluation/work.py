@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from bug_gym.evaluation.backends import each
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.lengths import Lengths, World, shortest_lengths
 from bug_gym.evaluation.plan import Plan
@@ -14,6 +13,7 @@ from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.results_folder import ResultFolder
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.workers import each
 
 CHUNK = 8
 """Seeds of a job: what a kill can cost a worker, and how finely workers share the work."""

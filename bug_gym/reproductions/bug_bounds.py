@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import shapely
-from joblib import Parallel, delayed
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load
@@ -23,6 +23,7 @@ from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.workers import each, starred
 from bug_gym.worlds.layout import Layout
 
 COMPLETE = ("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22")
@@ -170,12 +171,12 @@ def reproduce(settings: Settings) -> Reproduction:
     for policy in policies:
         make_policy(policy, load("static"), clearance=CLEARANCE)  # an unknown one is found out before the work
     jobs = [
-        delayed(drive)(policy, world_of(seed), seed, {"clearance": CLEARANCE, **PARAMETERS.get(policy, {})})
+        (policy, world_of(seed), seed, {"clearance": CLEARANCE, **PARAMETERS.get(policy, {})})
         for policy in policies
         for seed in range(seeds)
     ]
     with progress_bar(shown=settings.progress) as track:
-        work = Parallel(n_jobs=settings.workers, return_as="generator_unordered")(jobs)
+        work = each(partial(starred, drive), jobs, settings.workers)
         found: list[Found] = list(track(work, "episodes", len(jobs)))
     lines, faulty, holds = [], [], True
     for policy in policies:

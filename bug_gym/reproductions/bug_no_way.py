@@ -13,11 +13,11 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
@@ -28,6 +28,7 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.reproductions.bug_bounds import CLEARANCE, COMPLETE
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.scenarios import polygon_data
+from bug_gym.workers import each, starred
 from bug_gym.worlds.grid import carve
 from bug_gym.worlds.maze import MazeWorld, maze_walls
 from bug_gym.worlds.polygons import as_polygons
@@ -254,9 +255,9 @@ def reproduce(settings: Settings) -> Reproduction:
     policies = settings.policies or (*PROVEN, *INCOMPLETE)
     for policy in policies:
         make_policy(policy, load(ROBOT), clearance=CLEARANCE)  # an unknown one is found out before the work
-    jobs = [delayed(answers)(seed, policies) for seed in range(seeds)]
+    jobs = [(seed, policies) for seed in range(seeds)]
     with progress_bar(shown=settings.progress) as track:
-        work = Parallel(n_jobs=settings.workers, return_as="generator_unordered")(jobs)
+        work = each(partial(starred, answers), jobs, settings.workers)
         found = [answer for chunk in track(work, "worlds", len(jobs)) for answer in chunk]
     found.sort()
     wrong = [answer for answer in found if not answer.is_right]

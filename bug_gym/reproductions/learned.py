@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
+from bug_gym.agents.learning.folder import model_folder, read_config, trained_names
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.held_out import TEST_SEEDS, play
 from bug_gym.reproductions.result import Reproduction, Settings, Table
@@ -21,7 +21,7 @@ def reproduce(settings: Settings) -> Reproduction:
     worlds = settings.seeds or WORLDS
     names = settings.policies or trained_names()
     tasks = [
-        (name, scenario) for name in names for scenario in read_config(TRAINED_FOLDER / name)["settings"]["scenarios"]
+        (name, scenario) for name in names for scenario in read_config(model_folder(name))["settings"]["scenarios"]
     ]
     found: dict[str, dict[str, Any]] = {name: {} for name in names}
     with progress_bar(shown=settings.progress) as track:

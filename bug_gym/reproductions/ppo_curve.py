@@ -9,6 +9,7 @@ from statistics import mean
 from typing import Any
 
 from bug_gym.agents.learning.settings import load_settings
+from bug_gym.checks import needed_from
 from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 
@@ -22,7 +23,8 @@ CHANGES = {"n_timesteps": STEPS, "eval_freq": 95_000, "eval_episodes": WORLDS, "
 
 def reproduce(settings: Settings) -> Reproduction:
     """Train a model for each seed, validating often."""
-    from bug_gym.agents.learning.training import train  # needs the extra `train`
+    with needed_from("train", "ppo-curve"):
+        from bug_gym.agents.learning.training import train  # needs the extra `train`
 
     training = load_settings("ppo_dynamic", CHANGES)
     curves = []

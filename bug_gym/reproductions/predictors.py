@@ -15,23 +15,25 @@ import importlib.util
 import math
 import tempfile
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import permutations
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from bug_gym.agents.learning.folder import TRAINED_FOLDER
 from bug_gym.agents.prediction import make_predictor, predictor_names
 from bug_gym.agents.prediction.samples import LAWS, displacement_errors, moments, world_of
 from bug_gym.agents.prediction.settings import PredictorSettings
+from bug_gym.checks import needed_from
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.geometry import F64
 from bug_gym.held_out import TEST_SEEDS
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.view import Sensors
+from bug_gym.workers import each, starred
 
 WORLDS = 50
 """Of each law."""
@@ -67,14 +69,14 @@ def reproduce(settings: Settings) -> Reproduction:
     tasks += [(scene, seed, path) for scene, path in scenes.items() for seed in _seeds(settings.seeds or CROSSINGS)]
     asked: dict[str, list[F64]] = {}
     with progress_bar(shown=settings.progress) as track:
-        runs = Parallel(n_jobs=settings.workers, return_as="generator")(delayed(ask)(*task, names) for task in tasks)
+        runs = each(partial(starred, ask), [(*task, names) for task in tasks], settings.workers, in_order=True)
         for (label, _, _), (errors, turns) in zip(tasks, track(runs, "worlds", len(tasks)), strict=True):
             asked.setdefault(label, []).append(errors)
             if label in ("bounce", "waypoints"):
                 asked.setdefault(f"{label}, turning", []).append(errors[:, turns])
     found = {label: summary(worlds, names) for label, worlds in asked.items() if any(map(np.size, worlds))}
     claims = list(check(found, names))
-    can_train = importlib.util.find_spec("stable_baselines3") is not None
+    can_train = all(importlib.util.find_spec(name) for name in ("stable_baselines3", "torch"))
     other = other_scene(scenes, settings) if can_train else {}
     tables = [*(_table(kind, found, names) for kind in ("mean", "final")), _ratios(found)]
     return Reproduction(
@@ -137,7 +139,8 @@ def other_scene(scenes: dict[str, Path], settings: Settings) -> dict[str, Any]:
 
 def train_further(recording: Path, out: Path, settings: Settings) -> list[str]:
     """Train each of LEARNED on from its shipped weights with a recording; returns their folders."""
-    from bug_gym.agents.prediction.training import gather_for, train  # needs the extra `train`
+    with needed_from("train", "training with a scene"):
+        from bug_gym.agents.prediction.training import gather_for, train  # needs the extra `train`
 
     crossings = 4 * (settings.seeds or CROSSINGS)
     folders = []

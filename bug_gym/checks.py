@@ -1,0 +1,113 @@
+"""Checks of what callers hand in (seeds, counts, numbers), and of what is installed.
+
+An error says in one line what came and what was expected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+NOT_REAL = "cSUVMm"
+"""Kinds of arrays that NumPy would turn into real numbers, though they are none: complex, text, records, dates."""
+
+
+def checked_seed(value: object) -> int:
+    """A seed of worlds as an int, NumPy's integers too.
+
+    Raises:
+        ValueError: it is no integer from 0 to 2**63 - 1.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 <= value < 2**63:
+        raise ValueError(f"a seed is an integer from 0 to 2**63 - 1, got {value!r}")
+    return int(value)
+
+
+def checked_count(name: str, value: object) -> int:
+    """How many of something, as an int, NumPy's integers too.
+
+    Raises:
+        ValueError: it is no integer from 1 on.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise ValueError(f"{name} must be an integer, got {value!r}")
+    if value < 1:
+        raise ValueError(f"{name} must be at least 1, got {value!r}")
+    return int(value)
+
+
+def checked_time(name: str, value: object) -> float:
+    """A time that something may take, above 0 and finite.
+
+    Raises:
+        ValueError: it is no such number.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise ValueError(f"{name} must be a number above 0, got {value!r}")
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} must be a number above 0, got {value!r}")
+    return float(value)
+
+
+def checked_options(options: object) -> Mapping[str, Any]:
+    """The options of a `reset`, none by default.
+
+    Raises:
+        ValueError: they are no mapping.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options is a dict or None, got {options!r}")
+    return options
+
+
+def real_numbers(what: str, values: Any) -> NDArray[np.float64]:
+    """Values as an array of real numbers.
+
+    Raises:
+        ValueError: they are complex, text or no numbers at all.
+    """
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind not in NOT_REAL:
+            return np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):  # what is ragged, or holds objects that are no numbers
+        pass
+    raise ValueError(f"{what} must be real numbers, got {values!r}")
+
+
+def float32_numbers(what: str, values: Any) -> NDArray[np.float32]:
+    """Values as an array of float32, the same one where they are that already.
+
+    Raises:
+        ValueError: they are complex, text or no numbers at all.
+    """
+    if isinstance(values, np.ndarray) and values.dtype == np.float32:
+        return values
+    return real_numbers(what, values).astype(np.float32)
+
+
+@contextmanager
+def needed_from(extra: str, what: str) -> Iterator[None]:
+    """Around imports of what an extra installs.
+
+    Args:
+        extra: its name.
+        what: what needs it.
+
+    Raises:
+        ImportError: a package is missing; the message names it, the extra, and how to install that.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
+        if package == "bug_gym":  # a fault of our own
+            raise
+        raise ImportError(f"{what} needs {package}, of the extra `{extra}`: pip install 'bug-gym[{extra}]'") from error

@@ -1,0 +1,60 @@
+"""Who does the jobs of a command: this process, or several processes of this machine (joblib's loky).
+
+A worker ends with its parent, however that ends. Otherwise it would wait some minutes for jobs that nobody sends, or go on
+with its last one for nobody.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+GLANCE = 0.5
+"""How often a worker looks whether its parent is still there [s]."""
+
+
+def each(function: Callable[[J], R], jobs: Sequence[J], workers: int, *, in_order: bool = False) -> Iterator[R]:
+    """What a function makes of each job.
+
+    Args:
+        function: importable from a module.
+        jobs: its arguments.
+        workers: how many processes; with one, this process does them, each when its result is asked for.
+        in_order: whether results come in the order of their jobs, else in order of arrival.
+    """
+    if workers == 1 or len(jobs) < 2:
+        yield from map(function, jobs)
+        return
+    from joblib import Parallel, delayed, parallel_config
+
+    settings = {"initializer": end_with, "initargs": (os.getpid(),)}
+    with parallel_config(backend="loky", inner_max_num_threads=1, **settings):
+        parallel = Parallel(n_jobs=workers, return_as="generator" if in_order else "generator_unordered")
+        yield from parallel(delayed(function)(job) for job in jobs)
+
+
+def starred(function: Callable[..., R], arguments: Sequence[Any]) -> R:
+    """A function of several arguments as one of a sequence of them; with `functools.partial`, for `each`."""
+    return function(*arguments)
+
+
+def end_with(parent: int) -> None:
+    """Have this process end as soon as its parent, by its number, is no longer there.
+
+    Linux can signal a child when its parent dies, but there "parent" is the thread that started it, which may end early.
+    """
+    if not hasattr(os, "getppid") or os.name == "nt":  # Windows tells the number of a parent that is gone, too
+        return
+    threading.Thread(target=_watch, args=(parent,), daemon=True, name="bug_gym parent watch").start()
+
+
+def _watch(parent: int) -> None:
+    pause = threading.Event()
+    while os.getppid() == parent:
+        pause.wait(GLANCE)
+    os._exit(1)  # at once: nobody is left to clean up for, and the main thread may be in compiled code

@@ -1,0 +1,268 @@
+"""What callers hand in to the faces and the core: seeds, counts, options, actions, states. What is wrong changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bug_gym
+from bug_gym.checks import checked_count, checked_options, checked_seed, checked_time, needed_from, real_numbers
+from bug_gym.evaluation import evaluate
+from bug_gym.navigation_env import NavigationEnv
+from bug_gym.simulation import Simulation
+from bug_gym.vector_env import NavigationVectorEnv
+
+NO_SEEDS = [-1, 2**63, 0.5, "3", True, float("nan"), np.float64(1.0), np.bool_(True), b"1", [1], {}, 1j]
+FACES: dict[str, Callable[[], Any]] = {
+    "env": lambda: gym.make("BugGym/Static-v0"),
+    "vector": lambda: gym.make_vec("BugGym/Static-v0", num_envs=2),
+    "parallel": lambda: bug_gym.parallel_env("static", robots=2),
+    "aec": lambda: bug_gym.env("static", robots=2),
+}
+NAMES = ["static", "u_trap"]
+"""A scenario whose worlds the kernels place, and one whose layouts are drawn in Python."""
+
+anything = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(),
+    st.binary(),
+    st.complex_numbers(),
+    st.lists(st.integers()),
+)
+
+
+# ---------------------------------------------------------------------------------------------- the checks themselves
+
+
+@given(st.integers(0, 2**63 - 1))
+def test_an_integer_of_python_or_numpy_is_a_seed(value: int) -> None:
+    assert checked_seed(value) == checked_seed(np.int64(value)) == checked_seed(np.uint64(value)) == value
+    assert type(checked_seed(np.int64(value))) is int
+
+
+@given(anything)
+def test_anything_is_a_seed_or_a_value_error(value: Any) -> None:
+    is_seed = type(value) is int and 0 <= value < 2**63
+    if is_seed:
+        assert checked_seed(value) == value
+    else:
+        with pytest.raises(ValueError, match="a seed is an integer from 0 to"):
+            checked_seed(value)
+
+
+@given(anything)
+def test_anything_is_a_count_or_a_value_error(value: Any) -> None:
+    if type(value) is int and value >= 1:
+        assert checked_count("rows", value) == checked_count("rows", value)
+    else:
+        with pytest.raises(ValueError, match="^rows must be"):
+            checked_count("rows", value)
+
+
+@given(anything)
+def test_anything_is_a_time_or_a_value_error(value: Any) -> None:
+    if type(value) in (int, float) and 0.0 < value < 1e300:
+        assert checked_time("minutes", value) == value
+    elif type(value) is not int:
+        with pytest.raises(ValueError, match="^minutes must be a number above 0, got"):
+            checked_time("minutes", value)
+
+
+@given(anything)
+def test_anything_is_options_or_a_value_error(value: Any) -> None:
+    if value is None:
+        assert checked_options(value) == {}
+    else:
+        with pytest.raises(ValueError, match="options is a dict or None"):
+            checked_options(value)
+
+
+@given(anything)
+def test_anything_is_real_numbers_or_a_value_error(value: Any) -> None:
+    try:
+        array = real_numbers("actions", value)
+    except ValueError as error:
+        assert str(error).startswith("actions must be real numbers, got")
+    else:
+        assert array.dtype == np.float64
+        assert not isinstance(value, (str, bytes, complex))
+
+
+def test_a_missing_package_is_named_with_its_extra() -> None:
+    with (
+        pytest.raises(
+            ImportError, match=r"it needs no_such_package, of the extra `train`: pip install 'bug-gym\[train\]'"
+        ),
+        needed_from("train", "it"),
+    ):
+        import no_such_package.below  # type: ignore[import-not-found]  # noqa: F401
+
+
+def test_a_missing_module_of_our_own_is_no_missing_extra() -> None:
+    with pytest.raises(ModuleNotFoundError, match="bug_gym"), needed_from("train", "it"):
+        import bug_gym.no_such_module  # type: ignore[import-not-found]  # noqa: F401
+
+
+# ---------------------------------------------------------------------------------------------- seeds
+
+
+@pytest.mark.parametrize("face", FACES)
+def test_numpys_integers_are_seeds_in_each_face(face: str) -> None:
+    first, second = FACES[face](), FACES[face]()
+    first.reset(seed=5)
+    second.reset(seed=np.int64(5))
+    assert states_of(first) == states_of(second)
+
+
+@pytest.mark.parametrize("face", FACES)
+@pytest.mark.parametrize("seed", NO_SEEDS, ids=repr)
+def test_what_is_no_seed_is_refused_in_each_face_and_changes_nothing(face: str, seed: Any) -> None:
+    env = FACES[face]()
+    env.reset(seed=3)
+    before = states_of(env)
+    with pytest.raises(ValueError, match="seed"):
+        env.reset(seed=seed)
+    assert states_of(env) == before
+    env.reset()
+    other = FACES[face]()
+    other.reset(seed=3)
+    other.reset()
+    assert states_of(env) == states_of(other), "the next episode is the same one, too"
+
+
+def states_of(env: Any) -> list[bytes]:
+    """All that the future of a face's worlds depends on."""
+    snapshot, seeded = env.unwrapped.simulation.save()
+    return [snapshot.floats.tobytes(), snapshot.ints.tobytes(), snapshot.observation.tobytes(), seeded.tobytes()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@given(data=st.data())
+def test_a_vector_reset_with_one_bad_seed_changes_nothing(name: str, data: st.DataObject) -> None:
+    env = NavigationVectorEnv(3, scenario=name)
+    env.reset(seed=data.draw(st.integers(0, 100)))
+    before = states_of(env)
+    good = st.one_of(st.none(), st.integers(0, 2**63 - 1))
+    seeds = data.draw(st.lists(good, min_size=3, max_size=3))
+    seeds[data.draw(st.integers(0, 2))] = data.draw(st.sampled_from(NO_SEEDS))
+    with pytest.raises(ValueError, match="a seed is an integer"):
+        env.reset(seed=seeds)
+    assert states_of(env) == before
+
+
+def test_a_reset_that_finds_no_place_for_one_world_changes_none() -> None:
+    world = {"family": "field", "obstacles": 32, "sizes": [0.5, 0.5], "bounds": [-6, -6, 6, 6], "solvable": 0.3}
+    simulation = Simulation({"world": world}, count=4)
+    good = next(seed for seed in range(1000) if fits(world, seed))
+    bad = next(seed for seed in range(1000) if not fits(world, seed))
+    simulation.reset(seeds=[good] * 4)
+    before = [array.tobytes() for array in simulation.save()[0][1:4]]
+    with pytest.raises(ValueError, match=f"seed {bad}, episode 0"):
+        simulation.reset(np.array([1, 3]), seeds=[good, bad])
+    assert [array.tobytes() for array in simulation.save()[0][1:4]] == before
+
+
+def fits(world: dict[str, Any], seed: int) -> bool:
+    """Whether the world of a seed finds its places."""
+    try:
+        Simulation({"world": world}).reset(seeds=[seed])
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("seed", [2**63 - 2, 1.5, "abc", [1, 2], np.array([0.5, 1.0, 2.0]), np.array(5)], ids=repr)
+def test_a_vector_env_refuses_what_does_not_give_each_row_a_seed(seed: Any) -> None:
+    env = NavigationVectorEnv(3)
+    with pytest.raises(ValueError, match="seed"):
+        env.reset(seed=seed)
+
+
+def test_an_array_of_seeds_gives_each_row_its_own() -> None:
+    first, second = NavigationVectorEnv(2), NavigationVectorEnv(2)
+    first.reset(seed=np.array([7, 9], dtype=np.uint32))  # type: ignore[arg-type]
+    second.reset(seed=[7, 9])
+    assert states_of(first) == states_of(second)
+
+
+# ---------------------------------------------------------------------------------------------- counts and options
+
+
+@pytest.mark.parametrize("count", [1.5, "2", None, np.float64(2.0)], ids=repr)
+def test_a_number_of_worlds_is_an_integer(count: Any) -> None:
+    for make in (
+        lambda: NavigationVectorEnv(count),
+        lambda: Simulation("static", count),
+        lambda: Simulation("static", 2, threads=count),
+        lambda: gym.make_vec("BugGym/Static-v0", num_envs=count),
+    ):
+        with pytest.raises(ValueError, match="must be integers, got"):
+            make()
+
+
+def test_numpys_integers_are_numbers_of_worlds() -> None:
+    assert NavigationVectorEnv(np.int64(3)).action_space.shape == (3, 2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("face", FACES)
+@pytest.mark.parametrize("options", ["abc", 1, ["shortest_path"]], ids=repr)
+def test_options_are_a_dict(face: str, options: Any) -> None:
+    env = FACES[face]()
+    with pytest.raises(ValueError, match="options is a dict or None, got"):
+        env.unwrapped.reset(seed=1, options=options)
+
+
+@pytest.mark.parametrize("most", [0, -3, 1.5, "9"])
+def test_a_number_of_steps_is_an_integer_from_1(most: Any) -> None:
+    with pytest.raises(ValueError, match="the number of steps must be"):
+        NavigationVectorEnv(1, max_episode_steps=most)
+
+
+@pytest.mark.parametrize("settings", [{"seed": 1.5}, {"seed": "1"}, {"episodes": 2.5}, {"workers": 1.5}], ids=repr)
+def test_numbers_of_an_evaluation_are_integers(settings: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="seed|workers"):
+        evaluate("bug0", "empty", **settings)
+
+
+# ---------------------------------------------------------------------------------------------- actions and states
+
+
+@pytest.mark.parametrize("action", [[1j, 0.0], ["1", "0"], np.array([1, 0], dtype="m8[s]"), [None, {}], "ab"], ids=repr)
+def test_what_is_no_real_number_is_no_action(action: Any) -> None:
+    env = NavigationEnv("static")
+    env.reset(seed=0)
+    before = states_of(env)
+    with pytest.raises(ValueError, match="an action is numbers of shape"):
+        env.step(action)
+    with pytest.raises(ValueError, match="actions must be real numbers"):
+        env.simulation.advance([[action]])
+    assert states_of(env) == before
+
+
+@pytest.mark.parametrize(
+    "change", [{"lidar.range": 4.0}, {"robot.max_speed": 0.5}, {"name": "other"}, {"world.obstacles": 9}]
+)
+def test_a_state_of_another_scenario_is_refused_and_changes_nothing(change: dict[str, Any]) -> None:
+    simulation, other = Simulation("static"), Simulation("static", overrides=change)
+    for one in (simulation, other):
+        one.reset(seeds=[1])
+    before = [array.tobytes() for array in other.save()[0][1:4]]
+    with pytest.raises(ValueError, match="the snapshot is of another scenario than"):
+        other.restore(simulation.save())
+    assert [array.tobytes() for array in other.save()[0][1:4]] == before
+
+
+def test_a_state_of_the_same_scenario_made_anew_is_taken() -> None:
+    simulation, other = Simulation("static"), Simulation("static")
+    simulation.reset(seeds=[1])
+    other.restore(simulation.save())
+    assert (other.observations() == simulation.observations()).all()
