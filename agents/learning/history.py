@@ -46,7 +46,7 @@ class History:
 
     def __init__(self, robot: RobotModel, lags: Sequence[int], rows: int) -> None:
         if not 1 <= min(lags) <= max(lags) <= MOST_STEPS:
-            raise ValueError(f"lags are from 1 to {MOST_STEPS} steps, got {list(lags)}")
+            raise ValueError(f"lags are at least 1 step and at most {MOST_STEPS}, got {list(lags)}")
         if not robot.is_full_circle:
             raise ValueError("a history needs a scanner that looks all around")
         self.robot, self.lags = robot, tuple(lags)

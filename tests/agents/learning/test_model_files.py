@@ -150,7 +150,7 @@ def test_any_bytes_as_a_config_are_told(data: bytes) -> None:
 
 @pytest.mark.parametrize("lags", [[MOST_STEPS + 1], [10**9], [0], [3, -1]])
 def test_a_history_that_looks_too_far_back_is_refused_before_memory_is_taken(lags: list[int]) -> None:
-    with pytest.raises(ValueError, match=f"lags are from 1 to {MOST_STEPS} steps"):
+    with pytest.raises(ValueError, match=f"lags are at least 1 step and at most {MOST_STEPS}"):
         History(RobotModel.of(SENSORS), lags, 1)
 
 
