@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-
 LONGEST = 200
 """Characters of the longest word that may be a misspelt one."""
 
