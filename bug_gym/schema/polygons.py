@@ -14,6 +14,7 @@ from pydantic import (
     model_validator,
 )
 
+from bug_gym.limits import SMALL
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.values import Box, Disc, Factor, Part, Point, box_or_corners
 
@@ -51,6 +52,8 @@ def _check_simple(outline: BaseGeometry) -> None:
         what, x, y = fault.groups() if fault else ("not valid", "?", "?")
         what = "crosses itself" if what.endswith("Self-intersection") else f"is not simple ({what})"
         raise wrong(f"the polygon {what} at ({x}, {y})")
+    if outline.area < SMALL**2:
+        raise wrong(f"the polygon has an area of {outline.area:g}, expected at least {SMALL**2:g}")
 
 
 Bounds = Annotated[

@@ -94,6 +94,8 @@ def _box(value: tuple[float, float, float, float]) -> tuple[float, float, float,
     if not (xmin < xmax and ymin < ymax):
         reason = f"got {list(value)}, expected [xmin, ymin, xmax, ymax] with xmin < xmax and ymin < ymax"
         raise wrong(reason)
+    if min(xmax - xmin, ymax - ymin) < SMALL:
+        raise wrong(f"got {list(value)}, expected sides of at least {SMALL:g}")
     return value
 
 

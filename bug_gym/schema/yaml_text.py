@@ -33,7 +33,7 @@ class YamlLoader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """A node, where it is within the limits; all that it holds has been looked at before."""
-        event = self.peek_event()
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):
             return self._compose_alias(event, parent, index)
         if self._depth >= MOST_DEPTH:
@@ -81,7 +81,8 @@ class YamlLoader(yaml.SafeLoader):
         if isinstance(node, yaml.ScalarNode):
             if kind not in SCALARS:
                 raise _fault(f"got the tag {node.tag!r}, expected plain data", node.start_mark)
-            found = self.resolve(yaml.ScalarNode, node.value, (True, False)).removeprefix(YAML_TAG)
+            found = str(self.resolve(yaml.ScalarNode, node.value, (True, False)))  # type: ignore[no-untyped-call]
+            found = found.removeprefix(YAML_TAG)
             if kind not in ("str", found) and (kind, found) != ("float", "int"):
                 raise _fault(f"got {shortened(node.value)}, expected what the tag !!{kind} says", node.start_mark)
         elif kind != ("seq" if isinstance(node, yaml.SequenceNode) else "map"):
@@ -113,7 +114,7 @@ YamlLoader.add_implicit_resolver(
 )
 
 
-def _fault(problem: str, mark: yaml.Mark | None) -> yaml.MarkedYAMLError:
+def _fault(problem: str, mark: Any) -> yaml.MarkedYAMLError:
     return yaml.constructor.ConstructorError(problem=problem, problem_mark=mark)
 
 

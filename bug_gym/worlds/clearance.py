@@ -32,7 +32,7 @@ def contains(ring: F64, x: float, y: float) -> bool:
     x1, y1 = ring[:, 0], ring[:, 1]
     x2, y2 = np.roll(x1, -1), np.roll(y1, -1)
     straddles = (y1 > y) != (y2 > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of sides that are not straddled
         crossing = x1 + (y - y1) * (x2 - x1) / (y2 - y1)
     return bool(np.count_nonzero(straddles & (x < crossing)) % 2)
 

@@ -221,7 +221,17 @@ def _read_pgm(file: Path) -> F64:
 
 FORMATS = ("PNG", "PPM", "BMP", "GIF", "JPEG", "TIFF", "WEBP", "TGA", "PCX")
 """What map_server's library reads; some other formats of pillow's are programs that it would run."""
-BROKEN = (OSError, SyntaxError, ValueError, TypeError, LookupError, EOFError, OverflowError, struct.error, zlib.error)
+BROKEN: tuple[type[Exception], ...] = (
+    OSError,
+    SyntaxError,
+    ValueError,
+    TypeError,
+    LookupError,
+    EOFError,
+    OverflowError,
+    struct.error,
+    zlib.error,
+)
 """What pillow raises for broken pictures: each of its readers something of its own."""
 
 
@@ -232,12 +242,12 @@ def _read_other(file: Path) -> F64:
     except ImportError as error:
         raise ImportError(f"{file}: reading it needs pillow: pip install 'bug-gym[maps]'") from error
     bombs = (Image.DecompressionBombError, Image.DecompressionBombWarning)
-    with _told_as_no_picture(file, *bombs), warnings.catch_warnings():
+    with _told_as_no_picture(file, bombs), warnings.catch_warnings():
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         image = Image.open(file, formats=FORMATS)
     with image:
         _check_size(file, *image.size)
-        with _told_as_no_picture(file, *bombs):
+        with _told_as_no_picture(file, bombs):
             if image.mode.startswith("I;16"):
                 return np.asarray(image, dtype=np.float64) / 65535.0
             colours = "RGBA" if image.has_transparency_data else "RGB"
@@ -247,9 +257,9 @@ def _read_other(file: Path) -> F64:
 
 
 @contextmanager
-def _told_as_no_picture(file: Path, *bombs: type[Exception]) -> Iterator[None]:
+def _told_as_no_picture(file: Path, bombs: tuple[type[Exception], ...]) -> Iterator[None]:
     """Tells what pillow raises in one line."""
     try:
         yield
-    except (*BROKEN, *bombs) as error:
+    except BROKEN + bombs as error:
         raise ValueError(f"{file}: not a picture ({' '.join(str(error).split())})") from None
