@@ -102,7 +102,7 @@ def test_paths_in_the_page_of_the_architecture_exist() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_commands_and_modules_that_are_named_exist(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = text_of(page)
-    for command in sorted(set(re.findall(r"\bbug-gym ([a-z]+)\b", "\n".join(code_in(text))))):
+    for command in sorted(set(re.findall(r"\bbug-gym ([a-z]+(?:-[a-z]+)*)\b", "\n".join(code_in(text))))):
         with pytest.raises(SystemExit) as left:
             main([command, "--help"])
         assert left.value.code == 0, command
