@@ -35,6 +35,7 @@ CORE_LAYERS = range(LAYER["agents"])  # their runs are functions of (seed, episo
 NUMBA = {
     "compiling",
     "dispatchers",
+    "kernels.addresses",
     "kernels.vectors",
 }  # how kernels are compiled, and the LLVM code that is written by hand
 COMPILED = {"kernel", "called", "inlined"}
