@@ -131,7 +131,8 @@ class NavigationEnv(gym.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for one step."""
-        flat, reward, terminated, truncated, info = self.simulation.step_one(*self.spaces.velocity(action))
+        first, second = self.spaces.velocity(action)
+        flat, reward, terminated, truncated, info = self.simulation.step_one(first, second)
         if self.render_mode is not None:
             self._pictures.record()
         return self.spaces.present(flat), reward, terminated, truncated, info

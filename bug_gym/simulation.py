@@ -264,8 +264,8 @@ class Simulation:
         if not (math.isfinite(first + second) and self._all_seeded and self._one_address):
             self.advance([[[first, second]]])
             return (self._one_observation.copy(), *self.robot_step())
-        numbers = kernels.step_one(self._one_address, first, second)
-        return (self._one_observation.copy(), *robot_step_of(*numbers))
+        reward, terminated, truncated, info = robot_step_of(*kernels.step_one(self._one_address, first, second))
+        return self._one_observation.copy(), reward, terminated, truncated, info
 
     def _require_episodes(self, rows: Rows) -> None:
         missing = rows[~self._seeded[rows]]
