@@ -395,7 +395,13 @@ class Simulation:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle everything but the threads and what is bound to the buffers."""
-        unbound = {"_scratch": [], "_bound_world": None, "_arrays": (), "_one_world": None, "_one_kept": ()}
+        unbound: dict[str, Any] = {
+            "_scratch": [],
+            "_bound_world": None,
+            "_arrays": (),
+            "_one_world": None,
+            "_one_kept": (),
+        }
         return {**self.__dict__, "_pool": None, **unbound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

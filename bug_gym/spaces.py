@@ -93,7 +93,8 @@ class RobotSpaces:
         """
         if self.is_discrete:
             if type(action) in (int, np.int64) and 0 <= action < len(self._pairs):
-                return self._pairs[action]
+                pair: tuple[float, float] = self._pairs[action]
+                return pair
         elif type(action) is np.ndarray and action.dtype is FLOAT32 and action.shape == (2,):
             first, second = action.tolist()
             return first, second

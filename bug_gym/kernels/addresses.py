@@ -37,6 +37,9 @@ ARGUMENTS: tuple[Any, ...] = tuple(
     )
 )
 
+tuple_of: Any = types.Tuple  # without types upstream
+ARRAYS = tuple_of(ARGUMENTS)
+
 HAS_ADDRESSES = DISPATCHERS is not None
 """Whether code may be called at its address; a numba that was not tried may hand arguments over in another way."""
 
@@ -89,7 +92,7 @@ def arrays_at(typingctx: Any, table: Any) -> Any:
             values.append(array._getvalue())
         return context.make_tuple(builder, signature.return_type, values)
 
-    return types.Tuple(ARGUMENTS)(types.int64), codegen
+    return ARRAYS(types.int64), codegen
 
 
 @vectors
@@ -105,4 +108,4 @@ def call_at(typingctx: Any, table: Any, arrays: Any) -> Any:
         context.call_conv.call_function(builder, code, types.none, ARGUMENTS, values)  # kernels raise nothing
         return context.get_dummy_value()
 
-    return types.void(types.int64, types.Tuple(ARGUMENTS)), codegen
+    return types.void(types.int64, ARRAYS), codegen
