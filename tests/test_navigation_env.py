@@ -524,6 +524,28 @@ def test_an_action_that_is_none_is_refused_and_changes_nothing(action: Any) -> N
     assert env.step(AHEAD)[4]["time"] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        ([math.nan, 0.0], r"^actions must be finite, got nan$"),
+        ([0.0, -math.inf], r"^actions must be finite, got -inf$"),
+        ([math.inf, -math.inf], r"^actions must be finite, got inf$"),
+        ([0.0], r"^an action has shape \(1,\), expected \(2,\)$"),
+        ([0.0, 0.0, 0.0], r"^an action has shape \(3,\), expected \(2,\)$"),
+        ([[0.0, 0.0]], r"^an action has shape \(1, 2\), expected \(2,\)$"),
+        (0.0, r"^an action has shape \(\), expected \(2,\)$"),
+    ],
+)
+def test_an_array_that_is_no_action_is_refused_amid_an_episode(action: Any, said: str) -> None:
+    env, twin = NavigationEnv("static"), NavigationEnv("static")
+    for one in (env, twin):
+        one.reset(seed=0)
+        one.step(AHEAD)
+    with pytest.raises(ValueError, match=said):
+        env.step(np.array(action, dtype=np.float32))
+    assert data_equivalence(env.step(AHEAD), twin.step(AHEAD), exact=True)
+
+
 @pytest.mark.parametrize("action", [-1, 128, 1.0, [1], None])
 def test_a_discrete_action_that_is_none_is_refused(action: Any) -> None:
     env = NavigationEnv("static", action="discrete")
