@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import config
+from numba.core import config as numba_config
 from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -142,6 +142,7 @@ def made_somewhere(make: Callable[[], Any]) -> Any:
         folder = temporary_folder()
     if folder is None:
         return None
+    config: Any = numba_config  # numba makes its attributes from the environment
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
         return make()

@@ -7,16 +7,14 @@ where it does not load.
 
 from __future__ import annotations
 
-import functools
 import hashlib
-import logging
 import pickle
 from pathlib import Path
 from typing import Any
 
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-logger = logging.getLogger("bug_gym")
+from bug_gym.log import logger, warn_once
 
 DIGEST = hashlib.sha256().digest_size
 
@@ -93,7 +91,7 @@ class KeptFiles(IndexDataCacheFile):
         except FileNotFoundError:
             return None
         except OSError as error:
-            _warn_once(f"compiled code in {path.parent} cannot be read ({error.strerror}): it is compiled again")
+            warn_once(f"compiled code in {path.parent} cannot be read ({error.strerror}): it is compiled again")
             return None
         digest, content = whole[:DIGEST], whole[DIGEST:]
         if hashlib.sha256(content).digest() == digest:
@@ -130,7 +128,7 @@ class KeptCache(FunctionCache):
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            _warn_once(f"compiled code cannot be kept in {self.cache_path}: {error.strerror}")
+            warn_once(f"compiled code cannot be kept in {self.cache_path}: {error.strerror}")
 
 
 def _throw_away(path: Path) -> None:
@@ -138,8 +136,3 @@ def _throw_away(path: Path) -> None:
         path.unlink()
     except OSError:  # not ours to remove: it is written over, or read and found damaged again
         return
-
-
-@functools.cache
-def _warn_once(message: str) -> None:
-    logger.warning("%s", message)

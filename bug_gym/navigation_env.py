@@ -134,12 +134,11 @@ class NavigationEnv(gym.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for one step."""
-        simulation = self.simulation
-        simulation.advance(self.spaces.velocities(action).reshape(1, 1, 2))
-        reward, terminated, truncated, info = simulation.robot_step()
+        first, second = self.spaces.velocity(action)
+        flat, reward, terminated, truncated, info = self.simulation.step_one(first, second)
         if self.render_mode is not None:
             self._pictures.record()
-        return self.spaces.present(simulation.world.observation[0, 0].copy()), reward, terminated, truncated, info
+        return self.spaces.present(flat), reward, terminated, truncated, info
 
     def render(self) -> Any:
         """The picture (H, W, 3) RGB uint8 with "rgb_array"; None with "human", whose window each step updates."""

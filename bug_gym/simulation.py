@@ -8,7 +8,6 @@ a face.
 from __future__ import annotations
 
 import functools
-import logging
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -23,13 +22,13 @@ from bug_gym import kernels, observation, scenarios, task
 from bug_gym.checks import checked_seed, real_numbers
 from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
+from bug_gym.log import warn_once
 from bug_gym.world import Capacity, Snapshot, World
 from bug_gym.worlds.field import FieldWorld
 
 if TYPE_CHECKING:
     from bug_gym.shortest_path import Path as ShortestPath
 
-logger = logging.getLogger("bug_gym")
 
 Rows = NDArray[np.int64]
 Scratch = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -138,6 +137,8 @@ class Simulation:
         self._scratch: list[Scratch] = []
         self._bound_world: object = None
         self._bind()
+        self._one_world: object = None
+        self._one_kept: tuple[Any, ...] = ()
         arguments = (*self._arrays, *self._scratch[0], self._no_actions(self.all_rows), self.all_rows)
         announce_compilation(types_of(kernels.STEP, *arguments))
 
@@ -265,6 +266,32 @@ class Simulation:
             self._require_episodes(rows)
         self._do(kernels.STEP, rows, array)
 
+    def step_one(self, first: float, second: float) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Advance the one world of one robot: what `step` and `robot_step` do, in a third of their time.
+
+        Args:
+            first: number of the action, as `step` takes it.
+            second: the other number.
+
+        Returns:
+            Flat observation (D,), a copy; reward, terminated, truncated and info as RobotStep has them.
+
+        Raises:
+            ValueError: a number that is not finite, or several worlds or robots.
+            gymnasium.error.ResetNeeded: the world has never been reset.
+        """
+        if self._one_world is not self.world.floats:
+            self._bind_one()
+        # The sum alone may be too large; the other way tells, and does the same in more time.
+        if not (math.isfinite(first + second) and self._all_seeded and self._one_address):
+            self.advance([[[first, second]]])
+            return (self._one_observation.copy(), *self.robot_step())
+        if self._one_steering:
+            kernels.steer_rows(kernels.STEP, *self._one_steering)
+        numbers = kernels.step_one(self._one_address, first, second, *self._one_body_and_ground)
+        reward, terminated, truncated, info = robot_step_of(*numbers)
+        return self._one_observation.copy(), reward, terminated, truncated, info
+
     def _require_episodes(self, rows: Rows) -> None:
         missing = rows[~self._seeded[rows]]
         if len(missing):
@@ -311,6 +338,23 @@ class Simulation:
         numbers = {name: begin for name, begin in self._begins.items() if name != "outcome"}
         self._report_end = max(numbers.values()) + kernels.TERMS * self.robots
 
+    def _bind_one(self) -> None:
+        """Take hold of the buffers for `step_one`, by their addresses."""
+        if (self.count, self.robots) != (1, 1):
+            raise ValueError(f"got {self.count} worlds of {self.robots} robots, expected one world of one robot")
+        self._bind()
+        world, scratch = self.world, self._scratch[0]
+        arguments = (*self._arrays, *scratch, np.zeros((1, 1, 2)), self.all_rows)
+        self._one_address, self._one_kept = 0, ()
+        self._one_body_and_ground = self._arrays[-2:]
+        steering = (world.floats, world.ints, world.spec, world.footprint, *scratch, self.all_rows)
+        self._one_steering = steering if world.capacity.steered else ()
+        if kernels.HAS_ADDRESSES:
+            table = kernels.address_table(kernels.run_rows, (kernels.STEP, *arguments))
+            self._one_address, self._one_kept = table.ctypes.data, (table, arguments)
+        self._one_observation = self.world.observation[0, 0]
+        self._one_world = self.world.floats
+
     # ------------------------------------------------------------------------------------------ reading
 
     def observations(self, rows: Rows | None = None) -> NDArray[np.float32]:
@@ -349,17 +393,17 @@ class Simulation:
         values = self.world.floats[row, : self._report_end].tolist()
         outcome = self.world.ints.item(row, begin["outcome"] + robot)
         terms = begin["terms"] + kernels.TERMS * robot
-        info = info_of(
-            outcome,
-            task.OUTCOMES[outcome],
-            values[begin["path_length"] + robot],
-            values[begin["time"]],
-            values[begin["min_clearance"] + robot],
-            values[begin["goal_distance"] + robot],
-            dict(zip(task.REWARD_TERMS, values[terms : terms + kernels.TERMS], strict=True)),
+        return RobotStep(
+            *robot_step_of(
+                outcome,
+                values[begin["reward"] + robot],
+                values[begin["path_length"] + robot],
+                values[begin["time"]],
+                values[begin["min_clearance"] + robot],
+                values[begin["goal_distance"] + robot],
+                *values[terms : terms + kernels.TERMS],
+            )
         )
-        terminated = outcome in (kernels.SUCCESS, kernels.COLLISION)
-        return RobotStep(values[begin["reward"] + robot], terminated, outcome == kernels.TIMEOUT, info)
 
     def shortest_path(self, row: int = 0, robot: int = 0) -> ShortestPath:
         """The shortest path among the still obstacles for a robot of a row from where it stands to its goal.
@@ -400,13 +444,35 @@ class Simulation:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle everything but the threads and what is bound to the buffers."""
-        return {**self.__dict__, "_pool": None, "_scratch": [], "_bound_world": None, "_arrays": ()}
+        unbound: dict[str, Any] = {
+            "_scratch": [],
+            "_bound_world": None,
+            "_arrays": (),
+            "_one_world": None,
+            "_one_kept": (),
+        }
+        return {**self.__dict__, "_pool": None, **unbound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Unpickle and start the threads again."""
         self.__dict__.update(state)
         if self._threads > 1:
             self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="bug_gym")
+
+
+def robot_step_of(
+    outcome: int,
+    reward: float,
+    path_length: float,
+    time: float,
+    min_clearance: float,
+    goal_distance: float,
+    *terms: float,
+) -> tuple[float, bool, bool, dict[str, Any]]:
+    """A RobotStep as a plain tuple, which is made in half the time."""
+    name, named = task.OUTCOMES[outcome], task.named_terms(*terms)
+    info = info_of(outcome, name, path_length, time, min_clearance, goal_distance, named)
+    return reward, info["is_success"] or info["collision"], outcome == kernels.TIMEOUT, info
 
 
 def info_of(
@@ -445,4 +511,4 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
 def announce_compilation(types: tuple[Any, ...]) -> None:
     """Say in the log, once in a process, that kernels will be compiled for these types, where none are kept on disk."""
     if not kernels.is_compiled(types):
-        logger.warning("compiling the simulation's kernels, once on this machine (some ten seconds)")
+        warn_once("compiling the simulation's kernels, once on this machine (some ten seconds)")

@@ -21,6 +21,7 @@ from bug_gym.view import Sensors
 ObservationForm = Literal["dict", "flat"]
 ActionForm = Literal["continuous", "discrete"]
 Observation = Any  # F32, or F32 by field, as the env was made; a union would make every caller tell them apart
+FLOAT32 = np.dtype(np.float32)
 ScenarioSource = str | Path | Mapping[str, Any] | Scenario
 
 
@@ -66,6 +67,7 @@ class RobotSpaces:
         self.observation = flat_space(self.fields) if self.is_flat else dict_space(self.fields)
         self.action: gym.spaces.Space[Any] = ActionBox()
         self._table = discrete_actions(Sensors.of(simulation.scenario).drive).astype(np.float64)
+        self._pairs: list[tuple[float, float]] = [(first, second) for first, second in self._table.tolist()]
         if self.is_discrete:
             self.action = gym.spaces.Discrete(len(self._table))
         # Most fields are vectors as they are cut; to shape each anew takes an eighth of the env's own step.
@@ -83,6 +85,22 @@ class RobotSpaces:
     def present_batch(self, flat: F32) -> Observation:
         """Flat observations (n, D) of the core in the form of the observation space; each field is a copy."""
         return flat if self.is_flat else as_dict(flat, self.fields)
+
+    def velocity(self, action: Any) -> tuple[float, float]:
+        """One action as the core takes it: what `velocities` gives, quickly for what is as the space draws it.
+
+        Raises:
+            ValueError: as `velocities`.
+        """
+        if self.is_discrete:
+            if type(action) in (int, np.int64) and 0 <= action < len(self._pairs):
+                pair: tuple[float, float] = self._pairs[action]
+                return pair
+        elif type(action) is np.ndarray and action.dtype is FLOAT32 and action.shape == (2,):
+            first, second = action.tolist()
+            return first, second
+        first, second = self.velocities(action).tolist()
+        return first, second
 
     def velocities(self, actions: ArrayLike, batch: tuple[int, ...] = ()) -> NDArray[np.float64]:
         """Actions of a batch (*batch, ...) as the core takes them (*batch, 2).

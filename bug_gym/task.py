@@ -5,12 +5,27 @@ The arithmetic is compiled (kernels.step.judge); this is its vocabulary and what
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from bug_gym import kernels
 from bug_gym.schema.task import Reward
 
-REWARD_TERMS = ("progress", "goal", "collision", "step", "clearance", "smoothness")
+
+def named_terms(progress: Any, goal: Any, collision: Any, step: Any, clearance: Any, smoothness: Any) -> dict[str, Any]:
+    """Reward terms by name; their order here is the order in which the core writes them."""
+    return {
+        "progress": progress,
+        "goal": goal,
+        "collision": collision,
+        "step": step,
+        "clearance": clearance,
+        "smoothness": smoothness,
+    }
+
+
+REWARD_TERMS = tuple(named_terms(*range(kernels.TERMS)))
 """Reward terms, in the order in which the core writes them. Each is weighted by the scenario's key of that name:
 
 - progress: metres by which the distance to the goal has shrunk in this step.
@@ -30,7 +45,6 @@ OUTCOMES = ("running", "success", "collision", "timeout")
 OUTCOME_NAMES = np.array(OUTCOMES, dtype=object)
 
 assert OUTCOMES.index("success") == kernels.SUCCESS and OUTCOMES.index("timeout") == kernels.TIMEOUT
-assert len(REWARD_TERMS) == kernels.TERMS
 
 
 def weights(reward: Reward) -> dict[str, float]:

@@ -16,7 +16,19 @@ PACKAGE = ROOT / "bug_gym"
 # Row n is layer n; a name is a module of bug_gym or a folder with all that is in it. A module imports from its own layer
 # and from those above it in this table, at the top of the file or in a function, by import or by "module:Class".
 LAYERS = (
-    ("dispatchers", "kept_code", "compiling", "kernels", "geometry", "limits", "naming", "files", "checks", "workers"),
+    (
+        "log",
+        "dispatchers",
+        "kept_code",
+        "compiling",
+        "kernels",
+        "geometry",
+        "limits",
+        "naming",
+        "files",
+        "checks",
+        "workers",
+    ),
     ("schema", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
     ("worlds",),
     ("config",),
@@ -36,6 +48,7 @@ NUMBA = {
     "compiling",
     "dispatchers",
     "kept_code",
+    "kernels.addresses",
     "kernels.vectors",
 }  # how kernels are compiled, and the LLVM code that is written by hand
 COMPILED = {"kernel", "called", "inlined"}

@@ -25,8 +25,10 @@ import bug_gym
 from bug_gym.config import load
 from bug_gym.kinematics import discrete_actions
 from bug_gym.navigation_env import NavigationEnv
+from bug_gym.simulation import Simulation
 from bug_gym.spaces import ActionBox
 from bug_gym.view import Sensors
+from bug_gym.world import Capacity
 
 ROOT = Path(__file__).resolve().parents[1]
 IDS = list(bug_gym.SCENARIOS_BY_ID)
@@ -161,6 +163,72 @@ def test_a_copy_goes_on_like_the_original_and_apart_from_it(env: NavigationEnv, 
     assert data_equivalence(env.reset(), twin.reset(), exact=True)
 
 
+ROOM = Capacity(discs=40, polygons=30, walls=400, ways=50, steered=1)
+
+
+def test_a_world_that_has_grown_goes_on_bit_for_bit(env: NavigationEnv) -> None:
+    """What is bound to its buffers must be bound anew."""
+    twin = copy.deepcopy(env)
+    for one in (env, twin):
+        one.reset(seed=5)
+        for _ in range(5):
+            one.step(AHEAD)
+    env.simulation.world.grow(env.simulation.world.capacity.joined(ROOM))
+    for _ in range(20):
+        assert data_equivalence(env.step(AHEAD), twin.step(AHEAD), exact=True)
+
+
+def test_a_state_saved_before_the_world_grew_goes_on_bit_for_bit(env: NavigationEnv) -> None:
+    env.reset(seed=5)
+    env.step(AHEAD)
+    saved = env.simulation.save()
+    first = [env.step(AHEAD) for _ in range(10)]
+    env.simulation.world.grow(env.simulation.world.capacity.joined(ROOM))
+    env.step(AHEAD)
+    env.simulation.restore(saved)
+    assert data_equivalence(tuple(first), tuple(env.step(AHEAD) for _ in range(10)), exact=True)
+
+
+def test_a_step_is_what_the_core_gives_its_first_robot(env: NavigationEnv) -> None:
+    core = Simulation(env.simulation.scenario)
+    env.reset(seed=3)
+    core.reset(seeds=[3])
+    for action in np.random.default_rng(0).uniform(-1.5, 1.5, (150, 2)).astype(np.float32):
+        flat = core.step(action[None, None]).observation[0, 0]
+        assert data_equivalence(env.step(action), (env.spaces.present(flat), *core.robot_step()), exact=True)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda action: action.astype(np.float64),
+        lambda action: action.astype(np.float16),
+        lambda action: action.astype(">f4"),
+        lambda action: action.repeat(2)[::2],
+        lambda action: action.tolist(),
+        lambda action: tuple(action),
+        lambda action: action.view(np.ma.MaskedArray),
+        lambda action: np.frombuffer(action.tobytes(), dtype=np.float32),
+        lambda action: action.astype(object),
+    ],
+)
+def test_an_action_may_come_as_any_two_numbers(form: Any) -> None:
+    env, twin = NavigationEnv("static"), NavigationEnv("static")
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    for action in np.array([[0.5, -0.25], [1.0, 1.0], [-2.0, 0.125]], dtype=np.float32):
+        assert data_equivalence(env.step(action), twin.step(form(action)), exact=True)
+
+
+@pytest.mark.parametrize("form", [int, np.int8, np.uint16, np.array])
+def test_a_discrete_action_may_come_as_any_integer(form: Any) -> None:
+    env, twin = (NavigationEnv("static", action="discrete") for _ in range(2))
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    for action in (0, 127, 33):
+        assert data_equivalence(env.step(np.int64(action)), twin.step(form(action)), exact=True)
+
+
 @pytest.mark.parametrize("name", IDS)
 def test_a_spec_written_as_json_makes_the_same_env(name: str) -> None:
     spec = gym.make(name, overrides={"lidar.beams": 9}, observation="flat").spec
@@ -191,6 +259,17 @@ def test_info_has_the_same_keys_and_types_at_reset_and_step(env: NavigationEnv) 
     for info in (env.reset(seed=0)[1], env.step(AHEAD)[4]):
         assert {name: type(value) for name, value in info.items()} == INFO_TYPES
         assert all(type(value) is float for value in info["reward_terms"].values())
+
+
+def test_infos_share_nothing(env: NavigationEnv) -> None:
+    infos = [env.reset(seed=0)[1], env.step(AHEAD)[4], env.step(AHEAD)[4]]
+    kept = copy.deepcopy(infos)
+    infos[0].clear()
+    infos[1]["reward_terms"].clear()
+    infos[1]["mine"] = 1
+    assert env.step(AHEAD)[4].keys() == kept[0].keys()
+    assert infos[2] == kept[2]
+    assert env.step(AHEAD)[4]["reward_terms"].keys() == kept[0]["reward_terms"].keys()
 
 
 def test_info_at_reset_says_that_nothing_has_happened(env: NavigationEnv) -> None:
@@ -445,6 +524,28 @@ def test_an_action_that_is_none_is_refused_and_changes_nothing(action: Any) -> N
     assert env.step(AHEAD)[4]["time"] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        ([math.nan, 0.0], r"^actions must be finite, got nan$"),
+        ([0.0, -math.inf], r"^actions must be finite, got -inf$"),
+        ([math.inf, -math.inf], r"^actions must be finite, got inf$"),
+        ([0.0], r"^an action has shape \(1,\), expected \(2,\)$"),
+        ([0.0, 0.0, 0.0], r"^an action has shape \(3,\), expected \(2,\)$"),
+        ([[0.0, 0.0]], r"^an action has shape \(1, 2\), expected \(2,\)$"),
+        (0.0, r"^an action has shape \(\), expected \(2,\)$"),
+    ],
+)
+def test_an_array_that_is_no_action_is_refused_amid_an_episode(action: Any, said: str) -> None:
+    env, twin = NavigationEnv("static"), NavigationEnv("static")
+    for one in (env, twin):
+        one.reset(seed=0)
+        one.step(AHEAD)
+    with pytest.raises(ValueError, match=said):
+        env.step(np.array(action, dtype=np.float32))
+    assert data_equivalence(env.step(AHEAD), twin.step(AHEAD), exact=True)
+
+
 @pytest.mark.parametrize("action", [-1, 128, 1.0, [1], None])
 def test_a_discrete_action_that_is_none_is_refused(action: Any) -> None:
     env = NavigationEnv("static", action="discrete")
@@ -458,6 +559,16 @@ def test_actions_beyond_the_space_are_cut_to_it() -> None:
     runs = []
     for action in ([5.0, -3.0], [1.0, -1.0]):
         env.reset(seed=0)
+        runs.append(env.step(np.array(action)))
+    assert data_equivalence(runs[0], runs[1], exact=True)
+
+
+def test_the_greatest_numbers_are_cut_too() -> None:
+    env = NavigationEnv("static")
+    runs = []
+    for action in ([1.7e308, 1.7e308], [1.0, 1.0]):
+        env.reset(seed=0)
+        env.step(AHEAD)
         runs.append(env.step(np.array(action)))
     assert data_equivalence(runs[0], runs[1], exact=True)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels, observation, task
 from bug_gym.kinematics import Drive, steering
+from bug_gym.log import warn_once
 from bug_gym.simulation import Simulation, announce_compilation
 
 F64 = NDArray[np.float64]
@@ -506,6 +507,16 @@ def test_actions_of_a_wrong_shape_or_not_finite_are_refused_and_change_nothing(a
     assert (simulation.world.floats == before).all()
 
 
+@pytest.mark.parametrize(
+    ("settings", "count", "said"), [({}, 2, "2 worlds of 1"), ({"robots": {"count": 2}}, 1, "1 worlds of 2")]
+)
+def test_one_world_of_one_robot_is_stepped_by_itself(settings: dict[str, Any], count: int, said: str) -> None:
+    simulation = make(count=count, world={"family": "field"}, **settings)
+    simulation.reset()
+    with pytest.raises(ValueError, match=said):
+        simulation.step_one(0.0, 0.0)
+
+
 @pytest.mark.parametrize("seed", [-1, 2**63, 0.5, "3"])
 def test_a_seed_that_is_no_whole_number_from_0_on_is_refused(seed: Any) -> None:
     with pytest.raises(ValueError, match="a seed is an integer from 0"):
@@ -704,6 +715,7 @@ def test_a_process_tells_once_that_it_compiles_and_not_where_there_is_nothing_to
     is_compiled: bool, lines: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     announce_compilation.cache_clear()
+    warn_once.cache_clear()
     monkeypatch.setattr(kernels, "is_compiled", lambda types: is_compiled)
     for _ in range(3):
         make()

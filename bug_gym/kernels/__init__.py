@@ -11,12 +11,14 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
     contact  avoidance                                 who touches what, when; half planes of velocities
     sensing  laws                                      the observation and the clearance; bodies that look
     step                                               the sentence: run_rows, steer_rows, restart_robots, read_status
+    addresses  one                                     arguments as addresses; the step of one world with one robot
 
 Each line imports from those above it.
 
 No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit.
 """
 
+from bug_gym.kernels.addresses import HAS_ADDRESSES, address_table
 from bug_gym.kernels.avoidance import steering_floats
 from bug_gym.kernels.chords import point_wall_distance
 from bug_gym.kernels.free_way import free_distance, free_distances
@@ -60,6 +62,7 @@ from bug_gym.kernels.layout import (
     places,
     rounded_up,
 )
+from bug_gym.kernels.one import step_one
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
 from bug_gym.kernels.rays import beam_table, scratch_floats, scratch_integers
@@ -94,6 +97,7 @@ __all__ = [
     "FLOAT_ARRAYS",
     "Flags",
     "Floats",
+    "HAS_ADDRESSES",
     "HOLONOMIC",
     "INT_ARRAYS",
     "Integers",
@@ -119,6 +123,7 @@ __all__ = [
     "TIMEOUT",
     "WALK_BIT",
     "WAYPOINTS",
+    "address_table",
     "beam_table",
     "free_distance",
     "free_distances",
@@ -133,5 +138,6 @@ __all__ = [
     "scratch_integers",
     "steer_rows",
     "steering_floats",
+    "step_one",
     "uniform",
 ]
