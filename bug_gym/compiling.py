@@ -142,13 +142,14 @@ def made_somewhere(make: Callable[[], Any]) -> Any:
         folder = temporary_folder()
     if folder is None:
         return None
-    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    settings: Any = config  # numba makes its attributes of the environment
+    before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
     try:
         return make()
     except RuntimeError:
         return None
     finally:
-        config.CACHE_DIR = before
+        settings.CACHE_DIR = before
 
 
 @functools.cache
