@@ -430,8 +430,8 @@ class Simulation:
             ValueError: the state is of another scenario, or of another number of worlds.
         """
         snapshot, seeded = state
-        if np.shape(seeded) != self._seeded.shape:
-            raise ValueError(f"the state is of {np.size(seeded)} worlds, expected {self.count}")
+        if len(snapshot.observation) != len(seeded):
+            raise ValueError(f"the state is of {len(snapshot.observation)} worlds and seeds of {len(seeded)}")
         self.world.restore(snapshot)
         self._seeded[:] = seeded
         self._all_seeded = bool(seeded.all())
