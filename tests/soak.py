@@ -375,7 +375,7 @@ def soak(minutes: float, seed: int, work: Path) -> dict[str, Any]:
         if task.folder(work).exists():
             task.take_turn(work, math.inf, signal.SIGKILL)
     found = {task.name: task.record() for task in tasks} | {"vector_env": memory(samples)}
-    return {"minutes": round(took / 60.0, 1), "seed": seed, "turn_seconds": TURN, **found}
+    return {"minutes": round(took / 60.0, 1), "seed": seed, "turn_seconds": TURN, "most_rise": FLAT, **found}
 
 
 def holds(found: Mapping[str, Any]) -> bool:
@@ -407,9 +407,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the kills (default: 0)")
     parser.add_argument("--out", type=Path, help="JSON to write (default: on the terminal only)")
     options = parser.parse_args(arguments)
+    made_by = {"bug_gym": version("bug-gym"), "commit": commit(), "python": platform.python_version()}
     with tempfile.TemporaryDirectory() as work:
         found = soak(options.minutes, options.seed, Path(work))
-    made_by = {"bug_gym": version("bug-gym"), "commit": commit(), "python": platform.python_version()}
     record = {"name": "soak", "holds": holds(found), **made_by, "machine": machine(), **found}
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     if options.out:

@@ -200,7 +200,7 @@ def test_code_in_a_checkpoint_does_not_run(form: str, tmp_path: Path) -> None:
     if form == "torch":
         torch.save(state, path)
     else:
-        path.write_bytes(pickle.dumps(state))
+        path.write_bytes(pickle.dumps(state, protocol=2))  # torch warns of others
     with pytest.raises(ValueError, match=r"checkpoint\.pt"):
         load_checkpoint(path, {})
     assert not (tmp_path / "ran").exists()

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from result_pages import Page, Record
-from result_pages.words import listed, number, table
-
-FLAT = 0.01
-"""Share of its memory that the vector env may grow by."""
+from result_pages.words import listed, number, percent, table
 
 
 def soak(found: Record) -> Page:
@@ -66,6 +63,6 @@ def soak(found: Record) -> Page:
             ("no row that was on the disk is driven again", none("forgotten")),
             ("each start goes on with what the one before left", none("failures")),
             ("no process outlives its command by 5 s", none("left_behind")),
-            (f"memory of the vector env rises by at most {100 * FLAT:g} %", env["rise"] <= FLAT),
+            (f"memory of the vector env rises by at most {percent(found['most_rise'])} %", env["rise"] <= found["most_rise"]),
         ],
     )  # fmt: skip
