@@ -80,7 +80,10 @@ class RobotSpaces:
         """A flat observation (D,) of the core in the form of the observation space; the fields are views of it."""
         if self.is_flat:
             return flat
-        return {name: flat[part] if shape is None else flat[part].reshape(shape) for name, part, shape in self._parts}
+        fields: dict[str, F32] = {}
+        for name, part, shape in self._parts:  # a comprehension is a call of its own in Python 3.11, 0.1 us
+            fields[name] = flat[part] if shape is None else flat[part].reshape(shape)
+        return fields
 
     def present_batch(self, flat: F32) -> Observation:
         """Flat observations (n, D) of the core in the form of the observation space; each field is a copy."""
