@@ -17,7 +17,7 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "bodies that look": ("crowd", {}),
     "regions": ("terrain", {}),
     "several robots": ("crossing_robots", {}),
-    "several robots, regions": ("crossing_robots", {"world.regions": [{"circle": [0, 0, 1], "factor": 2.0}]}),
+    "several robots, regions": ("static", {"robots.count": 2, "world.regions": [{"circle": [0, 0, 1], "factor": 2.0}]}),
 }
 """What kernels are compiled for -> a scenario of that kind, with overrides."""
 
