@@ -383,7 +383,7 @@ def peak() -> int:
 
 
 @pytest.mark.parametrize("kind", READERS)
-@settings(many, deadline=None if EXAMPLES <= 200 else 2000)
+@many
 @given(data=st.data())
 def test_any_bytes_are_a_value_or_an_error_of_ours(kind: str, data: st.DataObject) -> None:
     name, good, read = READERS[kind]
