@@ -152,7 +152,7 @@ def test_a_vector_reset_with_one_bad_seed_changes_nothing(name: str, data: st.Da
     env.reset(seed=data.draw(st.integers(0, 100)))
     before = states_of(env)
     good = st.one_of(st.none(), st.integers(0, 2**63 - 1))
-    seeds = data.draw(st.lists(good, min_size=3, max_size=3))
+    seeds: list[Any] = data.draw(st.lists(good, min_size=3, max_size=3))
     seeds[data.draw(st.integers(0, 2))] = data.draw(st.sampled_from(NO_SEEDS))
     with pytest.raises(ValueError, match="a seed is an integer"):
         env.reset(seed=seeds)
