@@ -397,7 +397,7 @@ def test_any_bytes_are_a_value_or_an_error_of_ours(kind: str, data: st.DataObjec
         except ValueError as error:
             event("refused")
             told = str(error)
-            assert name in told or "scenario: " in told or "map.yaml" in told, told
+            assert folder in told or "scenario: " in told or "no such picture" in told, told
             assert all(len(line) < 1500 for line in told.split("\n")), told
         else:
             event("read")
