@@ -203,7 +203,7 @@ def take_own_name() -> None:
     global PROCESS
     parent, PROCESS = PROCESS, uuid.uuid4().hex[:12]
     for dispatcher in KERNELS:
-        dispatcher._cache.files.rename(parent, PROCESS)
+        dispatcher._cache.files.take_name(parent, PROCESS)
 
 
 if hasattr(os, "register_at_fork"):  # not on Windows, where no process forks

@@ -42,7 +42,7 @@ class KeptFiles(IndexDataCacheFile):
             raise AttributeError("the names of data files are made in another way")
         self._data_name_pattern = files._data_name_pattern.replace(".{number", f".{process}.{{number")
 
-    def rename(self, old: str, new: str) -> None:
+    def take_name(self, old: str, new: str) -> None:
         """Take another process's place in the names of files to write."""
         self._data_name_pattern = self._data_name_pattern.replace(old, new)
 

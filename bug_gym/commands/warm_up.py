@@ -72,11 +72,11 @@ def _draw() -> None:
 
 
 def _use_policies() -> Iterator[str]:
-    """Drive each policy through two short episodes, one of them over weighted ground."""
+    """Drive each policy among movers, over weighted ground, after a target, out of a trap and through a maze."""
     from bug_gym.agents import AGENTS, playable_names  # loads the compiler
     from bug_gym.evaluation import evaluate  # loads the compiler
 
     names = [name for name in playable_names() if not AGENTS[name].model]
     for name in names:
-        evaluate([name], ["dynamic", "terrain"], episodes=1)
+        evaluate([name], ["dynamic", "terrain", "moving_target", "u_trap", "maze"], episodes=1)
         yield name

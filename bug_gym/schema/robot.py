@@ -39,7 +39,7 @@ class Robot(Part):
     """How it moves: in any direction without turning, or ahead and around."""
     radius: Positive = 0.2
     """Radius of a round body [m]."""
-    circles: Annotated[tuple[Disc, ...], Field(min_length=1, max_length=100)] | None = None
+    circles: Annotated[tuple[Disc, ...], Field(min_length=1, max_length=1000)] | None = None
     """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`. While it turns they
     are tested along their arcs: no contact is missed, and none comes more than 0.01 mm too early."""
     max_speed: TopSpeed = 1.0
