@@ -19,6 +19,13 @@ PAGE, README = ROOT / "docs" / "policies.md", ROOT / "README.md"
 BEGIN, END = "<!-- policies: made by docs/make_policies.py -->", "<!-- end of policies -->"
 """What the table in the README stands between."""
 
+KINDS = {
+    "floor": "floors: what nothing should do worse than",
+    "bug": "the Bug family",
+    "learned": "learned by PPO, SAC and DQN",
+}
+"""What each family of policies is called in the README."""
+
 HEAD = """# Policies
 
 All policies have stable-baselines3's `predict`: `make_policy(name, env, **parameters)` makes one for the robot of any env,
@@ -94,10 +101,21 @@ def names_of(entry: Entry) -> str:
 
 
 def table() -> str:
-    """The table in the README."""
+    """The table in the README: a kind a row."""
+    kinds: dict[str, tuple[list[str], list[str]]] = {}
+    for entry in entries():
+        sure, others = kinds.setdefault(entry.family, ([], []))
+        (sure if arrives_always(entry) == "yes" else others).append(names_of(entry))
+    rows = [[KINDS[kind], ", ".join(sure) or "-", ", ".join(others) or "-"] for kind, (sure, others) in kinds.items()]
+    lines = [["kind", "arrive always, or tell that there is no way", "the others"], ["---"] * 3, *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def overview() -> str:
+    """The table at the top of the page: a policy a row."""
     rows = [[names_of(entry), summary(entry), arrives_always(entry), entry.reference] for entry in entries()]
     lines = [["name", "what it does", "arrives always", "source"], ["---"] * 4, *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
 
 
 def section(entry: Entry) -> str:
@@ -118,7 +136,7 @@ def section(entry: Entry) -> str:
 
 def page() -> str:
     """The text of policies.md."""
-    return "\n".join([HEAD, *map(section, entries())])
+    return "\n".join([HEAD, overview(), *map(section, entries())])
 
 
 def readme(text: str) -> str:
