@@ -15,7 +15,6 @@ J = TypeVar("J")
 R = TypeVar("R")
 
 
-
 class WorkerLostError(OSError):
     """A worker is gone, and nobody knows why."""
 

@@ -429,7 +429,7 @@ def seen() -> Any:
     return NavigationEnv(ROBOT, observation="flat").reset(seed=0)[0]
 
 
-def whole(kind: str) -> bytes:
+def bytes_of(kind: str) -> bytes:
     """The bytes of a kind before anything is broken; those of a run are made when they are asked for."""
     _, good, read = READERS[kind]
     return finished_run()[1][kind] if read is read_run else good
@@ -449,7 +449,7 @@ def peak() -> int:
 @given(data=st.data())
 def test_any_bytes_are_a_value_or_an_error_of_ours(kind: str, data: st.DataObject) -> None:
     name, _, read = READERS[kind]
-    raw = data.draw(broken(whole(kind)))
+    raw = data.draw(broken(bytes_of(kind)))
     before = peak()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
@@ -469,5 +469,5 @@ def test_any_bytes_are_a_value_or_an_error_of_ours(kind: str, data: st.DataObjec
 @pytest.mark.parametrize("kind", READERS)
 def test_what_is_broken_was_whole(tmp_path: Path, kind: str) -> None:
     name, _, read = READERS[kind]
-    (tmp_path / name).write_bytes(whole(kind))
+    (tmp_path / name).write_bytes(bytes_of(kind))
     read(tmp_path / name)

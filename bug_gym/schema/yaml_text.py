@@ -18,10 +18,10 @@ from bug_gym.schema.errors import shortened
 YAML_TAG = "tag:yaml.org,2002:"
 SCALARS = ("null", "bool", "int", "float", "str")
 
-if TYPE_CHECKING or not yaml.__with_libyaml__:
-    _Parser = yaml.SafeLoader
+if not TYPE_CHECKING and yaml.__with_libyaml__:
+    from yaml import CSafeLoader as Parser  # ten times faster, where PyYAML was built with it
 else:
-    _Parser = yaml.CSafeLoader  # ten times faster, where PyYAML was built with it
+    from yaml import SafeLoader as Parser
 
 
 class Extent(NamedTuple):
@@ -34,7 +34,7 @@ class Extent(NamedTuple):
 ONE = Extent(1, 1)
 
 
-class YamlLoader(_Parser):
+class YamlLoader(Parser):
     """Safe YAML of plain data within limits; 1e-3 is a number and 2001-12-14 is text, as in YAML 1.2.
 
     Values are made from the parser's events as they come, without nodes between: a file of megabytes takes a second.
@@ -62,7 +62,7 @@ class YamlLoader(_Parser):
         return value
 
     def _next(self) -> Any:
-        return self.get_event()
+        return self.get_event()  # type: ignore[no-untyped-call]
 
     def _value(self, event: Any, depth: int) -> tuple[Any, Extent]:
         """What begins with an event, `depth` levels deep, and how much it is."""
@@ -99,11 +99,11 @@ class YamlLoader(_Parser):
             raise _fault(f"nested deeper than {MOST_DEPTH} levels", event.start_mark)
         return value, extent
 
-    def _scalar(self, event: yaml.ScalarEvent) -> Any:
+    def _scalar(self, event: Any) -> Any:
         """The value of a scalar, where it is of the kind that its tag names."""
         text = event.value
         given = event.tag not in (None, "!")
-        tag = event.tag if given else self._kind(text, event.implicit)
+        tag = str(event.tag) if given else self._kind(text, event.implicit)
         kind = tag.removeprefix(YAML_TAG)
         if kind not in SCALARS:
             raise _fault(f"got the tag {tag!r}, expected plain data", event.start_mark)
@@ -120,7 +120,7 @@ class YamlLoader(_Parser):
 
     def _kind(self, text: str, implicit: tuple[bool, bool]) -> str:
         """The tag of a scalar that has none."""
-        return str(self.resolve(yaml.ScalarNode, text, implicit))
+        return str(self.resolve(yaml.ScalarNode, text, implicit))  # type: ignore[no-untyped-call]
 
     def _sequence(self, event: yaml.SequenceStartEvent, depth: int) -> tuple[list[Any], Extent]:
         self._check_tag(event, "seq")
@@ -141,7 +141,7 @@ class YamlLoader(_Parser):
         values, deepest = 1, 0
         while not isinstance(item := self._next(), yaml.MappingEndEvent):
             key, is_merge = self._key(item, seen)
-            begin = self.peek_event().start_mark
+            begin = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             value, extent = self._value(self._next(), depth + 1)
             values, deepest = values + extent.values + 1, max(deepest, extent.depth)
             _check_size(values, event)
@@ -153,12 +153,13 @@ class YamlLoader(_Parser):
 
     def _key(self, event: Any, seen: set[str]) -> tuple[str, bool]:
         """A key, which is text and stands there once; and whether it merges another mapping."""
-        value = event.value if isinstance(event, yaml.ScalarEvent) else None
+        value: Any
         if isinstance(event, yaml.AliasEvent):
             value, _ = self._alias(event, 0)
             tag = f"{YAML_TAG}str" if isinstance(value, str) else ""
         elif isinstance(event, yaml.ScalarEvent):
-            tag = event.tag if event.tag not in (None, "!") else self._kind(event.value, event.implicit)
+            value = event.value
+            tag = str(event.tag) if event.tag not in (None, "!") else self._kind(event.value, event.implicit)
             if event.anchor is not None:
                 self._anchored[event.anchor] = value, ONE
         else:
