@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
+from bug_gym.inertia import needs_care, stoppable_action
 from bug_gym.observation import as_flat, width
 from bug_gym.view import Sensors, View
 
@@ -154,6 +155,9 @@ class ScriptedPolicy(ABC):
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 
+    room: float = 0.0
+    """What it keeps about the body where inertia carries it nearer to walls than it wants [m]."""
+
     parameters: Any
     """Those of this policy; an algorithm with parameters of its own gives the type."""
 
@@ -229,7 +233,10 @@ class ScriptedPolicy(ABC):
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
         if self._velocities is not None:
             return nearest_discrete(self._velocities, velocity)
-        return kinematics.steering(self.sensors.drive, brake(view, velocity))
+        velocity = brake(view, velocity)
+        if needs_care(self.sensors):
+            return stoppable_action(view, velocity, self.room)
+        return kinematics.steering(self.sensors.drive, velocity)
 
 
 def braking_radius(sensors: Sensors) -> float:

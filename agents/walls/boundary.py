@@ -18,6 +18,7 @@ from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.headings import TRIED, OpenHeadings
 from bug_gym.agents.walls.laps import Laps
 from bug_gym.geometry import Point, velocity_along, wrap
+from bug_gym.inertia import speed_within
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
 
@@ -100,6 +101,8 @@ class Boundary:
         self.sensors = sensors
         self.step = step
         """The way of one step [m]."""
+        self.pace = speed_within(sensors.drive, step)
+        """Speed along walls [m/s]: a robot with inertia can stop within the step that it looks ahead."""
         self.clearance = clearance
         self.leave_rule = checked_leave_rule(leave_rule)
         margin = clearance - radius
@@ -181,10 +184,11 @@ class Boundary:
         """
         if distance <= 0.0:
             return STANDING
-        ahead = min(self.step, distance, self.free_way(view, bearing, distance, radius=radius))
+        free = self.free_way(view, bearing, distance, radius=radius)
+        ahead = min(self.step, distance, free)
         if ahead <= 0.0:
             return None
-        speed = ahead / self.sensors.drive.step
+        speed = min(ahead / self.sensors.drive.step, speed_within(self.sensors.drive, free))
         return velocity_along(bearing, speed)
 
     def step_to(self, view: View, place: Point) -> Velocity | None:
@@ -196,7 +200,7 @@ class Boundary:
         ahead, bearing = min(self.step, math.hypot(x, y)), math.atan2(y, x)
         if view.free_distance(bearing, self.safe_radius) < ahead:
             return None
-        return velocity_along(bearing, ahead / self.sensors.drive.step)
+        return velocity_along(bearing, min(ahead / self.sensors.drive.step, self.pace))
 
     def free_way(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> float:
         """How far the robot can go along a bearing [rad] to stand on the contour of what is in the way [m].
@@ -335,8 +339,7 @@ class Boundary:
         if contour.heading is not None:
             contour.sweep = swept(travel, bearing, heading, contour.side)
         self._move_hand(view, contour, heading)
-        speed = self.sensors.drive.max_speed
-        return velocity_along(heading, speed)
+        return velocity_along(heading, self.pace)
 
     def _wall_bearing(self, view: View, contour: Contour) -> float:
         """Bearing of the wall that the hand is on, looked up in the present scan."""

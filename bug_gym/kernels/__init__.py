@@ -7,6 +7,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
 
     layout  geometry  vectors                          what lies where; plane geometry; LLVM written by hand
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
+    stopping                                           whether a robot with inertia can stop before what it sees
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
     contact  avoidance                                 who touches what, when; half planes of velocities
     sensing  laws                                      the observation and the clearance; bodies that look
@@ -77,6 +78,7 @@ from bug_gym.kernels.step import (
     run_rows,
     steer_rows,
 )
+from bug_gym.kernels.stopping import keeps_clear, stopping_way
 
 __all__ = [
     "ATTEMPTS",
@@ -129,6 +131,7 @@ __all__ = [
     "free_distances",
     "hash64",
     "is_compiled",
+    "keeps_clear",
     "place_fields",
     "point_wall_distance",
     "read_status",
@@ -139,5 +142,6 @@ __all__ = [
     "steer_rows",
     "steering_floats",
     "step_one",
+    "stopping_way",
     "uniform",
 ]
