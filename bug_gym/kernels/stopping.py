@@ -27,7 +27,16 @@ def stopping_way(speed: float, acceleration: float, step: float) -> float:
 
 @kernel
 def keeps_clear(
-    px: Floats, py: Floats, circles: Floats, x: float, y: float, turn: float, wx: float, wy: float, margin: float, gap: float
+    px: Floats,
+    py: Floats,
+    circles: Floats,
+    x: float,
+    y: float,
+    turn: float,
+    wx: float,
+    wy: float,
+    margin: float,
+    gap: float,
 ) -> bool:
     """Whether a body stays clear of points on a step to (x, y) with a turn, and on a straight way after it.
 
