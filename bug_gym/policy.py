@@ -167,6 +167,10 @@ class ScriptedPolicy(ABC):
     def start(self) -> Memory:
         """Memory of a new episode."""
 
+    def first_memory(self, flat: NDArray[np.float32], number: int) -> Memory:
+        """Memory of the episode that begins with an observation of a batch (n, D); a map planner looks whose it is."""
+        return self.start()
+
     @abstractmethod
     def act(self, view: View, memory: Any) -> Velocity:
         """Desired velocity in the robot's frame [m/s], x ahead, y left; `memory` is changed in place."""
@@ -199,10 +203,13 @@ class ScriptedPolicy(ABC):
         """
         flat = flat_observation(observation, self.sensors)
         rows = flat[None] if flat.ndim == 1 else flat
-        memories = [self.start() for _ in rows] if state is None else self._checked(state, len(rows))
+        if state is None:
+            memories = [self.first_memory(rows, row) for row in range(len(rows))]
+        else:
+            memories = self._checked(state, len(rows))
         if episode_start is not None:
-            for row in np.flatnonzero(checked_starts(episode_start, len(rows))):
-                memories[row] = self.start()
+            for row in np.flatnonzero(checked_starts(episode_start, len(rows))).tolist():
+                memories[row] = self.first_memory(rows, row)
         actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
         return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
 
