@@ -40,8 +40,11 @@ class Follower(Protocol):
         ...
 
 
-FollowerName = Literal["pure_pursuit"]
-FOLLOWERS = {"pure_pursuit": "follow:PurePursuit"}
+FollowerName = Literal["pure_pursuit", "velocity_obstacle"]
+FOLLOWERS = {
+    "pure_pursuit": "follow:PurePursuit",
+    "velocity_obstacle": "vo_follower:VelocityObstacleFollower",
+}
 """Followers by name: "module:Class", the module in this folder; the class is made with the sensors and a margin [m]."""
 
 

@@ -4,7 +4,7 @@ Source: Sellers et al. 2026, sections 2 to 4 (see clustering, mesh, sleeve, ants
 
 Obstacles are grown by the robot and a margin first; then each way within free triangles keeps off them. Where the
 clusters leave no way, the obstacles are taken as they are; where rounding leaves no sleeve though there is a way, sides
-are split, and at last the shortest path itself serves. `Plan.by` says which it was.
+are split, and at last the shortest path itself serves. `Way.by` says which it was.
 
 Only what may matter is triangulated: an obstacle outside the ellipse about start and goal whose ways are as long as the
 one that was found touches none that is as short.
@@ -38,8 +38,13 @@ By = Literal["clusters", "obstacles", "split sides", "shortest path"]
 FIRST_REACH = 1.1
 """Ways up to so many times the straight one are looked for first."""
 REACH_GROWTH = 2.0
+WALL = 2.0
+"""Longest sides of the world's wall [m]: a longer one is no edge where obstacles stand near it, and the way between
+them and the wall would be lost."""
 SPLITS = (1.0, 0.5, 0.25)
-"""Longest sides after splitting [m], one after the other."""
+"""Longest sides of all after splitting [m], one after the other."""
+TOUCHING = 0.1
+"""Share of the margin that is kept where the whole of it leaves no way."""
 OUTSIDE = 1e-4
 """How far off a grown obstacle a point is put that lay in it [m]."""
 
@@ -67,7 +72,7 @@ class Manner:
     """Parameters of the ants."""
 
 
-class Plan(NamedTuple):
+class Way(NamedTuple):
     """A way and how it was found."""
 
     path: F64
@@ -97,9 +102,13 @@ class Task(NamedTuple):
     """[m]"""
     radius: float
     """Of the robot [m]."""
+    movers: Sequence[shapely.Polygon] = ()
+    """What moves, where it stands now (m,) [m]; it is kept off and not clustered."""
+    goal_radius: float = 0.0
+    """The way may end so far from the goal, where an obstacle is too near to it [m]."""
 
 
-def plan(task: Task, manner: Manner = Manner(), *, seed: int = 0) -> Plan | None:  # noqa: B008 (it is frozen)
+def find_way(task: Task, manner: Manner = Manner(), *, seed: int = 0) -> Way | None:  # noqa: B008 (it is frozen)
     """A way for a disc robot from start to goal, None where there is none.
 
     Args:
@@ -110,10 +119,10 @@ def plan(task: Task, manner: Manner = Manner(), *, seed: int = 0) -> Plan | None
     Raises:
         ValueError: a margin or threshold that cannot be, or a world with no room for the robot.
     """
-    for by, parts in _attempts(task, manner):
-        found = _through(task, manner, parts, by, seed)
+    for by, parts, side in _attempts(task, manner):
+        found = _through(task, manner, parts, side, seed)
         if found is not None:
-            return found
+            return found._replace(by=by)
     return _shortest(task, manner)
 
 
@@ -124,42 +133,42 @@ def clusters_of(task: Task, manner: Manner) -> list[Cluster]:
     return cluster(task.obstacles, threshold, keep_out=(task.start, task.goal), room=reach)
 
 
-def _attempts(task: Task, manner: Manner) -> list[tuple[By, list[shapely.Polygon]]]:
-    """What is to be kept off: the clusters at first, then the obstacles, then these with their sides split."""
+def _attempts(task: Task, manner: Manner) -> list[tuple[By, list[shapely.Polygon], float]]:
+    """What is to be kept off, and the longest sides [m]: the clusters at first, then the obstacles, then these split."""
     raw = list(task.obstacles)
-    found: list[tuple[By, list[shapely.Polygon]]] = []
+    found: list[tuple[By, list[shapely.Polygon], float]] = []
     if manner.use_clusters and raw:
-        found.append(("clusters", [part for one in clusters_of(task, manner) for part in one.parts]))
-    found.append(("obstacles", raw))
+        found.append(("clusters", [part for one in clusters_of(task, manner) for part in one.parts], math.inf))
+    found.append(("obstacles", raw, math.inf))
     if math.isinf(manner.horizon):
-        found += [("split sides", list(shapely.segmentize(np.array(raw, dtype=object), side))) for side in SPLITS]
+        found += [("split sides", raw, side) for side in SPLITS]
     return found
 
 
-def _through(
-    task: Task, manner: Manner, parts: Sequence[shapely.Polygon], by: By, seed: int
-) -> Plan | None:
-    """The way among some shapes, None where they leave none."""
+def _through(task: Task, manner: Manner, parts: Sequence[shapely.Polygon], side: float, seed: int) -> Way | None:
+    """The way among some shapes with sides no longer than `side` [m], None where they leave none."""
     reach = task.radius + manner.margin
     array = np.array(parts, dtype=object)
     ends = shapely.points([task.start, task.goal])
     away = shapely.distance(array, ends[0])
     detour = away + shapely.distance(array, ends[1])
     straight = math.dist(task.start, task.goal)
-    wall = frame(task.border, reach)
+    wall = shapely.segmentize(frame(task.border, reach), min(WALL, side))
+    more = grow(task.movers, reach, manner.facets)
     seen = away <= manner.horizon + reach
     longest = FIRST_REACH * straight if math.isinf(manner.horizon) else math.inf
     while True:
         near = seen & (detour <= longest + 2.0 * reach)
-        found = _among(task, manner, apart([wall, *grow(array[near], reach, manner.facets)]), by, seed)
+        grown = [*grow(array[near], reach, manner.facets), *more]
+        if math.isfinite(side):
+            grown = list(shapely.segmentize(np.array(grown, dtype=object), side))
+        found = _among(task, manner, apart([wall, *grown]), seed)
         if near.sum() == seen.sum() or (found is not None and found.length <= longest):
             return found
         longest = max(REACH_GROWTH * longest, found.length if found is not None else 0.0)
 
 
-def _among(
-    task: Task, manner: Manner, shapes: list[shapely.Polygon], by: By, seed: int
-) -> Plan | None:
+def _among(task: Task, manner: Manner, shapes: list[shapely.Polygon], seed: int) -> Way | None:
     """The way among grown shapes that do not touch."""
     tree = shapely.STRtree(shapes)
     start = _outside(tree, task.start)
@@ -171,10 +180,9 @@ def _among(
         if sleeve is None:
             continue
         way = _vertex_way(mesh, shapes, first, last) if manner.optimiser == "vertices" else _taut(sleeve, manner, seed)
-        if way is None:
-            continue
-        path = _joined(np.array(task.start), way, np.array(task.goal) if goal is not None else way[-1])
-        return Plan(path, path_length(path), by, sleeve, mesh, tuple(shapes))
+        if way is not None:
+            path = _joined(np.array(task.start), way)
+            return Way(path, path_length(path), "obstacles", sleeve, mesh, tuple(shapes))
     return None
 
 
@@ -200,7 +208,8 @@ def _goals(tree: shapely.STRtree, task: Task, manner: Manner) -> list[F64]:
     """Where the way is to end: at the goal, or on the horizon, the points nearest to the goal first."""
     goal, start = np.array(task.goal), np.array(task.start)
     if math.dist(task.start, task.goal) <= manner.horizon:
-        return [_outside(tree, task.goal)]
+        place = _outside(tree, task.goal)
+        return [place] if math.dist(place, task.goal) <= task.goal_radius else []
     toward = math.atan2(goal[1] - start[1], goal[0] - start[0])
     turns = np.pi * np.arange(HORIZON_POINTS) / HORIZON_POINTS
     angles = toward + np.stack([turns, -turns], axis=1).ravel()[1:]
@@ -256,26 +265,26 @@ def _vertex_way(mesh: Mesh, shapes: Sequence[shapely.Polygon], start: int, goal:
     return np.asarray(mesh.points[trail[::-1]])
 
 
-def _joined(start: F64, way: F64, goal: F64) -> F64:
-    """The way between two points that may lie a little beside its ends."""
-    points = [start[None], way, goal[None]]
-    if np.allclose(start, way[0], rtol=0.0, atol=1e-12):
-        points = points[1:]
-    if np.allclose(goal, way[-1], rtol=0.0, atol=1e-12):
-        points = points[:-1]
-    return np.concatenate(points)
+def _joined(start: F64, way: F64) -> F64:
+    """The way from a point that may lie a little beside its first one."""
+    return way if np.allclose(start, way[0], rtol=0.0, atol=1e-12) else np.concatenate([start[None], way])
 
 
-def _shortest(task: Task, manner: Manner) -> Plan | None:
-    """The shortest path itself, None where there is none."""
-    rings = [[ring.coords[:-1] for ring in (one.exterior, *one.interiors)] for one in task.obstacles]
-    for radius in (task.radius + manner.margin, task.radius):
-        try:
-            found = shortest_path([], rings, task.border, task.start, task.goal, radius=radius)
-        except ValueError:  # start or goal lies within the margin of an obstacle
+def _shortest(task: Task, manner: Manner) -> Way | None:
+    """The shortest path itself, with less of the margin where that leaves none; None where there is none at all."""
+    obstacles = [*task.obstacles, *task.movers]
+    rings = [[ring.coords[:-1] for ring in (one.exterior, *one.interiors)] for one in obstacles]
+    for margin in (manner.margin, TOUCHING * manner.margin, 0.0):
+        radius = task.radius + margin
+        shapes = apart([frame(task.border, radius), *grow(obstacles, radius)])
+        tree = shapely.STRtree(shapes)
+        start, goal = _outside(tree, task.start), _outside(tree, task.goal)
+        if math.dist(goal, task.goal) > task.goal_radius:
             continue
+        found = shortest_path([], rings, task.border, start, goal, radius=radius)
         if math.isfinite(found.length):
-            return Plan(found.points, found.length, "shortest path", None, None, ())
+            path = _joined(np.array(task.start), found.points)
+            return Way(path, path_length(path), "shortest path", None, None, tuple(shapes))
     return None
 
 
@@ -287,6 +296,6 @@ def graph_size(mesh: Mesh, shapes: Sequence[shapely.Polygon], vertex: int) -> tu
     return len(np.unique(kept)), len(kept)
 
 
-def lengths_of(plans: Sequence[Plan | None]) -> NDArray[np.float64]:
+def lengths_of(plans: Sequence[Way | None]) -> NDArray[np.float64]:
     """Lengths of plans [m], infinite where there is none."""
     return np.array([math.inf if one is None else one.length for one in plans])
