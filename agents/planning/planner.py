@@ -18,7 +18,7 @@ from bug_gym.agents.planning.live import LiveMap, Maps, Moving
 from bug_gym.agents.planning.map_policy import MapMemory, MapPolicy
 from bug_gym.agents.planning.route import Route, distances_to_chain
 from bug_gym.geometry import F64, Point
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import Drawing, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
 GOAL_MOVED = 0.2
@@ -34,11 +34,41 @@ PAUSE = 0.5
 """Time between two plans round movers [s]."""
 
 
+class Room(NamedTuple):
+    """What a way is planned for."""
+
+    radius: float
+    """Of the disc that the body is taken for [m]."""
+    margin: float
+    """What the way keeps from obstacles beside it [m]."""
+
+    @property
+    def growth(self) -> float:
+        """By how much obstacles grow [m]."""
+        return self.radius + self.margin
+
+
+TOUCHING = 0.1
+"""Share of the margin that is kept where the whole of it leaves no way."""
+
+
+def rooms_for(sensors: Sensors, margin: float) -> tuple[Room, ...]:
+    """What ways are planned for in turn, until there is one: the last with hardly more than the body itself.
+
+    A differential robot is cut short by its brake (`policy.brake`) nearer to things than its braking radius.
+    """
+    body, braking = sensors.radius, braking_radius(sensors)
+    rooms = [Room(braking, margin), Room(braking, TOUCHING * margin), Room(body, TOUCHING * margin)]
+    return tuple(dict.fromkeys(rooms))
+
+
 class Plan(NamedTuple):
     """What a search has found."""
 
     places: F64 | None
     """The way (k, 2) from where the robot is to the goal [m]; None: there is none."""
+    margin: float = 0.0
+    """What it keeps from obstacles beside the body [m]."""
     reason: str = ""
     """Why there is none, in a sentence."""
     is_final: bool = False
@@ -89,7 +119,8 @@ class MapPlanner(MapPolicy):
         self, sensors: Sensors, *, discrete: bool = False, maps: Maps | None = None, **parameters: Any
     ) -> None:
         super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
-        self.follower = make_follower(self.parameters.follower, sensors, self.parameters.margin)
+        self.follower = make_follower(self.parameters.follower, sensors)
+        self.rooms = rooms_for(sensors, self.parameters.margin)
 
     @abstractmethod
     def plan(self, scene: Scene, memory: Any) -> Plan:
@@ -132,7 +163,7 @@ class MapPlanner(MapPolicy):
         memory.plans += 1
         memory.pause = PAUSE
         if found.places is not None:
-            memory.route = Route(found.places)
+            memory.route = Route(found.places, margin=found.margin)
             memory.planned_for = scene.goal
             memory.mode = "following"
         elif found.is_final:
