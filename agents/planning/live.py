@@ -164,6 +164,11 @@ class Maps:
             f"policy {policy!r} reads the map of a live world: expected an env of bug_gym or a Simulation, got {came}"
         )
 
+    @property
+    def span(self) -> float:
+        """Longest distance within the bounds of the worlds [m]."""
+        return float(self.simulation.world.spec["span"][0])
+
     def of_robot(self, robot: int) -> LiveMap:
         """The world of a robot, the robots numbered row by row: robot r of row n is n R + r.
 
