@@ -57,6 +57,7 @@ AGENTS: dict[str, Agent] = {
     "k_bug": Agent("bugs.k_bug:KBug", "bug", "Langer et al. 2007"),
     "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
+    "a_star": Agent("planning.a_star:AStar", "planner", "Hart, Nilsson and Raphael 1968", privileged=True),
     "visibility_graph": Agent(
         "planning.visibility_graph:VisibilityGraph", "planner", "Lozano-Perez and Wesley 1979", privileged=True
     ),

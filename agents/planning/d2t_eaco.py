@@ -20,9 +20,8 @@ from bug_gym.agents.planning.ants import Colony, Evaporate
 from bug_gym.agents.planning.follow import FollowerName, Scene
 from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, PlannerParameters, live_of
+from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, PlannerParameters, live_of, mover_discs
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, Way, find_way
-from bug_gym.agents.planning.vo_follower import SLOW
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
 
@@ -127,22 +126,23 @@ class D2TPlanner(MapPlanner):
     def plan(self, scene: Scene, memory: D2TMemory) -> Plan:
         """The way through triangles."""
         still = live_of(memory).still
-        movers = () if scene.moving is None else standing(still, scene)
+        movers = [] if scene.moving is None else list(PlanningMap(still.border, mover_discs(scene.moving)).shapes())
         memory.due = REPLAN_EVERY
         task = Task(
-            list(still.shapes()),
-            still.border,
-            scene.pose[:2],
-            scene.goal,
-            self.sensors.radius,
-            movers,
-            self.sensors.goal_radius,
+            obstacles=list(still.shapes()),
+            border=still.border,
+            start=scene.pose[:2],
+            goal=scene.goal,
+            radius=self.rooms[0].body,
+            movers=movers,
+            body=self.sensors.radius,
+            goal_radius=self.sensors.goal_radius,
         )
         memory.way = find_way(task, self.manner, seed=self._seed())
         if memory.way is not None:
-            return Plan(memory.way.path)
+            return Plan(memory.way.path, memory.way.margin)
         reason = f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
-        return Plan(None, reason, scene.moving is None)
+        return Plan(None, reason=reason, is_final=scene.moving is None and self.parameters.horizon is None)
 
     def draw(self, memory: D2TMemory) -> Drawing:
         """The way, the sleeve that it was pulled taut in, and what was kept off."""
@@ -155,14 +155,6 @@ class D2TPlanner(MapPlanner):
             segments += [(*a, *b, "edge") for a, b in zip(sleeve.left.tolist(), sleeve.right.tolist(), strict=True)]
         areas = [(np.array(one.exterior.coords), "cluster") for one in memory.way.shapes if not one.interiors]
         return Drawing(points=drawing.points, segments=segments, areas=areas)
-
-
-def standing(still: PlanningMap, scene: Scene) -> tuple[Any, ...]:
-    """What moves and stands now, as polygons; the rest is the navigator's."""
-    if scene.moving is None:
-        return ()
-    slow = np.hypot(*scene.moving.velocities.T) < SLOW
-    return tuple(PlanningMap(still.border, scene.moving.discs[slow]).shapes())
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,9 @@ class Scene(NamedTuple):
 class Follower(Protocol):
     """What drives a robot along a planned way."""
 
+    avoids_movers: bool
+    """Whether it gets out of the way of what moves; ways are planned only round what stands then."""
+
     def follow(self, route: Route, view: View, scene: Scene) -> Velocity:
         """Desired velocity in the robot's frame [m/s], x ahead, y left; `route.done` is up to date."""
         ...
@@ -45,16 +48,11 @@ FOLLOWERS = {
     "pure_pursuit": "follow:PurePursuit",
     "velocity_obstacle": "vo_follower:VelocityObstacleFollower",
 }
-"""Followers by name: "module:Class", the module in this folder; the class is made with the sensors and a margin [m]."""
+"""Followers by name: "module:Class", the module in this folder; the class is made with the sensors."""
 
 
-def make_follower(name: str, sensors: Sensors, margin: float) -> Follower:
+def make_follower(name: str, sensors: Sensors) -> Follower:
     """The follower of a name.
-
-    Args:
-        name: one of FOLLOWERS.
-        sensors: what a driver knows of the robot.
-        margin: what ways keep from obstacles beside the body [m].
 
     Raises:
         ValueError: an unknown name.
@@ -63,7 +61,7 @@ def make_follower(name: str, sensors: Sensors, margin: float) -> Follower:
         raise ValueError(f"follower must be one of {list(FOLLOWERS)}, got {name!r}")
     module, class_name = FOLLOWERS[name].split(":")
     own = importlib.import_module(f"bug_gym.agents.planning.{module}")
-    follower: Follower = getattr(own, class_name)(sensors, margin)
+    follower: Follower = getattr(own, class_name)(sensors)
     return follower
 
 
@@ -71,7 +69,7 @@ LOOKAHEAD = 0.6
 """How far ahead on the way the place is that is headed for, at most [m]."""
 
 SLACK = 0.4
-"""Share of the margin by which the straight line there may leave the way."""
+"""Share of a way's margin by which the straight line there may leave it."""
 
 
 class PurePursuit:
@@ -79,12 +77,12 @@ class PurePursuit:
 
     Args:
         sensors: what a driver knows of the robot.
-        margin: what ways keep from obstacles beside the body [m].
     """
 
-    def __init__(self, sensors: Sensors, margin: float) -> None:
+    avoids_movers = False
+
+    def __init__(self, sensors: Sensors) -> None:
         self.sensors = sensors
-        self.slack = SLACK * margin
 
     def follow(self, route: Route, view: View, scene: Scene) -> Velocity:
         """One decision."""
@@ -107,7 +105,7 @@ class PurePursuit:
         while reach > least:
             chain = route.ahead(reach)
             chord = chain[[0, -1]]
-            if distances_to_chain(chord, chain).max() <= self.slack:
+            if distances_to_chain(chord, chain).max() <= SLACK * route.margin:
                 break
             reach *= 0.5
         return route.at(route.done + reach)

@@ -30,6 +30,12 @@ class Moving(NamedTuple):
     is_round: NDArray[np.bool_]
     """Which of the discs (n,) are the bodies themselves."""
 
+    def select(self, chosen: NDArray[np.bool_]) -> Moving:
+        """Those chosen (n,) alone."""
+        kept = zip(self.polygons, chosen[~self.is_round], strict=True)
+        polygons = tuple(rings for rings, is_chosen in kept if is_chosen)
+        return Moving(self.discs[chosen], self.velocities[chosen], polygons, self.is_round[chosen])
+
 
 @dataclass(frozen=True)
 class LiveMap:
@@ -163,6 +169,11 @@ class Maps:
         raise ValueError(
             f"policy {policy!r} reads the map of a live world: expected an env of bug_gym or a Simulation, got {came}"
         )
+
+    @property
+    def span(self) -> float:
+        """Longest distance within the bounds of the worlds [m]."""
+        return float(self.simulation.world.spec["span"][0])
 
     def of_robot(self, robot: int) -> LiveMap:
         """The world of a robot, the robots numbered row by row: robot r of row n is n R + r.

@@ -18,7 +18,7 @@ from bug_gym.agents.planning.live import LiveMap, Maps, Moving
 from bug_gym.agents.planning.map_policy import MapMemory, MapPolicy
 from bug_gym.agents.planning.route import Route, distances_to_chain
 from bug_gym.geometry import F64, Point
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import Drawing, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
 GOAL_MOVED = 0.2
@@ -30,8 +30,39 @@ STRAYED = 0.5
 WATCHED = 3.0
 """How far ahead a way is watched for movers that stand in it [m]."""
 
+SLOW = 0.1
+"""What moves less than this stands [m/s]."""
+
 PAUSE = 0.5
 """Time between two plans round movers [s]."""
+
+
+class Room(NamedTuple):
+    """What a way is planned for."""
+
+    radius: float
+    """Of the disc that the body is taken for [m]."""
+    margin: float
+    """What the way keeps from obstacles beside it [m]."""
+
+    @property
+    def growth(self) -> float:
+        """By how much obstacles grow [m]."""
+        return self.radius + self.margin
+
+
+TOUCHING = 0.1
+"""Share of the margin that is kept where the whole of it leaves no way."""
+
+
+def rooms_for(sensors: Sensors, margin: float) -> tuple[Room, ...]:
+    """What ways are planned for in turn, until there is one: the last with hardly more than the body itself.
+
+    A differential robot is cut short by its brake (`policy.brake`) nearer to things than its braking radius.
+    """
+    body, braking = sensors.radius, braking_radius(sensors)
+    rooms = [Room(braking, margin), Room(braking, TOUCHING * margin), Room(body, TOUCHING * margin)]
+    return tuple(dict.fromkeys(rooms))
 
 
 class Plan(NamedTuple):
@@ -39,6 +70,8 @@ class Plan(NamedTuple):
 
     places: F64 | None
     """The way (k, 2) from where the robot is to the goal [m]; None: there is none."""
+    margin: float = 0.0
+    """What it keeps from obstacles beside the body [m]."""
     reason: str = ""
     """Why there is none, in a sentence."""
     is_final: bool = False
@@ -89,7 +122,8 @@ class MapPlanner(MapPolicy):
         self, sensors: Sensors, *, discrete: bool = False, maps: Maps | None = None, **parameters: Any
     ) -> None:
         super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
-        self.follower = make_follower(self.parameters.follower, sensors, self.parameters.margin)
+        self.follower = make_follower(self.parameters.follower, sensors)
+        self.rooms = rooms_for(sensors, self.parameters.margin)
 
     @abstractmethod
     def plan(self, scene: Scene, memory: Any) -> Plan:
@@ -107,8 +141,10 @@ class MapPlanner(MapPolicy):
         away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
         if math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED:
             self._plan_anew(scene._replace(moving=None), memory)
-        if memory.route is not None and memory.pause <= 0.0 and self.is_blocked(memory.route, scene):
-            self._plan_anew(scene, memory)
+        if memory.route is not None and memory.pause <= 0.0:
+            round_these = self.planned_round(scene)
+            if self.is_blocked(memory.route, round_these):
+                self._plan_anew(round_these, memory)
         if memory.route is None:
             return 0.0, 0.0
         return self.follower.follow(memory.route, view, scene)
@@ -117,6 +153,12 @@ class MapPlanner(MapPolicy):
         """Where the robot and its goal are, and what moves."""
         live = live_of(memory)
         return Scene(live.pose, live.goal, live.movers() if live.has_movers else None)
+
+    def planned_round(self, scene: Scene) -> Scene:
+        """The scene with the movers that ways are planned round: all, or those that stand where the follower avoids."""
+        if scene.moving is None or not self.follower.avoids_movers:
+            return scene
+        return scene._replace(moving=scene.moving.select(np.hypot(*scene.moving.velocities.T) < SLOW))
 
     def is_blocked(self, route: Route, scene: Scene) -> bool:
         """Whether a mover stands in the way where the robot comes next."""
@@ -132,7 +174,7 @@ class MapPlanner(MapPolicy):
         memory.plans += 1
         memory.pause = PAUSE
         if found.places is not None:
-            memory.route = Route(found.places)
+            memory.route = Route(found.places, margin=found.margin)
             memory.planned_for = scene.goal
             memory.mode = "following"
         elif found.is_final:

@@ -18,9 +18,11 @@ class Route:
 
     Args:
         places: (k, 2) from the start to the goal [m]; the same place twice in a row counts once.
+        margin: what it keeps from obstacles beside the body [m].
     """
 
-    def __init__(self, places: F64) -> None:
+    def __init__(self, places: F64, *, margin: float) -> None:
+        self.margin = margin
         array = np.asarray(places, dtype=np.float64).reshape(-1, 2)
         steps = np.hypot(*np.diff(array, axis=0).T)
         self.places: F64 = array[np.concatenate([[True], steps > 0.0])]

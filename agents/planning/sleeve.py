@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.planning.mesh import Mesh, Triangles, place_in
+from bug_gym.agents.planning.open_list import OpenList, open_list, put, take
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.geometry import F64
 from bug_gym.kernels.geometry import length
@@ -23,6 +24,8 @@ from bug_gym.kernels.layout import Floats, Integers
 
 POINTS = 5
 """Points on each shared edge."""
+NANO = 1e-9
+"""Unit of the keys of open nodes [m]."""
 
 
 class Sleeve(NamedTuple):
@@ -53,7 +56,7 @@ class Sleeve(NamedTuple):
 def find_sleeve(mesh: Mesh, start: int, goal: int) -> Sleeve | None:
     """The sleeve between two vertices of a mesh, None where no free triangles join them."""
     triangles = np.empty(len(mesh.corners), dtype=np.int64)
-    count = search(mesh.points, mesh.corners, mesh.neighbours, mesh.free, start, goal, open_nodes(len(mesh.corners)), triangles)
+    count = search(mesh.points, mesh.corners, mesh.neighbours, mesh.free, start, goal, new_nodes(len(mesh.corners)), triangles)
     if count == 0:
         return None
     chosen = triangles[:count]
@@ -81,70 +84,21 @@ def point_on(points: Floats, corners: Triangles, triangle: int, edge: int, share
     )
 
 
-class Open(NamedTuple):
-    """Nodes of a search over m of them: what reaching each has cost, and a heap of the open ones."""
+class Nodes(NamedTuple):
+    """The nodes of a search, m of them."""
 
     cost: Floats
-    """Length of the shortest way found (m,) [m]."""
-    key: Floats
-    """Cost and estimate of the rest (m,) [m]."""
+    """Length of the shortest way found to each (m,) [m]."""
     parent: Integers
     """Node that it was reached from (m,), -1 none."""
-    place: Integers
-    """Where in the heap a node is (m,), -1 nowhere."""
-    heap: Integers
-    """Open nodes (m,), none with a smaller key than the one at half its place."""
-    count: Integers
-    """How many are open (1,)."""
+    opened: OpenList
+    """Those to go on from, by that length and the estimate of the rest in NANO."""
 
 
-def open_nodes(triangles: int) -> Open:
+def new_nodes(triangles: int) -> Nodes:
     """The nodes of a new search over so many triangles: none is reached."""
     m = 3 * POINTS * triangles
-    parent, heap, place = np.empty((3, m), dtype=np.int64)
-    place[:] = -1
-    return Open(np.full(m, np.inf), np.empty(m), parent, place, heap, np.zeros(1, dtype=np.int64))
-
-
-@called
-def open_at(nodes: Open, node: int, reached: float, to_go: float, parent: int) -> None:
-    """Open a node, or move it forward, where it is reached by a shorter way than before."""
-    if reached >= nodes.cost[node]:
-        return
-    nodes.cost[node], nodes.key[node], nodes.parent[node] = reached, reached + to_go, parent
-    at = nodes.place[node]
-    if at < 0:
-        at = nodes.count[0]
-        nodes.count[0] = at + 1
-    while at > 0 and nodes.key[nodes.heap[(at - 1) // 2]] > nodes.key[node]:
-        above = nodes.heap[(at - 1) // 2]
-        nodes.heap[at], nodes.place[above] = above, at
-        at = (at - 1) // 2
-    nodes.heap[at], nodes.place[node] = node, at
-
-
-@called
-def take_best(nodes: Open) -> int:
-    """Take the node with the smallest key out of the heap; -1: none is open."""
-    if nodes.count[0] == 0:
-        return -1
-    best = nodes.heap[0]
-    nodes.place[best] = -1
-    nodes.count[0] -= 1
-    count = nodes.count[0]
-    last = nodes.heap[count]
-    at = 0
-    while count > 0:
-        below = 2 * at + 1
-        if below + 1 < count and nodes.key[nodes.heap[below + 1]] < nodes.key[nodes.heap[below]]:
-            below += 1
-        if below >= count or nodes.key[nodes.heap[below]] >= nodes.key[last]:
-            nodes.heap[at], nodes.place[last] = last, at
-            break
-        child = nodes.heap[below]
-        nodes.heap[at], nodes.place[child] = child, at
-        at = below
-    return int(best)
+    return Nodes(np.full(m, np.inf), np.empty(m, dtype=np.int64), open_list(m))
 
 
 @called
@@ -174,7 +128,7 @@ def leave(
     y: float,
     goal: int,
     node: int,
-    nodes: Open,
+    nodes: Nodes,
 ) -> None:
     """Open the points on the edges of a triangle that another free one lies beyond.
 
@@ -200,7 +154,10 @@ def leave(
             px, py = point_on(points, corners, triangle, edge, share)
             to_go = length(points[goal, 0] - px, points[goal, 1] - py)
             number = (3 * triangle + edge) * POINTS + share
-            open_at(nodes, number, so_far + length(px - x, py - y), to_go, node)
+            reached = so_far + length(px - x, py - y)
+            if reached < nodes.cost[number]:
+                nodes.cost[number], nodes.parent[number] = reached, node
+                put(nodes.opened, np.int64((reached + to_go) / NANO), 0, number)
 
 
 @kernel
@@ -211,7 +168,7 @@ def search(
     free: NDArray[np.bool_],
     start: int,
     goal: int,
-    nodes: Open,
+    nodes: Nodes,
     triangles: Integers,
 ) -> int:
     """A* over points on shared edges; a node is leaving triangle t over edge i at point k: (3 t + i) POINTS + k.
@@ -238,10 +195,9 @@ def search(
                 return 1
             x, y = points[start, 0], points[start, 1]
             leave(points, corners, neighbours, free, triangle, -1, x, y, goal, -1, nodes)
-    while True:
-        node = take_best(nodes)
-        if node < 0:
-            return 0
+    while nodes.opened.count[0] > 0:
+        node = nodes.opened.entries[0, 2]
+        take(nodes.opened, node)
         triangle, edge = node // (3 * POINTS), node // POINTS % 3
         beyond = neighbours[triangle, edge]
         if place_in(corners, beyond, goal) >= 0:
@@ -250,6 +206,7 @@ def search(
             return count + 1
         x, y = point_on(points, corners, triangle, edge, node % POINTS)
         leave(points, corners, neighbours, free, beyond, triangle, x, y, goal, node, nodes)
+    return 0
 
 
 def path_length(path: F64) -> float:

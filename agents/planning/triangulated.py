@@ -87,6 +87,8 @@ class Way(NamedTuple):
     """Of what was looked at."""
     shapes: tuple[shapely.Polygon, ...]
     """What was kept off, grown, the border's wall among it."""
+    margin: float
+    """What is kept from obstacles beside the radius [m]."""
 
 
 class Task(NamedTuple):
@@ -104,6 +106,8 @@ class Task(NamedTuple):
     """Of the robot [m]."""
     movers: Sequence[shapely.Polygon] = ()
     """What moves, where it stands now (m,) [m]; it is kept off and not clustered."""
+    body: float | None = None
+    """Radius that is kept where the whole of it leaves no way [m]; None: the same."""
     goal_radius: float = 0.0
     """The way may end so far from the goal, where an obstacle is too near to it [m]."""
 
@@ -123,7 +127,7 @@ def find_way(task: Task, manner: Manner = Manner(), *, seed: int = 0) -> Way | N
         found = _through(task, manner, parts, side, seed)
         if found is not None:
             return found._replace(by=by)
-    return _shortest(task, manner)
+    return _shortest(task, manner) if math.isinf(manner.horizon) else None
 
 
 def clusters_of(task: Task, manner: Manner) -> list[Cluster]:
@@ -182,7 +186,7 @@ def _among(task: Task, manner: Manner, shapes: list[shapely.Polygon], seed: int)
         way = _vertex_way(mesh, shapes, first, last) if manner.optimiser == "vertices" else _taut(sleeve, manner, seed)
         if way is not None:
             path = _joined(np.array(task.start), way)
-            return Way(path, path_length(path), "obstacles", sleeve, mesh, tuple(shapes))
+            return Way(path, path_length(path), "obstacles", sleeve, mesh, tuple(shapes), manner.margin)
     return None
 
 
@@ -274,8 +278,9 @@ def _shortest(task: Task, manner: Manner) -> Way | None:
     """The shortest path itself, with less of the margin where that leaves none; None where there is none at all."""
     obstacles = [*task.obstacles, *task.movers]
     rings = [[ring.coords[:-1] for ring in (one.exterior, *one.interiors)] for one in obstacles]
-    for margin in (manner.margin, TOUCHING * manner.margin, 0.0):
-        radius = task.radius + margin
+    body = task.radius if task.body is None else task.body
+    rooms = [(task.radius, manner.margin), (task.radius, TOUCHING * manner.margin), (body, TOUCHING * manner.margin)]
+    for radius, margin in [*((own + kept, kept) for own, kept in rooms), (body, 0.0)]:
         shapes = apart([frame(task.border, radius), *grow(obstacles, radius)])
         tree = shapely.STRtree(shapes)
         start, goal = _outside(tree, task.start), _outside(tree, task.goal)
@@ -284,7 +289,7 @@ def _shortest(task: Task, manner: Manner) -> Way | None:
         found = shortest_path([], rings, task.border, start, goal, radius=radius)
         if math.isfinite(found.length):
             path = _joined(np.array(task.start), found.points)
-            return Way(path, path_length(path), "shortest path", None, None, tuple(shapes))
+            return Way(path, path_length(path), "shortest path", None, None, tuple(shapes), margin)
     return None
 
 

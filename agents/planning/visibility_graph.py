@@ -20,24 +20,21 @@ from bug_gym.geometry import F64, Point
 NEAREST = 0.99
 """A shortest path comes as near to obstacles as this share of the radius it is asked for."""
 
-TOUCHING = 0.1
-"""Share of the margin that is kept where the whole of it leaves no way."""
-
 
 class VisibilityGraph(MapPlanner):
     """The exact planner; its parameters are those of MapPlanner."""
 
     def plan(self, scene: Scene, memory: PlannerMemory) -> Plan:
-        """The shortest way with the margin, else with a tenth of it."""
+        """The shortest way with as much room as there is."""
         live = live_of(memory)
         plan = live.still if scene.moving is None else live.still.with_obstacles(mover_discs(scene.moving))
-        body, margin = self.sensors.radius, self.parameters.margin
-        for kept in (margin, TOUCHING * margin):
-            places = self._way(plan, scene.pose[:2], scene.goal, (body + kept) / NEAREST)
+        for room in self.rooms:
+            places = self._way(plan, scene.pose[:2], scene.goal, room.growth / NEAREST)
             if places is not None:
-                return Plan(places)
+                return Plan(places, room.margin)
         is_final = scene.moving is None and self._is_shut_in(plan, scene.pose[:2], scene.goal)
-        return Plan(None, f"no way leads from here to the goal for a body of radius {body:g} m", is_final)
+        reason = f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
+        return Plan(None, reason=reason, is_final=is_final)
 
     def _way(self, plan: PlanningMap, start: Point, goal: Point, radius: float) -> F64 | None:
         """The shortest way of a disc; its ends may lie nearer to obstacles than its radius, if there is room beside."""

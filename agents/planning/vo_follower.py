@@ -22,8 +22,6 @@ from bug_gym.view import Sensors, View
 
 LOOKAHEADS = (1.0, 0.5, 0.25)
 """How far ahead on the way the place is that is headed for [m]: the first that the body comes to straight."""
-SLOW = 0.1
-"""What moves less than this stands [m/s]."""
 
 
 class VelocityObstacleFollower:
@@ -31,13 +29,13 @@ class VelocityObstacleFollower:
 
     Args:
         sensors: what a driver knows of the robot.
-        margin: what ways keep from obstacles beside the body [m].
         parameters: of the navigator; None: its own, with no horizon for what stands, as the way keeps off that.
     """
 
-    def __init__(self, sensors: Sensors, margin: float, parameters: NavigatorParameters | None = None) -> None:
+    avoids_movers = True
+
+    def __init__(self, sensors: Sensors, parameters: NavigatorParameters | None = None) -> None:
         self.sensors = sensors
-        self.slack = 0.5 * margin
         self.navigator = Navigator(sensors, parameters or NavigatorParameters(still_horizon=0.0))
 
     def follow(self, route: Route, view: View, scene: Scene) -> Velocity:
@@ -58,7 +56,7 @@ class VelocityObstacleFollower:
             ((x, y),) = in_frame(np.array([route.at(route.done + along)]), scene.pose).tolist()
             place = (x, y)
             distance = math.hypot(x, y)
-            if view.free_distance(math.atan2(y, x), self.sensors.radius + self.slack) >= distance:
+            if view.free_distance(math.atan2(y, x), self.navigator.robot.radius) >= distance:
                 break
         return place, along
 

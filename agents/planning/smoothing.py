@@ -1,0 +1,133 @@
+"""Straight pieces among grown obstacles: whether one is clear, exactly, and ways over cells drawn straight by them."""
+
+from __future__ import annotations
+
+from copy import copy
+
+import numpy as np
+
+from bug_gym.agents.planning.grid import edges_of
+from bug_gym.agents.planning.map import PlanningMap
+from bug_gym.compiling import called, inlined, kernel
+from bug_gym.geometry import F64, Point
+from bug_gym.kernels.layout import Floats, Integers
+
+
+class Solids:
+    """The obstacles of a map and its border, as straight pieces and discs, for one radius of the robot.
+
+    Args:
+        plan: the map.
+        growth: nearer to anything than this a way must not come [m].
+    """
+
+    def __init__(self, plan: PlanningMap, growth: float) -> None:
+        self.edges, _ = edges_of(((plan.border,), *plan.polygons))
+        self.discs = np.ascontiguousarray(plan.discs, dtype=np.float64)
+        self.growth = growth
+
+    def with_discs(self, discs: F64) -> Solids:
+        """The same with more discs (n, 3) x, y, radius [m]."""
+        other = copy(self)
+        other.discs = np.concatenate([self.discs, discs])
+        return other
+
+    def with_growth(self, growth: float) -> Solids:
+        """The same for another distance [m]."""
+        other = copy(self)
+        other.growth = growth
+        return other
+
+    def is_clear(self, a: Point, b: Point) -> bool:
+        """Whether the straight way from a to b keeps the growth, to a nanometre; both ends lie outside of obstacles."""
+        return bool(is_clear(*a, *b, self.edges, self.discs, self.growth - 1e-9))
+
+    def straightened(self, places: F64) -> F64:
+        """A chain of places (k, 2) without those that a clear straight way leaves out; the ends stay."""
+        kept = np.empty(len(places), dtype=np.int64)
+        count = straighten(np.ascontiguousarray(places), self.edges, self.discs, self.growth - 1e-9, kept)
+        return places[kept[:count]]
+
+
+@kernel
+def is_clear(ax: float, ay: float, bx: float, by: float, edges: Floats, discs: Floats, growth: float) -> bool:
+    """Whether a straight piece is no nearer than the growth to any edge (e, 4) and any disc (n, 3)."""
+    low_x, high_x = min(ax, bx) - growth, max(ax, bx) + growth
+    low_y, high_y = min(ay, by) - growth, max(ay, by) + growth
+    square = growth * growth
+    for k in range(len(edges)):
+        cx, cy, dx, dy = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if max(cx, dx) < low_x or min(cx, dx) > high_x or max(cy, dy) < low_y or min(cy, dy) > high_y:
+            continue
+        if square_gap(ax, ay, bx, by, cx, cy, dx, dy) < square:
+            return False
+    for k in range(len(discs)):
+        x, y, reach = discs[k, 0], discs[k, 1], discs[k, 2] + growth
+        if square_to_piece(x, y, ax, ay, bx, by) < reach * reach:
+            return False
+    return True
+
+
+@called
+def square_gap(
+    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
+) -> float:
+    """Square of the distance between two straight pieces."""
+    ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
+    one = ux * (cy - ay) - uy * (cx - ax)
+    other = ux * (dy - ay) - uy * (dx - ax)
+    third = vx * (ay - cy) - vy * (ax - cx)
+    fourth = vx * (by - cy) - vy * (bx - cx)
+    if one * other < 0.0 and third * fourth < 0.0:
+        return 0.0
+    return min(
+        square_to_piece(ax, ay, cx, cy, dx, dy),
+        square_to_piece(bx, by, cx, cy, dx, dy),
+        square_to_piece(cx, cy, ax, ay, bx, by),
+        square_to_piece(dx, dy, ax, ay, bx, by),
+    )
+
+
+@inlined
+def square_to_piece(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Square of the distance of a place from a straight piece."""
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    share = min(max(((x - ax) * dx + (y - ay) * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    gap_x, gap_y = x - ax - share * dx, y - ay - share * dy
+    return gap_x * gap_x + gap_y * gap_y
+
+
+@kernel
+def straighten(places: Floats, edges: Floats, discs: Floats, growth: float, kept: Integers) -> int:
+    """Numbers of the places that a way keeps, written into `kept`; returns how many.
+
+    From each it goes on to one as far as it is found clear: in doubled strides, then between the last two by halves.
+    """
+    last = len(places) - 1
+    kept[0] = 0
+    count, at = 1, 0
+    while at < last:
+        reached, stride = at + 1, 2
+        blocked = last + 1
+        while reached < last:
+            ahead = min(at + stride, last)
+            if not sees(places, at, ahead, edges, discs, growth):
+                blocked = ahead
+                break
+            reached, stride = ahead, 2 * stride
+        while blocked <= last and blocked - reached > 1:
+            middle = (reached + blocked) // 2
+            if sees(places, at, middle, edges, discs, growth):
+                reached = middle
+            else:
+                blocked = middle
+        kept[count] = reached
+        count, at = count + 1, reached
+    return count
+
+
+@inlined
+def sees(places: Floats, at: int, ahead: int, edges: Floats, discs: Floats, growth: float) -> bool:
+    """Whether the way from one place to another is clear."""
+    return is_clear(places[at, 0], places[at, 1], places[ahead, 0], places[ahead, 1], edges, discs, growth)
