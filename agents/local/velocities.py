@@ -200,9 +200,7 @@ def weigh(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share:
 
 
 @called
-def try_velocity(
-    robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share: float, best: Choice
-) -> Choice:
+def try_velocity(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share: float, best: Choice) -> Choice:
     """`weigh` for a velocity whose way is looked at first."""
     speed = length(vx, vy)
     if not is_reachable(robot, wish, vx, vy):

@@ -70,9 +70,7 @@ class VelocityObstacle(ScriptedPolicy):
         memory.movers = np.column_stack([position, velocity, radius])
         speed = min(self.sensors.drive.max_speed, view.goal_distance / self.sensors.drive.step)
         wish = velocity_along(view.goal_bearing, speed)
-        return self.navigator.velocity(
-            view, wish, view.goal_distance, in_robot_frame(view, position, velocity, radius)
-        )
+        return self.navigator.velocity(view, wish, view.goal_distance, in_robot_frame(view, position, velocity, radius))
 
     def draw(self, memory: VelocityObstacleMemory) -> Drawing:
         """The movers, each with the way that it will go in a second."""

@@ -133,7 +133,7 @@ class D2TPlanner(MapPlanner):
             border=still.border,
             start=scene.pose[:2],
             goal=scene.goal,
-            radius=self.rooms[0].body,
+            radius=self.rooms[0].radius,
             movers=movers,
             body=self.sensors.radius,
             goal_radius=self.sensors.goal_radius,

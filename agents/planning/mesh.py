@@ -83,9 +83,7 @@ def triangulate(shapes: Sequence[shapely.Polygon], extra: F64) -> Mesh:
     return Mesh(points, owner, corners, neighbours, free, crossed, alias[len(points) - len(extra) :])
 
 
-def _vertices(
-    shapes: Sequence[shapely.Polygon], extra: F64
-) -> tuple[F64, NDArray[np.int64], NDArray[np.int64]]:
+def _vertices(shapes: Sequence[shapely.Polygon], extra: F64) -> tuple[F64, NDArray[np.int64], NDArray[np.int64]]:
     """All points (p, 2), whose they are (p,), and the sides (s, 2) of the shapes as pairs of points."""
     rings, ring_owner = shapely.get_rings(np.array(shapes, dtype=object), return_index=True)
     coordinates, ring = shapely.get_coordinates(rings, return_index=True)
@@ -194,12 +192,12 @@ def cross_from(
             if p == b or q == b:
                 return b, -1, -1
             to_p, to_q = turn(points, a, b, p), turn(points, a, b, q)
-            ahead_p = (points[p, 0] - points[a, 0]) * (points[b, 0] - points[a, 0]) + (
-                points[p, 1] - points[a, 1]
-            ) * (points[b, 1] - points[a, 1])
-            ahead_q = (points[q, 0] - points[a, 0]) * (points[b, 0] - points[a, 0]) + (
-                points[q, 1] - points[a, 1]
-            ) * (points[b, 1] - points[a, 1])
+            ahead_p = (points[p, 0] - points[a, 0]) * (points[b, 0] - points[a, 0]) + (points[p, 1] - points[a, 1]) * (
+                points[b, 1] - points[a, 1]
+            )
+            ahead_q = (points[q, 0] - points[a, 0]) * (points[b, 0] - points[a, 0]) + (points[q, 1] - points[a, 1]) * (
+                points[b, 1] - points[a, 1]
+            )
             if to_p == 0 and ahead_p > 0.0:
                 return p, -1, -1
             if to_q == 0 and ahead_q > 0.0:

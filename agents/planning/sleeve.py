@@ -56,7 +56,9 @@ class Sleeve(NamedTuple):
 def find_sleeve(mesh: Mesh, start: int, goal: int) -> Sleeve | None:
     """The sleeve between two vertices of a mesh, None where no free triangles join them."""
     triangles = np.empty(len(mesh.corners), dtype=np.int64)
-    count = search(mesh.points, mesh.corners, mesh.neighbours, mesh.free, start, goal, new_nodes(len(mesh.corners)), triangles)
+    count = search(
+        mesh.points, mesh.corners, mesh.neighbours, mesh.free, start, goal, new_nodes(len(mesh.corners)), triangles
+    )
     if count == 0:
         return None
     chosen = triangles[:count]

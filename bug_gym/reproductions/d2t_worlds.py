@@ -102,7 +102,9 @@ def beach(*, start: Point = (25.0, 3.0), goal: Point = (25.0, 96.0)) -> Task:
                 shapes.append(around_disc(x + 2.1 * number, y + float(generator.uniform(-0.2, 0.2)), 0.9))
             else:
                 turned = float(generator.uniform(-0.2, 0.2))
-                lounger = shapely.affinity.rotate(block(x + 2.1 * number - 0.9, y - 0.5, 1.8, 1.1), turned, use_radians=True)
+                lounger = shapely.affinity.rotate(
+                    block(x + 2.1 * number - 0.9, y - 0.5, 1.8, 1.1), turned, use_radians=True
+                )
                 shapes.append(lounger)
     return Task(shapes, np.array(rectangle(50.0, 100.0)), start, goal, RADIUS)
 
