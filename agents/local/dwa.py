@@ -92,6 +92,7 @@ class DWA(ScriptedPolicy):
             step=drive.step,
             acceleration=drive.max_acceleration,
             turn_rate=rate,
+            gain=self.gain,
             look=min(self.parameters.look, sensors.range),
             heading_weight=self.parameters.heading_weight,
             distance_weight=self.parameters.distance_weight,
@@ -120,9 +121,9 @@ class DWA(ScriptedPolicy):
             speed, second = 0.0, memory.side * self.window.turn_rate
         else:
             memory.mode, memory.side = "driving", 0
-        memory.velocity = speed, second
         error = second / self.gain
-        return velocity_along(error, max(speed / math.cos(error), CREEP))
+        memory.velocity = speed * math.cos(error), second
+        return velocity_along(error, max(speed, CREEP))
 
     def _reachable(self, view: View) -> tuple[F64, F64]:
         """Speeds (v,) and turn rates or directions (w,) of the window; standing is one of them."""

@@ -46,13 +46,16 @@ class NavigatorParameters:
     """What is kept from movers beside the bodies [m]; less where that leaves no velocity."""
     contact_weight: Annotated[float, AtMost(1e6)] = 1.0
     """Weight of 1 / time to contact where every velocity leads to one [m]."""
+    steadiness: Annotated[float, AtMost(1.0)] = 0.2
+    """Weight of a change of velocity, beside 1 of the distance to the preferred one; without, it may sway between the
+    two sides of what comes straight toward it."""
 
     def __post_init__(self) -> None:
         if self.avoidance not in RULES:
             raise ValueError(f"avoidance must be one of {list(RULES)}, got {self.avoidance!r}")
         if not 0.0 < self.horizon < math.inf:
             raise ValueError(f"horizon must be above 0 s, got {self.horizon!r}")
-        for name in ("still_horizon", "mover_margin", "contact_weight"):
+        for name in ("still_horizon", "mover_margin", "contact_weight", "steadiness"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")
 
@@ -79,6 +82,7 @@ class Navigator:
             horizon=parameters.horizon,
             still_horizon=parameters.still_horizon,
             weight=parameters.contact_weight,
+            steadiness=parameters.steadiness,
             rule=RULES[parameters.avoidance],
         )
         self._free = np.empty((HEADINGS, 2))

@@ -24,6 +24,8 @@ SHARES = (1.0, 0.5, 0.1)
 """Of the margin to movers, where the whole of it leaves no velocity: how much is tried."""
 NO_CLOSER = 0.999
 """A mover that is nearer than the margin already must not come nearer than this share of its distance."""
+TILT = 0.05
+"""By so much the wish is turned to the left where half planes cut it [rad]."""
 OUTSIDE = 1e-6
 """By how much more than tangential an edge of a velocity obstacle is taken, as a share of the radius."""
 
@@ -49,6 +51,8 @@ class Robot(NamedTuple):
     """How far ahead contact with still points counts, beside the time to stop [s]."""
     weight: float
     """Of 1 / time to contact where every velocity leads to one [m]."""
+    steadiness: float
+    """Weight of a change of velocity beside that of the distance to the wish [-]."""
     rule: int
     """PLAIN, RECIPROCAL or ORCA."""
 
@@ -176,10 +180,17 @@ def is_reachable(robot: Robot, wish: Wish, vx: float, vy: float) -> bool:
     )
 
 
+@inlined
+def cost_of(robot: Robot, wish: Wish, vx: float, vy: float) -> float:
+    """What a velocity costs: its distance to the wish, and a little for a change, so that of two sides one is kept."""
+    change = length(vx - wish.own_x, vy - wish.own_y)
+    return length(vx - wish.vx, vy - wish.vy) + robot.steadiness * change
+
+
 @called
 def weigh(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share: float, best: Choice) -> Choice:
     """The better of the best velocity so far and one that keeps off still things; share < 0: contact costs, too."""
-    cost = length(vx - wish.vx, vy - wish.vy)
+    cost = cost_of(robot, wish, vx, vy)
     if cost >= best.cost:
         return best
     if share >= 0.0:
@@ -205,7 +216,7 @@ def try_velocity(robot: Robot, around: Around, wish: Wish, vx: float, vy: float,
     speed = length(vx, vy)
     if not is_reachable(robot, wish, vx, vy):
         return best
-    if share >= 0.0 and length(vx - wish.vx, vy - wish.vy) >= best.cost:
+    if share >= 0.0 and cost_of(robot, wish, vx, vy) >= best.cost:
         return best
     if speed > 0.0:
         reach = 2.0 * robot.max_speed * max(robot.still_horizon, 1.0) + 1e3 * robot.step
@@ -279,6 +290,10 @@ def solve_half_planes(robot: Robot, around: Around, wish: Wish) -> Wish:
     half_planes(robot, around, wish)
     count = around.movers.shape[0]
     vx, vy, first = nearest_velocity(around.lines, count, robot.max_speed, wish.vx, wish.vy)
+    if vx != wish.vx or vy != wish.vy:
+        # Straight toward a mover both sides are alike and none is taken: a wish a little to the left decides.
+        tilted_x, tilted_y = wish.vx - TILT * wish.vy, wish.vy + TILT * wish.vx
+        vx, vy, first = nearest_velocity(around.lines, count, robot.max_speed, tilted_x, tilted_y)
     if first < count:
         vx, vy = least_violation(around.lines, 0, first, count, robot.max_speed, vx, vy, around.spare)
     return Wish(vx, vy, wish.way, wish.own_x, wish.own_y)
@@ -289,7 +304,7 @@ def search_velocity(robot: Robot, around: Around, wish: Wish, share: float) -> C
     """The best velocity of all that are tried; its cost is infinite where none will do."""
     best = Choice(0.0, 0.0, math.inf)
     best = try_velocity(robot, around, wish, wish.vx, wish.vy, share, best)
-    if best.cost == 0.0:
+    if best.cost < math.inf and share >= 0.0:
         return best
     if robot.rule != ORCA:
         best = try_edges(robot, around, wish, share, best)

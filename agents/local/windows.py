@@ -27,6 +27,8 @@ class Window(NamedTuple):
     """Largest, to brake with too [m/s^2]; infinite: none."""
     turn_rate: float
     """Largest at which it still drives ahead [rad/s]."""
+    gain: float
+    """Turn rate that a radian of heading error is steered with [1/s]; a robot that turns goes ahead by its cosine."""
     look: float
     """Free ways beyond this are all the same [m]."""
     heading_weight: float
@@ -85,6 +87,12 @@ def way_to_stop(window: Window, speed: float) -> float:
 
 
 @called
+def driven_speed(window: Window, speed: float, second: float) -> float:
+    """How fast the robot goes that steers at a speed so as to turn at a rate [m/s]."""
+    return speed if window.is_holonomic else speed * math.cos(second / window.gain)
+
+
+@called
 def heading_error(window: Window, gx: float, gy: float, speed: float, second: float) -> float:
     """Angle of the goal from the heading where the robot comes to a stop, or from the direction of travel [rad]."""
     if window.is_holonomic:
@@ -114,7 +122,7 @@ def weigh_window(
 
     Args:
         window: limits and weights.
-        speeds: (v,) [m/s], from 0 up.
+        speeds: (v,) [m/s], from 0 up; of a robot that turns they are those that it is steered with.
         seconds: (w,) turn rates [rad/s], or directions [rad].
         px: scan points (k,) in the robot's frame [m].
         py: the same.
@@ -125,7 +133,8 @@ def weigh_window(
     goal = length(gx, gy)
     for i in range(speeds.size):
         for j in range(seconds.size):
-            speed, second = speeds[i], seconds[j]
+            second = seconds[j]
+            speed = driven_speed(window, speeds[i], second)
             free = window.look
             if speed > 0.0 and window.is_holonomic:
                 free = first_contact(px, py, second, window.radius, window.look)[0]

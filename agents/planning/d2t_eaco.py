@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from bug_gym.agents.local.navigator import Avoidance, NavigatorParameters
 from bug_gym.agents.parameters import AtMost, Length
 from bug_gym.agents.planning.ants import Colony, Evaporate
 from bug_gym.agents.planning.follow import FollowerName, Scene
@@ -22,6 +23,7 @@ from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, PlannerParameters, live_of, mover_discs
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, Way, find_way
+from bug_gym.agents.planning.vo_follower import VelocityObstacleFollower
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
 
@@ -47,6 +49,12 @@ class D2TParameters(PlannerParameters):
 
     follower: FollowerName = "velocity_obstacle"
     """What drives along the way."""
+    avoidance: Avoidance = "vo"
+    """How the follower "velocity_obstacle" avoids movers: "vo", or "rvo" and "orca" where they do half of it."""
+    mover_horizon: Length = 3.0
+    """tau of that follower: how far ahead contact with movers counts [s]."""
+    mover_margin: Length = 0.2
+    """What that follower keeps from movers beside the bodies [m]; less where that leaves no velocity."""
     replan: Replan = "blocked"
     """When to plan anew: "blocked": where something stands in the way; "horizon": twice a second too."""
     threshold: Length | None = None
@@ -62,6 +70,7 @@ class D2TParameters(PlannerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        navigation(self)
         if self.threshold is not None and not self.threshold > 0.0:
             raise ValueError(f"threshold must be above 0 m, got {self.threshold!r}")
         if self.horizon is not None and not self.horizon > 0.0:
@@ -70,6 +79,20 @@ class D2TParameters(PlannerParameters):
             raise ValueError(f"samples must not be negative, got {self.samples!r}")
         if self.facets < 1:
             raise ValueError(f"facets must be at least 1, got {self.facets!r}")
+
+
+def navigation(parameters: D2TParameters) -> NavigatorParameters:
+    """The navigator's part of some parameters; the way keeps off what stands.
+
+    Raises:
+        ValueError: an unknown avoidance, a horizon that is not above 0, a negative margin.
+    """
+    return NavigatorParameters(
+        avoidance=parameters.avoidance,
+        horizon=parameters.mover_horizon,
+        still_horizon=0.0,
+        mover_margin=parameters.mover_margin,
+    )
 
 
 class D2TPlanner(MapPlanner):
@@ -89,6 +112,8 @@ class D2TPlanner(MapPlanner):
     ) -> None:
         super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
         own = self.parameters
+        if own.follower == "velocity_obstacle":
+            self.follower = VelocityObstacleFollower(sensors, navigation(own))
         self.manner = Manner(
             optimiser=self._optimiser(),
             margin=own.margin,

@@ -92,7 +92,7 @@ def test_the_ants_come_as_near_to_the_funnel_as_is_fair() -> None:
     gaps, few, refined = [], [], []
     for sleeve in sleeves(32):
         shortest = funnel_length(sleeve)
-        lengths = [eaco(sleeve, seed=seed).length for seed in range(10)]
+        lengths = [eaco(sleeve, seed=seed).length for seed in range(4)]
         gap = float(np.mean(lengths)) / shortest - 1.0
         gaps.append(gap)
         if len(sleeve.left) <= 8:
