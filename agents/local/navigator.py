@@ -28,6 +28,8 @@ RULES: dict[str, int] = {"vo": PLAIN, "rvo": RECIPROCAL, "orca": ORCA}
 
 ON_MOVER = 0.1
 """A point of the scan no farther outside a mover's disc than this is the mover's [m]."""
+ROOM = 0.02
+"""What is kept from still points: corners lie between the beams [m]."""
 SWING = 0.1
 """How much larger a robot that has to turn first is taken to be, as it does not drive what it is told at once [m]."""
 
@@ -46,7 +48,7 @@ class NavigatorParameters:
     """What is kept from movers beside the bodies [m]; less where that leaves no velocity."""
     contact_weight: Annotated[float, AtMost(1e6)] = 1.0
     """Weight of 1 / time to contact where every velocity leads to one [m]."""
-    steadiness: Annotated[float, AtMost(1.0)] = 0.2
+    steadiness: Annotated[float, AtMost(1.0)] = 0.4
     """Weight of a change of velocity, beside 1 of the distance to the preferred one; without, it may sway between the
     two sides of what comes straight toward it."""
 
@@ -73,7 +75,7 @@ class Navigator:
         swing = 0.0 if drive.kinematics == "holonomic" else SWING
         self.sensors = sensors
         self.robot = Robot(
-            radius=braking_radius(sensors) + 2.0 * sensors.range_noise,
+            radius=braking_radius(sensors) + ROOM,
             body=sensors.radius,
             margin=parameters.mover_margin + swing,
             max_speed=drive.max_speed,
@@ -87,7 +89,7 @@ class Navigator:
         )
         self._free = np.empty((HEADINGS, 2))
 
-    def velocity(self, view: View, wish: Velocity, way: float, movers: F64) -> Velocity:
+    def velocity(self, view: View, wish: Velocity, way: float, movers: F64, *, room: float = ROOM) -> Velocity:
         """The velocity to drive [m/s].
 
         Args:
@@ -95,7 +97,9 @@ class Navigator:
             wish: preferred velocity in the robot's frame [m/s].
             way: how far it is to where the robot wants to be; what stands beyond does not matter [m].
             movers: (n, 5) x, y [m], vx, vy [m/s], radius [m] in the robot's frame.
+            room: what is kept from still points beside the radius to brake with [m].
         """
+        robot = self.robot._replace(radius=braking_radius(self.sensors) + room)
         x, y = view.points
         count = len(movers)
         around = Around(
@@ -109,8 +113,8 @@ class Navigator:
         )
         own = own_velocity(view)
         speed = math.hypot(*wish)
-        share = min(1.0, self.robot.max_speed / speed) if speed > 0.0 else 0.0
-        vx, vy, _ = choose_velocity(self.robot, around, Wish(share * wish[0], share * wish[1], way, *own))
+        share = min(1.0, robot.max_speed / speed) if speed > 0.0 else 0.0
+        vx, vy, _ = choose_velocity(robot, around, Wish(share * wish[0], share * wish[1], way, *own))
         return vx, vy
 
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from bug_gym.agents.local.navigator import Navigator, NavigatorParameters
+from bug_gym.agents.local.navigator import ROOM, Navigator, NavigatorParameters
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.live import Moving
 from bug_gym.agents.planning.map import Pose, in_frame
@@ -46,7 +46,8 @@ class VelocityObstacleFollower:
             return 0.0, 0.0
         speed = min(self.sensors.drive.max_speed, (distance + route.rest - along) / self.sensors.drive.step)
         wish = speed * x / distance, speed * y / distance
-        return self.navigator.velocity(view, wish, distance, movers_seen(scene.moving, scene.pose))
+        room = min(ROOM, 0.5 * route.margin)
+        return self.navigator.velocity(view, wish, distance, movers_seen(scene.moving, scene.pose), room=room)
 
     def _target(self, route: Route, view: View, scene: Scene) -> tuple[Point, float]:
         """The place that is headed for, in the robot's frame [m], and how far along the way from here it lies [m]."""

@@ -57,7 +57,7 @@ def discs(max_speed: float) -> F64:
 def test_the_choice_is_outside_every_velocity_obstacle_where_a_velocity_is(seed: int, count: int) -> None:
     view = empty_view()
     sensors = view.sensors
-    navigator = Navigator(sensors, NavigatorParameters(horizon=HORIZON, mover_margin=MARGIN))
+    navigator = Navigator(sensors, NavigatorParameters(horizon=HORIZON, mover_margin=MARGIN, steadiness=0.0))
     movers, wish = crowd(seed, count), np.array([sensors.drive.max_speed, 0.0])
     chosen = np.array(navigator.velocity(view, tuple(wish), 8.0, movers))
     assert np.hypot(*chosen) <= sensors.drive.max_speed * (1.0 + 1e-9)
