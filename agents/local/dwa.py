@@ -182,14 +182,19 @@ def smoothed(scores: F64, *, is_round: bool) -> F64:
     """
     known = np.isfinite(scores)
     worth = np.where(known, scores, 0.0)
-    wrap = "wrap" if is_round else "constant"
+    padded, there = (_bordered(one, is_round=is_round) for one in (worth, known.astype(float)))
     total, count = np.zeros_like(scores), np.zeros_like(scores)
-    padded, there = (
-        np.pad(np.pad(one, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode=wrap) for one in (worth, known.astype(float))
-    )
     rows, columns = scores.shape
     for i in range(3):
         for j in range(3):
             total += padded[i : i + rows, j : j + columns]
             count += there[i : i + rows, j : j + columns]
     return np.where(known, total / np.maximum(count, 1.0), -np.inf)
+
+
+def _bordered(table: F64, *, is_round: bool) -> F64:
+    """A table (v + 2, w + 2) with zeros around, or beside its first and last columns each other's."""
+    wide = np.pad(table, ((1, 1), (1, 1)))
+    if is_round:
+        wide[1:-1, 0], wide[1:-1, -1] = table[:, -1], table[:, 0]
+    return wide

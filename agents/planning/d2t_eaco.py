@@ -137,7 +137,7 @@ class D2TPlanner(MapPlanner):
         """Of what is drawn."""
         return 0
 
-    def act(self, view: View, memory: D2TMemory) -> Velocity:
+    def act(self, view: View, memory: Any) -> Velocity:
         """One decision."""
         memory.due -= view.sensors.drive.step
         if self._goes_on_planning() and memory.route is not None and memory.due <= 1e-9:
@@ -148,7 +148,7 @@ class D2TPlanner(MapPlanner):
         """Whether it plans as it goes; within a horizon it must."""
         return self.parameters.replan == "horizon" or self.parameters.horizon is not None
 
-    def plan(self, scene: Scene, memory: D2TMemory) -> Plan:
+    def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way through triangles."""
         still = live_of(memory).still
         movers = [] if scene.moving is None else list(PlanningMap(still.border, mover_discs(scene.moving)).shapes())
@@ -169,7 +169,7 @@ class D2TPlanner(MapPlanner):
         reason = f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
         return Plan(None, reason=reason, is_final=scene.moving is None and self.parameters.horizon is None)
 
-    def draw(self, memory: D2TMemory) -> Drawing:
+    def draw(self, memory: Any) -> Drawing:
         """The way, the sleeve that it was pulled taut in, and what was kept off."""
         drawing = super().draw(memory)
         if memory.way is None:

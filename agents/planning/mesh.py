@@ -78,7 +78,7 @@ def triangulate(shapes: Sequence[shapely.Polygon], extra: F64) -> Mesh:
     crossed = np.zeros((len(corners), 3), dtype=np.bool_)
     missing = np.zeros(len(sides), dtype=np.bool_)
     mark_crossings(points, corners, neighbours, sides, crossed, missing, np.full(len(points), -1, np.int32))
-    free = ~crossed.any(axis=1)
+    free = np.asarray(~crossed.any(axis=1))
     free[_inside(shapes, points, owner, corners, sides[missing])] = False
     return Mesh(points, owner, corners, neighbours, free, crossed, alias[len(points) - len(extra) :])
 
@@ -163,7 +163,7 @@ def edge_between(neighbours: Triangles, triangle: int, other: int) -> int:
 @called
 def next_around(corners: Triangles, neighbours: Triangles, triangle: int, vertex: int, onward: int) -> int:
     """The next triangle around a vertex, counter-clockwise (`onward` 1) or clockwise (2); -1 at the hull."""
-    return neighbours[triangle, (place_in(corners, triangle, vertex) + onward) % 3]
+    return int(neighbours[triangle, (place_in(corners, triangle, vertex) + onward) % 3])
 
 
 @called
@@ -274,7 +274,7 @@ def walk(
         apex = corners[beyond, entered]
         side = 0 if apex == b else turn(points, a, b, apex)
         if side == 0:
-            return apex
+            return int(apex)
         # The way leaves between the apex and the corner on its other side.
         triangle = beyond
         edge = (entered + 1) % 3 if side > 0 else (entered + 2) % 3

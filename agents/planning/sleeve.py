@@ -159,7 +159,7 @@ def leave(
             reached = so_far + length(px - x, py - y)
             if reached < nodes.cost[number]:
                 nodes.cost[number], nodes.parent[number] = reached, node
-                put(nodes.opened, np.int64((reached + to_go) / NANO), 0, number)
+                put(nodes.opened, int((reached + to_go) / NANO), 0, number)
 
 
 @kernel

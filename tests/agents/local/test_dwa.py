@@ -10,12 +10,11 @@ import pytest
 from episodes import run_episode
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.local.dwa import DWA, smoothed
+from bug_gym.agents.local.dwa import DWA, DWAMemory, smoothed
 from bug_gym.agents.local.windows import arc_distance
 from bug_gym.compiling import kernel
 from bug_gym.geometry import F64
 from bug_gym.kernels.layout import Floats
-from bug_gym.kinematics import steering
 from bug_gym.simulation import Simulation
 
 BOX = {"family": "explicit", "bounds": [-6, -6, 14, 6], "start": [0, 0, 0]}
@@ -63,13 +62,14 @@ def test_the_robot_is_told_the_speed_and_the_turn_rate_that_were_chosen() -> Non
     observation, state = simulation.reset(seeds=[0]), None
     for _ in range(30):
         action, state = policy.predict(observation[0, 0], state)
-        speed, rate = state[0].velocity
+        memory = state[0]
+        assert isinstance(memory, DWAMemory)
+        speed, rate = memory.velocity
         drive = policy.sensors.drive
         span = drive.max_speed + drive.max_reverse
         assert 0.5 * (action[0] + 1.0) * span - drive.max_reverse == pytest.approx(speed, abs=1e-5)
         assert action[1] * drive.max_turn_rate == pytest.approx(rate, abs=1e-5)
         observation = simulation.step(action[None, None]).observation
-    assert steering(policy.sensors.drive, (1.0, 0.0)).shape == (2,)
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])

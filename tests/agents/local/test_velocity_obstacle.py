@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 from episodes import Episode, run_episode
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.local.navigator import Navigator, NavigatorParameters
+from bug_gym.agents.local.navigator import Avoidance, Navigator, NavigatorParameters
 from bug_gym.geometry import F64
-from bug_gym.kinematics import TURN_IN_PLACE
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
@@ -33,7 +32,8 @@ def nearest_approach(movers: F64, velocity: F64, horizon: float = HORIZON) -> F6
     """The least gap to each mover (n,) within the horizon if all go on, looked at every 5 ms [m]."""
     times = np.linspace(0.0, horizon, 601)[:, None, None]
     apart = movers[None, :, :2] + times * (movers[None, :, 2:4] - velocity)
-    return np.asarray(np.hypot(*np.moveaxis(apart, -1, 0)).min(axis=0) - movers[:, 4])
+    gaps: F64 = np.hypot(*np.moveaxis(apart, -1, 0)).min(axis=0) - movers[:, 4]
+    return gaps
 
 
 def crowd(seed: int, count: int) -> F64:
@@ -74,10 +74,9 @@ def test_the_choice_is_outside_every_velocity_obstacle_where_a_velocity_is(seed:
 
 def test_far_movers_change_nothing() -> None:
     view = empty_view()
-    navigator = Navigator(view.sensors, NavigatorParameters())
     movers = np.array([[9.0, 0.0, 0.0, 0.0, 0.4], [0.0, 3.0, 0.0, 1.0, 0.4], [-3.0, 0.0, 0.5, 0.0, 0.4]])
-    for avoidance in ("vo", "rvo", "orca"):
-        navigator = Navigator(view.sensors, NavigatorParameters(avoidance=avoidance))  # type: ignore[arg-type]
+    for avoidance in get_args(Avoidance):
+        navigator = Navigator(view.sensors, NavigatorParameters(avoidance=avoidance))
         assert navigator.velocity(view, (0.9, 0.0), 8.0, movers) == pytest.approx((0.9, 0.0), abs=1e-12)
 
 
@@ -218,4 +217,4 @@ def test_a_differential_robot_is_taken_larger_for_what_it_cannot_do_at_once() ->
         Navigator(Sensors.of(Simulation("static", overrides={"robot.kinematics": one}).scenario), NavigatorParameters())
         for one in ("holonomic", "differential")
     )
-    assert held.robot.margin > free.robot.margin and TURN_IN_PLACE < math.pi
+    assert held.robot.margin > free.robot.margin

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 from episodes import run_episode
+from shapely.affinity import translate as moved
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.planning import triangulated
@@ -65,7 +66,7 @@ def test_where_there_is_no_way_it_says_so_and_a_narrow_one_is_found() -> None:
     walls = [d2t_worlds.block(5.0, -5.0, 0.5, 4.7), d2t_worlds.block(5.0, 0.3, 0.5, 4.7)]
     border = np.array([[-2, -5], [12, -5], [12, 5], [-2, 5]], dtype=float)
     for gap, reached in ((0.6, True), (0.52, True), (0.4, False)):
-        parted = [shapely.affinity.translate(walls[0], yoff=0.3 - 0.5 * gap), shapely.affinity.translate(walls[1], yoff=0.5 * gap - 0.3)]  # fmt: skip
+        parted = [moved(walls[0], yoff=0.3 - 0.5 * gap), moved(walls[1], yoff=0.5 * gap - 0.3)]
         task = Task(parted, border, (0.0, 0.0), (10.0, 0.0), 0.25)
         found = find_way(task)
         assert (found is not None) == reached
@@ -105,7 +106,7 @@ def test_points_sampled_in_free_space_are_used_and_the_seed_is_kept() -> None:
     assert first is not None and again is not None and other is not None and first.mesh is not None
     np.testing.assert_array_equal(first.path, again.path)
     assert len(first.mesh.extra) > 40 and first.mesh.extra.size != 2
-    assert not np.array_equal(first.mesh.points, other.mesh.points if other.mesh is not None else None)
+    assert other.mesh is not None and not np.array_equal(first.mesh.points, other.mesh.points)
 
 
 def test_within_a_horizon_it_replans_as_it_goes_and_arrives() -> None:
