@@ -30,6 +30,9 @@ STRAYED = 0.5
 WATCHED = 3.0
 """How far ahead a way is watched for movers that stand in it [m]."""
 
+NEAR = 5.0
+"""Movers up to this far from the robot are planned round [m]."""
+
 PAUSE = 0.5
 """Time between two plans round movers [s]."""
 
@@ -139,7 +142,7 @@ class MapPlanner(MapPolicy):
         if math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED:
             self._plan_anew(scene._replace(moving=None), memory)
         if memory.route is not None and memory.pause <= 0.0 and self.is_blocked(memory.route, scene):
-            self._plan_anew(scene, memory)
+            self._plan_anew(scene._replace(moving=near(scene)), memory)
         if memory.route is None:
             return 0.0, 0.0
         return self.follower.follow(memory.route, view, scene)
@@ -186,6 +189,16 @@ def live_of(memory: MapMemory) -> LiveMap:
     """The world of an episode."""
     assert memory.live is not None, "a planner's memory is made by `begin`"
     return memory.live
+
+
+def near(scene: Scene) -> Moving:
+    """What moves near the robot; what is far will be elsewhere when the robot comes there."""
+    assert scene.moving is not None
+    discs, velocities, polygons, is_round = scene.moving
+    x, y, _ = scene.pose
+    is_near = np.hypot(discs[:, 0] - x, discs[:, 1] - y) <= NEAR + discs[:, 2]
+    kept = tuple(one for one, stays in zip(polygons, is_near[~is_round].tolist(), strict=True) if stays)
+    return Moving(discs[is_near], velocities[is_near], kept, is_round[is_near])
 
 
 def mover_discs(moving: Moving | None) -> F64:
