@@ -12,16 +12,28 @@ goes by a map of its own does less.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.grid import FAR, Bytes, Grid, Nodes
+from bug_gym.agents.planning.grid_planner import GridParameters
+from bug_gym.agents.planning.live import Maps
+from bug_gym.agents.planning.map_policy import MapMemory
 from bug_gym.agents.planning.open_list import OpenList, is_before, open_list, put, take
-from bug_gym.agents.planning.repairing_planner import RepairingPlanner
+from bug_gym.agents.planning.planner import GOAL_MOVED, STRAYED, Plan
+from bug_gym.agents.planning.repairing_planner import RepairingMemory, RepairingPlanner
 from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_of, offset_of, require_free
+from bug_gym.agents.planning.seen_ground import SeenGround
+from bug_gym.agents.planning.smoothing import pulled
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Integers
+from bug_gym.policy import Velocity
+from bug_gym.view import Sensors, View
 
 
 class Estimates(NamedTuple):
@@ -228,9 +240,84 @@ def walk(links: Bytes, columns: int, start: int, goal: int, estimates: Estimates
         node += offset_of(onward, columns)
 
 
+@dataclass(frozen=True)
+class DStarLiteParameters(GridParameters):
+    """Parameters of D* Lite."""
+
+    known: bool = True
+    """Whether the map is given; else it is planned in what has been seen so far, and the policy is not privileged."""
+
+
+@dataclass
+class DStarLiteMemory(RepairingMemory):
+    """Memory of D* Lite."""
+
+    seen: SeenGround | None = None
+    """What has been seen of unknown terrain."""
+
+
 class DStarLitePlanner(RepairingPlanner):
-    """D* Lite over the cells of the map, repaired where movers come and go; its parameters are those of GridPlanner."""
+    """D* Lite over the cells of the map, repaired where movers come and go, or where something new is seen.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: what GridPlanner refuses.
+    """
+
+    Parameters: ClassVar[type[DStarLiteParameters]] = DStarLiteParameters
+    memory_type: ClassVar[type[MapMemory]] = DStarLiteMemory
+    parameters: DStarLiteParameters
+
+    def __init__(
+        self, sensors: Sensors, *, discrete: bool = False, maps: Maps | None = None, **parameters: Any
+    ) -> None:
+        super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
+        self.privileged = self.parameters.known
+
+    def first_memory(self, flat: NDArray[np.float32], number: int) -> MapMemory:
+        """Memory of a new episode; one without a map asks for none."""
+        return super().first_memory(flat, number) if self.privileged else self.start()
+
+    def begin(self, robot: int) -> MapMemory:
+        """Memory of the episode that a robot has begun; one without a map asks for none."""
+        return super().begin(robot) if self.privileged else self.start()
 
     def searching(self, grid: Grid, goal: int) -> DStarLite:
         """A search from a goal."""
         return DStarLite(grid, goal)
+
+    def act(self, view: View, memory: DStarLiteMemory) -> Velocity:
+        """One decision."""
+        if self.privileged:
+            return super().act(view, memory)
+        scene = Scene(view.pose, view.goal_position, None)
+        seen = memory.seen
+        if seen is None:
+            seen = memory.seen = SeenGround(self.parameters, self.rooms)
+        is_open = seen.look(view, scene.goal)
+        away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
+        is_new = math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED
+        if is_new or is_open or memory.route is None or not seen.is_route_open(memory.route, scene.pose[:2]):
+            self.replace_route(scene, memory)
+        return self.follower.follow(memory.route, view, scene) if memory.route is not None else (0.0, 0.0)
+
+    def plan(self, scene: Scene, memory: DStarLiteMemory) -> Plan:
+        """The way over the cells, as seen so far where the map is not given."""
+        seen = memory.seen
+        if seen is None:
+            return super().plan(scene, memory)
+        while True:
+            ends = seen.ends(scene, self.sensors)
+            found = self.search_anew(seen.grid, ends, seen.room, memory) if ends is not None else NO_WAY
+            memory.expanded += found.expanded
+            if len(found.nodes) > 0:
+                memory.cells = seen.grid.lattice.places(found.nodes)
+                places = np.concatenate([[scene.pose[:2]], memory.cells])
+                if seen.is_open(tuple(memory.cells[-1]), scene.goal):
+                    places = np.concatenate([places, [scene.goal]])
+                size = self.parameters.resolution
+                return Plan(pulled(places, size, seen.is_open) if self.parameters.smooth else places, seen.room.margin)
+            if not seen.narrow():
+                size, room = self.parameters.resolution, seen.room
+                reason = f"what has been seen leaves no way over cells of {size:g} m for a body of radius {room.radius:g} m"
+                return Plan(None, reason=reason, is_final=True)

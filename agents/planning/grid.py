@@ -175,6 +175,11 @@ def relink(grid: Grid, x: float, y: float, radius: float) -> None:
     link_box(grid.blocked, grid.links, *first, *last, grid.connectivity == 8, grid.cut_corners)
 
 
+def relink_nodes(grid: Grid, nodes: Nodes) -> None:
+    """Write the steps of cells (k,) that have changed, and of those about them, anew."""
+    link_nodes(grid.blocked, grid.links, nodes, grid.connectivity == 8, grid.cut_corners)
+
+
 # ------------------------------------------------------------------------------------------------------------- compiled
 
 
@@ -283,6 +288,17 @@ def link_box(
     for row in range(low_row, high_row):
         for column in range(low_column, high_column):
             links[row * columns + column] = links_of(blocked, row, column, diagonal, cut)
+
+
+@kernel
+def link_nodes(blocked: Bytes, links: Bytes, nodes: Nodes, diagonal: bool, cut: bool) -> None:
+    """The same for some cells and those about them; none is in the outermost rows and columns."""
+    rows, columns = blocked.shape
+    for index in range(len(nodes)):
+        row, column = nodes[index] // columns, nodes[index] % columns
+        for r in range(max(row - 1, 1), min(row + 2, rows - 1)):
+            for c in range(max(column - 1, 1), min(column + 2, columns - 1)):
+                links[r * columns + c] = links_of(blocked, r, c, diagonal, cut)
 
 
 @inlined

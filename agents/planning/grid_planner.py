@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
@@ -24,7 +25,7 @@ from bug_gym.agents.planning.planner import (
     mover_discs,
 )
 from bug_gym.agents.planning.search import Found
-from bug_gym.agents.planning.smoothing import Solids
+from bug_gym.agents.planning.smoothing import Solids, pulled
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
@@ -70,8 +71,8 @@ class GridParameters(PlannerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.resolution >= 1e-3:
-            raise ValueError(f"resolution must be at least 0.001 m, got {self.resolution!r}")
+        if not 1e-3 <= self.resolution < math.inf:
+            raise ValueError(f"resolution must be finite and at least 0.001 m, got {self.resolution!r}")
 
 
 class GridPlanner(MapPlanner):
@@ -116,9 +117,9 @@ class GridPlanner(MapPlanner):
     def ground(self, room: Room, memory: GridMemory) -> Ground:
         """The grid of what stands, made once an episode."""
         if room not in memory.grounds:
-            memory.grounds[room] = Ground(self._grid(live_of(memory).still, self.parameters.resolution, room), Solids(
-                live_of(memory).still, room.growth
-            ))
+            still = live_of(memory).still
+            grid = self._grid(still, self.parameters.resolution, room)
+            memory.grounds[room] = Ground(grid, Solids(still, room.growth))
         return memory.grounds[room]
 
     def _grid(self, plan: PlanningMap, size: float, room: Room) -> Grid:
@@ -163,7 +164,7 @@ class GridPlanner(MapPlanner):
         places = np.concatenate([[scene.pose[:2]], cells])
         if solids.is_clear(tuple(cells[-1]), scene.goal):
             places = np.concatenate([places, [scene.goal]])
-        return solids.straightened(places) if self.parameters.smooth else places
+        return pulled(places, self.parameters.resolution, solids.is_clear) if self.parameters.smooth else places
 
     def why_not(self, scene: Scene, memory: GridMemory) -> str:
         """Why there is no way over the cells, and at which resolution there is one."""

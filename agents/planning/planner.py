@@ -140,9 +140,9 @@ class MapPlanner(MapPolicy):
         memory.pause -= view.sensors.drive.step
         away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
         if math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED:
-            self._plan_anew(scene._replace(moving=None), memory)
+            self.replace_route(scene._replace(moving=None), memory)
         if memory.route is not None and memory.pause <= 0.0 and self.is_blocked(memory.route, scene):
-            self._plan_anew(scene._replace(moving=near(scene)), memory)
+            self.replace_route(scene._replace(moving=near(scene)), memory)
         if memory.route is None:
             return 0.0, 0.0
         return self.follower.follow(memory.route, view, scene)
@@ -160,7 +160,7 @@ class MapPlanner(MapPolicy):
         away = distances_to_chain(route.ahead(WATCHED), discs[:, :2])
         return bool((away <= discs[:, 2] + self.sensors.radius).any())
 
-    def _plan_anew(self, scene: Scene, memory: PlannerMemory) -> None:
+    def replace_route(self, scene: Scene, memory: PlannerMemory) -> None:
         """Replace the way; one round movers that cannot be found leaves the old one, on which the robot waits."""
         found = self.plan(scene, memory)
         memory.plans += 1
