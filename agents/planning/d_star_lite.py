@@ -313,10 +313,10 @@ class DStarLitePlanner(RepairingPlanner):
             if len(found.nodes) > 0:
                 memory.cells = seen.grid.lattice.places(found.nodes)
                 places = np.concatenate([[scene.pose[:2]], memory.cells])
-                if seen.is_open(tuple(memory.cells[-1]), scene.goal):
+                if seen.solids.is_clear(tuple(memory.cells[-1]), scene.goal):
                     places = np.concatenate([places, [scene.goal]])
                 size = self.parameters.resolution
-                return Plan(pulled(places, size, seen.is_open) if self.parameters.smooth else places, seen.room.margin)
+                return Plan(pulled(places, size, seen.solids.is_clear) if self.parameters.smooth else places, seen.room.margin)
             if not seen.narrow():
                 size, room = self.parameters.resolution, seen.room
                 reason = f"what has been seen leaves no way over cells of {size:g} m for a body of radius {room.radius:g} m"

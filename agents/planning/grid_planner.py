@@ -119,7 +119,7 @@ class GridPlanner(MapPlanner):
         if room not in memory.grounds:
             still = live_of(memory).still
             grid = self._grid(still, self.parameters.resolution, room)
-            memory.grounds[room] = Ground(grid, Solids(still, room.growth))
+            memory.grounds[room] = Ground(grid, Solids.of(still, room.growth))
         return memory.grounds[room]
 
     def _grid(self, plan: PlanningMap, size: float, room: Room) -> Grid:
@@ -175,7 +175,7 @@ class GridPlanner(MapPlanner):
             if (high_x - low_x) * (high_y - low_y) / finer**2 > TRIED_CELLS:
                 break
             grid = self._grid(plan, finer, room)
-            ends = self.ends(grid, Solids(plan, room.growth), room, scene)
+            ends = self.ends(grid, Solids.of(plan, room.growth), room, scene)
             if ends is not None and len(self.search(grid, *ends).nodes) > 0:
                 return f"{what}; a resolution of {finer:g} m would do"
         return what

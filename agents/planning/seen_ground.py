@@ -16,6 +16,7 @@ from bug_gym.agents.planning.grid import Grid, Lattice, Nodes, make_grid, relink
 from bug_gym.agents.planning.grid_planner import GridParameters
 from bug_gym.agents.planning.planner import Room
 from bug_gym.agents.planning.route import Route
+from bug_gym.agents.planning.smoothing import Solids
 from bug_gym.geometry import Point
 from bug_gym.view import Sensors, View
 
@@ -34,17 +35,22 @@ class SeenGround:
     def __init__(self, parameters: GridParameters, rooms: tuple[Room, ...]) -> None:
         self._parameters, self._rooms = parameters, list(rooms)
         self.room = self._rooms.pop(0)
-        self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self._clearance(), Search())
+        self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self.room.growth, Search())
         self.grid = self._grid()
+        self.solids = self._solids()
 
     def look(self, view: View, goal: Point) -> bool:
         """Remember what a scan shows. Returns whether ground has turned out free, or the grid has grown."""
+        before = self.points.removed
         sensors = view.sensors
         still = np.ones(len(view.ranges), dtype=bool)
         self.points.cover(*goal, sensors.range)
-        self.points.add_scan(
+        added = self.points.add_scan(
             view.position, view.heading, sensors.angles, view.ranges, sensors.range, sensors.range_noise, still
         )
+        if added == 0 and self.points.removed == before:
+            return False
+        self.solids = self._solids()
         return self._renew()
 
     def _renew(self) -> bool:
@@ -70,29 +76,31 @@ class SeenGround:
         if not self._rooms:
             return False
         self.room = self._rooms.pop(0)
-        self.points.set_clearance(self._clearance())
-        self.grid = self._grid()
+        self.points.set_clearance(self.room.growth)
+        self.grid, self.solids = self._grid(), self._solids()
         return True
 
     def ends(self, scene: Scene, sensors: Sensors) -> tuple[int, int] | None:
         """The free cells in which a way begins and ends, None where there are none near enough."""
         size = self.grid.lattice.size
-        start = self.grid.free_node_near(scene.pose[:2], 2.0 * self._clearance())
+        start = self.grid.free_node_near(scene.pose[:2], 2.0 * self.room.growth)
         goal = self.grid.free_node_near(scene.goal, max(sensors.goal_radius - 0.5 * size, 0.0))
-        return (start, goal) if min(start, goal) >= 0 else None
-
-    def is_open(self, a: Point, b: Point) -> bool:
-        """Whether no cell between two places is blocked."""
-        return self.points.is_open(a, b)
+        if min(start, goal) < 0:
+            return None
+        (place,) = self.grid.lattice.places(np.array([start])).tolist()
+        # Points may seem nearer than the body lets them be.
+        body = max(sensors.radius - 4.0 * sensors.range_noise - 0.01, 0.5 * sensors.radius)
+        return (start, goal) if self.solids.with_growth(body).is_clear(scene.pose[:2], (place[0], place[1])) else None
 
     def is_route_open(self, route: Route, here: Point) -> bool:
-        """Whether the rest of a way is."""
+        """Whether the rest of a way keeps half its margin."""
+        solids = self.solids.with_growth(self.room.radius + 0.5 * self.room.margin)
         chain = [here, *((x, y) for x, y in route.ahead(math.inf)[1:].tolist())]
-        return all(map(self.points.is_open, chain[:-1], chain[1:]))
+        return all(map(solids.is_clear, chain[:-1], chain[1:]))
 
-    def _clearance(self) -> float:
-        """A straight way between free cells comes up to a cell's half diagonal nearer to a point than their centres do."""
-        return self.room.growth + 0.5 * self._parameters.resolution
+    def _solids(self) -> Solids:
+        points = self.points.points()
+        return Solids(np.column_stack([points, np.zeros(len(points))]), np.zeros((0, 4)), self.room.growth)
 
     def _grid(self) -> Grid:
         cells = self.points.cells

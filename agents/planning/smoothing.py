@@ -17,17 +17,23 @@ from bug_gym.kernels.layout import Floats
 
 
 class Solids:
-    """The obstacles of a map and its border, as straight pieces and discs, for one radius of the robot.
+    """Obstacles as discs and straight pieces, for one radius of the robot.
 
     Args:
-        plan: the map.
+        discs: x, y, radius (n, 3) [m].
+        edges: x1, y1, x2, y2 (e, 4) [m].
         growth: nearer to anything than this a way must not come [m].
     """
 
-    def __init__(self, plan: PlanningMap, growth: float) -> None:
-        self.edges, _ = edges_of(((plan.border,), *plan.polygons))
-        self.discs = np.ascontiguousarray(plan.discs, dtype=np.float64)
-        self.growth = growth
+    def __init__(self, discs: F64, edges: F64, growth: float) -> None:
+        self.discs = np.ascontiguousarray(discs, dtype=np.float64)
+        self.edges, self.growth = edges, growth
+
+    @classmethod
+    def of(cls, plan: PlanningMap, growth: float) -> Solids:
+        """The obstacles of a map, and its border."""
+        edges, _ = edges_of(((plan.border,), *plan.polygons))
+        return cls(plan.discs, edges, growth)
 
     def with_discs(self, discs: F64) -> Solids:
         """The same with more discs (n, 3) x, y, radius [m]."""
