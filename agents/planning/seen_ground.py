@@ -35,7 +35,7 @@ class SeenGround:
     def __init__(self, parameters: GridParameters, rooms: tuple[Room, ...]) -> None:
         self._parameters, self._rooms = parameters, list(rooms)
         self.room = self._rooms.pop(0)
-        self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self.room.growth, Search())
+        self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self._growth, Search())
         self.grid = self._grid()
         self.solids = self._solids()
 
@@ -76,14 +76,14 @@ class SeenGround:
         if not self._rooms:
             return False
         self.room = self._rooms.pop(0)
-        self.points.set_clearance(self.room.growth)
+        self.points.set_clearance(self._growth)
         self.grid, self.solids = self._grid(), self._solids()
         return True
 
     def ends(self, scene: Scene, sensors: Sensors) -> tuple[int, int] | None:
         """The free cells in which a way begins and ends, None where there are none near enough."""
         size = self.grid.lattice.size
-        start = self.grid.free_node_near(scene.pose[:2], 2.0 * self.room.growth)
+        start = self.grid.free_node_near(scene.pose[:2], 2.0 * self._growth)
         goal = self.grid.free_node_near(scene.goal, max(sensors.goal_radius - 0.5 * size, 0.0))
         if min(start, goal) < 0:
             return None
@@ -94,13 +94,18 @@ class SeenGround:
 
     def is_route_open(self, route: Route, here: Point) -> bool:
         """Whether the rest of a way keeps half its margin."""
-        solids = self.solids.with_growth(self.room.radius + 0.5 * self.room.margin)
+        solids = self.solids.with_growth(self._growth - 0.5 * self.room.margin)
         chain = [here, *((x, y) for x, y in route.ahead(math.inf)[1:].tolist())]
         return all(map(solids.is_clear, chain[:-1], chain[1:]))
 
+    @property
+    def _growth(self) -> float:
+        """By how much points grow [m]: a cell remembers one of its points, others of the same wall are nearer."""
+        return self.room.growth + 0.5 * self._parameters.resolution
+
     def _solids(self) -> Solids:
         points = self.points.points()
-        return Solids(np.column_stack([points, np.zeros(len(points))]), np.zeros((0, 4)), self.room.growth)
+        return Solids(np.column_stack([points, np.zeros(len(points))]), np.zeros((0, 4)), self._growth)
 
     def _grid(self) -> Grid:
         cells = self.points.cells
