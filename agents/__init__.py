@@ -70,6 +70,9 @@ AGENTS: dict[str, Agent] = {
     "theta_star": Agent(
         "planning.theta_star:ThetaStar", "planner", "Nash, Daniel, Koenig and Felner 2007", privileged=True
     ),
+    "rrt_star": Agent(
+        "planning.rrt_star:RRTStar", "planner", "Karaman and Frazzoli 2011; Gammell et al. 2014", privileged=True
+    ),
     "visibility_graph": Agent(
         "planning.visibility_graph:VisibilityGraph", "planner", "Lozano-Perez and Wesley 1979", privileged=True
     ),

@@ -320,4 +320,4 @@ class DStarLitePlanner(RepairingPlanner):
             if not seen.narrow():
                 size, room = self.parameters.resolution, seen.room
                 reason = f"what has been seen leaves no way over cells of {size:g} m for a body of radius {room.radius:g} m"
-                return Plan(None, reason=reason, is_final=True)
+                return Plan(None, reason=reason, verdict="unreachable")

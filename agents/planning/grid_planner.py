@@ -112,7 +112,7 @@ class GridPlanner(MapPlanner):
                 return Plan(places, room.margin)
         if scene.moving is not None:
             return Plan(None, reason="no way leads round the movers as they stand")
-        return Plan(None, reason=self.why_not(scene, memory), is_final=True)
+        return Plan(None, reason=self.why_not(scene, memory), verdict="unreachable")
 
     def ground(self, room: Room, memory: GridMemory) -> Ground:
         """The grid of what stands, made once an episode."""

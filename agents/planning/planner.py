@@ -74,8 +74,9 @@ class Plan(NamedTuple):
     """What it keeps from obstacles beside the body [m]."""
     reason: str = ""
     """Why there is none, in a sentence."""
-    is_final: bool = False
-    """Whether there is no way for certain among what stands, at the planner's resolution."""
+    verdict: str = ""
+    """What follows from that: "unreachable" where there is no way for certain, at the planner's resolution; "" where it
+    may be tried again."""
 
 
 @dataclass
@@ -139,10 +140,12 @@ class MapPlanner(MapPolicy):
         scene = self.look(view, memory)
         memory.pause -= view.sensors.drive.step
         away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
-        if math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED:
-            self.replace_route(scene._replace(moving=None), memory)
-        if memory.route is not None and memory.pause <= 0.0 and self.is_blocked(memory.route, scene):
-            self.replace_route(scene._replace(moving=near(scene)), memory)
+        is_due = memory.route is None or away > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
+        if memory.pause <= 0.0:
+            if is_due:
+                self.replace_route(scene._replace(moving=None), memory)
+            elif memory.route is not None and self.is_blocked(memory.route, scene):
+                self.replace_route(scene._replace(moving=near(scene)), memory)
         if memory.route is None:
             return 0.0, 0.0
         return self.follower.follow(memory.route, view, scene)
@@ -161,20 +164,17 @@ class MapPlanner(MapPolicy):
         return bool((away <= discs[:, 2] + self.sensors.radius).any())
 
     def replace_route(self, scene: Scene, memory: PlannerMemory) -> None:
-        """Replace the way; one round movers that cannot be found leaves the old one, on which the robot waits."""
+        """Replace the way; where none is found round movers the old one stays, on which the robot waits."""
         found = self.plan(scene, memory)
         memory.plans += 1
         memory.pause = PAUSE
+        memory.reason, memory.verdict = found.reason, found.verdict
         if found.places is not None:
             memory.route = Route(found.places, margin=found.margin)
             memory.planned_for = scene.goal
-            memory.mode = "following"
-        elif found.is_final:
-            memory.verdict, memory.reason = "unreachable", found.reason
+        elif scene.moving is None:
             memory.route = None
-        else:
-            memory.reason = found.reason
-            memory.mode = "waiting"
+        memory.mode = "following" if found.places is not None else "waiting"
 
     def draw(self, memory: PlannerMemory) -> Drawing:
         """The way that is followed, and its bends."""
