@@ -18,6 +18,7 @@ from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Integers
 
+
 def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Found:
     """The shortest way over a grid.
 

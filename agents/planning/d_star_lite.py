@@ -195,9 +195,7 @@ def look_ahead(links: Bytes, columns: int, node: int, estimates: Estimates) -> N
 
 
 @called
-def update(
-    columns: int, start: int, node: int, kind: int, moved: int, estimates: Estimates, heap: OpenList
-) -> None:
+def update(columns: int, start: int, node: int, kind: int, moved: int, estimates: Estimates, heap: OpenList) -> None:
     """UpdateVertex: a cell is in the list while its two estimates differ."""
     if estimates.cost[node] == estimates.ahead[node]:
         take(heap, node)
@@ -316,8 +314,12 @@ class DStarLitePlanner(RepairingPlanner):
                 if seen.solids.is_clear(tuple(memory.cells[-1]), scene.goal):
                     places = np.concatenate([places, [scene.goal]])
                 size = self.parameters.resolution
-                return Plan(pulled(places, size, seen.solids.is_clear) if self.parameters.smooth else places, seen.room.margin)
+                return Plan(
+                    pulled(places, size, seen.solids.is_clear) if self.parameters.smooth else places, seen.room.margin
+                )
             if not seen.narrow():
                 size, room = self.parameters.resolution, seen.room
-                reason = f"what has been seen leaves no way over cells of {size:g} m for a body of radius {room.radius:g} m"
+                reason = (
+                    f"what has been seen leaves no way over cells of {size:g} m for a body of radius {room.radius:g} m"
+                )
                 return Plan(None, reason=reason, verdict="unreachable")

@@ -45,9 +45,7 @@ def distances(grid: Grid, start: int) -> Integers:
 
 
 @kernel
-def settle(
-    links: Bytes, columns: int, start: int, goal: int, cost: Integers, came: Bytes, heap: OpenList
-) -> int:
+def settle(links: Bytes, columns: int, start: int, goal: int, cost: Integers, came: Bytes, heap: OpenList) -> int:
     """Settle cells in the order of their cost, until the goal's turn has come. Returns how many were expanded.
 
     Args:

@@ -93,7 +93,9 @@ class Grid(NamedTuple):
         return int(nodes[best]) if away[best] <= max(reach, lattice.size) else -1
 
 
-def make_grid(blocked: Bytes, lattice: Lattice | None = None, *, connectivity: int = 8, cut_corners: bool = False) -> Grid:
+def make_grid(
+    blocked: Bytes, lattice: Lattice | None = None, *, connectivity: int = 8, cut_corners: bool = False
+) -> Grid:
     """The grid of some cells.
 
     Args:
@@ -126,9 +128,7 @@ def lattice_of(box: tuple[float, float, float, float], size: float) -> Lattice:
     return Lattice(first_column * size, first_row * size, size, rows, columns)
 
 
-def grid_of(
-    plan: PlanningMap, size: float, growth: float, *, connectivity: int = 8, cut_corners: bool = False
-) -> Grid:
+def grid_of(plan: PlanningMap, size: float, growth: float, *, connectivity: int = 8, cut_corners: bool = False) -> Grid:
     """The grid of a map for a disc robot.
 
     Args:
@@ -281,7 +281,14 @@ def link_all(blocked: Bytes, links: Bytes, diagonal: bool, cut: bool) -> None:
 
 @kernel
 def link_box(
-    blocked: Bytes, links: Bytes, low_row: int, low_column: int, high_row: int, high_column: int, diagonal: bool, cut: bool
+    blocked: Bytes,
+    links: Bytes,
+    low_row: int,
+    low_column: int,
+    high_row: int,
+    high_column: int,
+    diagonal: bool,
+    cut: bool,
 ) -> None:
     """The same for the cells from a low row and column up to, and without, a high one."""
     columns = blocked.shape[1]

@@ -100,9 +100,14 @@ class GridPlanner(MapPlanner):
     def search(self, grid: Grid, start: int, goal: int) -> Found:
         """A way over a grid from one free cell to another."""
 
-    def clearance_of(self, room: Room) -> float:
-        """From how near to an obstacle on the centre of a cell is blocked [m]."""
-        return room.growth
+    def clearance_of(self, room: Room, size: float) -> float:
+        """From how near to an obstacle on the centre of a cell of some size is blocked [m].
+
+        So that not only the centres but the straight ways between neighbours keep the room: the middle of one of length h
+        is by Pythagoras no nearer than the root of g^2 - h^2 / 4 to what is no nearer than g to its ends.
+        """
+        step = size if self.parameters.connectivity == 4 else math.sqrt(2.0) * size
+        return math.hypot(room.growth, 0.5 * step)
 
     def plan(self, scene: Scene, memory: GridMemory) -> Plan:
         """The way over the cells with as much room as there is."""
@@ -124,14 +129,15 @@ class GridPlanner(MapPlanner):
 
     def _grid(self, plan: PlanningMap, size: float, room: Room) -> Grid:
         own = self.parameters
-        growth = self.clearance_of(room)
+        growth = self.clearance_of(room, size)
         return grid_of(plan, size, growth, connectivity=own.connectivity, cut_corners=own.cut_corners)
 
     def _way(self, ground: Ground, room: Room, scene: Scene, memory: GridMemory) -> F64 | None:
         grid, solids = ground.grid, ground.solids
         if scene.moving is not None:
             discs = mover_discs(scene.moving)
-            grid, solids = with_discs(grid, discs, self.clearance_of(room)), solids.with_discs(discs)
+            clearance = self.clearance_of(room, grid.lattice.size)
+            grid, solids = with_discs(grid, discs, clearance), solids.with_discs(discs)
         ends = self.ends(grid, ground.solids, room, scene)
         if ends is None:
             return None
@@ -150,7 +156,7 @@ class GridPlanner(MapPlanner):
         """The free cells in which a way begins and ends, None where there are none near enough."""
         size = grid.lattice.size
         here = scene.pose[:2]
-        near = self.clearance_of(room) - self.sensors.radius + 2.0 * size
+        near = self.clearance_of(room, size) - self.sensors.radius + 2.0 * size
         start = grid.free_node_near(here, near if scene.moving is None else near + room.growth)
         goal = grid.free_node_near(scene.goal, max(self.sensors.goal_radius - 0.5 * size, 0.0))
         if start < 0 or goal < 0:
@@ -179,4 +185,3 @@ class GridPlanner(MapPlanner):
             if ends is not None and len(self.search(grid, *ends).nodes) > 0:
                 return f"{what}; a resolution of {finer:g} m would do"
         return what
-

@@ -39,6 +39,10 @@ from bug_gym.kernels.layout import Floats
 GOAL_SHARE = 0.05
 """Share of the samples that are the goal itself, until there is a way."""
 
+FIRST_REACH, DOUBLED = 1.5, 250.0
+"""Until there is a way, samples are from the ellipse of ways this many times the straight one; after so many it is twice
+as long."""
+
 WIDER = 1.1
 """How much wider than the least for which RRT* is proven the circle is in which the tree is drawn shorter."""
 
@@ -69,7 +73,7 @@ class Grown(NamedTuple):
 
 def rrt_star(
     solids: Solids,
-    box: tuple[float, float, float, float],
+    span: float,
     start: Point,
     goal: Point,
     *,
@@ -81,7 +85,7 @@ def rrt_star(
 
     Args:
         solids: what pieces keep clear of.
-        box: xmin, ymin, xmax, ymax of the places [m].
+        span: no way is looked for that is longer than twice this before there is one [m].
         start: root of the tree [m].
         goal: where to [m].
         samples: how many places are drawn.
@@ -98,9 +102,8 @@ def rrt_star(
     draws = np.random.default_rng(seed).random((samples, 3))
     tree = Tree(np.empty(samples + 1), np.empty(samples + 1), np.zeros(samples + 1, dtype=np.int32))
     lengths, near = np.full(samples, np.inf), np.empty(samples + 1, dtype=np.int32)
-    radius = WIDER * 2.0 * math.sqrt(1.5 * (box[2] - box[0]) * (box[3] - box[1]) / math.pi)
     ends = np.array([*start, *goal])
-    last = grow(tree, ends, np.array(box), draws, step, radius, solids.edges, solids.discs, solids.growth, lengths, near)
+    last = grow(tree, ends, span, draws, step, solids.edges, solids.discs, solids.growth, lengths, near)
     if last < 0:
         return Grown(np.zeros((0, 2)), lengths)
     chain = [int(last)]
@@ -114,10 +117,9 @@ def rrt_star(
 def grow(
     tree: Tree,
     ends: Floats,
-    box: Floats,
+    span: float,
     draws: Floats,
     step: float,
-    radius: float,
     edges: Floats,
     discs: Floats,
     growth: float,
@@ -129,10 +131,9 @@ def grow(
     Args:
         tree: room for it; written here.
         ends: x, y of the start and of the goal (4,) [m].
-        box: of the samples (4,) [m].
+        span: see rrt_star [m].
         draws: three numbers from 0 to 1 a sample (n, 3).
         step: the longest piece [m].
-        radius: of the circle in which the tree is drawn shorter, but for the root of log(m) / m for m places [m].
         edges: what pieces keep clear of (e, 4).
         discs: the same (d, 3).
         growth: how far they keep clear of it [m].
@@ -141,14 +142,14 @@ def grow(
     """
     tree.x[0], tree.y[0], tree.parent[0] = ends[0], ends[1], 0
     count, last = 1, -1
-    if length(ends[2] - ends[0], ends[3] - ends[1]) <= step and is_clear(
-        ends[0], ends[1], ends[2], ends[3], edges, discs, growth
-    ):
+    apart = length(ends[2] - ends[0], ends[3] - ends[1])
+    if apart <= step and is_clear(ends[0], ends[1], ends[2], ends[3], edges, discs, growth):
         last = 0
     for number in range(len(draws)):
         best = length_by(tree, last, ends)
         lengths[number] = best
-        x, y = sample(draws, number, ends, box, best)
+        longest = best if last >= 0 else min(FIRST_REACH * apart * 2.0 ** (number / DOUBLED), 2.0 * span)
+        x, y = sample(draws, number, ends, longest, last < 0)
         nearest, away = nearest_to(tree, count, x, y)
         if away == 0.0:
             continue
@@ -157,7 +158,8 @@ def grow(
             y = tree.y[nearest] + step / away * (y - tree.y[nearest])
         if not is_clear(tree.x[nearest], tree.y[nearest], x, y, edges, discs, growth):
             continue
-        reach = min(radius * math.sqrt(math.log(count + 1.0) / (count + 1.0)), step)
+        area = 0.25 * math.pi * longest * math.sqrt(max(longest * longest - apart * apart, 0.0))
+        reach = min(WIDER * 2.0 * math.sqrt(1.5 * area / math.pi * math.log(count + 1.0) / (count + 1.0)), step)
         found = places_near(tree, count, x, y, reach, near)
         join(tree, count, x, y, nearest, near, found, edges, discs, growth)
         count += 1
@@ -171,19 +173,15 @@ def grow(
 
 
 @inlined
-def sample(draws: Floats, number: int, ends: Floats, box: Floats, best: float) -> tuple[float, float]:
-    """A random place [m]: of the box or the goal until there is a way, then of the ellipse of shorter ones."""
-    u, v, w = draws[number, 0], draws[number, 1], draws[number, 2]
-    if best == np.inf:
-        if w < GOAL_SHARE:
-            return ends[2], ends[3]
-        return box[0] + u * (box[2] - box[0]), box[1] + v * (box[3] - box[1])
+def sample(draws: Floats, number: int, ends: Floats, longest: float, aims: bool) -> tuple[float, float]:
+    """A random place of the ellipse of ways no longer than `longest` [m]; where it aims, now and then the goal."""
+    u, v = draws[number, 0], draws[number, 1]
     dx, dy = ends[2] - ends[0], ends[3] - ends[1]
     apart = length(dx, dy)
-    if apart == 0.0:
-        return ends[0], ends[1]
-    ahead = 0.5 * best * math.sqrt(u) * math.cos(2.0 * math.pi * v)
-    aside = 0.5 * math.sqrt(max(best * best - apart * apart, 0.0)) * math.sqrt(u) * math.sin(2.0 * math.pi * v)
+    if (aims and draws[number, 2] < GOAL_SHARE) or apart == 0.0:
+        return ends[2], ends[3]
+    ahead = 0.5 * longest * math.sqrt(u) * math.cos(2.0 * math.pi * v)
+    aside = 0.5 * math.sqrt(max(longest * longest - apart * apart, 0.0)) * math.sqrt(u) * math.sin(2.0 * math.pi * v)
     x = 0.5 * (ends[0] + ends[2]) + (ahead * dx - aside * dy) / apart
     y = 0.5 * (ends[1] + ends[3]) + (ahead * dy + aside * dx) / apart
     return x, y
@@ -256,9 +254,7 @@ def join(
 
 
 @called
-def rewire(
-    tree: Tree, node: int, near: Nodes, found: int, edges: Floats, discs: Floats, growth: float
-) -> None:
+def rewire(tree: Tree, node: int, near: Nodes, found: int, edges: Floats, discs: Floats, growth: float) -> None:
     """Reach the places near a new one through it, where that is shorter."""
     x, y = tree.x[node], tree.y[node]
     so_far = cost_to(tree, node)
@@ -327,7 +323,7 @@ class RRTStar(MapPlanner):
             return nowhere
         own = self.parameters
         seed = (own.seed, number)
-        found = rrt_star(solids, plan.box, start, goal, samples=own.samples, seed=seed, step=own.step).places
+        found = rrt_star(solids, plan.span, start, goal, samples=own.samples, seed=seed, step=own.step).places
         if len(found) == 0:
             return nowhere
         if own.smooth:

@@ -35,7 +35,7 @@ class SeenGround:
     def __init__(self, parameters: GridParameters, rooms: tuple[Room, ...]) -> None:
         self._parameters, self._rooms = parameters, list(rooms)
         self.room = self._rooms.pop(0)
-        self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self._growth, Search())
+        self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self._clearance, Search())
         self.grid = self._grid()
         self.solids = self._solids()
 
@@ -76,7 +76,7 @@ class SeenGround:
         if not self._rooms:
             return False
         self.room = self._rooms.pop(0)
-        self.points.set_clearance(self._growth)
+        self.points.set_clearance(self._clearance)
         self.grid, self.solids = self._grid(), self._solids()
         return True
 
@@ -102,6 +102,11 @@ class SeenGround:
     def _growth(self) -> float:
         """By how much points grow [m]: a cell remembers one of its points, others of the same wall are nearer."""
         return self.room.growth + 0.5 * self._parameters.resolution
+
+    @property
+    def _clearance(self) -> float:
+        """From how near to a point on the centre of a cell is blocked [m], see GridPlanner.clearance_of."""
+        return math.hypot(self._growth, math.sqrt(0.5) * self._parameters.resolution)
 
     def _solids(self) -> Solids:
         points = self.points.points()

@@ -104,7 +104,7 @@ def spread(places: F64, step: float) -> F64:
     pieces = [places[:1]]
     for a, b in itertools.pairwise(places):
         count = max(math.ceil(math.dist(a, b) / step), 1)
-        pieces.append(a + np.arange(1, count + 1)[:, None] / count * (b - a))
+        pieces.append(b - np.arange(count - 1, -1, -1)[:, None] / count * (b - a))
     return np.concatenate(pieces)
 
 
@@ -128,9 +128,7 @@ def is_clear(ax: float, ay: float, bx: float, by: float, edges: Floats, discs: F
 
 
 @called
-def square_gap(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> float:
+def square_gap(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> float:
     """Square of the distance between two straight pieces."""
     ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
     one = ux * (cy - ay) - uy * (cx - ax)
@@ -155,4 +153,3 @@ def square_to_piece(x: float, y: float, ax: float, ay: float, bx: float, by: flo
     share = min(max(((x - ax) * dx + (y - ay) * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
     gap_x, gap_y = x - ax - share * dx, y - ay - share * dy
     return gap_x * gap_x + gap_y * gap_y
-

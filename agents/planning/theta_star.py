@@ -141,6 +141,6 @@ class ThetaStar(GridPlanner):
         """A way that bends at cells only."""
         return theta_star(grid, start, goal)
 
-    def clearance_of(self, room: Room) -> float:
-        """Half a diagonal of a cell more than for others: a straight way may touch any point of a free cell."""
-        return room.growth + math.sqrt(0.5) * self.parameters.resolution
+    def clearance_of(self, room: Room, size: float) -> float:
+        """Half a diagonal of a cell more than the room [m]: a straight way may touch any point of a free cell."""
+        return room.growth + math.sqrt(0.5) * size
