@@ -57,7 +57,22 @@ AGENTS: dict[str, Agent] = {
     "k_bug": Agent("bugs.k_bug:KBug", "bug", "Langer et al. 2007"),
     "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
+    "bfs": Agent("planning.bfs:BFS", "planner", "Moore 1959", privileged=True),
+    "dijkstra": Agent("planning.dijkstra:Dijkstra", "planner", "Dijkstra 1959", privileged=True),
     "a_star": Agent("planning.a_star:AStar", "planner", "Hart, Nilsson and Raphael 1968", privileged=True),
+    "bidirectional_a_star": Agent(
+        "planning.bidirectional_a_star:BidirectionalAStar", "planner", "Pijls and Post 2009", privileged=True
+    ),
+    "d_star": Agent("planning.d_star:DStarPlanner", "planner", "Stentz 1994", privileged=True),
+    "d_star_lite": Agent(
+        "planning.d_star_lite:DStarLitePlanner", "planner", "Koenig and Likhachev 2005", privileged=True
+    ),
+    "theta_star": Agent(
+        "planning.theta_star:ThetaStar", "planner", "Nash, Daniel, Koenig and Felner 2007", privileged=True
+    ),
+    "rrt_star": Agent(
+        "planning.rrt_star:RRTStar", "planner", "Karaman and Frazzoli 2011; Gammell et al. 2014", privileged=True
+    ),
     "visibility_graph": Agent(
         "planning.visibility_graph:VisibilityGraph", "planner", "Lozano-Perez and Wesley 1979", privileged=True
     ),

@@ -149,7 +149,7 @@ class ScriptedPolicy(ABC):
     Parameters: ClassVar[type[Any]] = NoParameters
     """The algorithm's own parameters: a frozen dataclass with a sentence, and a unit, under each field."""
 
-    privileged: ClassVar[bool] = False
+    privileged: bool = False
     """Whether it reads the world's map (a map planner does, and says so)."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""

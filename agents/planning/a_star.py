@@ -18,9 +18,6 @@ from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Integers
 
-CLOSED = 8
-"""Bit of a cell that is done with, beside the step by which it was reached."""
-
 
 def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Found:
     """The shortest way over a grid.
@@ -58,7 +55,7 @@ def search(
         goal: number of a cell.
         kind: what is left.
         cost: of the way to each cell (n,), FAR at first; written here.
-        came: the step by which each was reached (n,), 0 at first; written here.
+        came: the step by which each was reached (n,); written here.
         heap: empty.
     """
     goal_row, goal_column = goal // columns, goal % columns
@@ -70,7 +67,6 @@ def search(
         if node == goal:
             break
         take(heap, node)
-        came[node] |= CLOSED
         expanded += 1
         dy = node // columns
         dx = node - dy * columns - goal_column
@@ -80,7 +76,7 @@ def search(
                 continue
             other = node + offset_of(step, columns)
             through = cost[node] + cost_of(step)
-            if through < cost[other] and not came[other] & CLOSED:
+            if through < cost[other]:
                 cost[other] = through
                 came[other] = step
                 left = bound(kind, dx + COLUMN_STEPS[step], dy + ROW_STEPS[step])

@@ -112,5 +112,5 @@ class PurePursuit:
 
     def _free(self, view: View, bearing: float) -> float:
         """How far the body can go along a bearing before it touches what the scan shows [m]."""
-        free = view.free_distance(bearing, view.sensors.radius)
+        free = view.free_distance(bearing, view.sensors.radius + 2.0 * view.sensors.range_noise)
         return max(free, 0.0) if np.isfinite(free) else view.sensors.range

@@ -93,7 +93,9 @@ class Grid(NamedTuple):
         return int(nodes[best]) if away[best] <= max(reach, lattice.size) else -1
 
 
-def make_grid(blocked: Bytes, lattice: Lattice | None = None, *, connectivity: int = 8, cut_corners: bool = False) -> Grid:
+def make_grid(
+    blocked: Bytes, lattice: Lattice | None = None, *, connectivity: int = 8, cut_corners: bool = False
+) -> Grid:
     """The grid of some cells.
 
     Args:
@@ -126,9 +128,7 @@ def lattice_of(box: tuple[float, float, float, float], size: float) -> Lattice:
     return Lattice(first_column * size, first_row * size, size, rows, columns)
 
 
-def grid_of(
-    plan: PlanningMap, size: float, growth: float, *, connectivity: int = 8, cut_corners: bool = False
-) -> Grid:
+def grid_of(plan: PlanningMap, size: float, growth: float, *, connectivity: int = 8, cut_corners: bool = False) -> Grid:
     """The grid of a map for a disc robot.
 
     Args:
@@ -173,6 +173,11 @@ def relink(grid: Grid, x: float, y: float, radius: float) -> None:
     first = max(low_row - 2, 1), max(low_column - 2, 1)
     last = min(high_row + 3, lattice.rows - 1), min(high_column + 3, lattice.columns - 1)
     link_box(grid.blocked, grid.links, *first, *last, grid.connectivity == 8, grid.cut_corners)
+
+
+def relink_nodes(grid: Grid, nodes: Nodes) -> None:
+    """Write the steps of cells (k,) that have changed, and of those about them, anew."""
+    link_nodes(grid.blocked, grid.links, nodes, grid.connectivity == 8, grid.cut_corners)
 
 
 # ------------------------------------------------------------------------------------------------------------- compiled
@@ -276,13 +281,31 @@ def link_all(blocked: Bytes, links: Bytes, diagonal: bool, cut: bool) -> None:
 
 @kernel
 def link_box(
-    blocked: Bytes, links: Bytes, low_row: int, low_column: int, high_row: int, high_column: int, diagonal: bool, cut: bool
+    blocked: Bytes,
+    links: Bytes,
+    low_row: int,
+    low_column: int,
+    high_row: int,
+    high_column: int,
+    diagonal: bool,
+    cut: bool,
 ) -> None:
     """The same for the cells from a low row and column up to, and without, a high one."""
     columns = blocked.shape[1]
     for row in range(low_row, high_row):
         for column in range(low_column, high_column):
             links[row * columns + column] = links_of(blocked, row, column, diagonal, cut)
+
+
+@kernel
+def link_nodes(blocked: Bytes, links: Bytes, nodes: Nodes, diagonal: bool, cut: bool) -> None:
+    """The same for some cells and those about them; none is in the outermost rows and columns."""
+    rows, columns = blocked.shape
+    for index in range(len(nodes)):
+        row, column = nodes[index] // columns, nodes[index] % columns
+        for r in range(max(row - 1, 1), min(row + 2, rows - 1)):
+            for c in range(max(column - 1, 1), min(column + 2, columns - 1)):
+                links[r * columns + c] = links_of(blocked, r, c, diagonal, cut)
 
 
 @inlined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
@@ -24,7 +25,7 @@ from bug_gym.agents.planning.planner import (
     mover_discs,
 )
 from bug_gym.agents.planning.search import Found
-from bug_gym.agents.planning.smoothing import Solids
+from bug_gym.agents.planning.smoothing import Solids, pulled
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
@@ -70,8 +71,8 @@ class GridParameters(PlannerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.resolution >= 1e-3:
-            raise ValueError(f"resolution must be at least 0.001 m, got {self.resolution!r}")
+        if not 1e-3 <= self.resolution < math.inf:
+            raise ValueError(f"resolution must be finite and at least 0.001 m, got {self.resolution!r}")
 
 
 class GridPlanner(MapPlanner):
@@ -99,9 +100,14 @@ class GridPlanner(MapPlanner):
     def search(self, grid: Grid, start: int, goal: int) -> Found:
         """A way over a grid from one free cell to another."""
 
-    def clearance_of(self, room: Room) -> float:
-        """From how near to an obstacle on the centre of a cell is blocked [m]."""
-        return room.growth
+    def clearance_of(self, room: Room, size: float) -> float:
+        """From how near to an obstacle on the centre of a cell of some size is blocked [m].
+
+        So that not only the centres but the straight ways between neighbours keep the room: the middle of one of length h
+        is by Pythagoras no nearer than the root of g^2 - h^2 / 4 to what is no nearer than g to its ends.
+        """
+        step = size if self.parameters.connectivity == 4 else math.sqrt(2.0) * size
+        return math.hypot(room.growth, 0.5 * step)
 
     def plan(self, scene: Scene, memory: GridMemory) -> Plan:
         """The way over the cells with as much room as there is."""
@@ -111,41 +117,46 @@ class GridPlanner(MapPlanner):
                 return Plan(places, room.margin)
         if scene.moving is not None:
             return Plan(None, reason="no way leads round the movers as they stand")
-        return Plan(None, reason=self.why_not(scene, memory), is_final=True)
+        return Plan(None, reason=self.why_not(scene, memory), verdict="unreachable")
 
     def ground(self, room: Room, memory: GridMemory) -> Ground:
         """The grid of what stands, made once an episode."""
         if room not in memory.grounds:
-            memory.grounds[room] = Ground(self._grid(live_of(memory).still, self.parameters.resolution, room), Solids(
-                live_of(memory).still, room.growth
-            ))
+            still = live_of(memory).still
+            grid = self._grid(still, self.parameters.resolution, room)
+            memory.grounds[room] = Ground(grid, Solids.of(still, room.growth))
         return memory.grounds[room]
 
     def _grid(self, plan: PlanningMap, size: float, room: Room) -> Grid:
         own = self.parameters
-        growth = self.clearance_of(room)
+        growth = self.clearance_of(room, size)
         return grid_of(plan, size, growth, connectivity=own.connectivity, cut_corners=own.cut_corners)
 
     def _way(self, ground: Ground, room: Room, scene: Scene, memory: GridMemory) -> F64 | None:
         grid, solids = ground.grid, ground.solids
         if scene.moving is not None:
             discs = mover_discs(scene.moving)
-            grid, solids = with_discs(grid, discs, self.clearance_of(room)), solids.with_discs(discs)
+            clearance = self.clearance_of(room, grid.lattice.size)
+            grid, solids = with_discs(grid, discs, clearance), solids.with_discs(discs)
         ends = self.ends(grid, ground.solids, room, scene)
         if ends is None:
             return None
-        found = self.search(grid, *ends)
+        found = self.search_anew(grid, ends, room, memory)
         memory.expanded += found.expanded
         if len(found.nodes) == 0:
             return None
         memory.cells = grid.lattice.places(found.nodes)
         return self.drawn(memory.cells, solids, scene)
 
+    def search_anew(self, grid: Grid, ends: tuple[int, int], room: Room, memory: Any) -> Found:
+        """A way in an episode; what is repaired instead of searched anew takes up here what it knows."""
+        return self.search(grid, *ends)
+
     def ends(self, grid: Grid, solids: Solids, room: Room, scene: Scene) -> tuple[int, int] | None:
         """The free cells in which a way begins and ends, None where there are none near enough."""
         size = grid.lattice.size
         here = scene.pose[:2]
-        near = self.clearance_of(room) - self.sensors.radius + 2.0 * size
+        near = self.clearance_of(room, size) - self.sensors.radius + 2.0 * size
         start = grid.free_node_near(here, near if scene.moving is None else near + room.growth)
         goal = grid.free_node_near(scene.goal, max(self.sensors.goal_radius - 0.5 * size, 0.0))
         if start < 0 or goal < 0:
@@ -159,7 +170,7 @@ class GridPlanner(MapPlanner):
         places = np.concatenate([[scene.pose[:2]], cells])
         if solids.is_clear(tuple(cells[-1]), scene.goal):
             places = np.concatenate([places, [scene.goal]])
-        return solids.straightened(places) if self.parameters.smooth else places
+        return pulled(places, self.parameters.resolution, solids.is_clear) if self.parameters.smooth else places
 
     def why_not(self, scene: Scene, memory: GridMemory) -> str:
         """Why there is no way over the cells, and at which resolution there is one."""
@@ -170,8 +181,7 @@ class GridPlanner(MapPlanner):
             if (high_x - low_x) * (high_y - low_y) / finer**2 > TRIED_CELLS:
                 break
             grid = self._grid(plan, finer, room)
-            ends = self.ends(grid, Solids(plan, room.growth), room, scene)
+            ends = self.ends(grid, Solids.of(plan, room.growth), room, scene)
             if ends is not None and len(self.search(grid, *ends).nodes) > 0:
                 return f"{what}; a resolution of {finer:g} m would do"
         return what
-

@@ -132,6 +132,12 @@ class PlanningMap:
         (xmin, ymin), (xmax, ymax) = self.border.min(axis=0).tolist(), self.border.max(axis=0).tolist()
         return xmin, ymin, xmax, ymax
 
+    @cached_property
+    def span(self) -> float:
+        """Diagonal of that box [m]."""
+        xmin, ymin, xmax, ymax = self.box
+        return math.hypot(xmax - xmin, ymax - ymin)
+
     def shapes(self) -> NDArray[np.object_]:
         """The obstacles (n,) as polygons around them, the discs first."""
         return self.grown(0.0).obstacles

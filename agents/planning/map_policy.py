@@ -33,7 +33,7 @@ class MapPolicy(ScriptedPolicy):
         **parameters: the algorithm's own.
     """
 
-    privileged: ClassVar[bool] = True
+    privileged: bool = True  # of one that can do without the map, its parameters tell
     memory_type: ClassVar[type[MapMemory]] = MapMemory
     """What `start` makes."""
 

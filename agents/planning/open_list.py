@@ -79,7 +79,11 @@ def rise(heap: OpenList, index: int, first: int, second: int, node: int) -> None
         above = (index - 1) >> 1
         if not is_before(first, second, entries[above, 0], entries[above, 1]):
             break
-        entries[index, 0], entries[index, 1], entries[index, 2] = entries[above, 0], entries[above, 1], entries[above, 2]
+        entries[index, 0], entries[index, 1], entries[index, 2] = (
+            entries[above, 0],
+            entries[above, 1],
+            entries[above, 2],
+        )
         place[entries[index, 2]] = index + 1
         index = above
     entries[index, 0], entries[index, 1], entries[index, 2] = first, second, node
@@ -98,7 +102,11 @@ def sink(heap: OpenList, index: int, first: int, second: int, node: int) -> None
         below += is_before(entries[beside, 0], entries[beside, 1], entries[below, 0], entries[below, 1])
         if not is_before(entries[below, 0], entries[below, 1], first, second):
             break
-        entries[index, 0], entries[index, 1], entries[index, 2] = entries[below, 0], entries[below, 1], entries[below, 2]
+        entries[index, 0], entries[index, 1], entries[index, 2] = (
+            entries[below, 0],
+            entries[below, 1],
+            entries[below, 2],
+        )
         place[entries[index, 2]] = index + 1
         index = below
     entries[index, 0], entries[index, 1], entries[index, 2] = first, second, node

@@ -30,6 +30,9 @@ STRAYED = 0.5
 WATCHED = 3.0
 """How far ahead a way is watched for movers that stand in it [m]."""
 
+NEAR = 5.0
+"""Movers up to this far from the robot are planned round [m]."""
+
 SLOW = 0.1
 """What moves less than this stands [m/s]."""
 
@@ -74,8 +77,9 @@ class Plan(NamedTuple):
     """What it keeps from obstacles beside the body [m]."""
     reason: str = ""
     """Why there is none, in a sentence."""
-    is_final: bool = False
-    """Whether there is no way for certain among what stands, at the planner's resolution."""
+    verdict: str = ""
+    """What follows from that: "unreachable" where there is no way for certain, at the planner's resolution; "" where it
+    may be tried again."""
 
 
 @dataclass
@@ -139,12 +143,13 @@ class MapPlanner(MapPolicy):
         scene = self.look(view, memory)
         memory.pause -= view.sensors.drive.step
         away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
-        if math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED:
-            self._plan_anew(scene._replace(moving=None), memory)
-        if memory.route is not None and memory.pause <= 0.0:
+        is_due = memory.route is None or away > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
+        if memory.pause <= 0.0:
             round_these = self.planned_round(scene)
-            if self.is_blocked(memory.route, round_these):
-                self._plan_anew(round_these, memory)
+            if is_due:
+                self.replace_route(scene._replace(moving=None), memory)
+            elif memory.route is not None and self.is_blocked(memory.route, round_these):
+                self.replace_route(scene._replace(moving=near(round_these)), memory)
         if memory.route is None:
             return 0.0, 0.0
         return self.follower.follow(memory.route, view, scene)
@@ -168,21 +173,18 @@ class MapPlanner(MapPolicy):
         away = distances_to_chain(route.ahead(WATCHED), discs[:, :2])
         return bool((away <= discs[:, 2] + self.sensors.radius).any())
 
-    def _plan_anew(self, scene: Scene, memory: PlannerMemory) -> None:
-        """Replace the way; one round movers that cannot be found leaves the old one, on which the robot waits."""
+    def replace_route(self, scene: Scene, memory: PlannerMemory) -> None:
+        """Replace the way; where none is found round movers the old one stays, on which the robot waits."""
         found = self.plan(scene, memory)
         memory.plans += 1
         memory.pause = PAUSE
+        memory.reason, memory.verdict = found.reason, found.verdict
         if found.places is not None:
             memory.route = Route(found.places, margin=found.margin)
             memory.planned_for = scene.goal
-            memory.mode = "following"
-        elif found.is_final:
-            memory.verdict, memory.reason = "unreachable", found.reason
+        elif scene.moving is None:
             memory.route = None
-        else:
-            memory.reason = found.reason
-            memory.mode = "waiting"
+        memory.mode = "following" if found.places is not None else "waiting"
 
     def draw(self, memory: PlannerMemory) -> Drawing:
         """The way that is followed, and its bends."""
@@ -197,6 +199,16 @@ def live_of(memory: MapMemory) -> LiveMap:
     """The world of an episode."""
     assert memory.live is not None, "a planner's memory is made by `begin`"
     return memory.live
+
+
+def near(scene: Scene) -> Moving:
+    """What moves near the robot; what is far will be elsewhere when the robot comes there."""
+    assert scene.moving is not None
+    discs, velocities, polygons, is_round = scene.moving
+    x, y, _ = scene.pose
+    is_near = np.hypot(discs[:, 0] - x, discs[:, 1] - y) <= NEAR + discs[:, 2]
+    kept = tuple(one for one, stays in zip(polygons, is_near[~is_round].tolist(), strict=True) if stays)
+    return Moving(discs[is_near], velocities[is_near], kept, is_round[is_near])
 
 
 def mover_discs(moving: Moving | None) -> F64:

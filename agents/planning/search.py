@@ -103,4 +103,3 @@ def cost_of_way(nodes: NDArray[np.integer], columns: int) -> int:
     rows, cols = np.divmod(nodes.astype(np.int64), columns)
     steps = np.abs(np.diff(rows)) + np.abs(np.diff(cols))
     return int(STRAIGHT * (steps == 1).sum() + DIAGONAL * (steps == 2).sum())
-

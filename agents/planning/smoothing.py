@@ -1,7 +1,10 @@
-"""Straight pieces among grown obstacles: whether one is clear, exactly, and ways over cells drawn straight by them."""
+"""Ways over cells pulled straight, and whether a straight way is clear among grown obstacles, exactly."""
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Callable
 from copy import copy
 
 import numpy as np
@@ -10,21 +13,27 @@ from bug_gym.agents.planning.grid import edges_of
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.geometry import F64, Point
-from bug_gym.kernels.layout import Floats, Integers
+from bug_gym.kernels.layout import Floats
 
 
 class Solids:
-    """The obstacles of a map and its border, as straight pieces and discs, for one radius of the robot.
+    """Obstacles as discs and straight pieces, for one radius of the robot.
 
     Args:
-        plan: the map.
+        discs: x, y, radius (n, 3) [m].
+        edges: x1, y1, x2, y2 (e, 4) [m].
         growth: nearer to anything than this a way must not come [m].
     """
 
-    def __init__(self, plan: PlanningMap, growth: float) -> None:
-        self.edges, _ = edges_of(((plan.border,), *plan.polygons))
-        self.discs = np.ascontiguousarray(plan.discs, dtype=np.float64)
-        self.growth = growth
+    def __init__(self, discs: F64, edges: F64, growth: float) -> None:
+        self.discs = np.ascontiguousarray(discs, dtype=np.float64)
+        self.edges, self.growth = edges, growth
+
+    @classmethod
+    def of(cls, plan: PlanningMap, growth: float) -> Solids:
+        """The obstacles of a map, and its border."""
+        edges, _ = edges_of(((plan.border,), *plan.polygons))
+        return cls(plan.discs, edges, growth)
 
     def with_discs(self, discs: F64) -> Solids:
         """The same with more discs (n, 3) x, y, radius [m]."""
@@ -42,11 +51,61 @@ class Solids:
         """Whether the straight way from a to b keeps the growth, to a nanometre; both ends lie outside of obstacles."""
         return bool(is_clear(*a, *b, self.edges, self.discs, self.growth - 1e-9))
 
-    def straightened(self, places: F64) -> F64:
-        """A chain of places (k, 2) without those that a clear straight way leaves out; the ends stay."""
-        kept = np.empty(len(places), dtype=np.int64)
-        count = straighten(np.ascontiguousarray(places), self.edges, self.discs, self.growth - 1e-9, kept)
-        return places[kept[:count]]
+
+IsClear = Callable[[Point, Point], bool]
+"""Whether a straight way between two places is clear."""
+
+PULLS = 3
+"""How often a way is pulled straight forth and back."""
+
+
+def pulled(places: F64, step: float, is_clear: IsClear) -> F64:
+    """A chain of places (k, 2), pulled straight: what a clear straight way leaves out is left out; the ends stay.
+
+    Forth and back by turns, each time from places a step apart [m], so that bends come closer to the corners that they are
+    there for. It never grows longer.
+    """
+    chain = places
+    for _ in range(PULLS):
+        chain = without_detours(chain, is_clear)[::-1]
+        chain = without_detours(spread(chain, step), is_clear)[::-1]
+    return chain
+
+
+def without_detours(places: F64, is_clear: IsClear) -> F64:
+    """A chain of places (k, 2) that goes on from each to one as far ahead as it is found clear.
+
+    It is looked for in doubled strides, then between the last two by halves; the next place always counts as clear.
+    """
+    points = [(x, y) for x, y in places.tolist()]
+    last = len(points) - 1
+    kept, at = [0], 0
+    while at < last:
+        reached, stride, blocked = at + 1, 2, last + 1
+        while reached < last:
+            ahead = min(at + stride, last)
+            if not is_clear(points[at], points[ahead]):
+                blocked = ahead
+                break
+            reached, stride = ahead, 2 * stride
+        while blocked <= last and blocked - reached > 1:
+            middle = (reached + blocked) // 2
+            if is_clear(points[at], points[middle]):
+                reached = middle
+            else:
+                blocked = middle
+        kept.append(reached)
+        at = reached
+    return places[kept]
+
+
+def spread(places: F64, step: float) -> F64:
+    """A chain of places (k, 2) with more on its straight pieces, at most a step [m] apart."""
+    pieces = [places[:1]]
+    for a, b in itertools.pairwise(places):
+        count = max(math.ceil(math.dist(a, b) / step), 1)
+        pieces.append(b - np.arange(count - 1, -1, -1)[:, None] / count * (b - a))
+    return np.concatenate(pieces)
 
 
 @kernel
@@ -69,9 +128,7 @@ def is_clear(ax: float, ay: float, bx: float, by: float, edges: Floats, discs: F
 
 
 @called
-def square_gap(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> float:
+def square_gap(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> float:
     """Square of the distance between two straight pieces."""
     ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
     one = ux * (cy - ay) - uy * (cx - ax)
@@ -96,38 +153,3 @@ def square_to_piece(x: float, y: float, ax: float, ay: float, bx: float, by: flo
     share = min(max(((x - ax) * dx + (y - ay) * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
     gap_x, gap_y = x - ax - share * dx, y - ay - share * dy
     return gap_x * gap_x + gap_y * gap_y
-
-
-@kernel
-def straighten(places: Floats, edges: Floats, discs: Floats, growth: float, kept: Integers) -> int:
-    """Numbers of the places that a way keeps, written into `kept`; returns how many.
-
-    From each it goes on to one as far as it is found clear: in doubled strides, then between the last two by halves.
-    """
-    last = len(places) - 1
-    kept[0] = 0
-    count, at = 1, 0
-    while at < last:
-        reached, stride = at + 1, 2
-        blocked = last + 1
-        while reached < last:
-            ahead = min(at + stride, last)
-            if not sees(places, at, ahead, edges, discs, growth):
-                blocked = ahead
-                break
-            reached, stride = ahead, 2 * stride
-        while blocked <= last and blocked - reached > 1:
-            middle = (reached + blocked) // 2
-            if sees(places, at, middle, edges, discs, growth):
-                reached = middle
-            else:
-                blocked = middle
-        kept[count] = reached
-        count, at = count + 1, reached
-    return count
-
-
-@inlined
-def sees(places: Floats, at: int, ahead: int, edges: Floats, discs: Floats, growth: float) -> bool:
-    """Whether the way from one place to another is clear."""
-    return is_clear(places[at, 0], places[at, 1], places[ahead, 0], places[ahead, 1], edges, discs, growth)

@@ -32,9 +32,9 @@ class VisibilityGraph(MapPlanner):
             places = self._way(plan, scene.pose[:2], scene.goal, room.growth / NEAREST)
             if places is not None:
                 return Plan(places, room.margin)
-        is_final = scene.moving is None and self._is_shut_in(plan, scene.pose[:2], scene.goal)
+        is_shut_in = scene.moving is None and self._is_shut_in(plan, scene.pose[:2], scene.goal)
         reason = f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
-        return Plan(None, reason=reason, is_final=is_final)
+        return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
 
     def _way(self, plan: PlanningMap, start: Point, goal: Point, radius: float) -> F64 | None:
         """The shortest way of a disc; its ends may lie nearer to obstacles than its radius, if there is room beside."""
