@@ -167,7 +167,8 @@ class D2TPlanner(MapPlanner):
         if memory.way is not None:
             return Plan(memory.way.path, memory.way.margin)
         reason = f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
-        return Plan(None, reason=reason, is_final=scene.moving is None and self.parameters.horizon is None)
+        is_shut_in = scene.moving is None and self.parameters.horizon is None
+        return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
 
     def draw(self, memory: Any) -> Drawing:
         """The way, the sleeve that it was pulled taut in, and what was kept off."""

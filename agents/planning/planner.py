@@ -204,11 +204,9 @@ def live_of(memory: MapMemory) -> LiveMap:
 def near(scene: Scene) -> Moving:
     """What moves near the robot; what is far will be elsewhere when the robot comes there."""
     assert scene.moving is not None
-    discs, velocities, polygons, is_round = scene.moving
+    discs = scene.moving.discs
     x, y, _ = scene.pose
-    is_near = np.hypot(discs[:, 0] - x, discs[:, 1] - y) <= NEAR + discs[:, 2]
-    kept = tuple(one for one, stays in zip(polygons, is_near[~is_round].tolist(), strict=True) if stays)
-    return Moving(discs[is_near], velocities[is_near], kept, is_round[is_near])
+    return scene.moving.select(np.hypot(discs[:, 0] - x, discs[:, 1] - y) <= NEAR + discs[:, 2])
 
 
 def mover_discs(moving: Moving | None) -> F64:
