@@ -19,7 +19,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -127,7 +126,7 @@ def find_way(task: Task, manner: Manner = Manner(), *, seed: int = 0) -> Way | N
         found = _through(task, manner, parts, side, seed)
         if found is not None:
             return found._replace(by=by)
-    return _shortest(task, manner) if math.isinf(manner.horizon) else None
+    return shortest_way(task, manner) if math.isinf(manner.horizon) else None
 
 
 def clusters_of(task: Task, manner: Manner) -> list[Cluster]:
@@ -274,7 +273,7 @@ def _joined(start: F64, way: F64) -> F64:
     return way if np.allclose(start, way[0], rtol=0.0, atol=1e-12) else np.concatenate([start[None], way])
 
 
-def _shortest(task: Task, manner: Manner) -> Way | None:
+def shortest_way(task: Task, manner: Manner) -> Way | None:
     """The shortest path itself, with less of the margin where that leaves none; None where there is none at all."""
     obstacles = [*task.obstacles, *task.movers]
     rings = [[ring.coords[:-1] for ring in (one.exterior, *one.interiors)] for one in obstacles]
@@ -299,8 +298,3 @@ def graph_size(mesh: Mesh, shapes: Sequence[shapely.Polygon], vertex: int) -> tu
     kept = edges[free]
     kept = kept[component(kept, len(mesh.points), vertex)]
     return len(np.unique(kept)), len(kept)
-
-
-def lengths_of(plans: Sequence[Way | None]) -> NDArray[np.float64]:
-    """Lengths of plans [m], infinite where there is none."""
-    return np.array([math.inf if one is None else one.length for one in plans])

@@ -62,8 +62,7 @@ def block(x: float, y: float, width: float, height: float) -> shapely.Polygon:
 
 def scenario_1() -> Task:
     """A map of 45 x 30 m with large blocks of irregular shapes, in the manner of the paper's Scenario 1."""
-    task = field(1, 22, 45.0, 30.0, sizes=(1.2, 3.2), start=(2.0, 4.0), goal=(42.0, 25.0))
-    return task
+    return field(1, 22, 45.0, 30.0, sizes=(1.2, 3.2), start=(2.0, 4.0), goal=(42.0, 25.0))
 
 
 def scenario_2() -> Task:
@@ -107,6 +106,11 @@ def beach(*, start: Point = (25.0, 3.0), goal: Point = (25.0, 96.0)) -> Task:
                 )
                 shapes.append(lounger)
     return Task(shapes, np.array(rectangle(50.0, 100.0)), start, goal, RADIUS)
+
+
+def is_clear(place: Point, room: float) -> bool:
+    """Whether a place is so far from everything on the beach [m]."""
+    return bool((shapely.distance(np.array(beach().obstacles, dtype=object), shapely.Point(place)) > room).all())
 
 
 def as_world(task: Task, movers: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:

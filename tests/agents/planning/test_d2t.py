@@ -35,7 +35,7 @@ def clearance(path: Any, task: Task) -> float:
 def test_every_way_of_planning_keeps_off_and_none_beats_the_shortest(optimiser: Optimiser, seed: int) -> None:
     task = d2t_worlds.field(seed, 30)
     found = find_way(task, Manner(optimiser, facets=1), seed=seed)
-    best = triangulated._shortest(task, Manner())
+    best = triangulated.shortest_way(task, Manner())
     assert found is not None and best is not None
     assert clearance(found.path, task) >= 0.3 - 1e-9
     assert found.length >= best.length - 0.01
@@ -58,7 +58,7 @@ def test_the_goal_is_reached_without_contact(name: str, kinematics: str) -> None
     task = d2t_worlds.field(3, 30, 20.0, 12.0)
     episode = run_episode(name, scenario(task), {"robot.kinematics": kinematics})
     assert episode.outcome == "success" and episode.min_clearance > 0.0
-    best = triangulated._shortest(task, Manner())
+    best = triangulated.shortest_way(task, Manner())
     assert best is not None and episode.full_length <= 1.25 * best.length
 
 
