@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,6 +57,29 @@ AGENTS: dict[str, Agent] = {
     "k_bug": Agent("bugs.k_bug:KBug", "bug", "Langer et al. 2007"),
     "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
+    "bfs": Agent("planning.bfs:BFS", "planner", "Moore 1959", privileged=True),
+    "dijkstra": Agent("planning.dijkstra:Dijkstra", "planner", "Dijkstra 1959", privileged=True),
+    "a_star": Agent("planning.a_star:AStar", "planner", "Hart, Nilsson and Raphael 1968", privileged=True),
+    "bidirectional_a_star": Agent(
+        "planning.bidirectional_a_star:BidirectionalAStar", "planner", "Pijls and Post 2009", privileged=True
+    ),
+    "d_star": Agent("planning.d_star:DStarPlanner", "planner", "Stentz 1994", privileged=True),
+    "d_star_lite": Agent(
+        "planning.d_star_lite:DStarLitePlanner", "planner", "Koenig and Likhachev 2005", privileged=True
+    ),
+    "theta_star": Agent(
+        "planning.theta_star:ThetaStar", "planner", "Nash, Daniel, Koenig and Felner 2007", privileged=True
+    ),
+    "rrt_star": Agent(
+        "planning.rrt_star:RRTStar", "planner", "Karaman and Frazzoli 2011; Gammell et al. 2014", privileged=True
+    ),
+    "visibility_graph": Agent(
+        "planning.visibility_graph:VisibilityGraph", "planner", "Lozano-Perez and Wesley 1979", privileged=True
+    ),
+    "velocity_obstacle": Agent("local.velocity_obstacle:VelocityObstacle", "local", "Fiorini and Shiller 1998"),
+    "dwa": Agent("local.dwa:DWA", "local", "Fox, Burgard and Thrun 1997"),
+    "d2t_eaco": Agent("planning.d2t_eaco:D2TEaco", "planner", "Sellers et al. 2026", privileged=True),
+    "d2t_dijkstra": Agent("planning.d2t_eaco:D2TDijkstra", "planner", "Sellers et al. 2026", privileged=True),
     "critical_point_bug": Agent("bugs.critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
 }
 LEARNED = {
@@ -103,12 +127,13 @@ def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
         name: one of `policy_names()`; or the path of a folder that `bug-gym train` wrote, or of a zip that
             stable-baselines3 wrote, which takes `trust=True`: it is a pickle and can run any code.
         source: an env of any face, a Simulation, or a Scenario (or its name, path or dict). The policy learns what a
-            driver of that robot would know (kinematics, body, limits, beams, range, step), never the world.
+            driver of that robot would know (kinematics, body, limits, beams, range, step), never the world. Privileged
+            ones read the world's map as an episode begins: they take an env or a Simulation only.
         **parameters: the algorithm's own, see its class.
 
     Raises:
-        ValueError: an unknown policy or parameter, a parameter's value that cannot be, or a learned policy that was
-            made for another robot.
+        ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy that was made
+            for another robot, or a privileged one and no live env.
         ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """
     policy_class, fixed = _entry(name)
@@ -117,10 +142,19 @@ def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
         if key not in known:
             hint = nearest_hint(key, known, cutoff=0.6)
             raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
-    sensors = Sensors.of(source_scenario(source))
     own = checked_parameters(policy_class, parameters, f"policy {name!r}: ")
+    if reads_map(policy_class, own):
+        from bug_gym.agents.planning.live import Maps  # SciPy and shapely, slow to load
+
+        fixed = {**fixed, "maps": Maps.of(source, name)}
+    sensors = Sensors.of(source_scenario(source))
     policy: Policy = policy_class(sensors, discrete=is_discrete(source), **fixed, **own)
     return policy
+
+
+def reads_map(policy_class: type[Any], parameters: Mapping[str, Any]) -> bool:
+    """Whether a policy reads the world's map; with `known=False` one that can do without does not."""
+    return bool(getattr(policy_class, "privileged", False)) and bool(parameters.get("known", True))
 
 
 def parameters_table() -> list[tuple[str, Parameter]]:

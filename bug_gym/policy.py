@@ -150,7 +150,7 @@ class ScriptedPolicy(ABC):
     Parameters: ClassVar[type[Any]] = NoParameters
     """The algorithm's own parameters: a frozen dataclass with a sentence, and a unit, under each field."""
 
-    privileged: ClassVar[bool] = False
+    privileged: bool = False
     """Whether it reads the world's map (a map planner does, and says so)."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
@@ -170,6 +170,10 @@ class ScriptedPolicy(ABC):
     @abstractmethod
     def start(self) -> Memory:
         """Memory of a new episode."""
+
+    def first_memory(self, flat: NDArray[np.float32], number: int) -> Memory:
+        """Memory of the episode that begins with an observation of a batch (n, D); a map planner looks whose it is."""
+        return self.start()
 
     @abstractmethod
     def act(self, view: View, memory: Any) -> Velocity:
@@ -203,10 +207,13 @@ class ScriptedPolicy(ABC):
         """
         flat = flat_observation(observation, self.sensors)
         rows = flat[None] if flat.ndim == 1 else flat
-        memories = [self.start() for _ in rows] if state is None else self._checked(state, len(rows))
+        if state is None:
+            memories = [self.first_memory(rows, row) for row in range(len(rows))]
+        else:
+            memories = self._checked(state, len(rows))
         if episode_start is not None:
-            for row in np.flatnonzero(checked_starts(episode_start, len(rows))):
-                memories[row] = self.start()
+            for row in np.flatnonzero(checked_starts(episode_start, len(rows))).tolist():
+                memories[row] = self.first_memory(rows, row)
         actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
         return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
 

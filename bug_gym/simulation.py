@@ -174,6 +174,10 @@ class Simulation:
         self.begin(rows)
         return self.observations(rows)
 
+    def has_episode(self, row: int) -> bool:
+        """Whether a row has been reset."""
+        return bool(self._seeded[row])
+
     def begin(self, rows: Rows) -> None:
         """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
         self._do(kernels.BEGIN, rows, self._no_actions(rows))

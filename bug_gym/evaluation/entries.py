@@ -48,8 +48,15 @@ class PolicyEntry:
         return cls(label, type(policy).__qualname__, policy=policy)
 
     def make(self, simulation: Simulation) -> Policy:
-        """The policy for the robots of a simulation."""
+        """The policy for the robots of a simulation.
+
+        Raises:
+            ValueError: an object that reads the map of another env.
+        """
         if self.policy is not None:
+            if getattr(self.policy, "maps", None) is not None:
+                expected = "give its name and parameters instead"
+                raise ValueError(f"{self.label}: a planner reads the map of the env that it was made with: {expected}")
             return self.policy
         return make_policy(self.name, simulation, **self.parameters)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import gymnasium as gym
 import numpy as np
@@ -34,6 +34,15 @@ def is_privileged(policy: Policy) -> bool:
     return bool(getattr(policy, "privileged", False))
 
 
+@runtime_checkable
+class Planner(Policy, Protocol):
+    """A policy that is told whose map it reads."""
+
+    def begin(self, robot: int) -> Any:
+        """Memory of the episode that a robot has begun, the robots of the simulation numbered row by row."""
+        ...
+
+
 class _OneByOne:
     """Asks a policy robot by robot, so that each decision has a time of its own."""
 
@@ -42,7 +51,7 @@ class _OneByOne:
         self._memories: list[tuple[Any, ...] | None] = [None] * robots
 
     def begin(self, robot: int) -> None:
-        self._memories[robot] = None
+        self._memories[robot] = (self._policy.begin(robot),) if isinstance(self._policy, Planner) else None
 
     def memory(self, robot: int) -> Any:
         memories = self._memories[robot]
@@ -111,7 +120,8 @@ class Rollout:
         scenario: the scenario.
         seeds: one a world.
         lengths: shortest paths that are known.
-        slots: how many worlds at a time. A policy that reads the map gets one: it has to know whose map it reads.
+        slots: how many worlds at a time. A policy that reads the map, and has no `begin`, gets one: it has to know whose
+            map it reads.
     """
 
     def __init__(
@@ -127,11 +137,12 @@ class Rollout:
         self._lengths = lengths or {}
         self.simulation = Simulation(scenario.scenario, min(slots, len(seeds)))
         self.policy = entry.make(self.simulation)
-        if is_privileged(self.policy) and self.simulation.count > 1:
+        is_told = not is_privileged(self.policy) or isinstance(self.policy, Planner)
+        if not is_told and self.simulation.count > 1:
             self.simulation = Simulation(scenario.scenario)
             self.policy = entry.make(self.simulation)
         count, robots = self.simulation.count, self.simulation.robots
-        one_by_one = getattr(self.policy, "one_by_one", False) and not is_privileged(self.policy)
+        one_by_one = getattr(self.policy, "one_by_one", False) and is_told
         self._driver: _OneByOne | _AllAtOnce = (
             _OneByOne(self.policy, count * robots)
             if one_by_one

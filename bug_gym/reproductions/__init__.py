@@ -29,6 +29,7 @@ REPRODUCTIONS: dict[str, str] = {
     "ppo-curve": "ppo_curve",
     "predictors": "predictors",
     "scripted-and-learned": "scripted_and_learned",
+    "d2t-eaco": "d2t_eaco",
 }
 """Name on the command line -> module here."""
 
