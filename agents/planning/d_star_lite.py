@@ -130,7 +130,7 @@ def repair(
     """
     cost, ahead = estimates
     expanded = 0
-    while heap.count[0] > 0:
+    while heap.filled[0] > 0:
         node, first, second = heap.entries[0, 2], heap.entries[0, 0], heap.entries[0, 1]
         target = min(cost[start], ahead[start])
         if not (is_before(first, second, min(target + moved, FAR), target) or ahead[start] > cost[start]):
@@ -284,7 +284,7 @@ class DStarLitePlanner(RepairingPlanner):
         """A search from a goal."""
         return DStarLite(grid, goal)
 
-    def act(self, view: View, memory: DStarLiteMemory) -> Velocity:
+    def act(self, view: View, memory: Any) -> Velocity:
         """One decision."""
         if self.privileged:
             return super().act(view, memory)
@@ -299,7 +299,7 @@ class DStarLitePlanner(RepairingPlanner):
             self.replace_route(scene, memory)
         return self.follower.follow(memory.route, view, scene) if memory.route is not None else (0.0, 0.0)
 
-    def plan(self, scene: Scene, memory: DStarLiteMemory) -> Plan:
+    def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way over the cells, as seen so far where the map is not given."""
         seen = memory.seen
         if seen is None:
