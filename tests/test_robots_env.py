@@ -76,6 +76,18 @@ def test_pettingzoo_finds_nothing_to_say_about_the_aec_env(scenario: str) -> Non
         finds.seed_test(lambda: bug_gym.env(scenario, robots=2), num_cycles=100)
 
 
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("robots", [2, 4, 16])
+def test_pettingzoo_finds_nothing_to_say_about_few_or_many_robots(robots: int, kinematics: str) -> None:
+    settings: dict[str, Any] = {"robots": robots, "overrides": {"robot.kinematics": kinematics, **ALL_NOISES}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        finds.parallel_api_test(bug_gym.parallel_env("circle_swap", **settings), num_cycles=200)
+        finds.parallel_seed_test(lambda: bug_gym.parallel_env("circle_swap", **settings), num_cycles=30)
+        finds.api_test(bug_gym.env("circle_swap", observation="flat", **settings), num_cycles=60)
+        finds.seed_test(lambda: bug_gym.env("circle_swap", **settings), num_cycles=30)
+
+
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_the_same_seed_gives_the_same_run_with_all_noises(scenario: str) -> None:
     runs = [rollout(parallel_maker(scenario, overrides=ALL_NOISES)(), seed=3, steps=600) for _ in range(2)]
