@@ -54,9 +54,14 @@ def steering(drive: Drive, velocity: tuple[float, float] | NDArray[np.float64]) 
         scale = 1.0 / max(drive.max_speed, speed)
         return np.array([vx * scale, vy * scale], dtype=np.float32)
     error = math.atan2(vy, vx) if speed > 0.0 else 0.0
-    rate = min(max(min(TURN_GAIN, 1.0 / drive.step) * error, -drive.max_turn_rate), drive.max_turn_rate)
+    rate = turn_rate(drive, error)
     ahead = min(speed, drive.max_speed) * math.cos(error) if abs(error) <= TURN_IN_PLACE else 0.0
     return differential_action(drive, ahead, rate)
+
+
+def turn_rate(drive: Drive, error: float) -> float:
+    """How fast a differential robot turns at a heading error [rad], in rad/s."""
+    return min(max(min(TURN_GAIN, 1.0 / drive.step) * error, -drive.max_turn_rate), drive.max_turn_rate)
 
 
 def differential_action(drive: Drive, speed: float, turn_rate: float) -> NDArray[np.float32]:
