@@ -74,6 +74,7 @@ def approach_limit(gap: float, step: float, deceleration: float) -> float:
 
 @kernel
 def reciprocal_velocity(
+    ranges: Floats,
     clean: Floats,
     cos: Floats,
     sin: Floats,
@@ -92,7 +93,8 @@ def reciprocal_velocity(
     by the least where they leave nothing.
 
     Args:
-        clean: the scan without bodies (B,) [m].
+        ranges: the scan (B,) [m].
+        clean: the same without bodies (B,) [m].
         cos: directions of the beams, x (B,).
         sin: y (B,).
         reach: range that means "nothing seen" [m].
@@ -112,8 +114,8 @@ def reciprocal_velocity(
     hard = 0
     near = radius + wall_margin + speed * max(before_walls, step)
     for i in range(len(clean)):
-        if clean[i] < near and clean[i] < reach:
-            limit = approach_limit(clean[i] - radius - wall_margin, max(before_walls, step), deceleration)
+        if ranges[i] < near and ranges[i] < reach:
+            limit = approach_limit(ranges[i] - radius - wall_margin, max(before_walls, step), deceleration)
             hard = add_half_plane(lines, hard, -cos[i], -sin[i], -limit)
     walls, soft = hard, 0
     for b in range(count):

@@ -173,7 +173,7 @@ class Orca(ScriptedPolicy):
         memory.steps += 1
         if memory.verdict:
             return 0.0, 0.0
-        velocity = self._keep_clear(view, clean.ranges, bodies, self._sidestep(wish, memory))
+        velocity = self._keep_clear(view, clean, bodies, self._sidestep(wish, memory))
         square = wish[0] ** 2 + wish[1] ** 2
         chosen_x, chosen_y, is_disturbed = velocity
         memory.mode = "avoid" if is_disturbed else "go"
@@ -247,11 +247,12 @@ class Orca(ScriptedPolicy):
 
     # ------------------------------------------------------------------------------------------------ keeping clear
 
-    def _keep_clear(self, view: View, clean: F64, bodies: F64, wish: Velocity) -> tuple[float, float, bool]:
+    def _keep_clear(self, view: View, clean: View, bodies: F64, wish: Velocity) -> tuple[float, float, bool]:
         """The velocity nearest to the wish that keeps clear, and whether bodies change what it would be."""
         velocity = view.velocity if self.sensors.drive.kinematics == "holonomic" else (view.velocity[0], 0.0)
         chosen: tuple[float, float, bool] = reciprocal_velocity(
-            clean,
+            view.ranges,
+            clean.ranges,
             self._cos,
             self._sin,
             self.sensors.range,
