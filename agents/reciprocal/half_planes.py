@@ -14,7 +14,7 @@ from bug_gym.kernels.layout import Floats
 from bug_gym.kernels.randomness import hash64, uniform
 
 # Columns of a body to be avoided: place and velocity in the robot's frame [m, m/s], its radius [m], the share of the
-# avoidance that is this robot's, and the share of the gap that it may close in a step.
+# avoidance that is this robot's (0: it counts as a still thing), and the share of the gap that it may close in a step.
 PX, PY, VX, VY, RADIUS, SHARE, GAP_SHARE = range(7)
 BODY = 7
 
@@ -23,7 +23,7 @@ BODY = 7
 def take_bodies_out(
     ranges: Floats, cos: Floats, sin: Floats, reach: float, margin: float, bodies: Floats, count: int, clean: Floats
 ) -> None:
-    """The scan of a robot as if some bodies were not there; where a beam has hit one, nothing is seen.
+    """The scan of a robot as if bodies that move were not there; where a beam has hit one, nothing is seen.
 
     Args:
         ranges: the scan (B,) [m].
@@ -41,6 +41,8 @@ def take_bodies_out(
             continue
         x, y = ranges[i] * cos[i], ranges[i] * sin[i]
         for b in range(count):
+            if bodies[b, SHARE] == 0.0:
+                continue
             limit = bodies[b, RADIUS] + margin
             dx, dy = x - bodies[b, PX], y - bodies[b, PY]
             if dx * dx + dy * dy < limit * limit:
@@ -128,7 +130,7 @@ def reciprocal_velocity(
         limit = approach_limit(bodies[b, GAP_SHARE] * (distance - touching), step, deceleration)
         if limit < speed:
             hard = add_half_plane(lines, hard, -x / distance, -y / distance, -limit)
-        if is_hidden(clean, cos, sin, reach, x, y, bodies[b, RADIUS]):
+        if bodies[b, SHARE] == 0.0 or is_hidden(clean, cos, sin, reach, x, y, bodies[b, RADIUS]):
             continue
         # Two that are nearer than they would like keep the room that there is.
         together = max(min(touching + margin, distance * (1.0 - 1e-9)), touching)

@@ -66,6 +66,9 @@ BODY_MARGIN = 0.1
 AT_REST = 0.01
 """A robot slower than this does nothing to keep clear [m/s]."""
 
+SETTLED = 2.0
+"""A robot at rest for longer is one more still thing, which the bug goes round [s]."""
+
 WALL_STEPS = 2.0
 """How many steps before a wall a robot begins to slow down."""
 
@@ -86,6 +89,8 @@ class OrcaMemory(Memory):
     """Decisions so far."""
     seed: int = 0
     """Tells this robot from the others, whose angles to the right differ."""
+    at_rest: F64 | None = None
+    """For how long each of the other robots has been at rest (R - 1,) [s]."""
     held_up: float = 0.0
     """How much of the wish the others left nothing of in the last decision, from 0 to 1."""
     was_disturbed: bool = False
@@ -190,12 +195,19 @@ class Orca(ScriptedPolicy):
         if self.peers:
             peers[:, PX : VY + 1] = view.field("peers")
             peers[:, RADIUS], peers[:, GAP_SHARE] = self.sensors.radius, 0.5
-            peers[:, SHARE] = np.where(np.hypot(peers[:, VX], peers[:, VY]) < AT_REST, 1.0, 0.5)
+            peers[:, SHARE] = self._shares(peers, memory)
             if memory.steps == 0:
                 memory.seed = zlib.crc32(view.field("peers").tobytes())
         if self.tracker is None or memory.tracker is None:
             return peers
         return np.concatenate([peers, self._movers(view, memory, memory.tracker, peers)])
+
+    def _shares(self, peers: F64, memory: OrcaMemory) -> F64:
+        """What of the avoidance of each of the other robots (R - 1,) is this one's."""
+        is_at_rest = np.hypot(peers[:, VX], peers[:, VY]) < AT_REST
+        before = np.zeros(len(peers)) if memory.at_rest is None else memory.at_rest
+        memory.at_rest = np.where(is_at_rest, before + self.sensors.drive.step, 0.0)
+        return np.where(memory.at_rest > SETTLED, 0.0, np.where(is_at_rest, 1.0, 0.5))
 
     def _movers(self, view: View, memory: OrcaMemory, kept: TrackerMemory, peers: F64) -> F64:
         """What moves in the scan and is no robot, as bodies (n, BODY)."""
