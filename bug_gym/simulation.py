@@ -387,10 +387,22 @@ class Simulation:
 
     def robot_step(self, row: int = 0, robot: int = 0) -> RobotStep:
         """What the last step (or reset) gave one robot; the quick way for a face of one world."""
+        return self._robot_step(row, robot, self._reported(row))
+
+    def robot_steps(self, row: int = 0) -> list[RobotStep]:
+        """What the last step (or reset) gave each robot of a row, for a face of one world."""
+        reported = self._reported(row)
+        return [self._robot_step(row, robot, reported) for robot in range(self.world.robots)]
+
+    def _reported(self, row: int) -> list[float]:
+        """The part of a row's numbers that tells how its robots are doing."""
         if self._bound_world is not self.world.floats:
             self._bind()
+        reported: list[float] = self.world.floats[row, : self._report_end].tolist()
+        return reported
+
+    def _robot_step(self, row: int, robot: int, values: list[float]) -> RobotStep:
         begin = self._begins
-        values = self.world.floats[row, : self._report_end].tolist()
         outcome = self.world.ints.item(row, begin["outcome"] + robot)
         terms = begin["terms"] + kernels.TERMS * robot
         return RobotStep(
