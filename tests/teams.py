@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents import make_policy
+from bug_gym.agents import TEAMS, make_policy
 from bug_gym.policy import source_scenario
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
@@ -109,6 +110,6 @@ def run_team(
 
 def make_team(name: str, scenario: Any, agents: list[str], **parameters: Any) -> Any:
     """A team for robots that are each alone in a world of the scenario."""
-    from bug_gym.agents import TEAMS, _imported  # the table's own door, which make_policy opens for several robots only
-
-    return _imported(TEAMS[name].entry_point)(Sensors.of(scenario), agents=agents, **parameters)
+    module, class_name = TEAMS[name].entry_point.split(":")
+    team_class = getattr(importlib.import_module(f"bug_gym.agents.{module}"), class_name)
+    return team_class(Sensors.of(scenario), agents=agents, **parameters)

@@ -14,8 +14,9 @@ blocked, or it falls silent on it, they go on.
 *Collision control.* The paper has Rev3 stop below 1.5 m and go on at 2 m "to allow the Com1 robot to pass", and
 presupposes the room for it. Where there is none the robots here make it: a robot waits whose next step would bring it
 within a hand's breadth of another, and the partner in its way moves along its own way, on or back, whichever leads
-away. So Com1 drives the curve that it drives alone, at other times. What waits longer than 10 s goes round its partner
-as round an obstacle (the paper's own rule), and says so: `detoured`.
+away; where neither does it steps aside, and who is in its way makes room in turn. So Com1 drives the curve that it
+drives alone, at other times. What waits longer than 10 s goes round its partner as round an obstacle (the paper's own
+rule), and says so: `detoured`.
 
 With more than two robots half drive by Com1 and half by Rev3, of either half the turns alternate (section 5); a robot
 holds for all that come before it.
@@ -31,7 +32,15 @@ from typing import Any, Literal
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.partners import ROOM, closes, gap, least_gap, place_after, without_partners
+from bug_gym.agents.teams.partners import (
+    ROOM,
+    closes,
+    distance_to_segment,
+    gap,
+    least_gap,
+    place_after,
+    without_partners,
+)
 from bug_gym.agents.walls.boundary import LeaveRule
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import BugMemory
@@ -40,7 +49,7 @@ from bug_gym.policy import Drawing, Velocity
 from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors, View
 
-Sides = Literal["right_left", "left_right", "left"]
+Sides = Literal["right_left", "left_right", "left", "right"]
 PartnerRule = Literal["solo", "paper", "ghost"]
 
 STANDING: Velocity = (0.0, 0.0)
@@ -51,6 +60,9 @@ PATIENCE = 10.0
 AHEAD = 1.0
 """How far along its own way a robot that makes room compares on and back [m]."""
 
+HEADINGS = 16
+"""How many headings a robot tries that steps aside."""
+
 SAME_DISTANCE = 1e-6
 """Distances to the goal that differ by less are equal [m]."""
 
@@ -58,6 +70,7 @@ TURNS: dict[str, tuple[tuple[str, str], tuple[str, str]]] = {
     "right_left": (("right", "left"), ("left", "right")),
     "left_right": (("left", "right"), ("right", "left")),
     "left": (("left", "left"), ("left", "left")),
+    "right": (("right", "right"), ("right", "right")),
 }
 """First turns of the Com1 robots, in turn, and of the Rev3 robots."""
 
@@ -82,6 +95,10 @@ class Com1Rev3Memory(TeamMemory):
     """How long it has waited in this encounter [s]."""
     room: int = 0
     """+1 while it makes room on along its way, -1 back, 0 while it does not."""
+    aside: list[Point] = field(default_factory=list)
+    """Places that lead back to its way after it has stepped aside, the next one last, odometry frame [m]."""
+    on_behalf: int = 0
+    """The foremost robot for which it waits, or makes room."""
     is_detouring: bool = False
     """Whether it goes round its partners as round obstacles."""
     detoured: bool = False
@@ -97,7 +114,7 @@ class Com1Rev3Parameters:
     leave_rule: LeaveRule = "front"
     """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
     sides: Sides = "right_left"
-    """First turns of Com1 and of Rev3: one each way, or both "left" (the paper's examples)."""
+    """First turns of Com1 and of Rev3: one each way, or both "left" (the paper's examples) or "right"."""
     hold_distance: Length = 1.5
     """Distance to a robot that comes before it, below which a robot holds [m]."""
     go_distance: Length = 2.0
@@ -147,14 +164,17 @@ class Com1Rev3(TeamPolicy):
 
     def act(self, views: Sequence[View | None], memories: Sequence[Com1Rev3Memory]) -> list[Velocity]:
         """One decision of all."""
-        team = [robot for robot, memory in enumerate(memories) if memory.is_heard and not memory.verdict]
+        team = [robot for robot, memory in enumerate(memories) if memory.is_heard and not memory.own.verdict]
         self._check_winner(memories)
         seen = {robot: self._seen(robot, memories) for robot in team}
         self._look_for_encounters(team, memories)
         wanted = [STANDING] * len(memories)
+        for memory in memories:
+            if memory.own.verdict:
+                memory.mode = "stopped"
         for robot in team:
             wanted[robot] = self._wanted(robot, seen[robot], team, memories, wanted)
-        self._share_verdicts(team, memories)
+        self._share_verdicts(memories)
         self._look_for_winner(team, seen, memories)
         return [STANDING if self._is_stopped(robot, memories) else wish for robot, wish in enumerate(wanted)]
 
@@ -167,7 +187,11 @@ class Com1Rev3(TeamPolicy):
         goes_round = memory.is_detouring or (self.parameters.partner_rule == "paper" and robot < self.leaders)
         if goes_round:
             return memory.view
-        partners = [other for number, other in enumerate(memories) if number != robot and other.is_heard]
+        partners = [
+            other
+            for number, other in enumerate(memories)
+            if number != robot and other.is_heard and not other.own.verdict
+        ]
         return without_partners(memory.view, memory.frame, partners)
 
     def _wanted(
@@ -180,12 +204,12 @@ class Com1Rev3(TeamPolicy):
     ) -> Velocity:
         """The velocity of one robot; those that come before it have theirs."""
         memory = memories[robot]
-        if self._is_stopped(robot, memories) or memory.own.verdict:
+        if self._is_stopped(robot, memories):
             memory.mode = "stopped"
             return STANDING
-        if memory.holding_for or self._is_in_the_way(robot, team, memories):
+        if memory.holding_for or self._asking(robot, team, memories):
             return self._hold(robot, view, team, memories, wanted)
-        memory.room = 0
+        memory.room, memory.on_behalf = 0, robot
         velocity = self._go_on(robot, view, memory)
         blockers = self._blockers(robot, velocity, team, memories, wanted)
         memory.waiting_for = blockers
@@ -203,13 +227,27 @@ class Com1Rev3(TeamPolicy):
         """What the law wants; first back to where it decided last, where the robot has made room since."""
         if memory.pending is not None:
             return memory.pending
+        while memory.aside and math.dist(memory.aside[-1], view.position) < 0.3 * self.step:
+            memory.aside.pop()
+        if memory.aside:
+            return self.laws[robot].boundary.step_to(view, memory.aside[-1]) or STANDING
         back = self._along_trace(robot, view, memory, 1)
         if back is not None:
             return back
         velocity = self.laws[robot].act(view, memory.own)
+        if memory.is_detouring and memory.own.verdict:
+            self._give_up_detour(memory)
+            return STANDING
         memory.trace.append(view.position)
         memory.at = len(memory.trace) - 1
         return velocity
+
+    def _give_up_detour(self, memory: Com1Rev3Memory) -> None:
+        """What a robot finds out while its partner is an obstacle to it proves nothing: it waits again."""
+        memory.own.verdict = ""
+        memory.is_detouring, memory.waited = False, 0.0
+        if memory.own.contour is not None:
+            memory.own.contour.waited = 0.0
 
     def _along_trace(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
         """Velocity to the next place of the trace, on (+1) or back (-1); None at its end, or where something stands."""
@@ -263,9 +301,14 @@ class Com1Rev3(TeamPolicy):
             and closes(memory, after, memories[other], place_after(memories[other], wanted[other]), least)
         }
 
-    def _is_in_the_way(self, robot: int, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> bool:
-        """Whether a robot that comes before it waits for this one."""
-        return any(other < robot and robot in memories[other].waiting_for for other in team)
+    def _asking(self, robot: int, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> list[int]:
+        """Robots that wait for this one, for themselves or for another one that comes before it; the foremost first."""
+        asking = [
+            other
+            for other in team
+            if other != robot and robot in memories[other].waiting_for and memories[other].on_behalf < robot
+        ]
+        return sorted(asking, key=lambda other: memories[other].on_behalf)
 
     def _hold(
         self,
@@ -275,26 +318,37 @@ class Com1Rev3(TeamPolicy):
         memories: Sequence[Com1Rev3Memory],
         wanted: Sequence[Velocity],
     ) -> Velocity:
-        """Stand, or make room for a robot that waits."""
+        """Stand, or make room for a robot that waits: on along the own way, back, or aside."""
         memory = memories[robot]
-        memory.waiting_for, memory.mode = set(), "hold"
-        asking = [other for other in team if other < robot and robot in memories[other].waiting_for]
-        nearest = min((gap(memory, memories[other]) for other in memory.holding_for or asking), default=math.inf)
-        if any(memories[other].is_detouring for other in team if other < robot):
+        memory.waiting_for, memory.mode, memory.on_behalf = set(), "hold", robot
+        asking = self._asking(robot, team, memories)
+        if self.parameters.partner_rule != "solo" or any(memories[other].is_detouring for other in team):
             memory.room = 0
-        elif asking and memory.room == 0:
-            memory.room = self._better_way(memory, view, memories[asking[0]])
-        elif nearest >= self.parameters.go_distance:
-            memory.room = 0
-        if memory.room == 0 or self.parameters.partner_rule != "solo":
             return STANDING
-        for direction in (memory.room, -memory.room):
+        if asking:
+            memory.on_behalf = memories[asking[0]].on_behalf
+            memory.room = memory.room or self._better_way(memory, view, memories[asking[0]])
+        if memory.room == 0:
+            return STANDING
+        for direction in (memory.room, -memory.room) if not memory.aside else ():
             velocity = self._make_room(robot, view, memory, direction)
-            if velocity is not None and not self._blockers(robot, velocity, team, memories, wanted):
-                memory.room, memory.mode = direction, "making_room"
-                memory.pending = None
+            if velocity is not None and self._has_room(robot, velocity, team, memories, wanted):
+                memory.room, memory.mode, memory.pending = direction, "making_room", None
                 return velocity
-        return STANDING
+        return self._step_aside(robot, view, asking, team, memories, wanted) if asking else STANDING
+
+    def _has_room(
+        self,
+        robot: int,
+        velocity: Velocity,
+        team: Sequence[int],
+        memories: Sequence[Com1Rev3Memory],
+        wanted: Sequence[Velocity],
+    ) -> bool:
+        """Whether a robot that makes room can take a step; who is in its way is asked for room in turn."""
+        blockers = self._blockers(robot, velocity, team, memories, wanted)
+        memories[robot].waiting_for |= blockers
+        return not blockers
 
     def _make_room(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
         """Velocity on or back along the own way; None at the start of the trace."""
@@ -302,7 +356,38 @@ class Com1Rev3(TeamPolicy):
             return self._along_trace(robot, view, memory, -1)
         velocity = self._go_on(robot, view, memory)
         memory.pending = velocity  # the law has decided for this place, whether the step is taken or not
-        return None if memory.own.verdict else velocity
+        return None if memory.own.verdict or velocity == STANDING else velocity
+
+    def _step_aside(
+        self,
+        robot: int,
+        view: View,
+        asking: Sequence[int],
+        team: Sequence[int],
+        memories: Sequence[Com1Rev3Memory],
+        wanted: Sequence[Velocity],
+    ) -> Velocity:
+        """Leave the own way for as long as a robot asks, to where the asking one's way leads least near."""
+        memory, other = memories[robot], memories[asking[0]]
+        assert memory.frame is not None and memory.word is not None and other.word is not None
+        speed = self.sensors.drive.max_speed
+        safe = self.laws[robot].boundary.safe_radius
+        begin, end = other.word.place, place_after(other, other.pending or STANDING)
+        ahead = AHEAD / max(math.dist(begin, end), 1e-9)
+        end = (begin[0] + ahead * (end[0] - begin[0]), begin[1] + ahead * (end[1] - begin[1]))
+        ways = []
+        for number in range(HEADINGS):
+            bearing = 2.0 * math.pi * number / HEADINGS
+            after = place_after(memory, velocity_along(bearing, AHEAD / self.sensors.drive.step))
+            ways.append((distance_to_segment(after, begin, end), bearing))
+        for _, bearing in sorted(ways, reverse=True):
+            velocity = velocity_along(bearing, speed)
+            is_free = view.free_distance(bearing, safe) >= self.step
+            if is_free and self._has_room(robot, velocity, team, memories, wanted):
+                memory.aside.append(view.position)
+                memory.mode, memory.pending = "making_room", None
+                return velocity
+        return STANDING
 
     def _better_way(self, memory: Com1Rev3Memory, view: View, asking: TeamMemory) -> int:
         """+1 or -1: whether the gap to a robot that asks for room is larger after 1 m on, or back."""
@@ -373,9 +458,10 @@ class Com1Rev3(TeamPolicy):
             for memory in memories:
                 memory.winner = None
 
-    def _share_verdicts(self, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> None:
+    def _share_verdicts(self, memories: Sequence[Com1Rev3Memory]) -> None:
         """The mission ends where a complete robot proves that there is no way, or where no robot has one left."""
-        proven = any(memories[robot].own.verdict == "unreachable" for robot in team if robot < self.leaders)
-        if proven or all(memories[robot].own.verdict for robot in team):
-            for robot in team:
-                memories[robot].verdict = "unreachable" if proven else memories[robot].own.verdict
+        heard = [memory for memory in memories if memory.is_heard]
+        proven = any(memory.own.verdict == "unreachable" for memory in memories[: self.leaders] if memory.is_heard)
+        if proven or all(memory.own.verdict for memory in heard):
+            for memory in heard:
+                memory.verdict = "unreachable" if proven else memory.own.verdict
