@@ -34,6 +34,7 @@ from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.partners import (
     ROOM,
+    Seen,
     closes,
     distance_to_segment,
     gap,
@@ -81,6 +82,8 @@ class Com1Rev3Memory(TeamMemory):
 
     own: BugMemory = field(default_factory=BugMemory)
     """Memory of its law."""
+    eyes: BugMemory = field(default_factory=BugMemory)
+    """Glances at what moves that is no partner."""
     trace: list[Point] = field(default_factory=list)
     """Places where its law decided, odometry frame [m]."""
     at: int = 0
@@ -173,26 +176,35 @@ class Com1Rev3(TeamPolicy):
             if memory.own.verdict:
                 memory.mode = "stopped"
         for robot in team:
-            wanted[robot] = self._wanted(robot, seen[robot], team, memories, wanted)
+            self._watch(robot, seen[robot], memories[robot])
+            wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
         self._share_verdicts(memories)
-        self._look_for_winner(team, seen, memories)
+        self._look_for_winner(team, {robot: one.view for robot, one in seen.items()}, memories)
         return [STANDING if self._is_stopped(robot, memories) else wish for robot, wish in enumerate(wanted)]
 
     # ------------------------------------------------------------------------------------------------ one robot
 
-    def _seen(self, robot: int, memories: Sequence[Com1Rev3Memory]) -> View:
+    def _seen(self, robot: int, memories: Sequence[Com1Rev3Memory]) -> Seen:
         """What a robot's law gets to see: no bodies of partners, but for one that goes round them."""
         memory = memories[robot]
         assert memory.view is not None and memory.frame is not None
         goes_round = memory.is_detouring or (self.parameters.partner_rule == "paper" and robot < self.leaders)
         if goes_round:
-            return memory.view
+            return Seen(memory.view, memory.view)
         partners = [
             other
             for number, other in enumerate(memories)
             if number != robot and other.is_heard and not other.own.verdict
         ]
         return without_partners(memory.view, memory.frame, partners)
+
+    def _watch(self, robot: int, seen: Seen, memory: Com1Rev3Memory) -> None:
+        """Look for what moves in place of the law, which would take partners for it; it spoils the law's lap."""
+        is_moving = self.laws[robot].boundary.sees_motion(seen.still, memory.eyes)
+        if is_moving and memory.own.contour is not None:
+            memory.own.contour.is_disturbed = True
+        if not memory.own.glances:
+            memory.own.glances, memory.own.glance_age = [seen.still], -math.inf
 
     def _wanted(
         self,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,17 @@ SAME_WALL = 6.0
 """Two neighbouring points of a scan are of one wall where they are nearer than so many beams are apart there."""
 
 
-def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -> View:
-    """The observation without the bodies of partners, and with what they see behind themselves.
+class Seen(NamedTuple):
+    """What a robot sees without its partners."""
+
+    view: View
+    """The observation without their bodies, and with what they see behind themselves."""
+    still: View
+    """The same with a range of nothing where they stood before it: there is no telling what has moved."""
+
+
+def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -> Seen:
+    """What a robot sees without the bodies of partners.
 
     Args:
         view: what the robot sees.
@@ -39,12 +49,12 @@ def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -
     ux, uy = sensors.beam_directions
     places = [view.to_robot(*frame.to_odometry(other.word.place)) for other in partners if other.word is not None]
     if not places:
-        return view
+        return Seen(view, view)
     bodies = np.array([*places, (0.0, 0.0)])
     reach = sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise
     ranges, hidden = view.ranges.copy(), np.zeros(len(view.ranges), dtype=np.bool_)
     if not take_out_bodies(ranges, ux, uy, sensors.range, bodies[:-1], reach, hidden):
-        return view
+        return Seen(view, view)
     widest = SAME_WALL * 2.0 * math.pi / len(ranges)
     for other in partners:
         if other.view is None or other.word is None or not other.is_heard:
@@ -53,7 +63,9 @@ def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -
         turn = other.word.heading - frame.heading - view.heading
         theirs = other.view.ranges
         put_in_walls(ranges, hidden, ux, uy, sensors.range, bodies, reach, theirs, x, y, turn, widest)
-    return view.with_ranges(ranges)
+    seen = view.with_ranges(ranges)
+    ranges[hidden] = 0.0
+    return Seen(seen, view.with_ranges(ranges))
 
 
 def least_gap(sensors: Sensors) -> float:
