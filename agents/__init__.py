@@ -74,7 +74,9 @@ AGENTS |= {
     name: Agent("learning.play:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()
 }
 
-TEAMS: dict[str, Agent] = {}
+TEAMS: dict[str, Agent] = {
+    "com1_rev3": Agent("teams.com1_rev3:Com1Rev3", "team", "Oni and Wang"),
+}
 """Teams, which drive several robots of one world."""
 
 

@@ -47,7 +47,7 @@ class Transition(NamedTuple):
     terminated: NDArray[np.bool_]
     """Goal reached or something touched (n, R)."""
     truncated: NDArray[np.bool_]
-    """Out of time (n, R)."""
+    """Out of time, or another robot has ended the mission (n, R)."""
 
     def of_robot(self, robot: int) -> Transition:
         """The same of one robot, views (n, ...)."""
@@ -376,7 +376,7 @@ class Simulation:
         """What the last step gave for the rows."""
         outcome, reward = (status or self.status(rows))[:2]
         terminated = (outcome == kernels.SUCCESS) | (outcome == kernels.COLLISION)
-        return Transition(self.observations(rows), reward, terminated, outcome == kernels.TIMEOUT)
+        return Transition(self.observations(rows), reward, terminated, outcome >= kernels.TIMEOUT)
 
     def info(self, rows: Rows | None = None, status: RobotStatus | None = None) -> dict[str, NDArray[Any]]:
         """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms), as task.REWARD_TERMS."""
@@ -484,7 +484,7 @@ def robot_step_of(
     """A RobotStep as a plain tuple, which is made in half the time."""
     name, named = task.OUTCOMES[outcome], task.named_terms(*terms)
     info = info_of(outcome, name, path_length, time, min_clearance, goal_distance, named)
-    return reward, info["is_success"] or info["collision"], outcome == kernels.TIMEOUT, info
+    return reward, info["is_success"] or info["collision"], outcome >= kernels.TIMEOUT, info
 
 
 def info_of(

@@ -102,6 +102,12 @@ class TeamMemory(Memory):
     """What it saw when it was heard last."""
     is_heard: bool = False
     """Whether it answers now; one that does not stands where it was heard last."""
+    winner: int | None = None
+    """Number of the robot that is known to arrive first, for which the others have stopped."""
+    holds: int = 0
+    """How often it has stopped for a partner to pass."""
+    held: float = 0.0
+    """How long it has stood so, in all [s]."""
 
 
 def is_by_agent(observation: Any, agents: Sequence[str]) -> bool:

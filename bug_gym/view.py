@@ -103,7 +103,7 @@ class View:
         self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
 
     def with_ranges(self, ranges: NDArray[np.float64]) -> View:
-        """The same observation with another scan (B,) [m]."""
+        """The same observation with other ranges (B,) [m]."""
         flat = self._flat.copy()
         flat[self.sensors.always_seen[0]] = ranges
         return View(flat, self.sensors)

@@ -122,6 +122,7 @@ class World:
             "width": width,
             "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
             "limit_steps": self.scenario.time.steps,
+            "first_ends": int(self.scenario.mission == "first"),
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
             "regions": len(self.scenario.world.regions),
             "step": self.scenario.time.step,
