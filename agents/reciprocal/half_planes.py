@@ -1,4 +1,4 @@
-"""The compiled part of ORCA for a robot: what it sees without other bodies, and its half planes of velocities.
+"""The compiled part of ORCA for a robot: its half planes of velocities, and the velocity chosen within them.
 
 The half planes of other bodies and the programme that chooses within them are those of the crowd
 (bug_gym.kernels.avoidance).
@@ -19,37 +19,6 @@ PX, PY, VX, VY, RADIUS, SHARE, GAP_SHARE = range(7)
 BODY = 7
 
 
-@kernel
-def take_bodies_out(
-    ranges: Floats, cos: Floats, sin: Floats, reach: float, margin: float, bodies: Floats, count: int, clean: Floats
-) -> None:
-    """The scan of a robot as if bodies that move were not there; where a beam has hit one, nothing is seen.
-
-    Args:
-        ranges: the scan (B,) [m].
-        cos: directions of the beams, x (B,).
-        sin: y (B,).
-        reach: range that means "nothing seen" [m].
-        margin: hits so near to a body's edge are its own [m].
-        bodies: (n, BODY).
-        count: how many of them there are.
-        clean: (B,) is filled [m].
-    """
-    for i in range(len(ranges)):
-        clean[i] = ranges[i]
-        if ranges[i] >= reach:
-            continue
-        x, y = ranges[i] * cos[i], ranges[i] * sin[i]
-        for b in range(count):
-            if bodies[b, SHARE] == 0.0:
-                continue
-            limit = bodies[b, RADIUS] + margin
-            dx, dy = x - bodies[b, PX], y - bodies[b, PY]
-            if dx * dx + dy * dy < limit * limit:
-                clean[i] = reach
-                break
-
-
 @called
 def is_hidden(clean: Floats, cos: Floats, sin: Floats, reach: float, x: float, y: float, room: float) -> bool:
     """Whether a wall stands before a place [m]: the beam nearest to its bearing ends more than `room` [m] before it."""
@@ -59,7 +28,8 @@ def is_hidden(clean: Floats, cos: Floats, sin: Floats, reach: float, x: float, y
         along = cos[i] * x + sin[i] * y
         if along > best:
             best, nearest = along, i
-    return clean[nearest] < reach and clean[nearest] < distance - room
+    seen: float = clean[nearest]
+    return seen < reach and seen < distance - room
 
 
 @called
@@ -166,4 +136,5 @@ def speed_before_bodies(bodies: Floats, count: int, robot: Floats, direction: fl
 @kernel
 def drawn_share(seed: int, leg: int) -> float:
     """A number from 0 to 1 that a robot draws for a leg."""
-    return uniform(hash64(seed, 0, leg, 0), 0)
+    share: float = uniform(hash64(seed, 0, leg, 0), 0)
+    return share

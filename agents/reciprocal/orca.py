@@ -43,8 +43,9 @@ from bug_gym.agents.reciprocal.half_planes import (
     drawn_share,
     reciprocal_velocity,
     speed_before_bodies,
-    take_bodies_out,
 )
+from bug_gym.agents.teams.hidden import take_out_bodies
+from bug_gym.agents.teams.partners import BODY_MARGIN
 from bug_gym.agents.tracking.layout import TRACKS
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
 from bug_gym.geometry import F64, velocity_along
@@ -60,8 +61,8 @@ MAX_SIDESTEP = 1.5
 SIDESTEP_LEG = 1.0
 """For how long it keeps to the angle that it has drawn [s]."""
 
-BODY_MARGIN = 0.1
-"""How far from a body's edge a hit is still taken for the body's, beside three times the range noise [m]."""
+TRACK_MARGIN = 0.1
+"""How far from a tracked mover's edge a hit is still taken for the mover's, beside three times the range noise [m]."""
 
 AT_REST = 0.01
 """A robot slower than this does nothing to keep clear [m/s]."""
@@ -160,7 +161,7 @@ class Orca(ScriptedPolicy):
         )
         self._robot = np.array(numbers)
         beams = len(sensors.angles)
-        self._clean = np.empty(beams)
+        self._hidden = np.zeros(beams, dtype=np.bool_)
         self._lines, self._spare = np.empty((2, 3 * (beams + 2 * (self.peers + TRACKS))))
         self._cos, self._sin = (np.ascontiguousarray(part) for part in sensors.beam_directions)
 
@@ -172,7 +173,7 @@ class Orca(ScriptedPolicy):
     def act(self, view: View, memory: OrcaMemory) -> Velocity:
         """One decision."""
         bodies = self._bodies(view, memory)
-        clean = self._without(view, bodies)
+        clean = self.without_bodies(view, bodies)
         memory.wish = wish = self._wish(clean, memory)
         memory.bodies, memory.pose = bodies, view.pose
         memory.steps += 1
@@ -224,14 +225,19 @@ class Orca(ScriptedPolicy):
         is_robot = (gaps < movers[:, None, RADIUS] + peers[None, :, RADIUS]).any(axis=1)
         return movers[~is_robot]
 
-    def _without(self, view: View, bodies: F64) -> View:
-        """What the robot would see if no one else were there."""
-        if not len(bodies):
-            return view
-        sensors = self.sensors
-        margin = BODY_MARGIN + 3.0 * sensors.range_noise
-        take_bodies_out(view.ranges, self._cos, self._sin, sensors.range, margin, bodies, len(bodies), self._clean)
-        return view.with_ranges(self._clean)
+    def without_bodies(self, view: View, bodies: F64) -> View:
+        """What the robot would see if no one else were there.
+
+        Args:
+            view: what it sees.
+            bodies: (n, BODY); those that count as still things stay.
+        """
+        ranges, sensors, noise = view.ranges.copy(), self.sensors, 3.0 * self.sensors.range_noise
+        for body in bodies[bodies[:, SHARE] > 0.0]:
+            margin = BODY_MARGIN if body[GAP_SHARE] < 1.0 else TRACK_MARGIN
+            reach = float(body[RADIUS]) + margin + noise
+            take_out_bodies(ranges, self._cos, self._sin, sensors.range, body[None, PX : PY + 1], reach, self._hidden)
+        return view.with_ranges(ranges)
 
     # ------------------------------------------------------------------------------------------------------ the wish
 

@@ -112,8 +112,8 @@ def test_the_obstacles_of_the_equations_have_their_measures(name: str, measures:
     [layout] = layouts(name, 1)
     start, goal = layout.starts[:, :2].mean(axis=0), layout.goals[0]
     assert np.hypot(*(layout.starts[:, :2] - start).T).tolist() == [1.0, 1.0]
-    rings = [ring for rings in layout.polygons for ring in rings]
-    rings += [[(x - r, y - r), (x + r, y + r)] for x, y, r in layout.circles.tolist()]
-    (xmin, ymin), (xmax, ymax) = np.min(rings[0], axis=0) - 0.5, np.max(rings[0], axis=0) + 0.5
+    corners = [*(ring for rings in layout.polygons for ring in rings)]
+    corners += [np.array([[x - r, y - r], [x + r, y + r]]) for x, y, r in layout.circles.tolist()]
+    (xmin, ymin), (xmax, ymax) = np.min(corners[0], axis=0) - 0.5, np.max(corners[0], axis=0) + 0.5
     assert ymin == -ymax and start[1] == goal[1] == 0.0
     assert (ymax, xmax - xmin, xmin - start[0], goal[0] - xmax) == measures

@@ -14,11 +14,11 @@ import bug_gym
 from bug_gym import kinematics
 from bug_gym.agents import make_policy
 from bug_gym.agents.reciprocal import orca
-from bug_gym.agents.reciprocal.half_planes import BODY, GAP_SHARE, RADIUS, SHARE, reciprocal_velocity, take_bodies_out
+from bug_gym.agents.reciprocal.half_planes import BODY, GAP_SHARE, RADIUS, SHARE, reciprocal_velocity
 from bug_gym.config import load
 from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
-from bug_gym.view import Sensors
+from bug_gym.view import Sensors, View
 
 R = 0.2
 NOTHING_SEEN = np.full(8, 5.0)
@@ -128,18 +128,15 @@ def test_the_scan_without_the_others_is_that_of_a_world_without_them() -> None:
     crew = Simulation({**settings, "world": world, "robots": [{"start": p} for p in [world["start"], *others]]})
     alone = Simulation({**settings, "world": world})
     seen, bare = crew.reset(seeds=[0])[0, 0], alone.reset(seeds=[0])[0, 0, :90].astype(float)
-    sensors = Sensors.of(crew.scenario)
+    policy: Any = make_policy("orca", crew)
     bodies = np.zeros((3, BODY))
     bodies[:, :4], bodies[:, RADIUS], bodies[:, SHARE] = seen[-12:].reshape(3, 4), R, 0.5
-    clean = np.empty(90)
-    ranges = seen[:90].astype(float)
-    take_bodies_out(ranges, *sensors.beam_directions, sensors.range, 1e-4, bodies, 3, clean)
-    on_body = ranges < bare - 1e-6
+    view = View(seen, policy.sensors)
+    on_body = view.ranges < bare - 1e-6
     assert 8 < on_body.sum() < 60
-    np.testing.assert_array_equal(clean, np.where(on_body, 6.0, ranges))
+    np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, np.where(on_body, 6.0, view.ranges))
     bodies[:, SHARE] = 0.0  # still things stay
-    take_bodies_out(ranges, *sensors.beam_directions, sensors.range, 1e-4, bodies, 3, clean)
-    np.testing.assert_array_equal(clean, ranges)
+    np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, view.ranges)
 
 
 def test_a_robot_behind_a_wall_is_no_reason_to_turn_aside() -> None:
