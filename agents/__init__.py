@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.naming import nearest_hint
-from bug_gym.policy import Policy, is_discrete, source_scenario
+from bug_gym.policy import MisfitError, Policy, is_discrete, source_scenario
+from bug_gym.team_policy import EachAlone, PeersAsMovers, TeamPolicy, agents_of, without_peers
 from bug_gym.view import Sensors
 
 
@@ -80,6 +81,7 @@ AGENTS: dict[str, Agent] = {
     "dwa": Agent("local.dwa:DWA", "local", "Fox, Burgard and Thrun 1997"),
     "d2t_eaco": Agent("planning.d2t_eaco:D2TEaco", "planner", "Sellers et al. 2026", privileged=True),
     "d2t_dijkstra": Agent("planning.d2t_eaco:D2TDijkstra", "planner", "Sellers et al. 2026", privileged=True),
+    "orca": Agent("reciprocal.orca:Orca", "reciprocal", "van den Berg et al. 2011"),
     "critical_point_bug": Agent("bugs.critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
 }
 LEARNED = {
@@ -96,10 +98,20 @@ AGENTS |= {
     name: Agent("learning.play:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()
 }
 
+TEAMS: dict[str, Agent] = {
+    "com1_rev3": Agent("teams.com1_rev3:Com1Rev3", "team", "Oni and Wang"),
+}
+"""Teams, which drive several robots of one world."""
+
 
 def policy_names() -> list[str]:
-    """Names that `make_policy` takes."""
+    """Names of single robots' policies that `make_policy` takes; those of teams are `team_names()`."""
     return list(AGENTS)
+
+
+def team_names() -> list[str]:
+    """Names of teams that `make_policy` takes for several robots."""
+    return list(TEAMS)
 
 
 def playable_names() -> list[str]:
@@ -114,21 +126,25 @@ def agent(name: str) -> Agent:
     Raises:
         ValueError: no such policy; the message offers the nearest names.
     """
-    if name not in AGENTS:
-        hint = nearest_hint(name, AGENTS, count=3, cutoff=0.4, separator=";")
-        raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(AGENTS)})")
-    return AGENTS[name]
+    known = AGENTS | TEAMS
+    if name not in known:
+        hint = nearest_hint(name, known, count=3, cutoff=0.4, separator=";")
+        raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(known)})")
+    return known[name]
 
 
 def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
-    """Make a policy for a robot.
+    """Make a policy for a robot, or for several robots of one world.
 
     Args:
-        name: one of `policy_names()`; or the path of a folder that `bug-gym train` wrote, or of a zip that
-            stable-baselines3 wrote, which takes `trust=True`: it is a pickle and can run any code.
+        name: one of `policy_names()`, or of `team_names()` for several robots; or the path of a folder that
+            `bug-gym train` wrote, or of a zip that stable-baselines3 wrote, which takes `trust=True`: it is a pickle
+            and can run any code.
         source: an env of any face, a Simulation, or a Scenario (or its name, path or dict). The policy learns what a
-            driver of that robot would know (kinematics, body, limits, beams, range, step), never the world. Privileged
-            ones read the world's map as an episode begins: they take an env or a Simulation only.
+            driver of that robot would know (kinematics, body, limits, beams, range, step), never the world. For
+            PettingZoo's envs, and Scenarios, of several robots it takes and gives what is by agent, too; a single
+            robot's policy then drives each of them by itself. Privileged ones read the world's map as an episode
+            begins: they take an env or a Simulation only.
         **parameters: the algorithm's own, see its class.
 
     Raises:
@@ -142,13 +158,30 @@ def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
         if key not in known:
             hint = nearest_hint(key, known, cutoff=0.6)
             raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
+    scenario = source_scenario(source)
+    sensors, agents = Sensors.of(scenario), agents_of(source)
     own = checked_parameters(policy_class, parameters, f"policy {name!r}: ")
+    if issubclass(policy_class, TeamPolicy):
+        robots = agents or tuple(f"robot_{number}" for number in range(scenario.robots.count))
+        team: Policy = policy_class(sensors, agents=robots, discrete=is_discrete(source), **own)
+        return team
     if reads_map(name, own):
         from bug_gym.agents.planning.live import Maps  # SciPy and shapely, slow to load
 
         fixed = {**fixed, "maps": Maps.of(source, name)}
-    sensors = Sensors.of(source_scenario(source))
-    policy: Policy = policy_class(sensors, discrete=is_discrete(source), **fixed, **own)
+    policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
+    return EachAlone(policy, agents) if agents else policy
+
+
+def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> Policy:
+    """A single robot's policy; a learned one that knows no peers sees those of several robots as movers only."""
+    try:
+        policy: Policy = policy_class(sensors, **parameters)
+    except MisfitError:
+        alone = without_peers(sensors)
+        if alone is sensors:
+            raise
+        return PeersAsMovers(policy_class(alone, **parameters), sensors)
     return policy
 
 

@@ -88,6 +88,8 @@ def is_discrete(source: Any) -> bool:
     """Whether the env behind `source` takes discrete actions."""
     for name in ("single_action_space", "action_space"):
         space = getattr(source, name, None)
+        if agents := getattr(source, "possible_agents", ()):
+            space = source.action_space(agents[0])  # PettingZoo's, each robot has its own
         if isinstance(space, gym.Space):
             return isinstance(space, gym.spaces.Discrete)
     return False
@@ -221,13 +223,7 @@ class ScriptedPolicy(ABC):
         """The memories of a state."""
         if not isinstance(state, (tuple, list)):
             raise ValueError(f"the state is a tuple of memories, got {type(state).__name__}")
-        if len(state) != rows:
-            raise ValueError(f"got {len(state)} memories for {rows} observations")
-        for memory in state:
-            if not isinstance(memory, self._memory_type):
-                came, expected = type(memory).__name__, self._memory_type.__name__
-                raise ValueError(f"got the memory of another policy: {came}, expected {expected}")
-        return list(state)
+        return checked_memories(state, rows, self._memory_type)
 
     @functools.cached_property
     def _memory_type(self) -> type[Memory]:
@@ -238,12 +234,44 @@ class ScriptedPolicy(ABC):
             raise ValueError("the observation holds a number that is not finite")
         view = View(flat, self.sensors)
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
-        if self._velocities is not None:
-            return nearest_discrete(self._velocities, velocity)
-        velocity = brake(view, velocity)
-        if needs_care(self.sensors):
-            return stoppable_action(view, velocity, self.room)
-        return kinematics.steering(self.sensors.drive, velocity)
+        return action_of(self.sensors, view, velocity, self._velocities, self.room)
+
+
+def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[Any]:
+    """The memories of a state, one a row.
+
+    Raises:
+        ValueError: another number of them, or memories of another kind.
+    """
+    if len(state) != rows:
+        raise ValueError(f"got {len(state)} memories for {rows} observations")
+    for memory in state:
+        if not isinstance(memory, kind):
+            came, expected = type(memory).__name__, kind.__name__
+            raise ValueError(f"got the memory of another policy: {came}, expected {expected}")
+    return list(state)
+
+
+def action_of(
+    sensors: Sensors, view: View | None, velocity: Velocity, discrete: NDArray[np.float64] | None, room: float
+) -> NDArray[Any]:
+    """The action that drives a robot at a velocity of its frame [m/s], as it can.
+
+    Args:
+        sensors: of the robot.
+        view: what it sees, before which it brakes; None: it is to stand.
+        velocity: the desired one.
+        discrete: the velocities (m, 2) of discrete actions, where actions are numbers of them.
+        room: what is kept about the body where the robot cannot stop at once [m].
+    """
+    if discrete is not None:
+        return nearest_discrete(discrete, velocity)
+    if view is None:
+        return kinematics.steering(sensors.drive, velocity)
+    velocity = brake(view, velocity)
+    if needs_care(sensors):
+        return stoppable_action(view, velocity, room)
+    return kinematics.steering(sensors.drive, velocity)
 
 
 def braking_radius(sensors: Sensors) -> float:

@@ -34,7 +34,7 @@ LAYERS = (
     ("config",),
     ("world", "scenarios", "floor_plans", "maps"),
     ("observation", "task", "view", "inertia"),
-    ("simulation", "policy"),
+    ("simulation", "policy", "team_policy"),
     ("drawing", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
     ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name
     ("evaluation",),
@@ -53,7 +53,14 @@ NUMBA = {
 }  # how kernels are compiled, and the LLVM code that is written by hand
 COMPILED = {"kernel", "called", "inlined"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
-COMPOSED = {"agents.bugs.rev1", "agents.bugs.rev2"}  # their paper defines them as a change of another algorithm
+COMPOSED = (
+    {"agents.bugs.rev1", "agents.bugs.rev2"}
+    | {  # their paper defines them as a change of another algorithm
+        f"agents.teams.{name}"
+        for name in ("bug1_pair", "com1_rev3", "swarm")  # a team drives its robots by single ones' laws
+    }
+    | {"agents.reciprocal.orca"}
+)  # among walls its way is a bug's
 LEARNING = ("agents.sb3", "agents.learning") + tuple(
     f"agents.prediction.{name}" for name in ("training", "card", "descent", "network", "ppo")
 )

@@ -44,6 +44,7 @@ OUTCOME_COLORS: dict[str, Color] = {
     "success": GOAL,
     "collision": (208, 44, 44),
     "timeout": (196, 128, 0),
+    "ended": FAINT,
 }
 
 LABEL_COLORS: dict[str, Color] = {

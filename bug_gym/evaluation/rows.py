@@ -17,7 +17,7 @@ from bug_gym.geometry import F64
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-OUTCOMES = ("success", "collision", "timeout", "gave_up")
+OUTCOMES = ("success", "collision", "timeout", "ended", "gave_up")
 _MAY_BE_NAN = {"shortest_path_length", "spl", "time_ratio"}
 _MAY_BE_INFINITE = {"shortest_path_length", "time_ratio", "min_clearance"}
 

@@ -64,6 +64,8 @@ class Summary:
     """Share of collisions."""
     timeout: float
     """Share of timeouts."""
+    ended: float
+    """Share of runs that the arrival of another robot ended."""
     gave_up: float
     """Share of episodes in which the policy gave up."""
     verdicts: dict[str, int]
@@ -149,6 +151,7 @@ def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int
         time_ratio=_mean(row.time_ratio for row in solved),
         collision=outcomes["collision"] / n,
         timeout=outcomes["timeout"] / n,
+        ended=outcomes["ended"] / n,
         gave_up=outcomes["gave_up"] / n,
         verdicts=dict(sorted(Counter(row.verdict for row in rows if row.outcome == "gave_up").items())),
         min_clearance=_mean(row.min_clearance for row in solved),

@@ -12,6 +12,7 @@ from pydantic import Field
 from bug_gym.schema.values import tags
 from bug_gym.worlds.barn import BarnWorld
 from bug_gym.worlds.beach import BeachWorld
+from bug_gym.worlds.circle_swap import CircleSwapWorld
 from bug_gym.worlds.corridor import CorridorWorld
 from bug_gym.worlds.crossing import CrossingWorld
 from bug_gym.worlds.empty import EmptyWorld
@@ -27,6 +28,7 @@ from bug_gym.worlds.rooms import RoomsWorld
 from bug_gym.worlds.ros_map import RosMapWorld
 from bug_gym.worlds.u_trap import UTrapWorld
 from bug_gym.worlds.urban import UrbanWorld
+from bug_gym.worlds.warehouse import WarehouseWorld
 
 __all__ = ["FAMILIES", "WorldFamily"]
 
@@ -41,6 +43,8 @@ WorldFamily = Annotated[
     | CorridorWorld
     | RoomsWorld
     | CrossingWorld
+    | CircleSwapWorld
+    | WarehouseWorld
     | ForestWorld
     | UrbanWorld
     | BeachWorld
