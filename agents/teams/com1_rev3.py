@@ -119,7 +119,7 @@ class Com1Rev3(BugTeam):
         self.leaders = (self.robots + 1) // 2
         """How many robots drive by Com1; they come first."""
         turns = TURNS[own.sides]
-        settings = {"clearance": own.clearance, "leave_rule": own.leave_rule}
+        settings: dict[str, Any] = {"clearance": own.clearance, "leave_rule": own.leave_rule}
         self.laws = [
             Com1(sensors, turn=turns[0][robot % 2], **settings)
             if robot < self.leaders
@@ -151,7 +151,7 @@ class Com1Rev3(BugTeam):
 
     # ------------------------------------------------------------------------------------------------ one robot
 
-    def goes_round(self, robot: int, memory: Com1Rev3Memory) -> bool:
+    def goes_round(self, robot: int, memory: BugTeamMemory) -> bool:
         """Whether partners are obstacles to a robot's law."""
         return memory.is_detouring or (self.parameters.partner_rule == "paper" and robot < self.leaders)
 
