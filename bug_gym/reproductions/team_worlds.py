@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -60,11 +61,11 @@ def _drawn(rng: np.random.Generator, robots: int, count: int) -> dict[str, Any] 
 
 
 def team_scenario(
-    polygons: list[list[list[float]]],
+    polygons: Sequence[Any],
     starts: list[tuple[float, float, float]],
     goal: tuple[float, float],
     *,
-    circles: list[list[float]] | None = None,
+    circles: Sequence[Any] = (),
     radius: float = ROBOT_RADIUS,
     limit: float = 600.0,
 ) -> dict[str, Any]:
@@ -80,8 +81,8 @@ def team_scenario(
             "bounds": [-45, -45, 45, 45],
             "start": list(starts[0]),
             "goal": list(goal),
-            "polygons": polygons,
-            "circles": circles or [],
+            "polygons": list(polygons),
+            "circles": list(circles),
         },
         "robots": [{"start": list(start)} for start in starts],
     }
