@@ -88,6 +88,8 @@ class ApfWallFollowingMemory(BugMemory):
     """Of the watch for local minima."""
     turning: Turning | None = None
     """The angles along the present wall; None in the field."""
+    is_at_wall: bool = False
+    """Whether it has come to the wall that it follows; a lap begins there."""
     course: float | None = None
     """Direction of travel, odometry frame [rad]."""
     goal_distance: float = math.inf
@@ -150,6 +152,7 @@ class ApfWallFollowing(ScriptedPolicy):
         sweep = memory.contour.sweep if memory.contour is not None else 0.0
         course, change = self._course(view, memory, sweep)
         self.boundary.advance(view, memory)
+        self._hold_gate(view, memory)
         memory.course = course
         turning = memory.turning
         if turning is None:
@@ -173,6 +176,14 @@ class ApfWallFollowing(ScriptedPolicy):
         course = view.heading + math.atan2(view.velocity[1], view.velocity[0])
         last = course if memory.course is None else memory.course
         return course, sweep + wrap(course - last - sweep)
+
+    def _hold_gate(self, view: View, memory: ApfWallFollowingMemory) -> None:
+        """Let a lap begin no sooner than at the wall: the field is left farther from it than a lap will lead."""
+        contour, clearance = memory.contour, self.boundary.clearance
+        if contour is None or memory.is_at_wall:
+            return
+        memory.is_at_wall = math.dist(contour.wall, view.position) < clearance + self.boundary.gate_half_width / 3.0
+        contour.gate, contour.steps, contour.aligned = None, 0, 0
 
     # -------------------------------------------------------------------------------------------------------- the field
 
@@ -209,6 +220,7 @@ class ApfWallFollowing(ScriptedPolicy):
         target = view.heading + view.goal_bearing
         memory.turning = Turning(side, along, view.position, course, target)
         memory.phi.append(memory.turning.first)
+        memory.is_at_wall = False
         memory.mode = "wall_following"
         if self.boundary.laps.is_looping(memory):
             memory.verdict = "looping"

@@ -33,6 +33,9 @@ SAME_POINT = 0.5
 MOVES = 0.1
 """Speed toward or away from the robot, beyond what noise feigns, that makes an obstacle a moving one [m/s]."""
 
+KEPT = 0.5
+"""Share of a holonomic robot's velocity that a decision keeps."""
+
 CREEP = 1e-6
 """A speed that goes nowhere and keeps its direction, so that a robot that must turn first goes on turning [m/s]."""
 
@@ -249,10 +252,16 @@ class Field:
         """Where the forces lead, cut so that no step ends in something [m/s].
 
         Their sum gives the direction only. The speed falls with the distance to the target, not below the target's own.
+        A robot that can turn round between two steps would go to and fro where the sum changes sign, so half its
+        velocity is kept.
         """
         bearing = math.atan2(forces.total[1], forces.total[0])
         top = self.sensors.drive.max_speed
         speed = min(top, top * view.goal_distance / self.slowing + forces.target_speed)
+        if self.sensors.drive.kinematics == "holonomic":
+            (x, y), own = velocity_along(bearing, speed), view.velocity
+            x, y = KEPT * own[0] + (1.0 - KEPT) * x, KEPT * own[1] + (1.0 - KEPT) * y
+            bearing, speed = math.atan2(y, x), math.hypot(x, y)
         return self.safe_step(view, bearing, speed)
 
     def safe_step(self, view: View, bearing: float, speed: float) -> Velocity:

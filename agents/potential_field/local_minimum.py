@@ -1,8 +1,8 @@
 """Whether a robot in a potential field is caught in a local minimum.
 
 Source: the paper on potential field and wall following, its switch conditions 1 and 2. A robot overshoots the place where
-the forces cancel, so two conditions serve. Ours: they hold at two decisions in a row; the direction of travel is that of
-the last 0.3 s, as a robot that turns on the spot has none; a third one, for a robot that swings about.
+the forces cancel, so two conditions serve. Ours: they hold at two of three decisions, as a robot may go to and fro at each; the direction of travel is that
+of the last 0.3 s, as a robot that turns on the spot has none; a third one, for a robot that wanders about.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ TRAVEL_TIME = 0.3
 TRAVEL_WAY = 0.02
 """Way in that time below which the robot stands [m]."""
 
-IN_A_ROW = 2
-"""How many decisions in a row conditions 1 or 2 must hold."""
+HELD, OF_LAST = 2, 3
+"""At how many decisions conditions 1 or 2 must hold, and of how many."""
 
 SWING_TIME = 3.0
 """Time without progress after which a robot swings [s]."""
@@ -40,8 +40,8 @@ class MinimumMemory:
 
     places: deque[Point] = field(default_factory=deque)
     """Own places of the last TRAVEL_TIME, odometry frame [m]."""
-    caught: int = 0
-    """At how many decisions in a row condition 1 or 2 held."""
+    caught: deque[bool] = field(default_factory=lambda: deque(maxlen=OF_LAST))
+    """Whether condition 1 or 2 held at each of the last decisions."""
     nearest: float = math.inf
     """Smallest distance to the target [m]."""
     waited: float = 0.0
@@ -79,8 +79,8 @@ def is_caught(view: View, memory: MinimumMemory, forces: Forces, direction: floa
     is_blocked = any(not one.is_moving for one in forces.obstacles)
     vanishes = math.hypot(*forces.total) < VANISHING * math.hypot(*forces.attraction)
     goes_away = abs(wrap(view.goal_bearing - direction)) > 0.5 * math.pi
-    memory.caught = memory.caught + 1 if is_blocked and (vanishes or goes_away) else 0
-    if memory.caught >= IN_A_ROW:
+    memory.caught.append(is_blocked and (vanishes or goes_away))
+    if memory.caught[-1] and sum(memory.caught) >= HELD:
         memory.why = "force" if vanishes else "away"
         return True
     if is_blocked and memory.waited >= SWING_TIME:
