@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,9 @@ MOVES = 0.1
 KEPT = 0.5
 """Share of a holonomic robot's velocity that a decision keeps."""
 
+STRAIGHT_BACK = 0.02
+"""Angle to straight back within which the force tells a robot that must turn no side [rad]; it turns left then."""
+
 CREEP = 1e-6
 """A speed that goes nowhere and keeps its direction, so that a robot that must turn first goes on turning [m/s]."""
 
@@ -46,8 +49,8 @@ class FieldParameters:
 
     attraction: Weight = 1.0
     """alpha_p, weight of the attraction of the target."""
-    exponent: int = 1
-    """m, power of the distance to the target in its potential, a number: 1 or 2."""
+    exponent: Literal[1, 2] = 1
+    """m, power of the distance to the target in its potential, a number."""
     velocity_gain: Weight | None = None
     """alpha_v, weight of the velocity relative to the target [s^2/m^2]; None: at top speed a fifth of the attraction."""
     repulsion: Weight = 0.2
@@ -262,6 +265,8 @@ class Field:
             (x, y), own = velocity_along(bearing, speed), view.velocity
             x, y = KEPT * own[0] + (1.0 - KEPT) * x, KEPT * own[1] + (1.0 - KEPT) * y
             bearing, speed = math.atan2(y, x), math.hypot(x, y)
+        elif math.pi - abs(bearing) < STRAIGHT_BACK:
+            bearing = math.pi - STRAIGHT_BACK
         return self.safe_step(view, bearing, speed)
 
     def safe_step(self, view: View, bearing: float, speed: float) -> Velocity:
