@@ -25,6 +25,7 @@ REPRODUCTIONS: dict[str, str] = {
     "hd-bug-traps": "hd_bug_traps",
     "hd-bug-real": "hd_bug_real",
     "hd-bug-ablation": "hd_bug_ablation",
+    "apf-wall-following": "apf_wall_following",
     "learned": "learned",
     "ppo-curve": "ppo_curve",
     "predictors": "predictors",
