@@ -20,6 +20,10 @@ from bug_gym.geometry import Point
 LEAST_GAP = 0.05
 """Gap beyond the braking distance below which the repulsion grows no more [m]: a robot that close only avoids."""
 
+LEAST_CLOSING = 0.05
+"""Closing speed up to which nothing comes nearer [m/s]. In the printed field the repulsion jumps at 0, and a robot that
+turns on the spot beside a wall would feel it come and go."""
+
 
 @dataclass(frozen=True)
 class Gains:
@@ -85,7 +89,7 @@ def repulsive_potential(gains: Gains, obstacle: Point, velocity: Point) -> float
     closing = (velocity[0] * obstacle[0] + velocity[1] * obstacle[1]) / distance
     gap, room = max(distance - gains.radius, LEAST_GAP), braked_gap(gains, distance, closing)
     potential = 0.0
-    if closing > 0.0 and room < gains.influence:
+    if closing > LEAST_CLOSING and room < gains.influence:
         potential += gains.repulsion * (1.0 / room - 1.0 / gains.influence)
     if gap < gains.floor_gap:
         potential += 0.5 * gains.floor * (1.0 / gap - 1.0 / gains.floor_gap) ** 2
@@ -103,7 +107,7 @@ def repulsive_force(gains: Gains, obstacle: Point, velocity: Point) -> Point:
     closing = velocity[0] * nx + velocity[1] * ny
     gap, room = max(distance - gains.radius, LEAST_GAP), braked_gap(gains, distance, closing)
     along = across = 0.0
-    if closing > 0.0 and room < gains.influence:
+    if closing > LEAST_CLOSING and room < gains.influence:
         strength = gains.repulsion / room**2
         along -= strength * (1.0 + closing / gains.acceleration)
         across += strength * closing / (distance * gains.acceleration)

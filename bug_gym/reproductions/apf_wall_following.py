@@ -178,7 +178,9 @@ def moving_scenes() -> Part:
     lines, data, holds = [], {}, True
     curves = []
     for name, scenario in apf_worlds.moving_scenes().items():
-        found = {kind: drive(scenario, METHODS[OURS], {"robot.kinematics": kind}) for kind in ("holonomic", "differential")}
+        found = {
+            kind: drive(scenario, METHODS[OURS], {"robot.kinematics": kind}) for kind in ("holonomic", "differential")
+        }
         for kind, track in found.items():
             lines.append([name, kind, told(track), str(track.phases), f"{track.clearance:.2f}"])
             data[f"{name}, {kind}"] = {"outcome": track.outcome, "phases": track.phases, "clearance": track.clearance}
@@ -318,10 +320,18 @@ def drift(seeds: int, settings: Settings) -> Part:
     sweeps = [
         sweep.Sweep("Gyro bias, goal a beacon", "bias at 1 m/s [degrees/s]", BIASES, biased, DRIFT_SCENARIOS),
         sweep.Sweep(
-            "Noise, goal a beacon", odometry, NOISES, [{**one, "goal.sensing": "beacon"} for one in noisy], DRIFT_SCENARIOS
+            "Noise, goal a beacon",
+            odometry,
+            NOISES,
+            [{**one, "goal.sensing": "beacon"} for one in noisy],
+            DRIFT_SCENARIOS,
         ),
         sweep.Sweep(
-            "Noise, goal by odometry", odometry, NOISES, [{**one, "goal.sensing": "odometry"} for one in noisy], DRIFT_SCENARIOS
+            "Noise, goal by odometry",
+            odometry,
+            NOISES,
+            [{**one, "goal.sensing": "odometry"} for one in noisy],
+            DRIFT_SCENARIOS,
         ),
     ]
     found = [(one, sweep.run(one, settings.policies or DRIFTING, seeds, settings)) for one in sweeps]

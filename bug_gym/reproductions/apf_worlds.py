@@ -115,15 +115,15 @@ def with_motion(
 def moving_scenes() -> dict[str, dict[str, Any]]:
     """Scenes in the manner of Figs. 8b to 8f and 12b: a disc first and a U afterwards, and targets that move."""
     still = scenes()
-    across, toward = [[2.0, -3.0], [2.0, 3.0]], [[12.0, 3.5], [0.0, 3.5]]
+    up, down = [[2.0, -1.8], [2.0, 3.0]], [[2.5, 2.0], [2.5, -4.0]]
     goes = target([[14.0, 0.0], [14.0, 5.0]], 0.5, stop=True)
     goes_on = target([[14.0, 0.0], [14.0, 4.0], [14.0, -4.0]], 0.3, stop=False)
     return {
-        "8b": with_motion(still["7c"], movers=[mover(across, 0.5)]),
-        "8c": with_motion(still["7c"], movers=[mover(toward, 0.3)], moving_target=goes),
-        "8d": with_motion(still["7a"], movers=[mover(across, 0.3), mover(toward, 0.3)], moving_target=goes),
-        "8e": with_motion(still["7c"], movers=[mover(toward, 0.5)], moving_target=goes),
-        "8f": with_motion(still["7c"], movers=[mover(toward[::-1], 0.5)], moving_target=goes),
+        "8b": with_motion(still["7c"], movers=[mover(up, 0.5)]),
+        "8c": with_motion(still["7c"], movers=[mover(down, 0.3)], moving_target=goes),
+        "8d": with_motion(still["7a"], movers=[mover(up, 0.3), mover(down, 0.3)], moving_target=goes),
+        "8e": with_motion(still["7c"], movers=[mover(down, 0.5)], moving_target=goes),
+        "8f": with_motion(still["7c"], movers=[mover(up, 0.5)], moving_target=goes),
         "a target that goes on": with_motion(still["7c"], moving_target=goes_on),
-        "12b": with_motion(still["7c"], movers=[mover(across, 0.3)], speed=0.3),
+        "12b": with_motion(still["7c"], movers=[mover(up, 0.3)], speed=0.3),
     }

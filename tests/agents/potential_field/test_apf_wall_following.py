@@ -317,15 +317,21 @@ def test_without_the_projection_the_routes_into_the_pocket_are_cycles(route: str
     assert run_episode(POLICY, "oni_wang", {**CLOSED_FORM_SENSORS, **places}, **settings).verdict == "looping"
 
 
-@pytest.mark.parametrize("leave", ["free", "heading"])
-def test_leaving_as_soon_as_the_way_is_free_stays_in_the_trap(leave: str) -> None:
-    """A robot in the pocket that turns back along the arm may face the target there too."""
-    scenario = canonical_world("u_trap")
-    settings = {"clearance": 0.5, "projection": False, "leave": leave, **STRAIGHT}
-    plain = run_episode(POLICY, scenario, clearance=0.5, **STRAIGHT)
-    assert plain.outcome == "success"
-    episode = run_episode(POLICY, scenario, **settings)
-    assert episode.verdict == "looping" or episode.full_length >= plain.full_length - 0.3
+@pytest.mark.parametrize("approach", ["field", "straight"])
+@pytest.mark.parametrize("world", ["u_trap", "hook"])
+def test_leaving_as_soon_as_the_way_is_free_stays_in_the_trap(world: str, approach: str) -> None:
+    scenario, overrides = (canonical_world(world), {}) if world == "u_trap" else (world, CLOSED_FORM_SENSORS)
+    settings = {"clearance": 0.4, "projection": False, "approach": approach}
+    assert run_episode(POLICY, scenario, overrides, leave="free", **settings).verdict == "looping"
+    assert run_episode(POLICY, scenario, overrides, **settings).outcome == "success"
+
+
+@pytest.mark.parametrize("leave", ["distance", "heading"])
+@pytest.mark.parametrize("route", ["AC", "BC"])
+def test_the_rules_that_the_paper_calls_too_simple_cycle_on_the_map(route: str, leave: str) -> None:
+    places = {"world.start": route[0], "world.goal": route[1]}
+    settings = {"turn": "left", "clearance": 1.0, "projection": False, "leave": leave, **STRAIGHT}
+    assert run_episode(POLICY, "oni_wang", {**CLOSED_FORM_SENSORS, **places}, **settings).verdict == "looping"
 
 
 def test_the_angle_of_a_reset_is_that_of_the_place() -> None:
@@ -333,7 +339,9 @@ def test_the_angle_of_a_reset_is_that_of_the_place() -> None:
     episode = run_episode(POLICY, canonical_world("u_trap"), clearance=0.5, turn="left", **STRAIGHT)
     (place,) = episode.memory.reset_places
     assert place[0] == pytest.approx(4.5, abs=0.7) and 2.0 < place[1] < 4.8
-    assert not run_episode(POLICY, canonical_world("u_trap"), clearance=0.5, reset=False, **STRAIGHT).memory.reset_places
+    assert not run_episode(
+        POLICY, canonical_world("u_trap"), clearance=0.5, reset=False, **STRAIGHT
+    ).memory.reset_places
 
 
 # ---------------------------------------------------------------------------------------------- no way

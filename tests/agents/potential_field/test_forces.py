@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.potential_field.forces import (
+    LEAST_CLOSING,
     LEAST_GAP,
     Gains,
     attractive_force,
@@ -68,12 +69,18 @@ def test_the_repulsion_is_the_gradient_of_its_potential() -> None:
         closing = float(relative @ offset) / distance
         gap = distance - GAINS.radius
         room = gap - closing**2 / (2.0 * GAINS.acceleration)
-        edges = (closing, room - LEAST_GAP, gap - LEAST_GAP, room - GAINS.influence, gap - GAINS.floor_gap)
+        edges = (
+            closing - LEAST_CLOSING,
+            room - LEAST_GAP,
+            gap - LEAST_GAP,
+            room - GAINS.influence,
+            gap - GAINS.floor_gap,
+        )
         if min(map(abs, edges)) < 1e-3 or min(room, gap) < LEAST_GAP:
             continue
-        seen[0] += closing > 0.0 and room < GAINS.influence
+        seen[0] += closing > LEAST_CLOSING and room < GAINS.influence
         seen[1] += closing < 0.0 and gap < GAINS.floor_gap
-        seen[2] += closing > 0.0 and gap < GAINS.floor_gap
+        seen[2] += closing > LEAST_CLOSING and gap < GAINS.floor_gap
 
         def potential(p: Any, v: Any, w: Any = other_velocity) -> float:
             return repulsive_potential(GAINS, tuple(-p), tuple(v - w))
