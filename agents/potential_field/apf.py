@@ -1,4 +1,4 @@
-"""APF: a potential field alone, whose forces know of velocities; what wall following is worth is told beside it.
+"""A potential field alone, whose forces know of velocities: what wall following is worth is seen beside it.
 
 Source: Ge and Cui (2002); the APF mode of the paper on potential field and wall following. Sensing assumed: a scan, goal,
 gyroscope, wheels. Memory kept: the nearest points of the last half second. States: potential_field. Guarantee: none; in

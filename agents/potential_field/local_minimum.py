@@ -1,8 +1,9 @@
 """Whether a robot in a potential field is caught in a local minimum.
 
 Source: the paper on potential field and wall following, its switch conditions 1 and 2. A robot overshoots the place where
-the forces cancel, so two conditions serve. Ours: they hold at two of three decisions, as a robot may go to and fro at each; the direction of travel is that
-of the last 0.3 s, as a robot that turns on the spot has none; a third one, for a robot that wanders about.
+the forces cancel, so two conditions serve. Ours: they hold at two of three decisions, as a robot may go to and fro at
+each; the direction of travel is that of the last 0.3 s, as a robot that turns on the spot has none; a third condition, for
+a robot that wanders about.
 """
 
 from __future__ import annotations

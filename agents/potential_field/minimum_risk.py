@@ -1,4 +1,4 @@
-"""The minimum risk method: out of traps by a memory grid, to where the fewest dots of walls and own tracks are.
+"""Minimum risk: out of traps by a memory grid, to where the fewest dots of walls and own tracks are.
 
 Source: Wang and Liu (2005, 2008), known by its abstracts; an opponent of the paper on potential field and wall following.
 Grid, weights and ends of the behaviours are ours. Sensing assumed: a scan all round, goal, own position. Memory kept: the
@@ -18,7 +18,7 @@ import numpy as np
 from bug_gym.agents.parameters import Length, Weight
 from bug_gym.agents.potential_field.risk_grid import DIRECTIONS, RiskGrid, Weights
 from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary
-from bug_gym.geometry import Point, velocity_along, wrap
+from bug_gym.geometry import F64, Point, velocity_along, wrap
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
@@ -98,7 +98,7 @@ class MinimumRisk(ScriptedPolicy):
         self.boundary = Boundary(sensors)
         self.weights = Weights(own.obstacle_weight, own.trajectory_weight)
         self.free_way = max(own.free_way, sensors.step_length)
-        self.directions = np.arange(DIRECTIONS) * (2.0 * math.pi / DIRECTIONS)
+        self.directions: F64 = np.arange(DIRECTIONS, dtype=np.float64) * (2.0 * math.pi / DIRECTIONS)
         """Of the odometry frame (16,) [rad]."""
 
     def start(self) -> MinimumRiskMemory:
@@ -169,14 +169,18 @@ class MinimumRisk(ScriptedPolicy):
     def _search(self, view: View, memory: MinimumRiskMemory, free: np.ndarray[Any, np.dtype[np.bool_]]) -> float:
         """Direction of least risk among the free ones, odometry frame [rad]; of equal ones that nearest to the goal's."""
         last = memory.direction
-        if last is not None and math.dist(memory.place, view.position) < HELD_WAY:
-            if view.free_distance(last - view.heading, self.boundary.safe_radius) >= self.free_way:
-                return last
+        is_held = last is not None and math.dist(memory.place, view.position) < HELD_WAY
+        if last is not None and is_held and self._is_free(view, last):
+            return last
         risks = memory.grid.risks(view.position, self.parameters.sector, self.weights)
         goal = view.heading + view.goal_bearing
         choices = [(float(risks[k]), abs(wrap(float(self.directions[k]) - goal)), k) for k in np.flatnonzero(free)]
         memory.direction, memory.place = float(self.directions[min(choices)[2]]), view.position
         return memory.direction
+
+    def _is_free(self, view: View, direction: float) -> bool:
+        """Whether a direction of the odometry frame [rad] is free as far as one must be."""
+        return view.free_distance(direction - view.heading, self.boundary.safe_radius) >= self.free_way
 
     def _go(self, view: View, bearing: float) -> Velocity:
         """A step along a bearing [rad], cut to what is free."""

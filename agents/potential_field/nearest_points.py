@@ -44,11 +44,11 @@ def find_nearest_points(px: Floats, py: Floats, reach: float, gap: float, found:
         elif count < found.shape[0]:
             found[count, 0], found[count, 1] = px[i], py[i]
             count += 1
-    if count > 1 and last == px.size - 1 and px[0] * px[0] + py[0] * py[0] <= reach * reach:
-        if are_near(px, py, last, 0, gap):
-            first = found[0, 0] * found[0, 0] + found[0, 1] * found[0, 1]
-            other = found[count - 1, 0] * found[count - 1, 0] + found[count - 1, 1] * found[count - 1, 1]
-            if other < first:
-                found[0, 0], found[0, 1] = found[count - 1, 0], found[count - 1, 1]
-            count -= 1
+    begins_first = px.size > 0 and px[0] * px[0] + py[0] * py[0] <= reach * reach
+    if count > 1 and last == px.size - 1 and begins_first and are_near(px, py, last, 0, gap):
+        first = found[0, 0] * found[0, 0] + found[0, 1] * found[0, 1]
+        other = found[count - 1, 0] * found[count - 1, 0] + found[count - 1, 1] * found[count - 1, 1]
+        if other < first:
+            found[0, 0], found[0, 1] = found[count - 1, 0], found[count - 1, 1]
+        count -= 1
     return count

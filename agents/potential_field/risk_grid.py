@@ -125,4 +125,5 @@ class RiskGrid:
     def middles(self, layer: int) -> F64:
         """Middles (k, 2) of the cells with dots of obstacles (0) or of the trajectory (1), odometry frame [m]."""
         rows, columns = np.nonzero(self.dots[layer])
-        return np.column_stack([columns + 0.5, rows + 0.5]) * self.size + np.asarray(self.corner)
+        middles: F64 = np.column_stack([columns + 0.5, rows + 0.5]) * self.size + np.asarray(self.corner)
+        return middles

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.potential_field.field import own_velocity
 from bug_gym.agents.potential_field.forces import attractive_potential
 from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
@@ -27,6 +28,7 @@ from bug_gym.reproductions.claims import as_percent, finite, mean, numbers
 from bug_gym.reproductions.oni_wang_table_1 import OVERRIDES, allowed_difference
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 from bug_gym.simulation import Simulation
+from bug_gym.view import View
 from bug_gym.workers import each, starred
 
 SEEDS, ABLATION_SEEDS, DRIFT_SEEDS = 200, 500, 50
@@ -107,7 +109,8 @@ def drive(scenario: Any, variant: Variant, overrides: Mapping[str, Any] | None =
     """Drive one episode and keep what the figures show."""
     simulation = Simulation(scenario, 1, overrides=overrides)
     name, parameters = variant
-    policy, state = make_policy(name, simulation, **parameters), None
+    policy: Any = make_policy(name, simulation, **parameters)
+    state: tuple[Any, ...] | None = None
     observation = simulation.reset(seeds=[0])
     path, modes, distances, values, angles, ended = [simulation.world.pose[0, 0].copy()], [], [], [], [], False
     while not ended:
@@ -117,8 +120,8 @@ def drive(scenario: Any, variant: Variant, overrides: Mapping[str, Any] | None =
         modes.append(memory.mode)
         distances.append(float(goal))
         field, turning = getattr(policy, "field", None), getattr(memory, "turning", None)
-        velocity = observation[0, 0, policy.sensors.always_seen[1]].tolist()[-2:] if field else (0.0, 0.0)
-        values.append(attractive_potential(field.gains, (float(goal), 0.0), tuple(velocity)) if field else math.nan)
+        speed = math.hypot(*own_velocity(View(observation[0, 0], policy.sensors)))
+        values.append(attractive_potential(field.gains, (float(goal), 0.0), (speed, 0.0)) if field else math.nan)
         angles.append(math.degrees(turning.cumulative) if turning is not None else math.nan)
         step = simulation.step(action[:, None])
         observation = step.observation

@@ -30,7 +30,7 @@ from bug_gym.simulation import Simulation
 from bug_gym.worlds.oni_wang import ONI_WANG_PLACES, ONI_WANG_POLYGON
 
 POLICY = "apf_wall_following"
-STRAIGHT = {"approach": "straight"}
+STRAIGHT: dict[str, Any] = {"approach": "straight"}
 SIDES = [1, -1]
 
 
@@ -375,7 +375,7 @@ def test_shut_in_itself_it_says_so_after_one_lap(turn: str, approach: str) -> No
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_a_gyroscope_that_drifts_by_half_a_degree_a_second_is_survived(bias: float, kinematics: str) -> None:
     """At the 1 m/s of the robot as many degrees a metre; the goal is a beacon."""
-    drift = {"odometry.rotation_bias": math.radians(bias * 0.5), "odometry.rotation_noise": 0.01}
+    drift: dict[str, Any] = {"odometry.rotation_bias": math.radians(bias * 0.5), "odometry.rotation_noise": 0.01}
     drift |= {"odometry.translation_noise": 0.05, "goal.sensing": "beacon", "robot.kinematics": kinematics}
     for seed in range(2):
         assert run_episode(POLICY, canonical_world("u_trap"), drift, seed=seed, clearance=0.5).outcome == "success"

@@ -18,7 +18,7 @@ def test_the_risk_of_a_direction_is_the_sum_of_the_dots_in_its_sector() -> None:
     rng, size, reach = np.random.default_rng(0), 0.25, 2.0
     for _ in range(20):
         grid, expected = RiskGrid(size), np.zeros(DIRECTIONS)
-        place = tuple(rng.uniform(-3.0, 3.0, 2).tolist())
+        place = (float(rng.uniform(-3.0, 3.0)), float(rng.uniform(-3.0, 3.0)))
         grid.cover(*place, 4.0)
         seen = rng.uniform(-2.5, 2.5, (60, 2)) + place
         for _ in range(7):
