@@ -58,7 +58,7 @@ AGENTS: dict[str, Agent] = {
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
     "critical_point_bug": Agent("bugs.critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
     "apf": Agent("potential_field.apf:Apf", "field", "Ge and Cui 2002"),
-    "apf_wall_following": Agent("potential_field.apf_wall_following:ApfWallFollowing", "bug", "improved Bug algorithm with inner and outer angles; Ge and Cui 2002"),
+    "apf_wall_following": Agent("potential_field.apf_wall_following:ApfWallFollowing", "bug", "after Ge and Cui 2002"),
     "minimum_risk": Agent("potential_field.minimum_risk:MinimumRisk", "field", "Wang and Liu 2008"),
 }
 LEARNED = {

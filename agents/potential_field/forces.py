@@ -75,7 +75,7 @@ def braked_gap(gains: Gains, distance: float, closing: float) -> float:
 
 
 def repulsive_potential(gains: Gains, obstacle: Point, velocity: Point) -> float:
-    """eta (1 / (rho_s - rho_m) - 1 / rho_0) of what comes nearer, and the floor of what is near.
+    """The sum of eta (1 / (rho_s - rho_m) - 1 / rho_0) of what comes nearer, and the floor of what is near.
 
     The floor eta_s / 2 (1 / rho_s - 1 / rho_1)^2 is Khatib's (1986): along a wall nothing comes nearer, and without it
     the robot would scrape there.

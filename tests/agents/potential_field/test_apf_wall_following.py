@@ -321,7 +321,7 @@ def test_without_the_projection_the_routes_into_the_pocket_are_cycles(route: str
 @pytest.mark.parametrize("world", ["u_trap", "hook"])
 def test_leaving_as_soon_as_the_way_is_free_stays_in_the_trap(world: str, approach: str) -> None:
     scenario, overrides = (canonical_world(world), {}) if world == "u_trap" else (world, CLOSED_FORM_SENSORS)
-    settings = {"clearance": 0.4, "projection": False, "approach": approach}
+    settings: dict[str, Any] = {"clearance": 0.4, "projection": False, "approach": approach}
     assert run_episode(POLICY, scenario, overrides, leave="free", **settings).verdict == "looping"
     assert run_episode(POLICY, scenario, overrides, **settings).outcome == "success"
 
