@@ -166,7 +166,7 @@ def still_scenes() -> Part:
         found = {label: drive(scenario, variant) for label, variant in METHODS.items()}
         tracks[name] = found[OURS]
         lines.append([name, *(told(track) for track in found.values()), str(found[OURS].phases)])
-        data[name] = {label: told(track) for label, track in found.items()}
+        data[name] = {label: {"ending": told(track), "walls": track.phases} for label, track in found.items()}
     holds = all(track.outcome == "success" for track in tracks.values()) and tracks["12a"].phases == 2
     table = Table("Still scenes in the manner of Figs. 7, 8a, 10, 12a: length [m]", ["scene", *METHODS, "walls"], lines)
     curves = [
@@ -186,7 +186,7 @@ def moving_scenes() -> Part:
         }
         for kind, track in found.items():
             lines.append([name, kind, told(track), str(track.phases), f"{track.clearance:.2f}"])
-            data[f"{name}, {kind}"] = {"outcome": track.outcome, "phases": track.phases, "clearance": track.clearance}
+            data[f"{name}, {kind}"] = {"ending": told(track), "walls": track.phases, "clearance": track.clearance}
             holds = holds and track.outcome == "success"
         if name == "8c":
             curves.append(over_time("A moving scene (8c)", found["holonomic"]))
@@ -423,7 +423,7 @@ def reproduce(settings: Settings) -> Reproduction:
         "apf-wall-following",
         [table for part in found for table in part.tables],
         notes,
-        {key: value for part in found for key, value in part.data.items()},
+        {"seeds": seeds, **{key: value for part in found for key, value in part.data.items()}},
         all(part.holds for part in found),
         curves=[curve for part in found for curve in part.curves],
     )
