@@ -8,7 +8,7 @@ States: potential_field, wall_following. Guarantee: none; in a lap that shuts th
 
 A local minimum (local_minimum.py) makes it follow the wall toward the target, on the side where that wall lies. It leaves
 where it faces the target again by the angles, the way is free, and it has come nearer in projection. A target that moves
-is faced by the unwrapped angle, as directions kept from the entry mean nothing then.
+is faced by the unwrapped angle, and projected on where it is, as directions kept from the entry mean nothing then.
 
 The proof of "unreachable" is ours and takes two angles of a closed lap: its turning tells whether the wall was walked
 round from outside (inward, a full turn) or from within, the turning of the target's direction whether the lap encloses the
@@ -92,6 +92,10 @@ class ApfWallFollowingMemory(BugMemory):
     """Whether it has come to the wall that it follows; a lap begins there."""
     course: float | None = None
     """Direction of travel, odometry frame [rad]."""
+    goal: Point = (0.0, 0.0)
+    """Where the target was when the wall was met, odometry frame [m]."""
+    has_target_moved: bool = False
+    """Whether it has moved since."""
     goal_distance: float = math.inf
     """Distance to the goal at the last decision [m]."""
     phi: list[float] = field(default_factory=list)
@@ -157,6 +161,7 @@ class ApfWallFollowing(ScriptedPolicy):
         turning = memory.turning
         if turning is None:
             return
+        memory.has_target_moved |= math.dist(memory.goal, view.goal_position) > TARGET_MOVED
         target, resets = view.heading + view.goal_bearing, turning.resets
         turning.advance(view.position, target, course, change, resets=self.parameters.reset)
         if turning.resets > resets:
@@ -220,7 +225,8 @@ class ApfWallFollowing(ScriptedPolicy):
         target = view.heading + view.goal_bearing
         memory.turning = Turning(side, along, view.position, course, target)
         memory.phi.append(memory.turning.first)
-        memory.is_at_wall = False
+        memory.is_at_wall = memory.has_target_moved = False
+        memory.goal = view.goal_position
         memory.mode = "wall_following"
         if self.boundary.laps.is_looping(memory):
             memory.verdict = "looping"
@@ -273,11 +279,11 @@ class ApfWallFollowing(ScriptedPolicy):
             return view.goal_distance < memory.goal_distance
         if own.leave == "heading":
             return abs(wrap(turning.target - turning.course)) < FACING
-        if own.leave == "angle":
-            has_moved = math.dist(contour.goal, view.goal_position) > TARGET_MOVED
-            if not turning.faces_target(unwrapped=has_moved or own.form == "unwrapped"):
-                return False
-        return not own.projection or turning.has_come_nearer(view.position)
+        is_unwrapped = memory.has_target_moved or own.form == "unwrapped"
+        if own.leave == "angle" and not turning.faces_target(unwrapped=is_unwrapped):
+            return False
+        toward = turning.target if memory.has_target_moved else turning.first_target
+        return not own.projection or turning.has_come_nearer(view.position, toward)
 
     def draw(self, memory: ApfWallFollowingMemory) -> Drawing:
         """Forces; hit, leave and reset points; the angles of the present wall."""

@@ -129,7 +129,7 @@ class Turning:
             return self.unwrapped <= ANGLE_SLACK
         return self.cumulative >= self.first - ANGLE_SLACK
 
-    def has_come_nearer(self, place: Point) -> bool:
-        """The projection of condition 3: whether the way since the last reset leads toward where the target was."""
+    def has_come_nearer(self, place: Point, toward: float) -> bool:
+        """The projection of condition 3: whether the way since the last reset has a part along a direction [rad]."""
         dx, dy = place[0] - self.place[0], place[1] - self.place[1]
-        return dx * math.cos(self.first_target) + dy * math.sin(self.first_target) > 0.0
+        return dx * math.cos(toward) + dy * math.sin(toward) > 0.0

@@ -197,7 +197,7 @@ def test_conditions_2_and_3_ask_for_the_angle_of_the_entry_and_for_progress() ->
     assert not one.faces_target(unwrapped=False) and not one.faces_target(unwrapped=True)
     go(one, 0.0)
     assert one.faces_target(unwrapped=False) and one.faces_target(unwrapped=True)
-    assert one.has_come_nearer((0.5, 7.0)) and not one.has_come_nearer((-0.5, 7.0))
+    assert one.has_come_nearer((0.5, 7.0), 0.0) and not one.has_come_nearer((-0.5, 7.0), 0.0)
 
 
 def test_facing_the_target_after_a_full_turn_away_is_not_facing_it() -> None:
