@@ -9,6 +9,7 @@ what a robot with a range sensor needs beyond a point with a contact sensor.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -28,6 +29,10 @@ LeaveRule = Literal["front", "any"]
 SIDES: dict[str, int] = {"left": 1, "right": -1}
 LEAVE_RULES = ("front", "any")
 STANDING: Velocity = (0.0, 0.0)
+
+FirstHeading = Callable[[View, Contour, float, float], "float | None"]
+"""Where to go along a wall [rad], not wrapped, given the bearing of the hand on it and of the travel [rad]; None: boxed
+in."""
 
 WAIT = 10.0
 """Time without any open heading after which a robot calls itself stuck [s]; something that moves may go away before."""
@@ -316,12 +321,12 @@ class Boundary:
         memory.leaves.append(view.position)
         memory.contour = None
 
-    def follow(self, view: View, memory: BugMemory) -> Velocity:
+    def follow(self, view: View, memory: BugMemory, first_heading: FirstHeading | None = None) -> Velocity:
         """Velocity of one step along the boundary, its end on the contour.
 
         The hand stays on the wall: from the bearing of the wall the heading turns away from it until a whole step is
         open. One rule for straight walls, convex and concave corners, dead ends and thin walls. A robot without any
-        open heading waits, and calls itself stuck after WAIT seconds.
+        open heading waits, and calls itself stuck after WAIT seconds. `first_heading` is another rule.
         """
         contour = memory.contour
         assert contour is not None
@@ -329,7 +334,10 @@ class Boundary:
         # At the hit point it is along the wall: a gap just too narrow must not turn it away there either.
         along = bearing + contour.side * 0.5 * math.pi
         travel = along if contour.heading is None else contour.heading - view.heading
-        heading = self.headings.first(view, bearing, contour.side, travel)
+        if first_heading is None:
+            heading = self.headings.first(view, bearing, contour.side, travel)
+        else:
+            heading = first_heading(view, contour, bearing, travel)
         if heading is None:
             contour.waited += self.sensors.drive.step
             if contour.waited > WAIT:

@@ -168,6 +168,10 @@ class Lines(Protocol):
         """What y is, with its unit."""
 
     @property
+    def y_range(self) -> tuple[float, float]:
+        """Where the y axis begins and ends."""
+
+    @property
     def x(self) -> Sequence[float]:
         """The values of x."""
 
@@ -203,7 +207,7 @@ def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
             axes.plot(places, middle, dashes, color=COLORS[color], marker=marker, label=name)
             axes.fill_between(places, low, high, color=COLORS[color], alpha=0.3 / len(names))
         axes.set_xticks(list(places), [f"{value:g}" for value in one.x])
-        axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=(-0.02, 1.02))
+        axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=one.y_range)
     known = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
     handles = {name: handle for handle, name in reversed(known)}
     figure.legend([handles[name] for name in names], names, loc="outside right center", fontsize="small")

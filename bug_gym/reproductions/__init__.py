@@ -26,6 +26,7 @@ REPRODUCTIONS: dict[str, str] = {
     "hd-bug-real": "hd_bug_real",
     "hd-bug-ablation": "hd_bug_ablation",
     "circle-swap": "circle_swap",
+    "apf-wall-following": "apf_wall_following",
     "learned": "learned",
     "ppo-curve": "ppo_curve",
     "predictors": "predictors",

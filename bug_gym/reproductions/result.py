@@ -46,6 +46,8 @@ class Curves:
     x: Sequence[float]
     lines: Mapping[str, Sequence[tuple[float, float, float]]]
     """Value, low and high at each x, by name."""
+    y_range: tuple[float, float] = (-0.02, 1.02)
+    """Where the y axis begins and ends."""
 
 
 @dataclass(frozen=True)

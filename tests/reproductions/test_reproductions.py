@@ -11,7 +11,7 @@ from episodes import run_episode
 
 from bug_gym.cli import main
 from bug_gym.evaluation.report import draw_curves
-from bug_gym.reproductions import REPRODUCTIONS, barn, bug_no_way, reproduction
+from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import free_space
@@ -118,6 +118,19 @@ def test_a_sweep_gives_success_with_an_interval_for_each_value(name: str, tmp_pa
                 assert 0.0 <= low <= point["success"] <= high <= 1.0
     draw_curves(tmp_path / "curves.png", result.curves)
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_potential_field_with_wall_following_arrives_in_its_scenes_and_on_the_map() -> None:
+    for part in (apf_wall_following.still_scenes(), apf_wall_following.moving_scenes()):
+        assert part.holds, part.data
+    assert apf_wall_following.routes(["AC", "CB"]).holds
+
+
+def test_potential_field_with_wall_following_in_the_first_traps_and_mazes() -> None:
+    ours = {"apf_wall_following": apf_wall_following.METHODS["apf_wall_following"]}
+    traps = apf_wall_following.compare("Traps", apf_wall_following.trap_rows, ours, 4, Settings())
+    assert traps.holds and traps.data["Traps"]["apf_wall_following"]["success"] == 1.0
+    assert apf_wall_following.compare("Mazes", apf_wall_following.maze_rows, ours, 2, Settings()).holds
 
 
 def test_success_falls_with_the_density_of_the_scan() -> None:
