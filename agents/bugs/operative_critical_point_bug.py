@@ -1,0 +1,445 @@
+"""OperativeCriticalPointBug: the virtual circle's centre goes from sub-goal to sub-goal, each the nearest to the goal.
+
+Source: Das, Dutta and Debnath (2020). Sensing assumed: a scan all round; goal, own position, size of the body. Memory
+kept: critical points chosen, what stands, what has shifted once and twice. States: rotation, motion_to_goal,
+motion_to_critical_point, waiting. Each open point gives a sub-goal at the radius of the virtual circle, square to the
+line of sight; where something is in the way to the goal, the robot turns on the spot and goes straight to the nearest
+one to the goal that was not chosen before and is a SAFE_POINT. A moving obstacle whose track meets the robot's in time
+leaves a virtual obstacle there. Guarantee: none; with no sub-goal left it stops as "stuck". Length bound: none.
+
+What the paper leaves open or prints wrongly, and how it is here: the four cases of equation (4) hold below 180 degrees
+only and (5) has cos twice (`sub_goal`); sub-goals as printed touch things, so each leg is looked at again at each step
+with a swept disc ("validated"); SAFE_POINT of a step ahead measures the width of a pole beside the track (`gap_rule`);
+an unsafe point is followed by the next nearest, and an unsafe step ahead counts as an obstacle; (10) has the robot's
+distance in place of the obstacle's (`timing`); open points slide over round bodies, so still ones would move
+(`classify`). If no sub-goal passes the robot waits, which counts as detection. Steps ahead are not stored in the set T.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.critical_points.circle import Leg, leg_along, leg_to, virtual_circle
+from bug_gym.agents.critical_points.meeting import (
+    Mover,
+    VirtualObstacle,
+    is_behind,
+    least_distance,
+    meeting_times,
+    printed_times,
+    virtual_obstacle,
+)
+from bug_gym.agents.critical_points.memory import CriticalPoint, OperativeMemory, OperativeParameters
+from bug_gym.agents.critical_points.moving import track_settings
+from bug_gym.agents.critical_points.reading import JUMP, End, Reading, Scanner
+from bug_gym.agents.critical_points.scan_kernels import can_turn, sweep_leg
+from bug_gym.agents.critical_points.sub_goals import perpendicular_sub_goal, printed_sub_goal
+from bug_gym.agents.tracking.tracker import Tracker
+from bug_gym.agents.walls.boundary import STANDING, WAIT, side_of
+from bug_gym.agents.walls.contour import TARGET_MOVED
+from bug_gym.agents.walls.open_points import TIE
+from bug_gym.geometry import F64, Point, velocity_along
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
+
+ALIGNED = math.radians(1.0)
+"""Heading error from which on the robot turns on the spot before a leg [rad]."""
+
+WIDER = (1.0, math.sqrt(2.0), 2.0)
+"""Distances of a sub-goal from its open point to try, in radii: r / cos(D / 2) for turns D of 0, 90 and 120 degrees,
+where the leg from the last sub-goal would cut the corner."""
+
+SAME = 0.3
+"""Sub-goals nearer to each other than this, or than the circle's radius, are one [m]."""
+
+CREEP = 1e-6
+"""A speed that only tells where to turn [m/s]."""
+
+
+class Sight(NamedTuple):
+    """What one decision rests on."""
+
+    movers: list[Mover]
+    """What moves."""
+    is_mover: NDArray[np.bool_] | None
+    """Whether each beam ended at one of them (B,); None: none did."""
+    x: F64
+    """Points of all else (k,), robot's frame [m]."""
+    y: F64
+    """[m]."""
+
+
+class Candidate(NamedTuple):
+    """A sub-goal, in the robot's frame."""
+
+    end: End
+    """The open point that it lies beside."""
+    place: Point
+    """[m]."""
+    number: int
+    """Of the open point among those of the scan."""
+
+
+class OperativeCriticalPointBug(ScriptedPolicy):
+    """OperativeCriticalPointBug.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: a circle not wider than the body, both ways to say its radius, a jump not above 0.
+    """
+
+    Parameters = OperativeParameters
+    parameters: OperativeParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        own = self.parameters
+        self.circle = virtual_circle(sensors.footprint, self._safety())
+        self.side = side_of(own.turn)
+        radius, body = self.circle.radius, self.circle.body
+        jump = max(min(JUMP, radius), 6.0 * sensors.range_noise) if own.jump is None else own.jump
+        self.scanner = Scanner(sensors, jump)
+        self.tracker = Tracker(sensors)
+        self.shift, self.interval = track_settings(sensors)
+        # A little more than the brake of differential robots asks for, else it stops them on the leg.
+        least = min(body + 2.0 * sensors.range_noise + 0.021, radius)
+        self.keep = least + 0.05 * (radius - least)
+        """Radius of the disc that must pass along the leg under way [m]."""
+        self.take = least + 0.2 * (radius - least)
+        """The same along a leg that is chosen [m]."""
+        # The least of many distances is short by noise.
+        self.width = 2.0 * radius - 4.0 * sensors.range_noise
+        """Gaps up to this are unsafe [m]."""
+        self.same = max(2.0 * sensors.step_length, min(SAME, radius))
+        self.turns = sensors.drive.kinematics != "holonomic"
+        beams = len(sensors.angles)
+        self._left, self._right = np.empty(beams, dtype=np.int64), np.empty(beams, dtype=np.int64)
+
+    def _safety(self) -> float:
+        """The safety constant."""
+        own, body = self.parameters, virtual_circle(self.sensors.footprint, 0.0).body
+        if own.clearance is not None:
+            if own.safety is not None:
+                raise ValueError(f"expected safety or clearance, got both: {own.safety!r} and {own.clearance!r} m")
+            if not own.clearance > body or not math.isfinite(own.clearance):
+                raise ValueError(f"clearance must be above the body's radius of {body:g} m, got {own.clearance!r}")
+            return own.clearance - body
+        safety = self.sensors.step_length if own.safety is None else own.safety
+        if not safety > 0.0 or not math.isfinite(safety):
+            raise ValueError(f"safety must be above 0 m, got {safety!r}")
+        return safety
+
+    def start(self) -> OperativeMemory:
+        """Memory of a new episode."""
+        return OperativeMemory(mode="motion_to_goal", tracker=self.tracker.start())
+
+    def act(self, view: View, memory: OperativeMemory) -> Velocity:
+        """One decision."""
+        self._advance(view, memory)
+        sight = self._detect(view, memory)
+        if memory.critical is not None:
+            velocity = self._go_on(view, memory, sight, memory.critical)
+            if velocity is not None:
+                return velocity
+        is_open = self._is_open(view, memory, sight)
+        meetings = self._meetings(view, memory, sight)
+        if is_open and not meetings:
+            leg = leg_along(self.circle, view.goal_bearing, view.goal_distance, turns=self.turns)
+            return self._drive(view, memory, leg, "motion_to_goal")
+        return self._choose(view, memory, sight, only_virtual=is_open)
+
+    # ------------------------------------------------------------------------------------------ OBSTACLE_DETECTION
+
+    def _advance(self, view: View, memory: OperativeMemory) -> None:
+        """Bring the memory up to the present."""
+        drive = self.sensors.drive
+        if memory.cost.pose is not None:
+            memory.time += drive.step
+        memory.cost.go_on(view.pose, drive.max_speed, drive.max_turn_rate if self.turns else math.inf)
+        memory.circle = (*view.to_odometry(self.circle.ahead, self.circle.left), self.circle.radius)
+        if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
+            memory.goal = view.goal_position
+            memory.traversed.clear()
+            memory.refused.clear()
+
+    def _detect(self, view: View, memory: OperativeMemory) -> Sight:
+        """Tell what stands from what moves."""
+        if self.parameters.classify == "open_points":
+            return self._detect_by_open_points(view, memory)
+        assert memory.tracker is not None
+        tracks = self.tracker.update(memory.tracker, view, memory.time)
+        movers = memory.sets.update(tracks, memory.time, self.shift, self.interval)
+        self._count_detections(memory, movers)
+        if not movers:
+            return Sight([], None, *view.points)
+        numbers = [mover.number for mover in movers]
+        is_dynamic = np.append(np.isin(tracks.id, numbers), False)
+        is_mover = is_dynamic[tracks.beam_track]
+        seen = (view.ranges < self.sensors.range) & ~is_mover
+        x, y = self.sensors.beam_directions[:, seen] * view.ranges[seen]
+        return Sight(movers, is_mover, x, y)
+
+    def _detect_by_open_points(self, view: View, memory: OperativeMemory) -> Sight:
+        """The same by the printed rule: which beams a mover takes is not known, and all count as still."""
+        reading = self.scanner.read(view, None, ())
+        points = [
+            (view.to_odometry(*end.point), extent) for end, extent in zip(reading.ends, reading.extents, strict=True)
+        ]
+        movers = memory.printed_sets.update(points, memory.time, self.shift)
+        self._count_detections(memory, movers)
+        return Sight(movers, None, *view.points)
+
+    def _count_detections(self, memory: OperativeMemory, movers: list[Mover]) -> None:
+        """Each moving obstacle that is found costs DOT."""
+        for mover in movers:
+            if mover.number not in memory.movers:
+                memory.movers.add(mover.number)
+                memory.cost.detecting += self.interval
+
+    def _meetings(self, view: View, memory: OperativeMemory, sight: Sight) -> bool:
+        """Whether tracks meet on the straight way to the goal; brings the virtual obstacles up to that."""
+        memory.virtual = {}
+        speed = self.sensors.drive.max_speed
+        place, velocity = memory.circle[:2], velocity_along(view.goal_bearing + view.heading, speed)
+        times_of = meeting_times if self.parameters.timing == "corrected" else printed_times
+        for mover in sight.movers:
+            times = times_of(place, velocity, mover, self.circle.radius + mover.radius)
+            if times is not None and times.first <= view.goal_distance / speed:
+                memory.virtual[mover.number] = virtual_obstacle(mover, times, memory.time)
+                memory.avoided.add(mover.number)
+        return bool(memory.virtual)
+
+    # -------------------------------------------------------------------------------------------------- legs
+
+    def _is_open(self, view: View, memory: OperativeMemory, sight: Sight) -> bool:
+        """Whether nothing that stands is in the way to the goal, and the step ahead is a SAFE_POINT."""
+        rest = min(max(view.goal_distance - self.sensors.goal_radius, 0.0), self.sensors.range)
+        leg = leg_along(self.circle, view.goal_bearing, rest, turns=self.turns)
+        if self.parameters.sub_goal != "validated":
+            nearest = int(np.abs(np.angle(np.exp(1j * (self.sensors.angles - view.goal_bearing)))).argmin())
+            is_free = bool(view.ranges[nearest] >= min(view.goal_distance, self.sensors.range))
+        else:
+            radius = self.keep if memory.mode == "motion_to_goal" else self.take
+            is_free = self._is_swept(leg, sight.x, sight.y, radius)
+        return is_free and self._is_safe(view, sight, leg, None)
+
+    def _is_swept(self, leg: Leg, x: F64, y: F64, radius: float) -> bool:
+        """Whether the circle may turn and go along a leg."""
+        if self.turns and self.circle.offset > 0.0 and not can_turn(
+            x, y, self.circle.ahead, self.circle.left, leg.turn, self.circle.body
+        ):
+            return False
+        free, _ = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, radius, 0.0, self._left, self._right)
+        return free >= leg.length
+
+    def _is_safe(self, view: View, sight: Sight, leg: Leg, candidate: Candidate | None) -> bool:
+        """SAFE_POINT of a leg: no gap across it up to the circle's width."""
+        if not self.parameters.safe_point:
+            return True
+        if self.parameters.gap_rule == "two_nearest":
+            return self._printed_gap(view, sight, leg, candidate) > 2.0 * self.circle.radius
+        _, gap = sweep_leg(
+            sight.x, sight.y, *leg.begin, leg.heading, leg.length, 0.0, self.width, self._left, self._right
+        )
+        return math.isinf(gap)
+
+    def _printed_gap(self, view: View, sight: Sight, leg: Leg, candidate: Candidate | None) -> float:
+        """S_d as printed [m]: to the facing open point of the neighbour; ahead, between the two nearest open points."""
+        points = [end.point for end in self.scanner.read(view, sight.is_mover, ()).ends]
+        if candidate is not None:
+            facing = (candidate.number + candidate.end.side) % max(len(points), 1)
+            return math.dist(candidate.end.point, points[facing]) if len(points) > 1 else math.inf
+        step = min(self.sensors.step_length, leg.length)
+        ahead = leg._replace(length=step).end
+        nearest = sorted(points, key=lambda point: math.dist(point, ahead))[:2]
+        return math.dist(*nearest) if len(nearest) == 2 else math.inf
+
+    def _meets_nobody(self, view: View, leg: Leg, movers: list[Mover]) -> bool:
+        """Whether on a leg the circle comes to no mover, in time: turning first, then going."""
+        if not movers:
+            return True
+        drive, begin = self.sensors.drive, view.to_odometry(*leg.begin)
+        turning = abs(leg.turn) / max(drive.max_turn_rate, 1e-6)
+        velocity = velocity_along(leg.heading + view.heading, drive.max_speed)
+        arrival = turning + leg.length / drive.max_speed
+        for mover in movers:
+            apart = 0.5 * (self.circle.body + self.circle.radius) + mover.radius
+            standing = least_distance(begin, (0.0, 0.0), 0.0, turning, mover)
+            if min(standing, least_distance(begin, velocity, turning, arrival, mover)) < apart:
+                return False
+        return True
+
+    # ------------------------------------------------------------------------------------------ critical points
+
+    def _go_on(self, view: View, memory: OperativeMemory, sight: Sight, critical: CriticalPoint) -> Velocity | None:
+        """Velocity to the critical point; None where it is reached, or given up."""
+        place = view.to_robot(*critical.place)
+        reach = self.sensors.step_length * (1.0 if self.discrete else 0.1)
+        if math.dist(place, (self.circle.ahead, self.circle.left)) <= reach:
+            memory.traversed.append(critical.place)
+            memory.critical = None
+            return None
+        leg = leg_to(self.circle, place, turns=self.turns)
+        is_reachable = leg is not None and memory.time <= critical.deadline
+        if leg is None or not is_reachable:
+            memory.refused.append(critical.place)
+            memory.critical = None
+            return None
+        if self.parameters.sub_goal == "validated":
+            if not self._meets_nobody(view, leg, sight.movers):
+                memory.critical = None
+                return None
+            is_way = self._is_swept(leg, sight.x, sight.y, self.keep)
+            if not (is_way and self._is_safe(view, sight, leg, None)):
+                memory.refused.append(critical.place)
+                memory.critical = None
+                return None
+        return self._drive(view, memory, leg, "motion_to_critical_point")
+
+    def _choose(self, view: View, memory: OperativeMemory, sight: Sight, *, only_virtual: bool) -> Velocity:
+        """Velocity to the best sub-goal that may be gone to; else wait."""
+        reading = self.scanner.read(view, sight.is_mover, list(memory.virtual.values()))
+        candidates = self._in_order(view, reading, prefers_behind=only_virtual)
+        memory.open_points = [view.to_odometry(*end.point) for end in reading.ends]
+        memory.sub_goals = [view.to_odometry(*candidate.place) for candidate in candidates]
+        for candidate in candidates:
+            leg = self._leg_of(view, memory, sight, reading, candidate)
+            if leg is None:
+                continue
+            drive = self.sensors.drive
+            seconds = abs(leg.turn) / max(drive.max_turn_rate, 1e-6) + leg.length / drive.max_speed
+            place = view.to_odometry(*leg.end)
+            memory.critical = CriticalPoint(
+                place,
+                view.to_odometry(*candidate.end.point),
+                candidate.end.virtual is not None,
+                memory.time + 3.0 * seconds + 2.0,
+            )
+            memory.critical_points.append(place)
+            memory.waited = 0.0
+            return self._drive(view, memory, leg, "motion_to_critical_point")
+        return self._wait(memory)
+
+    def _wait(self, memory: OperativeMemory) -> Velocity:
+        """Stand, and give up after WAIT seconds without anywhere to go: something may move away before."""
+        memory.mode = "waiting"
+        memory.waited += self.sensors.drive.step
+        memory.cost.detecting += self.sensors.drive.step
+        if memory.waited > WAIT:
+            memory.verdict = "stuck"
+        return STANDING
+
+    def _in_order(self, view: View, reading: Reading, *, prefers_behind: bool) -> list[Candidate]:
+        """The sub-goals of all open points, the nearest to the goal first.
+
+        Where only a virtual obstacle is in the way, those behind the mover come before all others.
+        """
+        candidates = [
+            Candidate(end, self._sub_goal(view, end, 1.0), number) for number, end in enumerate(reading.ends)
+        ]
+
+        def is_ahead(candidate: Candidate) -> bool:
+            virtual = candidate.end.virtual
+            return not (prefers_behind and virtual and is_behind(view.to_odometry(*candidate.place), virtual))
+
+        def distance(candidate: Candidate) -> float:
+            return math.dist(candidate.place, view.goal)
+
+        ranked = sorted(candidates, key=lambda one: (is_ahead(one), distance(one)))
+        # Among equal ones the first that is met when turning from the goal to the side of `turn`.
+        for first in range(len(ranked)):
+            last = first + 1
+            while last < len(ranked) and distance(ranked[last]) <= distance(ranked[first]) + TIE:
+                if is_ahead(ranked[last]) != is_ahead(ranked[first]):
+                    break
+                last += 1
+            ranked[first:last] = sorted(ranked[first:last], key=lambda one: self._rotation(view, one))
+        return ranked
+
+    def _rotation(self, view: View, candidate: Candidate) -> float:
+        """Angle from the goal's bearing to an open point, to the side of `turn`, in [0, 2 pi) [rad]."""
+        return (self.side * (candidate.end.bearing - view.goal_bearing)) % (2.0 * math.pi)
+
+    def _sub_goal(self, view: View, end: End, share: float) -> Point:
+        """The sub-goal of an open point, so many radii from it, in the robot's frame [m]."""
+        radius = share * self.circle.radius
+        if self.parameters.sub_goal != "printed":
+            return perpendicular_sub_goal(end.point, end.bearing, end.side, radius)
+        point, bearing = view.to_odometry(*end.point), end.bearing + view.heading
+        return view.to_robot(*printed_sub_goal(point, bearing, end.side, radius))
+
+    def _leg_of(
+        self, view: View, memory: OperativeMemory, sight: Sight, reading: Reading, candidate: Candidate
+    ) -> Leg | None:
+        """The leg to a sub-goal not yet visited, where it may be gone; None where none may."""
+        is_validated = self.parameters.sub_goal == "validated"
+        for share in WIDER if is_validated else WIDER[:1]:
+            place = self._sub_goal(view, candidate.end, share)
+            leg = leg_to(self.circle, place, turns=self.turns)
+            if leg is None or leg.length <= self.sensors.step_length or self._is_visited(view, memory, place):
+                continue
+            if is_validated and not (
+                self._is_swept(leg, reading.x, reading.y, self.take) and self._meets_nobody(view, leg, sight.movers)
+            ):
+                continue
+            if self._is_safe(view, sight, leg, candidate):
+                return leg
+        return None
+
+    def _is_visited(self, view: View, memory: OperativeMemory, place: Point) -> bool:
+        """Whether a sub-goal is in the set T, or was given up on the way."""
+        x, y = view.to_odometry(*place)
+        if any(math.dist(other, (x, y)) <= self.same for other in memory.traversed):
+            return True
+        return any(math.dist(other, (x, y)) <= self.sensors.step_length for other in memory.refused)
+
+    # -------------------------------------------------------------------------------------------------- motion
+
+    def _drive(self, view: View, memory: OperativeMemory, leg: Leg, mode: str) -> Velocity:
+        """Velocity along a leg: a turn on the spot, then straight on."""
+        drive = self.sensors.drive
+        if self.turns and abs(leg.heading) > ALIGNED:
+            memory.mode = "motion_to_goal" if mode == "motion_to_goal" else "rotation"
+            return velocity_along(leg.heading, CREEP)
+        memory.mode = mode
+        memory.waited = 0.0
+        ahead = min(self.sensors.step_length, leg.length)
+        if math.isfinite(drive.max_acceleration):
+            ahead = min(ahead, drive.step * math.sqrt(2.0 * drive.max_acceleration * leg.length))
+        if self.parameters.sub_goal == "validated":
+            x, y = view.points
+            free, _ = sweep_leg(x, y, *leg.begin, leg.heading, ahead, self.keep, 0.0, self._left, self._right)
+            if free < ahead:  # a mover is right there
+                return self._wait(memory)
+        return velocity_along(leg.heading, ahead / drive.step)
+
+    def draw(self, memory: OperativeMemory) -> Drawing:
+        """Virtual circle, open points, sub-goals, critical points, virtual obstacles, and the line to the goal."""
+        points = [(*place, "open_point") for place in memory.open_points]
+        points += [(*place, "sub_goal") for place in memory.sub_goals]
+        points += [(*place, "waypoint") for place in memory.critical_points]
+        x, y, radius = memory.circle
+        segments = []
+        if memory.goal is not None:
+            segments.append((x, y, *memory.goal, "to_goal"))
+        if memory.critical is not None:
+            points.append((*memory.critical.place, "chosen"))
+            segments.append((x, y, *memory.critical.place, "chosen"))
+        areas = [(ring((x, y), (x, y), radius), "circle")]
+        for obstacle in memory.virtual.values():
+            areas.append((ring(obstacle.begin, obstacle.end, obstacle.radius), "virtual"))
+            points.append((*obstacle.point, "meeting"))
+        return Drawing(points=points, segments=segments, areas=areas)
+
+
+def ring(begin: Point, end: Point, radius: float) -> F64:
+    """Outline (k, 2) of all that is nearer than a radius [m] to a straight line between two places [m]."""
+    heading = math.atan2(end[1] - begin[1], end[0] - begin[0])
+    angles = heading + np.linspace(0.5 * math.pi, 2.5 * math.pi, 33)[:-1]
+    centres = np.where((np.arange(32) < 16)[:, None], begin, end)
+    outline: F64 = centres + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    return outline
