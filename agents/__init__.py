@@ -57,6 +57,9 @@ AGENTS: dict[str, Agent] = {
     "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
     "critical_point_bug": Agent("bugs.critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
+    "modified_critical_point_bug": Agent(
+        "bugs.modified_critical_point_bug:ModifiedCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
+    ),
     "operative_critical_point_bug": Agent(
         "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
     ),

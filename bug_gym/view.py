@@ -102,6 +102,12 @@ class View:
         self.velocity: tuple[float, float] = tuple(numbers[velocity])
         self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
 
+    def with_ranges(self, ranges: NDArray[np.float64]) -> View:
+        """The same observation with other ranges (B,) [m]."""
+        flat = self._flat.copy()
+        flat[self.sensors.always_seen[0]] = ranges
+        return View(flat, self.sensors)
+
     @property
     def terrain(self) -> F32 | None:
         """What a metre of ground costs (32, 16), 1 or more: row k at bearing 2 pi k / 32, column j at (j + 1) / 4 m.

@@ -31,6 +31,7 @@ from bug_gym.agents.critical_points.meeting import (
     least_distance,
     meeting_times,
     printed_times,
+    ring,
     virtual_obstacle,
 )
 from bug_gym.agents.critical_points.memory import CriticalPoint, OperativeMemory, OperativeParameters
@@ -114,6 +115,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         # The least of many distances is short by noise.
         self.width = 2.0 * radius - 4.0 * sensors.range_noise
         """Gaps up to this are unsafe [m]."""
+        self.gap_rule = own.gap_rule or ("two_nearest" if own.sub_goal == "printed" else "leg")
         self.same = max(2.0 * sensors.step_length, min(SAME, radius))
         self.turns = sensors.drive.kinematics != "holonomic"
         beams = len(sensors.angles)
@@ -233,16 +235,16 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             x, y, self.circle.ahead, self.circle.left, leg.turn, self.circle.body
         ):
             return False
-        free, _ = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, radius, 0.0, self._left, self._right)
+        free, _, _ = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, radius, 0.0, self._left, self._right)
         return free >= leg.length
 
     def _is_safe(self, view: View, sight: Sight, leg: Leg, candidate: Candidate | None) -> bool:
         """SAFE_POINT of a leg: no gap across it up to the circle's width."""
         if not self.parameters.safe_point:
             return True
-        if self.parameters.gap_rule == "two_nearest":
+        if self.gap_rule == "two_nearest":
             return self._printed_gap(view, sight, leg, candidate) > 2.0 * self.circle.radius
-        _, gap = sweep_leg(
+        _, gap, _ = sweep_leg(
             sight.x, sight.y, *leg.begin, leg.heading, leg.length, 0.0, self.width, self._left, self._right
         )
         return math.isinf(gap)
@@ -376,19 +378,54 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         self, view: View, memory: OperativeMemory, sight: Sight, reading: Reading, candidate: Candidate
     ) -> Leg | None:
         """The leg to a sub-goal not yet visited, where it may be gone; None where none may."""
-        is_validated = self.parameters.sub_goal == "validated"
-        for share in WIDER if is_validated else WIDER[:1]:
+        if self.parameters.sub_goal != "validated":
+            leg = leg_to(self.circle, candidate.place, turns=self.turns)
+            is_new = leg is not None and self._is_new(view, memory, leg)
+            return leg if leg is not None and is_new and self._is_safe(view, sight, leg, candidate) else None
+        for share in WIDER:
             place = self._sub_goal(view, candidate.end, share)
             leg = leg_to(self.circle, place, turns=self.turns)
-            if leg is None or leg.length <= self.sensors.step_length or self._is_visited(view, memory, place):
-                continue
-            if is_validated and not (
-                self._is_swept(leg, reading.x, reading.y, self.take) and self._meets_nobody(view, leg, sight.movers)
-            ):
-                continue
-            if self._is_safe(view, sight, leg, candidate):
-                return leg
+            for way in () if leg is None else (leg, self._detour(leg, reading)):
+                if way is not None and self._may_go(view, memory, sight, reading, way, candidate):
+                    return way
         return None
+
+    def _may_go(
+        self,
+        view: View,
+        memory: OperativeMemory,
+        sight: Sight,
+        reading: Reading,
+        leg: Leg,
+        candidate: Candidate,
+    ) -> bool:
+        """Whether a leg leads to a new place, past everything that stands, in time past what moves, and is safe."""
+        if not (self._is_new(view, memory, leg) and self._is_swept(leg, reading.x, reading.y, self.take)):
+            return False
+        return self._meets_nobody(view, leg, sight.movers) and self._is_safe(view, sight, leg, candidate)
+
+    def _detour(self, leg: Leg, reading: Reading) -> Leg | None:
+        """The leg to a sub-goal beside what a leg touches first, as that touches it; None where it touches nothing.
+
+        Beside a corner that the robot has come to, the way on may cut the corner by a little, which is no open point.
+        """
+        x, y = reading.x, reading.y
+        free, _, touched = sweep_leg(
+            x, y, *leg.begin, leg.heading, leg.length, self.take, 0.0, self._left, self._right
+        )
+        if free >= leg.length:
+            return None
+        cos, sin = math.cos(leg.heading), math.sin(leg.heading)
+        beside = (y[touched] - leg.begin[1]) * cos - (x[touched] - leg.begin[0]) * sin
+        side = -1 if beside > 0.0 else 1
+        place = perpendicular_sub_goal(
+            (float(x[touched]), float(y[touched])), leg.heading, side, self.circle.radius
+        )
+        return leg_to(self.circle, place, turns=self.turns)
+
+    def _is_new(self, view: View, memory: OperativeMemory, leg: Leg) -> bool:
+        """Whether a leg leads away from here, to a place that was not visited."""
+        return leg.length > self.sensors.step_length and not self._is_visited(view, memory, leg.end)
 
     def _is_visited(self, view: View, memory: OperativeMemory, place: Point) -> bool:
         """Whether a sub-goal is in the set T, or was given up on the way."""
@@ -412,7 +449,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             ahead = min(ahead, drive.step * math.sqrt(2.0 * drive.max_acceleration * leg.length))
         if self.parameters.sub_goal == "validated":
             x, y = view.points
-            free, _ = sweep_leg(x, y, *leg.begin, leg.heading, ahead, self.keep, 0.0, self._left, self._right)
+            free, _, _ = sweep_leg(x, y, *leg.begin, leg.heading, ahead, self.keep, 0.0, self._left, self._right)
             if free < ahead:  # a mover is right there
                 return self._wait(memory)
         return velocity_along(leg.heading, ahead / drive.step)
@@ -435,11 +472,3 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             points.append((*obstacle.point, "meeting"))
         return Drawing(points=points, segments=segments, areas=areas)
 
-
-def ring(begin: Point, end: Point, radius: float) -> F64:
-    """Outline (k, 2) of all that is nearer than a radius [m] to a straight line between two places [m]."""
-    heading = math.atan2(end[1] - begin[1], end[0] - begin[0])
-    angles = heading + np.linspace(0.5 * math.pi, 2.5 * math.pi, 33)[:-1]
-    centres = np.where((np.arange(32) < 16)[:, None], begin, end)
-    outline: F64 = centres + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    return outline

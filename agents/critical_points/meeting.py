@@ -14,7 +14,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from bug_gym.geometry import Point
+import numpy as np
+
+from bug_gym.geometry import F64, Point
 
 
 class Mover(NamedTuple):
@@ -138,3 +140,12 @@ def is_behind(place: Point, obstacle: VirtualObstacle) -> bool:
     """Whether a place lies behind a mover where it is met: (Q - P_C) . v_obs < 0."""
     dx, dy = place[0] - obstacle.point[0], place[1] - obstacle.point[1]
     return dx * obstacle.velocity[0] + dy * obstacle.velocity[1] < 0.0
+
+
+def ring(begin: Point, end: Point, radius: float) -> F64:
+    """Outline (k, 2) of all that is nearer than a radius [m] to a straight line between two places [m]."""
+    heading = math.atan2(end[1] - begin[1], end[0] - begin[0])
+    angles = heading + np.linspace(0.5 * math.pi, 2.5 * math.pi, 33)[:-1]
+    centres = np.where((np.arange(32) < 16)[:, None], begin, end)
+    outline: F64 = centres + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    return outline

@@ -30,9 +30,10 @@ class OperativeParameters:
     at; "validated": legs looked at at each step with a swept disc."""
     safe_point: bool = True
     """Whether SAFE_POINT keeps the robot out of gaps up to the width of the virtual circle."""
-    gap_rule: Literal["leg", "two_nearest"] = "leg"
+    gap_rule: Literal["leg", "two_nearest"] | None = None
     """The gap that SAFE_POINT measures: "leg", the least between points on both sides of the leg; "two_nearest" as
-    printed, between facing open points, and of a step ahead between the two open points nearest to it."""
+    printed, between facing open points, and of a step ahead between the two open points nearest to it. None: as printed
+    with sub-goals as printed, else "leg"."""
     classify: Literal["tracks", "open_points"] = "tracks"
     """By what things are told to move: "tracks", fitted discs; "open_points" as printed, which slide over round bodies."""
     timing: Literal["corrected", "printed"] = "corrected"

@@ -82,8 +82,8 @@ def sweep_leg(
     width: float,
     left: Integers,
     right: Integers,
-) -> tuple[float, float]:
-    """How far a disc gets along a leg [m], and the least gap across the leg [m].
+) -> tuple[float, float, int]:
+    """How far a disc gets along a leg [m], the least gap across the leg [m], and the point that ends the way.
 
     The gap S_d is the least distance of two points, one to each side, whose chord crosses the leg.
 
@@ -100,14 +100,17 @@ def sweep_leg(
         right: scratch (k,).
 
     Returns:
-        The free way, infinite where nothing is touched; and the gap, infinite where it is not below `width`.
+        The free way, infinite where nothing is touched; the gap, infinite where it is not below `width`; the number of
+        the point that is touched first, -1 for none.
     """
     cos, sin = math.cos(heading), math.sin(heading)
-    free, lefts, rights = math.inf, 0, 0
+    free, touched, lefts, rights = math.inf, -1, 0, 0
     for i in range(px.size):
         along = (px[i] - x) * cos + (py[i] - y) * sin
         beside = (py[i] - y) * cos - (px[i] - x) * sin
-        free = min(free, way_to_point(along, beside, radius))
+        way = way_to_point(along, beside, radius)
+        if way < free:
+            free, touched = way, i
         if abs(beside) >= width or along <= -width or along >= length + width:
             continue
         if beside > 0.0:
@@ -130,7 +133,7 @@ def sweep_leg(
             crossing = along + share * (dx * cos + dy * sin)
             if 0.0 <= crossing <= length:
                 gap = math.sqrt(dx * dx + dy * dy)
-    return free, gap if gap < width else math.inf
+    return free, gap if gap < width else math.inf, touched
 
 
 @kernel
