@@ -34,7 +34,7 @@ from bug_gym.agents.critical_points.meeting import (
     ring,
     virtual_obstacle,
 )
-from bug_gym.agents.critical_points.memory import CriticalPoint, OperativeMemory, OperativeParameters
+from bug_gym.agents.critical_points.memory import CriticalPoint, LastEnd, OperativeMemory, OperativeParameters
 from bug_gym.agents.critical_points.moving import track_settings
 from bug_gym.agents.critical_points.reading import JUMP, End, Reading, Scanner
 from bug_gym.agents.critical_points.scan_kernels import can_turn, sweep_leg
@@ -53,9 +53,6 @@ ALIGNED = math.radians(1.0)
 WIDER = (1.0, math.sqrt(2.0), 2.0)
 """Distances of a sub-goal from its open point to try, in radii: r / cos(D / 2) for turns D of 0, 90 and 120 degrees,
 where the leg from the last sub-goal would cut the corner."""
-
-SAME = 0.3
-"""Sub-goals nearer to each other than this, or than the circle's radius, are one [m]."""
 
 CREEP = 1e-6
 """A speed that only tells where to turn [m/s]."""
@@ -103,7 +100,6 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         self.side = side_of(own.turn)
         radius, body = self.circle.radius, self.circle.body
         jump = max(min(JUMP, radius), 6.0 * sensors.range_noise) if own.jump is None else own.jump
-        self.scanner = Scanner(sensors, jump)
         self.tracker = Tracker(sensors)
         self.shift, self.interval = track_settings(sensors)
         # A little more than the brake of differential robots asks for, else it stops them on the leg.
@@ -112,11 +108,13 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         """Radius of the disc that must pass along the leg under way [m]."""
         self.take = least + 0.2 * (radius - least)
         """The same along a leg that is chosen [m]."""
+        self.scanner = Scanner(sensors, radius=self.keep, jump=jump)
         # The least of many distances is short by noise.
         self.width = 2.0 * radius - 4.0 * sensors.range_noise
         """Gaps up to this are unsafe [m]."""
         self.gap_rule = own.gap_rule or ("two_nearest" if own.sub_goal == "printed" else "leg")
-        self.same = max(2.0 * sensors.step_length, min(SAME, radius))
+        self.same = max(2.0 * sensors.step_length, 0.5 * radius)
+        """Sub-goals and open points nearer to each other than this are one [m]."""
         self.turns = sensors.drive.kinematics != "holonomic"
         beams = len(sensors.angles)
         self._left, self._right = np.empty(beams, dtype=np.int64), np.empty(beams, dtype=np.int64)
@@ -166,6 +164,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
             memory.goal = view.goal_position
             memory.traversed.clear()
+            memory.used.clear()
             memory.refused.clear()
 
     def _detect(self, view: View, memory: OperativeMemory) -> Sight:
@@ -188,9 +187,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
     def _detect_by_open_points(self, view: View, memory: OperativeMemory) -> Sight:
         """The same by the printed rule: which beams a mover takes is not known, and all count as still."""
         reading = self.scanner.read(view, None, ())
-        points = [
-            (view.to_odometry(*end.point), extent) for end, extent in zip(reading.ends, reading.extents, strict=True)
-        ]
+        points = [(view.to_odometry(*end.point), self.circle.radius) for end in reading.ends]
         movers = memory.printed_sets.update(points, memory.time, self.shift)
         self._count_detections(memory, movers)
         return Sight(movers, None, *view.points)
@@ -283,6 +280,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         reach = self.sensors.step_length * (1.0 if self.discrete else 0.1)
         if math.dist(place, (self.circle.ahead, self.circle.left)) <= reach:
             memory.traversed.append(critical.place)
+            if math.dist(critical.place, critical.open_point.place) <= 1.01 * WIDER[-1] * self.circle.radius:
+                memory.used.append(critical.open_point)
             memory.critical = None
             return None
         leg = leg_to(self.circle, place, turns=self.turns)
@@ -304,20 +303,24 @@ class OperativeCriticalPointBug(ScriptedPolicy):
 
     def _choose(self, view: View, memory: OperativeMemory, sight: Sight, *, only_virtual: bool) -> Velocity:
         """Velocity to the best sub-goal that may be gone to; else wait."""
-        reading = self.scanner.read(view, sight.is_mover, list(memory.virtual.values()))
-        candidates = self._in_order(view, reading, prefers_behind=only_virtual)
+        reading = self._look(view, memory, sight)
+        if reading is None:
+            memory.mode = "looking"
+            return STANDING
+        candidates = self._in_order(view, memory, reading, prefers_behind=only_virtual)
         memory.open_points = [view.to_odometry(*end.point) for end in reading.ends]
         memory.sub_goals = [view.to_odometry(*candidate.place) for candidate in candidates]
         for candidate in candidates:
             leg = self._leg_of(view, memory, sight, reading, candidate)
             if leg is None:
                 continue
+            memory.looked_at = -math.inf
             drive = self.sensors.drive
             seconds = abs(leg.turn) / max(drive.max_turn_rate, 1e-6) + leg.length / drive.max_speed
             place = view.to_odometry(*leg.end)
             memory.critical = CriticalPoint(
                 place,
-                view.to_odometry(*candidate.end.point),
+                LastEnd(view.to_odometry(*candidate.end.point), candidate.end.side),
                 candidate.end.virtual is not None,
                 memory.time + 3.0 * seconds + 2.0,
             )
@@ -325,6 +328,30 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             memory.waited = 0.0
             return self._drive(view, memory, leg, "motion_to_critical_point")
         return self._wait(memory)
+
+    def _look(self, view: View, memory: OperativeMemory, sight: Sight) -> Reading | None:
+        """The scan, with the open points that the look before showed too; None at the first of two looks.
+
+        A beam without a return, or two ranges at a small angle to a wall, open a wall for once.
+        """
+        reading = self.scanner.read(view, sight.is_mover, list(memory.virtual.values()))
+        looks = [LastEnd(view.to_odometry(*end.point), end.side) for end in reading.ends]
+        before, is_next = memory.last_ends, memory.time - memory.looked_at <= 1.5 * self.sensors.drive.step
+        memory.last_ends, memory.looked_at = looks, memory.time
+        if not is_next:
+            return None
+        twice = [
+            end
+            for end, look in zip(reading.ends, looks, strict=True)
+            if any(
+                one.side == look.side and math.dist(one.place, look.place) <= self._drift(end.point) for one in before
+            )
+        ]
+        return reading._replace(ends=twice)
+
+    def _drift(self, point: Point) -> float:
+        """How far an open point in the robot's frame may seem to move between two looks [m]."""
+        return max(self.same, 1.5 * self.scanner.lookout.spacing * math.hypot(*point))
 
     def _wait(self, memory: OperativeMemory) -> Velocity:
         """Stand, and give up after WAIT seconds without anywhere to go: something may move away before."""
@@ -335,13 +362,17 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             memory.verdict = "stuck"
         return STANDING
 
-    def _in_order(self, view: View, reading: Reading, *, prefers_behind: bool) -> list[Candidate]:
+    def _in_order(
+        self, view: View, memory: OperativeMemory, reading: Reading, *, prefers_behind: bool
+    ) -> list[Candidate]:
         """The sub-goals of all open points, the nearest to the goal first.
 
         Where only a virtual obstacle is in the way, those behind the mover come before all others.
         """
         candidates = [
-            Candidate(end, self._sub_goal(view, end, 1.0), number) for number, end in enumerate(reading.ends)
+            Candidate(end, self._sub_goal(view, end, 1.0), number)
+            for number, end in enumerate(reading.ends)
+            if not self._is_used(view, memory, end)
         ]
 
         def is_ahead(candidate: Candidate) -> bool:
@@ -361,6 +392,11 @@ class OperativeCriticalPointBug(ScriptedPolicy):
                 last += 1
             ranked[first:last] = sorted(ranked[first:last], key=lambda one: self._rotation(view, one))
         return ranked
+
+    def _is_used(self, view: View, memory: OperativeMemory, end: End) -> bool:
+        """Whether sub-goals of an open point were made before, and one of them reached."""
+        place = view.to_odometry(*end.point)
+        return any(one.side == end.side and math.dist(one.place, place) <= 0.5 * self.same for one in memory.used)
 
     def _rotation(self, view: View, candidate: Candidate) -> float:
         """Angle from the goal's bearing to an open point, to the side of `turn`, in [0, 2 pi) [rad]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -42,13 +43,22 @@ class OperativeParameters:
     """Change of the reading that makes an open point [m]; None: 0.5, for small robots less, and six times the noise."""
 
 
+class LastEnd(NamedTuple):
+    """An open point; odometry frame."""
+
+    place: Point
+    """[m]."""
+    side: int
+    """+1: the left end of an obstacle, -1: the right one."""
+
+
 class CriticalPoint(NamedTuple):
     """A chosen sub-goal; odometry frame."""
 
     place: Point
     """Where the circle's centre goes [m]."""
-    open_point: Point
-    """What it lies beside [m]."""
+    open_point: LastEnd
+    """What it lies beside."""
     is_virtual: bool
     """Whether that belongs to a virtual obstacle."""
     deadline: float
@@ -77,6 +87,12 @@ class OperativeMemory(Memory):
     """T: critical points chosen and reached."""
     refused: list[Point] = field(default_factory=list)
     """Critical points given up on the way."""
+    used: list[LastEnd] = field(default_factory=list)
+    """Open points whose sub-goals were reached: they give no others."""
+    last_ends: list[LastEnd] = field(default_factory=list)
+    """Open points at the last look round."""
+    looked_at: float = -math.inf
+    """When that was [s]."""
     critical_points: list[Point] = field(default_factory=list)
     """All that were chosen, in order; each is an iteration."""
     open_points: list[Point] = field(default_factory=list)

@@ -1,7 +1,8 @@
 """What a scan shows: the ends of obstacles (open points), of virtual ones too, and the points that legs must pass.
 
-An open point is where neighbouring beams see different surfaces: an end of the nearer one. Up to three beams without a
-return within a surface are no gap. The ends of what moves give no sub-goals; virtual obstacles are cast into the scan.
+An open point is where the reading jumps from one surface to another, or to none: an end of the nearer one. It is looked
+for with a disc as wide as the body (agents/walls/open_points), and up to three beams without a return within a surface
+are no gap. The ends of what moves give no sub-goals; virtual obstacles are cast into the scan.
 
 Source: Das, Dutta and Debnath (2020), sections 2.1.2 and 3.1, equations (1) and (2).
 """
@@ -16,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.critical_points.meeting import VirtualObstacle
-from bug_gym.agents.critical_points.scan_kernels import bridge_dropouts, cast_capsule, find_ends
-from bug_gym.agents.scan import open_ways
+from bug_gym.agents.critical_points.scan_kernels import bridge_dropouts, cast_capsule
+from bug_gym.agents.walls.open_points import Lookout
 from bug_gym.geometry import F64, Point
 from bug_gym.view import Sensors, View
 
@@ -50,8 +51,6 @@ class Reading(NamedTuple):
     """Points of what stands, and of virtual obstacles (k,) [m]."""
     y: F64
     """[m]."""
-    extents: list[float]
-    """Half of the width in sight of what ends at each end [m]."""
 
 
 class Scanner:
@@ -59,23 +58,21 @@ class Scanner:
 
     Args:
         sensors: what a driver knows of the robot.
+        radius: of the disc that gaps must let through to have ends [m].
         jump: change of the reading that makes an open point [m].
 
     Raises:
         ValueError: a jump not above 0 m.
     """
 
-    def __init__(self, sensors: Sensors, jump: float) -> None:
+    def __init__(self, sensors: Sensors, *, radius: float, jump: float) -> None:
         if not jump > 0.0 or not math.isfinite(jump):
             raise ValueError(f"jump must be above 0 m, got {jump!r}")
         self.sensors = sensors
-        self.jump = jump
-        angles, beams = sensors.angles, len(sensors.angles)
-        spacing = float(angles[1] - angles[0]) if beams > 1 else 2.0 * math.pi
-        self._wraps = bool(angles[-1] + 1.5 * spacing >= angles[0] + 2.0 * math.pi)
+        self.lookout = Lookout(sensors, radius=radius, jump=jump)
+        angles = sensors.angles
+        self._wraps = bool(angles[-1] + 1.5 * self.lookout.spacing >= angles[0] + 2.0 * math.pi)
         self._directions = np.ascontiguousarray(sensors.beam_directions)
-        self._link = np.empty(beams, dtype=np.bool_)
-        self._beam, self._side = np.empty(2 * beams, dtype=np.int64), np.empty(2 * beams, dtype=np.int64)
 
     def read(self, view: View, is_mover: NDArray[np.bool_] | None, virtual: Sequence[VirtualObstacle]) -> Reading:
         """Read a scan.
@@ -85,35 +82,26 @@ class Scanner:
             is_mover: whether each beam ended at something that moves (B,); None: none did.
             virtual: obstacles to cast into it.
         """
-        reach, noise = self.sensors.range, self.sensors.range_noise
+        reach, jump = self.sensors.range, self.lookout.jump
         ranges, owner = np.empty(len(view.ranges)), np.full(len(view.ranges), -1, dtype=np.int64)
-        bridge_dropouts(view.ranges, reach, self.jump, BRIDGED, self._wraps, ranges)
+        bridge_dropouts(view.ranges, reach, jump, BRIDGED, self._wraps, ranges)
         cos, sin = self._directions
         for number, obstacle in enumerate(virtual):
             ends = view.to_robot(*obstacle.begin), view.to_robot(*obstacle.end)
             cast_capsule(cos, sin, *ends[0], *ends[1], obstacle.radius, number, ranges, owner)
-        x, y = cos * ranges, sin * ranges
-        # Gaps of any width count here: those too narrow are what SAFE_POINT is for.
-        open_ways.link_beams(x, y, ranges, reach, self.jump, 0.0, noise, self._wraps, self._link)
-        self._link &= owner == np.roll(owner, -1)
         moving = np.zeros(len(ranges), dtype=np.bool_) if is_mover is None else is_mover & (owner < 0)
-        count = find_ends(ranges, reach, self._link, self._wraps, self._beam, self._side)
-        found, extents = [], []
-        for beam, side in zip(self._beam[:count].tolist(), self._side[:count].tolist(), strict=True):
-            if moving[beam]:
-                continue
-            obstacle_of = virtual[owner[beam]] if owner[beam] >= 0 else None
-            found.append(End((float(x[beam]), float(y[beam])), float(self.sensors.angles[beam]), side, obstacle_of))
-            extents.append(self._extent(x, y, beam, side))
+        found = []
+        for point in self.lookout.look(view.with_ranges(ranges)).open_points:
+            bearing = math.atan2(point.corner[1], point.corner[0])
+            beam = self._beam_at(bearing)
+            if not moving[beam]:
+                its = virtual[owner[beam]] if owner[beam] >= 0 else None
+                found.append(End(point.corner, bearing, point.side, its))
         seen = (ranges < reach) & ~moving
-        return Reading(found, x[seen], y[seen], extents)
+        return Reading(found, cos[seen] * ranges[seen], sin[seen] * ranges[seen])
 
-    def _extent(self, x: F64, y: F64, beam: int, side: int) -> float:
-        """Half of the width in sight of the surface that ends at a beam [m]."""
-        count, other = len(x), beam
-        for _ in range(count):
-            before = (other - side) % count
-            if not self._link[before if side > 0 else other]:
-                break
-            other = before
-        return 0.5 * math.hypot(x[beam] - x[other], y[beam] - y[other])
+    def _beam_at(self, bearing: float) -> int:
+        """The beam nearest to a bearing [rad]."""
+        first = float(self.sensors.angles[0])
+        turned = (bearing - first + 0.5 * self.lookout.spacing) % (2.0 * math.pi)
+        return min(int(turned / self.lookout.spacing), len(self.sensors.angles) - 1)

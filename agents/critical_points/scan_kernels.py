@@ -1,4 +1,4 @@
-"""Compiled reading of a scan for critical points: ends of obstacles, legs, gaps, turns, and discs cast into the scan."""
+"""Compiled reading of a scan for critical points: dropouts, legs and gaps, turns, and capsules cast into the scan."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.free_way import way_to_point
-from bug_gym.kernels.layout import Flags, Floats, Integers
+from bug_gym.kernels.layout import Floats, Integers
 
 
 @kernel
@@ -37,37 +37,6 @@ def bridge_dropouts(ranges: Floats, reach: float, jump: float, most: int, wraps:
             continue
         for k in range(1, count):
             filled[(i + k) % n] = ranges[i] + (after - ranges[i]) * k / count
-
-
-@kernel
-def find_ends(ranges: Floats, reach: float, link: Flags, wraps: bool, beam: Integers, side: Integers) -> int:
-    """The ends of obstacles in sight, counter-clockwise: where neighbouring beams see different surfaces, or none.
-
-    Of two surfaces only the nearer one ends there; the other goes on behind it.
-
-    Args:
-        ranges: the scan (B,) [m].
-        reach: range that means "nothing seen" [m].
-        link: whether each beam and the next see one surface (B,).
-        wraps: whether the last beam is the first one's neighbour.
-        beam: result, the beam that saw each end; room for (2 B,).
-        side: result, +1 a left end (obstacle to free, counter-clockwise), -1 a right end.
-
-    Returns:
-        How many there are.
-    """
-    n, count = ranges.size, 0
-    for i in range(n if wraps else n - 1):
-        j = (i + 1) % n
-        if link[i]:
-            continue
-        if ranges[i] < reach and ranges[i] < ranges[j]:
-            beam[count], side[count] = i, 1
-            count += 1
-        elif ranges[j] < reach:
-            beam[count], side[count] = j, -1
-            count += 1
-    return count
 
 
 @kernel
