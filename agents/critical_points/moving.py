@@ -1,6 +1,6 @@
 """What stands and what moves: the sets S_obs, TD_obs and D_obs of known-still, once shifted and twice shifted things.
 
-Each thing seen is looked at every DOT seconds. One that has shifted by more than a threshold since the last look
+Each thing seen is looked at every DOT seconds, a fast one sooner. One that has shifted by more than a threshold since the last look
 goes from S to TD, at a second such look from TD to D: it is dynamic. One that has not goes back to S. The threshold is
 above what noise does to a place, and DOT so long that the slowest thing that counts shifts by as much.
 
@@ -71,7 +71,7 @@ class TrackSets:
         for k, number in enumerate(tracks.id.tolist()):
             place = (float(tracks.position[k, 0]), float(tracks.position[k, 1]))
             last = self.looks.get(number) or Look(time, place, (0.0, 0.0), 0)
-            if time - last.time >= interval - 1e-6 and tracks.unseen[k] == 0.0:
+            if tracks.unseen[k] == 0.0 and is_due(last, time, place, threshold, interval):
                 last = looked_at(last, time, place, threshold)
             looks[number] = last
             # Twice shifted, and in space seen free before: the view of a long thing may shift too.
@@ -80,6 +80,12 @@ class TrackSets:
                 movers.append(Mover(number, place, velocity, float(tracks.radius[k])))
         self.looks = looks
         return movers
+
+
+def is_due(last: Look, time: float, place: Point, threshold: float, interval: float) -> bool:
+    """Whether it is time for the next look: after DOT, or earlier where a fast thing has shifted already."""
+    passed = time - last.time + 1e-6
+    return passed >= interval or (passed >= LEAST_LOOK and math.dist(place, last.place) > threshold)
 
 
 def looked_at(last: Look, time: float, place: Point, threshold: float) -> Look:
