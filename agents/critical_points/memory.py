@@ -12,6 +12,7 @@ from bug_gym.agents.critical_points.moving import OpenPointSets, TrackSets
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.tracking.tracker import TrackerMemory
 from bug_gym.agents.walls.boundary import Turn
+from bug_gym.agents.walls.roaming import Roaming
 from bug_gym.geometry import Point
 from bug_gym.policy import Memory
 
@@ -107,6 +108,8 @@ class OperativeMemory(Memory):
     """Numbers of the moving obstacles found so far."""
     avoided: set[int] = field(default_factory=set)
     """Those of them that had a virtual obstacle."""
+    roaming: Roaming = field(default_factory=Roaming)
+    """How far it has gone since it was nearest to its goal."""
     waited: float = 0.0
     """Time without anywhere to go [s]."""
     cost: Cost = field(default_factory=Cost)
