@@ -165,8 +165,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             memory.goal = view.goal_position
             memory.traversed.clear()
             memory.used.clear()
-            memory.roaming.forget_goal(memory.cost.length)
-        if memory.roaming.goes_on(view.position, view.goal_distance, memory.cost.length):
+            memory.roaming.begin(view.goal_distance, memory.cost.length)
+        if memory.roaming.goes_on(view.position, memory.cost.length):
             memory.verdict = "looping"
             memory.refused.clear()
 

@@ -109,7 +109,7 @@ class OperativeMemory(Memory):
     avoided: set[int] = field(default_factory=set)
     """Those of them that had a virtual obstacle."""
     roaming: Roaming = field(default_factory=Roaming)
-    """How far it has gone since it was nearest to its goal."""
+    """How far it has gone, and over what ground."""
     waited: float = 0.0
     """Time without anywhere to go [s]."""
     cost: Cost = field(default_factory=Cost)

@@ -88,7 +88,7 @@ class SubGoalMemory(BugMemory):
     sees: list[End] | None = None
     """Open points in sight now."""
     roaming: Roaming = field(default_factory=Roaming)
-    """How far it has gone since it was nearest to its goal."""
+    """How far it has gone, and over what ground."""
     looks: int = 0
     """How often it has stood for another look before it chooses."""
 
@@ -190,7 +190,7 @@ class SubGoals:
         """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
         self.boundary.advance(view, memory)
         self._follow_target(view, memory)
-        if memory.roaming.goes_on(view.position, view.goal_distance, memory.odometer):
+        if memory.roaming.goes_on(view.position, memory.odometer):
             memory.verdict = "looping"
         memory.seen, memory.sees = memory.sees, [End(view.to_odometry(*p.corner), p.side) for p in profile.open_points]
         if not self._sees_goal(view, memory, profile):
@@ -325,7 +325,7 @@ class SubGoals:
         memory.goal = view.goal_position
         memory.visits.clear()
         memory.blocked.clear()
-        memory.roaming.forget_goal(memory.odometer)
+        memory.roaming.begin(view.goal_distance, memory.odometer)
 
     def _note_visit(self, memory: SubGoalMemory, corner: Point) -> None:
         """The corner is passed; the third time round the same one on the same side is a loop."""
