@@ -43,7 +43,7 @@ from bug_gym.agents.tracking.tracker import Tracker
 from bug_gym.agents.walls.boundary import STANDING, WAIT, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED
 from bug_gym.agents.walls.open_points import TIE
-from bug_gym.geometry import F64, Point, velocity_along
+from bug_gym.geometry import F64, Point, velocity_along, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
@@ -53,6 +53,9 @@ ALIGNED = math.radians(1.0)
 WIDER = (1.0, math.sqrt(2.0), 2.0)
 """Distances of a sub-goal from its open point to try, in radii: r / cos(D / 2) for turns D of 0, 90 and 120 degrees,
 where the leg from the last sub-goal would cut the corner."""
+
+ONWARD = 2.0
+"""How long a way on from a sub-goal toward the goal must be free in time too [s]."""
 
 CREEP = 1e-6
 """A speed that only tells where to turn [m/s]."""
@@ -108,7 +111,12 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         """Radius of the disc that must pass along the leg under way [m]."""
         self.take = least + 0.2 * (radius - least)
         """The same along a leg that is chosen [m]."""
-        self.scanner = Scanner(sensors, radius=self.keep, jump=jump)
+        self.near = 0.5 * (body + radius)
+        """How near to the outline of a mover the circle's centre comes in time, along a leg [m]."""
+        self.nearest = 0.75 * body + 0.25 * radius
+        """The same along the leg under way [m]."""
+        # The sensor is not at the circle's centre: a disc that it holds in any case looks round.
+        self.scanner = Scanner(sensors, radius=max(self.keep - self.circle.offset, 0.25 * self.keep), jump=jump)
         # The least of many distances is short by noise.
         self.width = 2.0 * radius - 4.0 * sensors.range_noise
         """Gaps up to this are unsafe [m]."""
@@ -204,12 +212,14 @@ class OperativeCriticalPointBug(ScriptedPolicy):
 
     def _meetings(self, view: View, memory: OperativeMemory, sight: Sight) -> bool:
         """Whether tracks meet on the straight way to the goal; brings the virtual obstacles up to that."""
-        memory.virtual = {}
+        before, memory.virtual = memory.virtual, {}
         speed = self.sensors.drive.max_speed
         place, velocity = memory.circle[:2], velocity_along(view.goal_bearing + view.heading, speed)
         times_of = meeting_times if self.parameters.timing == "corrected" else printed_times
         for mover in sight.movers:
-            times = times_of(place, velocity, mover, self.circle.radius + mover.radius)
+            # One that is being avoided may come as near as along a leg: beside it the robot would turn back else.
+            near = self.near if mover.number in before else self.circle.radius
+            times = times_of(place, velocity, mover, near + mover.radius)
             if times is not None and times.first <= view.goal_distance / speed:
                 memory.virtual[mover.number] = virtual_obstacle(mover, times, memory.time)
                 memory.avoided.add(mover.number)
@@ -260,20 +270,31 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         nearest = sorted(points, key=lambda point: math.dist(point, ahead))[:2]
         return math.dist(*nearest) if len(nearest) == 2 else math.inf
 
-    def _meets_nobody(self, view: View, leg: Leg, movers: list[Mover]) -> bool:
-        """Whether on a leg the circle comes to no mover, in time: turning first, then going."""
+    def _meets_nobody(self, view: View, leg: Leg, movers: list[Mover], near: float) -> bool:
+        """Whether the circle's centre stays further than `near` [m] from all movers, in time.
+
+        The robot turns first, goes along the leg, turns again and goes on toward the goal.
+        """
         if not movers:
             return True
-        drive, begin = self.sensors.drive, view.to_odometry(*leg.begin)
+        drive = self.sensors.drive
+        begin, end = view.to_odometry(*leg.begin), view.to_odometry(*leg.end)
         turning = abs(leg.turn) / max(drive.max_turn_rate, 1e-6)
         velocity = velocity_along(leg.heading + view.heading, drive.max_speed)
         arrival = turning + leg.length / drive.max_speed
-        for mover in movers:
-            apart = 0.5 * (self.circle.body + self.circle.radius) + mover.radius
-            standing = least_distance(begin, (0.0, 0.0), 0.0, turning, mover)
-            if min(standing, least_distance(begin, velocity, turning, arrival, mover)) < apart:
-                return False
-        return True
+        goal = view.goal_position
+        onward = math.atan2(goal[1] - end[1], goal[0] - end[0])
+        turned = arrival
+        if self.turns:
+            turned += abs(wrap(onward - leg.heading - view.heading)) / max(drive.max_turn_rate, 1e-6)
+        until = turned + min(math.dist(end, goal) / drive.max_speed, ONWARD)
+        parts = (
+            (begin, (0.0, 0.0), 0.0, turning),
+            (begin, velocity, turning, arrival),
+            (end, (0.0, 0.0), arrival, turned),
+            (end, velocity_along(onward, drive.max_speed), turned, until),
+        )
+        return all(least_distance(*part, mover) >= near + mover.radius for part in parts for mover in movers)
 
     # ------------------------------------------------------------------------------------------ critical points
 
@@ -294,7 +315,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             memory.critical = None
             return None
         if self.parameters.sub_goal == "validated":
-            if not self._meets_nobody(view, leg, sight.movers):
+            if not self._meets_nobody(view, leg, sight.movers, self.nearest):
                 memory.critical = None
                 return None
             is_way = self._is_swept(leg, sight.x, sight.y, self.keep)
@@ -310,7 +331,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         if reading is None:
             memory.mode = "looking"
             return STANDING
-        candidates = self._in_order(view, memory, reading, prefers_behind=only_virtual)
+        candidates = self._in_order(view, memory, reading, only_virtual=only_virtual)
         memory.open_points = [view.to_odometry(*end.point) for end in reading.ends]
         memory.sub_goals = [view.to_odometry(*candidate.place) for candidate in candidates]
         for candidate in candidates:
@@ -366,21 +387,21 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         return STANDING
 
     def _in_order(
-        self, view: View, memory: OperativeMemory, reading: Reading, *, prefers_behind: bool
+        self, view: View, memory: OperativeMemory, reading: Reading, *, only_virtual: bool
     ) -> list[Candidate]:
         """The sub-goals of all open points, the nearest to the goal first.
 
-        Where only a virtual obstacle is in the way, those behind the mover come before all others.
+        Where only a virtual obstacle is in the way, its own alone count, those behind the mover first.
         """
         candidates = [
             Candidate(end, self._sub_goal(view, end, 1.0), number)
             for number, end in enumerate(reading.ends)
-            if not self._is_used(view, memory, end)
+            if not self._is_used(view, memory, end) and (end.virtual is not None or not only_virtual)
         ]
 
         def is_ahead(candidate: Candidate) -> bool:
             virtual = candidate.end.virtual
-            return not (prefers_behind and virtual and is_behind(view.to_odometry(*candidate.place), virtual))
+            return not (only_virtual and virtual and is_behind(view.to_odometry(*candidate.place), virtual))
 
         def distance(candidate: Candidate) -> float:
             return math.dist(candidate.place, view.goal)
@@ -441,7 +462,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         """Whether a leg leads to a new place, past everything that stands, in time past what moves, and is safe."""
         if not (self._is_new(view, memory, leg) and self._is_swept(leg, reading.x, reading.y, self.take)):
             return False
-        return self._meets_nobody(view, leg, sight.movers) and self._is_safe(view, sight, leg, candidate)
+        return self._meets_nobody(view, leg, sight.movers, self.near) and self._is_safe(view, sight, leg, candidate)
 
     def _detour(self, leg: Leg, reading: Reading) -> Leg | None:
         """The leg to a sub-goal beside what a leg touches first, as that touches it; None where it touches nothing.

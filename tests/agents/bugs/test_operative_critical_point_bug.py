@@ -121,8 +121,8 @@ def test_without_safe_point_a_gap_between_body_and_circle_is_taken() -> None:
 def test_a_pole_beside_the_track_stops_nobody_but_by_the_printed_rule() -> None:
     pole = explicit(circles=[[5.0, 0.8, 0.15]])
     assert run_episode("ocpb", pole, clearance=R).full_length == pytest.approx(10.0, abs=0.01)
-    printed = run_episode("ocpb", pole, clearance=R, gap_rule="two_nearest")
-    assert printed.verdict == "stuck" and printed.length < 5.0
+    # Its own two ends are nearer to each other than the circle is wide.
+    assert run_episode("ocpb", pole, clearance=R, gap_rule="two_nearest").verdict in ("stuck", "looping")
 
 
 # ------------------------------------------------------------------------------------------------ moving obstacles
@@ -169,11 +169,20 @@ def test_an_obstacle_that_is_gone_by_then_is_left_alone() -> None:
     assert episode.full_length == pytest.approx(10.0, abs=0.01)
 
 
-def test_by_the_printed_times_the_same_obstacle_gives_false_alarm_or_none() -> None:
-    # Of the obstacle that comes slowly from near by the printed times know nothing.
-    world = mover([6.0, -3.0], [0.0, 0.5])
-    assert len(run_episode("ocpb", world, clearance=C).memory.avoided) == 1
-    assert not run_episode("ocpb", world, clearance=C, timing="printed").memory.avoided
+def test_by_the_printed_times_the_same_obstacle_is_missed_or_a_false_alarm() -> None:
+    # Both need six seconds; with the robot's distance in its place the obstacle would need twelve.
+    missed = mover([6.0, -3.0], [0.0, 0.5])
+    assert run_episode("ocpb", missed, clearance=C, max_steps=25).memory.avoided
+    assert not run_episode("ocpb", missed, clearance=C, max_steps=25, timing="printed").memory.avoided
+    # It is as fast as the robot, and long gone when that comes to its track.
+    harmless = mover([8.0, -1.5], [0.0, 1.0])
+    assert not run_episode("ocpb", harmless, clearance=C, max_steps=13).memory.avoided
+    assert run_episode("ocpb", harmless, clearance=C, max_steps=13, timing="printed").memory.avoided
+
+
+def at(speed: float) -> dict[str, float]:
+    """A robot of this speed [m/s]."""
+    return {"robot.max_speed": speed, "robot.max_reverse": 0.0}
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
@@ -181,11 +190,11 @@ def test_by_the_printed_times_the_same_obstacle_gives_false_alarm_or_none() -> N
 def test_a_still_disc_that_is_passed_never_moves_at_any_speed(radius: float, noise: float) -> None:
     for speed in (0.25, 0.5, 1.0, 2.0):
         world = explicit(circles=[[5.0, radius + 0.7, radius]])
-        episode = run_episode("ocpb", world, {"lidar.noise": noise, "robot.max_speed": speed}, safety=0.1)
+        episode = run_episode("ocpb", world, {"lidar.noise": noise, **at(speed)}, safety=0.1)
         assert episode.outcome == "success"
         assert not episode.memory.movers
     # The open points of the same disc slide: the printed rule takes it for a moving one.
-    printed = run_episode("ocpb", world, {"lidar.noise": noise, "robot.max_speed": 0.5}, classify="open_points")
+    printed = run_episode("ocpb", world, {"lidar.noise": noise, **at(0.5)}, classify="open_points")
     assert printed.memory.movers
 
 
@@ -243,7 +252,7 @@ def narrow_passages(episode: Episode, width: float) -> int:
     return count
 
 
-WORLDS = 12
+WORLDS = 8
 """Of the 1,000 worlds that the reproduction runs."""
 
 
@@ -251,7 +260,7 @@ WORLDS = 12
 def test_in_random_still_worlds_it_touches_nothing_and_takes_no_gap_below_the_circle(kinematics: str) -> None:
     passed_without = 0
     for seed in range(WORLDS):
-        overrides = {**STILL, "world.obstacles": 45, "world.solvable": None, "robot.kinematics": kinematics}
+        overrides = {**STILL, "world.obstacles": 90, "world.separation": 14.0, "world.solvable": None, "robot.kinematics": kinematics}
         episode = run_episode("ocpb", "static", overrides, seed=seed, clearance=R)
         assert episode.outcome == "success" or episode.verdict in ("stuck", "looping")
         assert episode.min_clearance > 0.0
@@ -294,7 +303,7 @@ def test_before_a_ring_round_the_goal_all_end_with_a_verdict_with_noise_too(poli
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_the_cost_of_a_way_is_its_length_and_its_turns_in_seconds(kinematics: str) -> None:
-    overrides = {"robot.kinematics": kinematics, "robot.max_speed": 0.5}
+    overrides = {"robot.kinematics": kinematics, **at(0.5)}
     episode = run_episode("ocpb", canonical_world("slab"), overrides, clearance=C)
     # What the last action did comes after the last decision.
     until = episode.path[:-1]
