@@ -55,7 +55,7 @@ WIDER = (1.0, math.sqrt(2.0), 2.0)
 where the leg from the last sub-goal would cut the corner."""
 
 ONWARD = 2.0
-"""How long a way on from a sub-goal toward the goal must be free in time too [s]."""
+"""How long the way on from a sub-goal toward the goal, or the sub-goal itself, must be free in time too [s]."""
 
 CREEP = 1e-6
 """A speed that only tells where to turn [m/s]."""
@@ -273,7 +273,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
     def _meets_nobody(self, view: View, leg: Leg, movers: list[Mover], near: float) -> bool:
         """Whether the circle's centre stays further than `near` [m] from all movers, in time.
 
-        The robot turns first, goes along the leg, turns again and goes on toward the goal.
+        The robot turns first and goes along the leg; then it may turn again and go on toward the goal, or stand.
         """
         if not movers:
             return True
@@ -288,13 +288,14 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         if self.turns:
             turned += abs(wrap(onward - leg.heading - view.heading)) / max(drive.max_turn_rate, 1e-6)
         until = turned + min(math.dist(end, goal) / drive.max_speed, ONWARD)
-        parts = (
-            (begin, (0.0, 0.0), 0.0, turning),
-            (begin, velocity, turning, arrival),
-            (end, (0.0, 0.0), arrival, turned),
-            (end, velocity_along(onward, drive.max_speed), turned, until),
+
+        def is_clear(*parts: tuple[Point, Point, float, float]) -> bool:
+            return all(least_distance(*part, mover) >= near + mover.radius for part in parts for mover in movers)
+
+        return is_clear((begin, (0.0, 0.0), 0.0, turning), (begin, velocity, turning, arrival)) and (
+            is_clear((end, (0.0, 0.0), arrival, turned), (end, velocity_along(onward, drive.max_speed), turned, until))
+            or is_clear((end, (0.0, 0.0), arrival, arrival + ONWARD))
         )
-        return all(least_distance(*part, mover) >= near + mover.radius for part in parts for mover in movers)
 
     # ------------------------------------------------------------------------------------------ critical points
 

@@ -86,10 +86,13 @@ class Scanner:
         ranges, owner = np.empty(len(view.ranges)), np.full(len(view.ranges), -1, dtype=np.int64)
         bridge_dropouts(view.ranges, reach, jump, BRIDGED, self._wraps, ranges)
         cos, sin = self._directions
+        moving = np.zeros(len(ranges), dtype=np.bool_) if is_mover is None else is_mover
+        ranges[moving] = reach  # a mover may hide its own virtual obstacle
         for number, obstacle in enumerate(virtual):
             ends = view.to_robot(*obstacle.begin), view.to_robot(*obstacle.end)
             cast_capsule(cos, sin, *ends[0], *ends[1], obstacle.radius, number, ranges, owner)
-        moving = np.zeros(len(ranges), dtype=np.bool_) if is_mover is None else is_mover & (owner < 0)
+        moving = moving & (owner < 0)
+        ranges[moving] = view.ranges[moving]
         found = []
         for point in self.lookout.look(view.with_ranges(ranges)).open_points:
             bearing = math.atan2(point.corner[1], point.corner[0])

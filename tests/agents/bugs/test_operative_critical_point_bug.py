@@ -229,7 +229,7 @@ def test_a_body_whose_circle_lies_ahead_of_the_axle_goes_round(shape: str, kinem
     assert episode.memory.circle[2] == pytest.approx(0.45 + 0.15)
 
 
-STILL = {"world.shapes": "circles", "lidar.beams": 360, "lidar.noise": 0.0, "lidar.range": 10.0, "time.limit": 200.0}
+STILL = {"world.shapes": "circles", "lidar.beams": 360, "lidar.noise": 0.0, "lidar.range": 10.0, "time.limit": 900.0}
 """A field of still discs, some gaps between them narrower than the circle: nothing is promised."""
 
 
