@@ -83,6 +83,15 @@ AGENTS: dict[str, Agent] = {
     "d2t_dijkstra": Agent("planning.d2t_eaco:D2TDijkstra", "planner", "Sellers et al. 2026", privileged=True),
     "orca": Agent("reciprocal.orca:Orca", "reciprocal", "van den Berg et al. 2011"),
     "critical_point_bug": Agent("bugs.critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
+    "modified_critical_point_bug": Agent(
+        "bugs.modified_critical_point_bug:ModifiedCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
+    ),
+    "operative_critical_point_bug": Agent(
+        "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
+    ),
+    "ocpb": Agent(
+        "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
+    ),
     "apf": Agent("potential_field.apf:Apf", "field", "Ge and Cui 2002"),
     "apf_wall_following": Agent("potential_field.apf_wall_following:ApfWallFollowing", "bug", "after Ge and Cui 2002"),
     "minimum_risk": Agent("potential_field.minimum_risk:MinimumRisk", "field", "Wang and Liu 2008"),

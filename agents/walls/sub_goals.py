@@ -16,6 +16,7 @@ from bug_gym import kernels
 from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.open_points import Lookout, OpenPoint, Profile
+from bug_gym.agents.walls.roaming import Roaming
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
@@ -86,6 +87,8 @@ class SubGoalMemory(BugMemory):
     """Open points in sight at the last decision but this; None at the first."""
     sees: list[End] | None = None
     """Open points in sight now."""
+    roaming: Roaming = field(default_factory=Roaming)
+    """How far it has gone, and over what ground."""
     looks: int = 0
     """How often it has stood for another look before it chooses."""
 
@@ -187,6 +190,8 @@ class SubGoals:
         """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
         self.boundary.advance(view, memory)
         self._follow_target(view, memory)
+        if memory.roaming.goes_on(view.position, memory.odometer):
+            memory.verdict = "looping"
         memory.seen, memory.sees = memory.sees, [End(view.to_odometry(*p.corner), p.side) for p in profile.open_points]
         if not self._sees_goal(view, memory, profile):
             velocity = self._approach(view, memory, profile) if memory.corner is not None else None
@@ -320,6 +325,7 @@ class SubGoals:
         memory.goal = view.goal_position
         memory.visits.clear()
         memory.blocked.clear()
+        memory.roaming.begin(view.goal_distance, memory.odometer)
 
     def _note_visit(self, memory: SubGoalMemory, corner: Point) -> None:
         """The corner is passed; the third time round the same one on the same side is a loop."""

@@ -68,6 +68,9 @@ LABEL_COLORS: dict[str, Color] = {
     "chosen": (20, 60, 200),
     "way": (20, 60, 200),
     "forecast": (193, 42, 120),
+    "to_goal": (208, 44, 44),
+    "open_point": (196, 128, 0),
+    "virtual": (193, 42, 120),
 }
 """Colours of the labels in a policy's Drawing; other labels take one of the robots' colours, always the same."""
 

@@ -11,7 +11,7 @@ from episodes import CLOSED_FORM_SENSORS, RING_ROUND_THE_START, Episode, Ring, c
 
 from bug_gym.agents import AGENTS
 
-BUGS = [name for name, agent in AGENTS.items() if agent.family == "bug" and name not in ("com", "hd_bug")]
+BUGS = [name for name, agent in AGENTS.items() if agent.family == "bug" and name not in ("com", "ocpb", "hd_bug")]
 
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (name, {}) for name in BUGS},
@@ -39,7 +39,8 @@ CLOSED_FORM_WORLDS: dict[str, tuple[Any, dict[str, Any], float]] = {
 """Scenario, what is changed in it, clearance [m]."""
 
 
-FAR_SIGHTED = ("point_bug", "k_bug", "e_bug", "critical_point_bug")
+FAR_SIGHTED = ("point_bug", "k_bug", "e_bug", "critical_point_bug", "modified_critical_point_bug")
+FAR_SIGHTED += ("operative_critical_point_bug",)
 """They take an end of sight for an end of an obstacle; the sensor of their papers sees as far as the world goes."""
 
 FAR = 60.0
