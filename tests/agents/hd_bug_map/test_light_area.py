@@ -9,7 +9,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light_area import LightArea, density
+from bug_gym.agents.hd_bug_map.light_area import LightArea, density
 
 F64 = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import pytest
 from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.hd_bug.light_area import Ladder
+from bug_gym.agents.hd_bug_map.light_area import Ladder
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
 from bug_gym.agents.prediction import predictor_names
 from bug_gym.shortest_path import shortest_path

@@ -1,4 +1,4 @@
-"""HD-BUG avoids what moves, in two phases: each candidate is a velocity, rolled out against what is predicted."""
+"""The map planner avoids what moves: candidate velocities are rolled out against what is predicted."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from bug_gym.agents.hd_bug.choose import HEADINGS, RINGS
 from bug_gym.agents.hd_bug.frames import direction_to, in_odometry
-from bug_gym.agents.hd_bug.memory import HDBugMemory
-from bug_gym.agents.hd_bug.parameters import HDBugParameters, Measures
-from bug_gym.agents.hd_bug.perceive import Scene
-from bug_gym.agents.hd_bug.poses import TURNING
+from bug_gym.agents.hd_bug_map.follow_way import HEADINGS
+from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
+from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, Measures
+from bug_gym.agents.hd_bug_map.perceive import Scene
+from bug_gym.agents.hd_bug_map.poses import TURNING
 from bug_gym.agents.hd_bug.roll_out import Movers, RollOut, Velocities, roll_out
 from bug_gym.agents.mapping.way import Way
 from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
+
+RINGS = 4
+"""Speeds of the candidates at each heading, beside to stand."""
 
 SHADOW_RISK, SHADOW_SPEED, SHADOW_STEPS = 0.5, 0.3, 10
 """Weight of what may come out of the shadow [m], how fast it comes [m/s], and for how many steps it is feared."""
@@ -31,11 +34,11 @@ class Avoidance:
 
     Args:
         sensors: what a driver knows of the robot.
-        parameters: of HD-BUG.
+        parameters: of the policy.
         measures: of the robot.
     """
 
-    def __init__(self, sensors: Sensors, parameters: HDBugParameters, measures: Measures) -> None:
+    def __init__(self, sensors: Sensors, parameters: HDBugMapParameters, measures: Measures) -> None:
         self.parameters = parameters
         self.measures = measures
         self.drive = sensors.drive
@@ -63,17 +66,13 @@ class Avoidance:
         radii = chosen.radius[:, None] + parameters.spread * self.times[None, :]
         return Movers(predictor.predict(chosen, self.times).places, radii, parameters.margin)
 
-    def avoid(self, scene: Scene, memory: HDBugMemory, way: Way, movers: Movers) -> tuple[float, float]:
+    def avoid(self, scene: Scene, memory: HDBugMapMemory, way: Way, movers: Movers) -> tuple[float, float]:
         """Direction [rad] and speed [m/s] of the candidate velocity that costs least among movers."""
         memory.mode, memory.forecast = "avoidance", movers.places
         behind = self._back_out(scene)
         velocities, result = self._roll_out(scene, memory, way, movers, behind)
         cost = self._costs(scene, memory, way, velocities, result)
         best = int(cost.argmin())
-        if result.contact[best] < self.parameters.reaction:
-            # Phase 2: whatever is met last.
-            late = np.minimum(result.contact, self.parameters.horizon)
-            best = int(np.lexsort((cost, -late))[0])
         memory.is_backing = behind is not None and best == len(cost) - 1
         memory.candidates, memory.costs = result.end, cost
         memory.chosen = float(result.end[best, 0]), float(result.end[best, 1])
@@ -81,7 +80,7 @@ class Avoidance:
         return float(velocities.directions[best]), max(speed, TURNING)
 
     def _roll_out(
-        self, scene: Scene, memory: HDBugMemory, way: Way, movers: Movers, behind: Velocities | None
+        self, scene: Scene, memory: HDBugMapMemory, way: Way, movers: Movers, behind: Velocities | None
     ) -> tuple[Velocities, RollOut]:
         """The candidate velocities, the one straight back as the last of them, and what comes of each."""
         pose, radius = scene.view.pose, self.measures.radius
@@ -98,7 +97,7 @@ class Avoidance:
             RollOut(*map(np.concatenate, zip(result, back, strict=True))),
         )
 
-    def _velocity_candidates(self, scene: Scene, memory: HDBugMemory, way: Way) -> Velocities:
+    def _velocity_candidates(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocities:
         """The candidates among movers: headings about the next node at each speed, and to stand."""
         directions = direction_to(scene.view, way.places[1]) + HEADINGS
         free = np.maximum(scene.light.free(directions - scene.view.heading), 0.0)
@@ -119,7 +118,7 @@ class Avoidance:
             return None
         return Velocities(direction, np.array([speed]), free)
 
-    def _costs(self, scene: Scene, memory: HDBugMemory, way: Way, velocities: Velocities, result: RollOut) -> F64:
+    def _costs(self, scene: Scene, memory: HDBugMapMemory, way: Way, velocities: Velocities, result: RollOut) -> F64:
         """Costs (m,) of the candidate velocities: what is left to go, and the risk [m]."""
         parameters, ends = self.parameters, result.end
         straight_on = np.hypot(*(ends - scene.view.position).T) + float(way.rest[0])
@@ -134,7 +133,7 @@ class Avoidance:
     def _shadow_risk(self, scene: Scene, velocities: Velocities) -> F64:
         """Nearness (m,) to movers that could come out of the shadow beside the ends of what is seen."""
         view, light = scene.view, scene.light
-        edges, _ = light.vertices_and_centres()
+        edges = light.edges()
         edges = edges[np.hypot(*edges.T) < light.reach]
         if len(edges) == 0:
             return np.zeros(len(velocities.directions))
