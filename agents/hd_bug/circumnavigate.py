@@ -49,6 +49,10 @@ class Circumnavigation:
         """Whether candidates have had their time: too long a way without coming nearer, or none at all."""
         if memory.odometer - memory.best_at > self.patience * (memory.best + EXTRA):
             return True
+        return self.stands_still(view, memory)
+
+    def stands_still(self, view: View, memory: HDBugMemory) -> bool:
+        """Whether it has not got on for long; to be asked once a decision."""
         if math.dist(view.position, memory.anchor) > STANDS:
             memory.anchor, memory.anchored = view.position, 0
         memory.anchored += 1
@@ -59,8 +63,8 @@ class Circumnavigation:
         memory.follow, memory.follow_best = self.tangent_bug.start(), memory.best
         memory.door, memory.way, memory.is_passing = None, [], False
 
-    def velocity(self, view: View, memory: HDBugMemory) -> Velocity | None:
-        """Velocity along the obstacle, robot's frame [m/s]; None where it is left, or the verdict is there."""
+    def velocity(self, view: View, memory: HDBugMemory) -> Velocity:
+        """Velocity along the obstacle, robot's frame [m/s]; it notes when the obstacle is left, or there is a verdict."""
         assert memory.follow is not None
         memory.mode = "circumnavigation"
         velocity = self.tangent_bug.act(view, memory.follow)
@@ -69,7 +73,6 @@ class Circumnavigation:
         if is_nearer and memory.follow.mode == "motion_to_goal":
             memory.follow, memory.must_look = None, True
             memory.anchor, memory.anchored = view.position, 0
-            return None
         return velocity
 
     def draw(self, memory: HDBugMemory) -> Drawing:

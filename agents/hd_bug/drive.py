@@ -39,12 +39,17 @@ class Motion:
         )
         """v_max, v_base and v_min of eq. (9) [m/s]."""
 
+    def radius_for(self, view: View) -> float:
+        """Radius of the disc that must not touch anything [m]: never more than what is free about the robot now."""
+        radius = self.boundary.sensors.radius
+        return min(self.boundary.hit_radius, max(view.nearest()[0] - 1e-3, 0.9 * radius))
+
     def toward(self, scene: Scene, place: Point) -> tuple[float, float] | None:
         """Direction [rad] and speed [m/s] to a place of the odometry frame; None where everything is in the way."""
         view = scene.view
         x, y = view.to_robot(*place)
         gap, bearing = math.hypot(x, y), math.atan2(y, x)
-        ways = view.free_distances(bearing + OFFSETS, self.boundary.hit_radius)
+        ways = view.free_distances(bearing + OFFSETS, self.radius_for(view))
         need = min(self.boundary.step, gap)
         good = np.flatnonzero(ways >= need)
         if len(good) == 0:
@@ -66,15 +71,14 @@ class Motion:
             if free < self.parameters.r_base:
                 speed = base
             sideways = bearing + 0.5 * math.pi * np.array([1.0, -1.0])
-            if view.free_distances(sideways, self.boundary.hit_radius).sum() < 2.0 * self.boundary.sensors.radius:
+            if view.free_distances(sideways, self.radius_for(view)).sum() < 2.0 * self.boundary.sensors.radius:
                 speed = min(speed, slow)
         if math.isfinite(self.drive.max_acceleration):
             speed = min(speed, math.sqrt(2.0 * self.drive.max_acceleration * max(free - speed * self.drive.step, 0.0)))
         return min(speed, free / self.drive.step)
 
-    def emergency_point(self, scene: Scene, reach: float) -> tuple[float, float]:
+    def emergency_point(self, view: View, reach: float) -> tuple[float, float]:
         """Direction [rad] and speed [m/s] to the place about the robot that is farthest from everything seen."""
-        view = scene.view
         ways = np.minimum(view.free_distances(RING - view.heading, self.boundary.sensors.radius + 0.005), reach)
         x, y = view.points
         if ways.max() <= 0.0 or len(x) == 0:

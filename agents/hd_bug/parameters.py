@@ -49,7 +49,7 @@ class HDBugParameters:
     """Speed in a narrow passage, as a share of the top speed; the paper gives none."""
     hysteresis: Weight = 0.05
     """By which share of its cost another candidate must be better than the one that it heads for."""
-    patience: Weight = 3.0
+    patience: Weight = 10.0
     """How long it tries candidates without coming nearer to the goal, in distances to it; then it circumnavigates."""
     horizon: Length = 3.0
     """How far ahead movers are predicted [s]."""

@@ -1,4 +1,44 @@
-"""HD-BUG."""
+"""HD-BUG: doors from light into shadow, a cost, a list of light areas, and prediction of what moves.
+
+Source: Hasibuzzaman, Jan and Wu, "Dynamic Path Planning in the Unknown Environment with Mobile Target and Obstacles".
+Sensing assumed: ranges all round, goal, own position. Memory kept: the double linked list of light areas that it has
+navigated (path_list), the doors of each; tracks of what moves; while it circumnavigates, TangentBug's few registers.
+States: direct, candidates, backtracking, circumnavigation, anticipation, reaction, emergency. Guarantee: reaches the goal
+or declares it unreachable among still obstacles; the paper gives none. Length: between two falls of the least distance d
+to the goal at most `patience` (d + 2 m) by doors, and TangentBug's.
+
+It keeps no map of points and plans on none. A list of light areas is a memory of the ground all the same: n times 180
+numbers, not the few registers of a bug; a topological map, as of the SRT method (Oriolo, Vendittelli, Freda and Troso) or
+of gap navigation trees (LaValle, Planning Algorithms, 12.3.4).
+
+A decision is to perceive, to aim, to explore or to circumnavigate, and among movers to avoid: a file each.
+
+Where the paper contradicts itself or is silent, this package decides:
+
+1. Light and shadow (Procedure 2). The light area of a place is how far the robot's disc can go along each heading; each
+   node of the list keeps its own. Shadow is what no node has lit. (light)
+2. Candidates (eq. 7, Procedure 3, Table 1). Doors: from a place v in the light to q in the shadow beside it, where the
+   light jumps behind the end of an obstacle ("vertices") and where the beams end ("end point at r_max"). They are looked
+   for every pace. A door is closed when q is lit, or when it leads into an obstacle. (light, explore)
+3. Cost (eq. 8 and Table 1). J = alpha (C(s, v) + D(v, g)) + beta risk(v): C is the way over the list, D goes over q and
+   on straight, risk is narrowness and movers. The least J over the whole list is chosen, and kept until it is closed or
+   another is better by far. (explore)
+4. Backtracking. A door out of sight is reached over the list: over the links between nodes in each other's light, never
+   back along the way. (explore, path_list)
+5. Tangential circumnavigation. No door left, no progress within `patience`, or no way on: it goes round what is in the way
+   as TangentBug does, until it is nearer to the goal than ever. "No door left" never says that there is no way; only a
+   closed lap does. So a livelock among doors ends, and no verdict rests on how finely doors are seen. (circumnavigate)
+6. Detection radius (eq. 6, Table 1). The ladder of radii r' bounds what lies ahead among movers: at r' the ends of the
+   grid of velocities are compared. What is remembered is as far as the beams saw. (ladder)
+7. Velocity (eq. 9). v_max where the way to the next place is clear, v_base where an obstacle is nearer than a pace ahead,
+   v_min in a passage narrower than two bodies; never faster than it can stop. (drive)
+8. Two-phase avoidance, with the prediction's spread as the chance of a hit. (avoid)
+9. Emergency points. Where nothing lets it go on, the place on the ring of radius r' that is farthest from everything.
+10. Moving target. Met where its velocity, as far as that has foretold its way, leads. (aim)
+11. Deep reinforcement learning (named in the conclusion): a predictor beside "none", "constant_velocity" and "kalman".
+
+A long body goes as the disc about it; what ground costs is not looked at: hd_bug_map does both.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +49,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.aim import aim
+from bug_gym.agents.hd_bug.avoid import Avoidance
 from bug_gym.agents.hd_bug.circumnavigate import Circumnavigation
-from bug_gym.agents.hd_bug.drive import Motion
+from bug_gym.agents.hd_bug.drive import TURNING, Motion
 from bug_gym.agents.hd_bug.explore import Explorer
+from bug_gym.agents.hd_bug.light import ANGLES
 from bug_gym.agents.hd_bug.memory import HDBugMemory
 from bug_gym.agents.hd_bug.parameters import HDBugParameters
 from bug_gym.agents.hd_bug.perceive import Perception, Scene
-from bug_gym.geometry import velocity_along
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.geometry import F64, Point, velocity_along
+from bug_gym.kinematics import differential_action
+from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
+
+TRIES = 3
+"""Doors that are tried in one decision where the way to the first is blocked."""
+
+Heading = tuple[float, float]
+"""Direction in the odometry frame [rad] and speed [m/s]."""
 
 
 class HDBug(ScriptedPolicy):
-    """HD-BUG."""
+    """HD-BUG.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        discrete: whether actions are numbers of the discrete table.
+        **parameters: see HDBugParameters.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: an unknown predictor, a clearance not above the radius, a parameter that cannot be.
+    """
 
     Parameters = HDBugParameters
     parameters: HDBugParameters
@@ -34,6 +93,7 @@ class HDBug(ScriptedPolicy):
         self.perception = Perception(sensors, own, self.boundary.inner)
         self.explorer = Explorer(sensors, own, self.perception, self.boundary.inner)
         self.motion = Motion(own, self.boundary)
+        self.avoidance = Avoidance(sensors, own, self.motion)
 
     def start(self) -> HDBugMemory:
         """Memory of a new episode."""
@@ -45,52 +105,127 @@ class HDBug(ScriptedPolicy):
         scene = self.perception.perceive(view, memory)
         aim(view, memory, self.motion.speeds[0], leads=self.parameters.lead)
         self.circumnavigation.measure(view, memory)
-        desired = self._desired(scene, memory)
+        heading = self._go(scene, memory)
         if memory.verdict:
             return 0.0, 0.0
-        direction, speed = desired
-        memory.direction = direction
-        return velocity_along(direction - view.heading, speed)
+        movers = self.avoidance.near_movers(scene)
+        if movers is not None:
+            heading = self.avoidance.avoid(scene, memory, movers, heading, memory.chosen)
+        memory.direction = heading[0]
+        return velocity_along(heading[0] - view.heading, heading[1])
 
-    def _desired(self, scene: Scene, memory: HDBugMemory) -> tuple[float, float]:
-        view = scene.view
-        memory.must_look |= memory.door is None and memory.follow is None
+    # ------------------------------------------------------------------------------------------- where nothing moves
+
+    def _go(self, scene: Scene, memory: HDBugMemory) -> Heading:
+        """Direction and speed to the goal, to a door, or round what is in the way."""
+        is_exploring = memory.follow is None
+        memory.must_look |= is_exploring and memory.door is None
+        place = self._place_in_sight(scene, memory)
+        if place is not None:
+            heading = self._go_straight(scene, memory, place)
+            if heading is not None:
+                return heading
         has_looked = self.explorer.look(scene, memory)
-        if self._sees_goal(scene, memory):
-            memory.follow = None
-            memory.mode = "direct"
-            memory.door, memory.way, memory.is_passing = None, [], False
-            memory.chosen = memory.goal
-            memory.must_look = False
-            found = self.motion.toward(scene, memory.goal)
-            if found is not None:
-                return found
-        if memory.follow is None:
+        if is_exploring:
+            heading = self._explore(scene, memory, has_looked=has_looked)
+            if heading is not None:
+                return heading
+            self.circumnavigation.begin(memory)
+        return self._circumnavigate(scene, memory)
+
+    def _place_in_sight(self, scene: Scene, memory: HDBugMemory) -> Point | None:
+        """The goal, or where it can be met, if the way there is free as far as is seen; None else."""
+        view = scene.view
+        if memory.goal != view.goal_position:
+            ahead, left = view.to_robot(*memory.goal)
+            free = view.free_distance(math.atan2(left, ahead), self.boundary.inner)
+            if min(math.hypot(ahead, left), self.sensors.range) <= free:
+                return memory.goal
+        return view.goal_position if self.boundary.sees_goal(view) else None
+
+    def _go_straight(self, scene: Scene, memory: HDBugMemory, place: Point) -> Heading | None:
+        """To the goal in sight; None where something is in the way after all."""
+        heading = self.motion.toward(scene, place)
+        if heading is None or self.circumnavigation.stands_still(scene.view, memory):
+            return None
+        memory.mode, memory.chosen = "direct", place
+        memory.door, memory.way, memory.is_passing, memory.follow = None, [], False, None
+        return heading
+
+    def _explore(self, scene: Scene, memory: HDBugMemory, *, has_looked: bool) -> Heading | None:
+        """Toward the door of least cost; None where none is left, or they have had their time."""
+        if self.circumnavigation.is_due(scene.view, memory):
+            return None
+        for _ in range(TRIES):
             if has_looked or memory.door is None:
                 self.explorer.choose(scene, memory)
-            for _ in range(3):
-                place = self.explorer.next_place(scene, memory)
-                found = None if place is None else self.motion.toward(scene, place)
-                if place is not None and found is not None:
-                    memory.chosen = place
-                    if self.circumnavigation.is_due(view, memory):
-                        break
-                    return found
-                if place is not None:
-                    self.explorer.give_up(scene, memory)
-                self.explorer.look(scene, memory)
-                self.explorer.choose(scene, memory)
-                if memory.door is None:
-                    break
-            self.circumnavigation.begin(memory)
-        velocity = self.circumnavigation.velocity(view, memory)
-        if velocity is None:
-            return memory.direction, 1e-6
-        bearing = math.atan2(velocity[1], velocity[0])
-        return bearing + view.heading, math.hypot(*velocity)
+            if memory.door is None:
+                return None
+            place = self.explorer.next_place(scene, memory)
+            heading = None if place is None else self.motion.toward(scene, place)
+            if place is not None and heading is not None:
+                memory.chosen = place
+                return heading
+            if place is not None:
+                self.explorer.give_up(scene, memory)
+            has_looked = self.explorer.look(scene, memory)
+        return None
 
-    def _sees_goal(self, scene: Scene, memory: HDBugMemory) -> bool:
-        return self.boundary.sees_goal(scene.view)
+    def _circumnavigate(self, scene: Scene, memory: HDBugMemory) -> Heading:
+        """Round what is in the way; to an emergency point where nothing lets it go on."""
+        view = scene.view
+        velocity = self.circumnavigation.velocity(view, memory)
+        speed = math.hypot(*velocity)
+        if speed <= 0.0 and not memory.verdict:
+            memory.mode = "emergency"
+            return self.motion.emergency_point(view, memory.reach)
+        direction = math.atan2(velocity[1], velocity[0]) + view.heading
+        x, y = view.position
+        memory.chosen = x + memory.reach * math.cos(direction), y + memory.reach * math.sin(direction)
+        return direction, max(speed, TURNING)
+
+    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+        action = super()._action(flat, memory)
+        if isinstance(memory, HDBugMemory) and memory.is_backing and not memory.verdict and not self.discrete:
+            return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
+        return action
+
+    # ------------------------------------------------------------------------------------------- what it shows
 
     def draw(self, memory: HDBugMemory) -> Drawing:
-        return Drawing()
+        """Light areas and the list, candidates by cost, the way back, closed doors, the wall, tracks."""
+        if memory.steps == 0:
+            return Drawing()
+        path = memory.path
+        areas = [(light_ring(place, light), "light") for place, light in zip(path.places, path.lights, strict=True)]
+        points = labelled(memory.candidates, memory.costs)
+        points += [(*closing.place, "closed") for closing in memory.closed]
+        points.append((*memory.chosen, "chosen"))
+        followed = self.circumnavigation.draw(memory)
+        segments = [(*a.place, *a.following.place, "list") for a in path if a.following is not None]
+        way = [memory.pose[:2], *(path.nodes[number].place for number in memory.way)]
+        segments += [(*a, *b, "way") for a, b in zip(way, way[1:], strict=False)]
+        for future in memory.forecast:
+            segments += [
+                (*a, *b, "forecast") for a, b in zip(future[:-1:4].tolist(), future[4::4].tolist(), strict=False)
+            ]
+        return Drawing(points=[*points, *followed.points], segments=segments, areas=areas)
+
+
+def light_ring(place: F64, light: F64) -> F64:
+    """Outline (K, 2) of a light area (K,) about a place (2,) [m]."""
+    ring: F64 = place + light[:, None] * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+    return ring
+
+
+def labelled(candidates: F64, costs: F64) -> list[tuple[float, float, str]]:
+    """Candidates (m, 2) with a label for their costs (m,): the share of the way from the least to the highest."""
+    finite = costs[np.isfinite(costs)]
+    if len(finite) == 0:
+        return []
+    low, high = float(finite.min()), float(finite.max())
+    points = []
+    for (px, py), cost in zip(candidates.tolist(), costs.tolist(), strict=True):
+        share = (cost - low) / (high - low) if high > low and math.isfinite(cost) else 1.0
+        points.append((px, py, "cheap" if share < 0.25 else "candidate" if share < 0.6 else "dear"))
+    return points
