@@ -10,12 +10,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light import MOST_DOORS, SLACK, are_lit, find_doors, is_lit_from, room_along
-from bug_gym.agents.hd_bug.memory import Closing, HDBugMemory
+from bug_gym.agents.hd_bug.light import MOST_DOORS, SLACK, are_lit, find_doors, room_along
+from bug_gym.agents.hd_bug.memory import Closing, HDBugMemory, Walls
 from bug_gym.agents.hd_bug.parameters import HDBugParameters
 from bug_gym.agents.hd_bug.path_list import Door, PathList, PathNode
-from bug_gym.agents.hd_bug.perceive import Perception, Scene, Walls
+from bug_gym.agents.hd_bug.perceive import Perception, Scene
+from bug_gym.agents.walls.boundary import Boundary
 from bug_gym.geometry import F64, Point
+from bug_gym.kernels.free_way import free_distances
 from bug_gym.view import Sensors
 
 CLOSED_ABOUT, THINNED, SAME_DOOR = 0.2, 0.25, 0.3
@@ -32,6 +34,9 @@ VISITED = 0.35
 
 LEAST_GAIN = 0.3
 """By how much another door must be better than the one that it heads for, at least [m]."""
+
+SUCCESSOR = 1.5
+"""A door this near to the one that has been closed carries on with it: the way round the same obstacle [m]."""
 
 SAFE = 1.0
 """Room about a door above which it is without risk [m]."""
@@ -53,17 +58,18 @@ class Explorer:
         sensors: what a driver knows of the robot.
         parameters: of HD-BUG.
         perception: what lights up the ground.
-        clearance: radius of the disc that is to pass [m].
+        boundary: radii of the discs that are to pass.
     """
 
     def __init__(
-        self, sensors: Sensors, parameters: HDBugParameters, perception: Perception, clearance: float
+        self, sensors: Sensors, parameters: HDBugParameters, perception: Perception, boundary: Boundary
     ) -> None:
         self.perception = perception
+        self.hit_radius = boundary.hit_radius
         self.sensors = sensors
         self.parameters = parameters
         self.without = parameters.without
-        self.clearance = clearance
+        self.clearance = boundary.inner
         self.step = sensors.step_length
         self._found = np.empty((MOST_DOORS, 5))
 
@@ -77,6 +83,7 @@ class Explorer:
         if self.without == "path_list":
             memory.path = PathList()
         memory.light, walls = self.perception.light_up(scene)
+        memory.walls = walls
         node = memory.path.visit(scene.view.position, memory.odometer, memory.light)
         self._close(scene, memory, walls, node)
         if self.without != "candidates":
@@ -179,16 +186,24 @@ class Explorer:
         if not math.isfinite(cost[best]):
             memory.door, memory.way = None, []
             return
-        if memory.door is not None:
-            kept = doors.index(memory.door)
+        kept = self._kept(memory, doors, cost)
+        if kept is not None:
             gain = max(LEAST_GAIN, self.parameters.hysteresis * float(cost[kept]))
             if not cost[best] < cost[kept] - gain:
                 best = kept
         if doors[best] is not memory.door:
-            memory.door, memory.is_passing = doors[best], False
+            memory.door, memory.heading_to, memory.is_passing = doors[best], doors[best].outside, False
             memory.anchor, memory.anchored = scene.view.position, 0
             memory.way = self._way_back(memory.path, doors[best])
         self._skip(scene, memory, doors[best])
+
+    def _kept(self, memory: HDBugMemory, doors: list[Door], cost: F64) -> int | None:
+        """Number of the door that it heads for; where that is closed, of the cheapest one about it; None without one."""
+        if memory.door is not None:
+            return doors.index(memory.door)
+        away = np.array([math.dist(door.outside, memory.heading_to) for door in doors])
+        near = np.flatnonzero((away < SUCCESSOR) & np.isfinite(cost))
+        return int(near[cost[near].argmin()]) if len(near) else None
 
     def _costs(self, scene: Scene, memory: HDBugMemory, doors: list[Door]) -> F64:
         """J (m,) of eq. (8) for doors [m]: alpha (travel to v, and over q to the goal) + beta risk."""
@@ -200,9 +215,7 @@ class Explorer:
         position = np.array(scene.view.position)
         travel = lengths[owners] + np.hypot(*(inside - path.places[owners]).T)
         straight = np.hypot(*(inside - position).T)
-        for i, door in enumerate(doors):
-            if door.owner == path.here.number or is_lit_from(scene.view.position, memory.light, door.inside):
-                travel[i] = straight[i]
+        travel = np.where((owners == path.here.number) | self._in_sight(scene, memory, inside), straight, travel)
         travel += np.hypot(*(outside - inside).T)
         rest = np.hypot(*(outside - np.array(memory.goal)).T)
         risk = self._risks(scene, doors, outside, travel)
@@ -233,11 +246,21 @@ class Explorer:
 
     def _skip(self, scene: Scene, memory: HDBugMemory, door: Door) -> None:
         """Go straight to the farthest node of the way in the light, or to v; never back along the way."""
-        position, nodes = scene.view.position, memory.path.nodes
-        if is_lit_from(position, memory.light, door.inside):
-            memory.way = []
-        seen = [i for i, n in enumerate(memory.way) if is_lit_from(position, memory.light, nodes[n].place)]
-        memory.way = memory.way[max(seen, default=0) :]
+        if not memory.way:
+            return
+        places = np.array([door.inside, *(memory.path.nodes[number].place for number in memory.way)])
+        seen = self._in_sight(scene, memory, places)
+        memory.way = [] if seen[0] else memory.way[int(np.flatnonzero(seen[1:]).max(initial=0)) :]
+
+    def _in_sight(self, scene: Scene, memory: HDBugMemory, places: F64) -> NDArray[np.bool_]:
+        """Which of some places (m, 2) one can go to straight, as the present scan shows."""
+        walls, (x, y) = memory.walls, scene.view.position
+        assert walls is not None
+        away, free = np.hypot(*(places - (x, y)).T), np.empty(len(places))
+        angles = np.arctan2(places[:, 1] - y, places[:, 0] - x)
+        free_distances(walls.x - x, walls.y - y, angles, self.hit_radius, self.sensors.range, free)
+        sight: NDArray[np.bool_] = away <= free
+        return sight
 
     # ------------------------------------------------------------------------------------------------------ going
 

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from bug_gym.compiling import kernel
-from bug_gym.geometry import F64, Point
+from bug_gym.geometry import F64
 from bug_gym.kernels.free_way import free_distance
 from bug_gym.kernels.layout import Flags, Floats, Integers
 
@@ -312,9 +312,3 @@ def least_ways(places: Floats, links: Flags, start: int, done: Flags, length: Fl
             way = least + math.hypot(places[j, 0] - places[best, 0], places[j, 1] - places[best, 1])
             if way < length[j]:
                 length[j], before[j] = way, best
-
-
-def is_lit_from(place: Point, light: F64, point: Point) -> bool:
-    """Whether one can go straight from a place to a point by its light area (K,)."""
-    dx, dy = point[0] - place[0], point[1] - place[1]
-    return math.hypot(dx, dy) <= float(light_toward(light, math.atan2(dy, dx), True))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.ladder import Ladder
 from bug_gym.agents.hd_bug.light import HEADINGS
@@ -15,6 +17,17 @@ from bug_gym.agents.tracking.tracker import TrackerMemory
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.geometry import F64, Point
 from bug_gym.policy import Memory
+
+
+class Walls(NamedTuple):
+    """What a scan shows of walls: its points, and points of the lines that join those of one wall."""
+
+    x: F64
+    """(m,) odometry frame [m]."""
+    y: F64
+    """The same."""
+    still: NDArray[np.bool_]
+    """(m,) whether it is of something still."""
 
 
 @dataclass
@@ -57,6 +70,8 @@ class HDBugMemory(Memory):
     """Whether it looks for doors in any case."""
     door: Door | None = None
     """The candidate that it heads for."""
+    heading_to: Point = (math.inf, math.inf)
+    """q of the last one [m]."""
     is_passing: bool = False
     """Whether it goes through that door already."""
     way: list[int] = field(default_factory=list)
@@ -72,7 +87,9 @@ class HDBugMemory(Memory):
     follow_best: float = math.inf
     """Least distance to the goal when that began [m]."""
     light: F64 = field(default_factory=lambda: np.zeros(HEADINGS))
-    """Light area (K,) of this decision [m]."""
+    """Light area (K,) when it last looked [m]."""
+    walls: Walls | None = None
+    """The walls in sight when it last looked."""
     reach: float = 0.0
     """Detection radius r' at this decision [m]."""
     candidates: F64 = field(default_factory=lambda: np.empty((0, 2)))

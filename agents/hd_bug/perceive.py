@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.ladder import density
 from bug_gym.agents.hd_bug.light import HEADINGS, fill_walls, measure_light
-from bug_gym.agents.hd_bug.memory import HDBugMemory
+from bug_gym.agents.hd_bug.memory import HDBugMemory, Walls
 from bug_gym.agents.hd_bug.parameters import HDBugParameters
 from bug_gym.agents.scan.pieces import find_pieces
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
@@ -24,17 +24,6 @@ SPACING = 0.15
 
 MOST_POINTS = 4096
 """Points of walls in a scan."""
-
-
-class Walls(NamedTuple):
-    """What a scan shows of walls: its points, and points of the lines that join those of one wall."""
-
-    x: F64
-    """(m,) odometry frame [m]."""
-    y: F64
-    """The same."""
-    still: NDArray[np.bool_]
-    """(m,) whether it is of something still."""
 
 
 class Scene(NamedTuple):

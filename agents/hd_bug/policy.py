@@ -91,7 +91,7 @@ class HDBug(ScriptedPolicy):
         self.circumnavigation = Circumnavigation(sensors, own.clearance, own.patience)
         self.boundary = self.circumnavigation.boundary
         self.perception = Perception(sensors, own, self.boundary.inner)
-        self.explorer = Explorer(sensors, own, self.perception, self.boundary.inner)
+        self.explorer = Explorer(sensors, own, self.perception, self.boundary)
         self.motion = Motion(own, self.boundary)
         self.avoidance = Avoidance(sensors, own, self.motion)
 

@@ -1,4 +1,4 @@
-"""HD-BUG: the ladder of detection radii, closed forms, traps, movers, moving targets."""
+"""The map planner: closed forms, traps, movers, moving targets."""
 
 from __future__ import annotations
 
@@ -11,54 +11,13 @@ import pytest
 from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.hd_bug_map.light_area import Ladder
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
 from bug_gym.agents.prediction import predictor_names
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
 
-MODES = {"direct", "candidates", "backtracking", "avoidance", "emergency", "turning", "waiting"}
-LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "closed", "way", "forecast"}
-
-# -------------------------------------------------------------------------------------------------------- the ladder
-
-
-def test_three_dense_steps_enlarge_the_detection_radius_and_two_do_not() -> None:
-    ladder = Ladder()
-    climbed = []
-    for density in (0.9, 0.9, 0.2, 0.9, 0.9, 0.9):
-        ladder.update(density)
-        climbed.append(ladder.k)
-    assert climbed == [2, 2, 2, 2, 2, 3] and ladder.enlargements == 1
-
-
-def test_ten_sparse_steps_reduce_the_detection_radius() -> None:
-    ladder = Ladder()
-    ks = []
-    for _ in range(20):
-        ladder.update(0.0)
-        ks.append(ladder.k)
-    assert ks == [2] * 9 + [1] * 10 + [0] and ladder.reductions == 2
-
-
-def test_the_ladder_has_four_rungs() -> None:
-    for density, end in ((1.0, 3), (0.0, 0)):
-        ladder = Ladder()
-        for _ in range(100):
-            ladder.update(density)
-        assert ladder.k == end
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_counters_tell_the_rung(seed: int) -> None:
-    ladder = Ladder()
-    rung = set()
-    for density in np.repeat(np.random.default_rng(seed).choice([0.05, 0.3, 0.9], 200), 7):
-        ladder.update(float(density))
-        assert 0 <= ladder.k <= 3 and ladder.k == 2 + ladder.enlargements - ladder.reductions
-        rung.add(ladder.k)
-    assert len(rung) >= 3
-
+MODES = {"direct", "following", "avoidance", "emergency", "turning", "waiting"}
+LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "way", "forecast"}
 
 # -------------------------------------------------------------------------------------------------------- parameters
 
@@ -72,20 +31,20 @@ def test_the_counters_tell_the_rung(seed: int) -> None:
         ({"alpha": 0.0}, "alpha must be positive, got 0.0"),
         ({"clearance": 0.1}, "clearance must be above the robot's radius of 0.2 m, got 0.1"),
         ({"clearance": math.nan}, "clearance must be above"),
-        ({"v_base": 1.5}, "v_base is a share of the top speed, at most 1, got 1.5"),
+        ({"v_turning": 1.5}, "v_turning is a share of the top speed, at most 1, got 1.5"),
         ({"horizon": math.inf}, "horizon must be positive, got inf"),
         ({"patience": 0}, "patience must be at least 1, got 0"),
     ],
 )
 def test_parameters_that_cannot_be_are_refused(parameters: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        make_policy("hd_bug", Simulation("static"), **parameters)
+        make_policy("hd_bug_map", Simulation("static"), **parameters)
 
 
 @pytest.mark.parametrize("predictor", ["none", "constant_velocity", "kalman"])
 def test_each_plain_predictor_is_taken(predictor: str) -> None:
     assert predictor in predictor_names()
-    episode = run_episode("hd_bug", "dynamic", seed=1, max_steps=30, predictor=predictor)
+    episode = run_episode("hd_bug_map", "dynamic", seed=1, max_steps=30, predictor=predictor)
     assert episode.outcome in ("running", "success")
 
 
@@ -93,7 +52,7 @@ def test_each_plain_predictor_is_taken(predictor: str) -> None:
 
 
 def test_an_empty_world_is_crossed_straight_at_top_speed() -> None:
-    episode = run_episode("hd_bug", {"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
+    episode = run_episode("hd_bug_map", {"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
     assert episode.outcome == "success" and set(episode.modes) == {"direct"}
     np.testing.assert_array_equal(episode.path[:, 1], 0.0)
     # Until the goal's radius of 0.3 m is reached, in whole steps of 0.1 m.
@@ -112,7 +71,7 @@ SHORTEST = {
 def canonical(world: str, sight: float, angle: float = 0.0, mirrored: bool = False) -> Episode:
     scenario = canonical_world(world, angle=angle, mirrored=mirrored)
     scenario["lidar"]["range"] = sight
-    return run_episode("hd_bug", scenario, clearance=0.5)
+    return run_episode("hd_bug_map", scenario, clearance=0.5)
 
 
 @pytest.mark.parametrize("world", SHORTEST)
@@ -138,7 +97,7 @@ def test_a_turned_or_mirrored_world_takes_the_same_way(world: str, angle: float,
 
 
 def test_out_of_the_hook_it_takes_the_slit_when_it_sees_it() -> None:
-    episode = run_episode("hd_bug", "hook", {"lidar.range": 50.0, "time.limit": 600.0})
+    episode = run_episode("hd_bug_map", "hook", {"lidar.range": 50.0, "time.limit": 600.0})
     layout = episode.simulation.world.layout(0)
     exact = shortest_path(
         layout.circles, layout.polygons, layout.border, episode.path[0, :2], layout.goals[0], radius=0.25
@@ -150,7 +109,7 @@ def test_out_of_the_hook_it_takes_the_slit_when_it_sees_it() -> None:
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_a_goal_shut_in_is_unreachable_within_a_lap(sight: float, noise: float) -> None:
     settings = {**CLOSED_FORM_SENSORS, "lidar.range": sight, "lidar.noise": noise}
-    episode = run_episode("hd_bug", "ring", settings)
+    episode = run_episode("hd_bug_map", "ring", settings)
     assert episode.verdict == "unreachable" and episode.outcome == "running"
     lap = 4.0 * 8.0 + 2.0 * math.pi * 0.25
     assert episode.length <= 5.75 + lap
@@ -159,21 +118,21 @@ def test_a_goal_shut_in_is_unreachable_within_a_lap(sight: float, noise: float) 
 @pytest.mark.parametrize("seed", range(3))
 def test_few_beams_and_noise_do_not_hide_that_there_is_no_way(seed: int) -> None:
     settings = {"robot.kinematics": "differential", "lidar.beams": 64, "lidar.noise": 0.01, "time.limit": 600.0}
-    assert run_episode("hd_bug", "ring", settings, seed=seed).verdict == "unreachable"
+    assert run_episode("hd_bug_map", "ring", settings, seed=seed).verdict == "unreachable"
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_shut_in_itself_it_says_so(noise: float) -> None:
     world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
     world |= {"start": [10, 0, 0], "goal": [0, 0]}
-    episode = run_episode("hd_bug", "ring", {**CLOSED_FORM_SENSORS, "lidar.noise": noise, "world": world})
+    episode = run_episode("hd_bug_map", "ring", {**CLOSED_FORM_SENSORS, "lidar.noise": noise, "world": world})
     assert episode.verdict == "unreachable"
 
 
 def test_patience_is_how_many_decisions_it_waits_before_it_says_so() -> None:
     world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
     world |= {"start": [10, 0, 0], "goal": [0, 0]}
-    episode = run_episode("hd_bug", "ring", {**CLOSED_FORM_SENSORS, "world": world}, patience=7)
+    episode = run_episode("hd_bug_map", "ring", {**CLOSED_FORM_SENSORS, "world": world}, patience=7)
     assert episode.modes == ("waiting",) * 7
 
 
@@ -191,7 +150,7 @@ TRAPS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("scenario", TRAPS)
 def test_solvable_worlds_are_solved_without_contact(scenario: str, seed: int) -> None:
-    episode = run_episode("hd_bug", scenario, {**TRAPS[scenario], "time.limit": 1500.0}, seed=seed)
+    episode = run_episode("hd_bug_map", scenario, {**TRAPS[scenario], "time.limit": 1500.0}, seed=seed)
     assert episode.outcome == "success" and episode.verdict == "" and episode.min_clearance > 0.0
     assert set(episode.modes) <= MODES
     layout = episode.simulation.world.layout(0)
@@ -203,35 +162,21 @@ def test_solvable_worlds_are_solved_without_contact(scenario: str, seed: int) ->
 @pytest.mark.parametrize("seed", [1017, 1019])
 def test_it_does_not_turn_to_and_fro_between_two_candidates(seed: int) -> None:
     # Candidates that turned with the robot, right behind it: it turned left, right, left in place for ever.
-    assert run_episode("hd_bug", "maze", {"time.limit": 400.0}, seed=seed).outcome == "success"
+    assert run_episode("hd_bug_map", "maze", {"time.limit": 400.0}, seed=seed).outcome == "success"
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 @pytest.mark.parametrize("seed", range(2))
 def test_it_does_not_turn_to_and_fro_before_a_bog(kinematics: str, seed: int) -> None:
     # What the ground behind was supposed to cost changed with the heading, and the side to go round with it.
-    assert run_episode("hd_bug", "terrain", {"robot.kinematics": kinematics}, seed=seed).outcome == "success"
+    assert run_episode("hd_bug_map", "terrain", {"robot.kinematics": kinematics}, seed=seed).outcome == "success"
 
 
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic"])
 def test_the_same_world_twice_gives_the_same_run_bit_for_bit(scenario: str) -> None:
-    first, second = (run_episode("hd_bug", scenario, seed=4, max_steps=150) for _ in range(2))
+    first, second = (run_episode("hd_bug_map", scenario, seed=4, max_steps=150) for _ in range(2))
     np.testing.assert_array_equal(first.path, second.path)
     assert first.modes == second.modes
-
-
-def test_a_dead_end_is_closed_in_the_list_of_the_path() -> None:
-    episode = run_episode("hd_bug", "hook", {"time.limit": 600.0})
-    assert "backtracking" in episode.modes
-    assert any(node.is_closed for node in episode.memory.path)
-    assert not all(node.is_closed for node in episode.memory.path)
-
-
-def test_the_list_of_the_path_is_as_long_as_the_way() -> None:
-    episode = run_episode("hd_bug", "u_trap")
-    # A node every 0.5 m, or with the next step of 0.1 m.
-    assert episode.length / 0.6 <= len(list(episode.memory.path)) <= episode.length / 0.5 + 1.0
-    assert episode.memory.odometer == pytest.approx(episode.length, abs=0.2)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.003])
@@ -239,7 +184,7 @@ def test_touched_all_round_it_does_not_press_on(gap: float) -> None:
     simulation = Simulation("u_trap", 1)
     flat = simulation.reset(seeds=[0])[:, 0].copy()
     flat[:, :360] = 0.2 + gap
-    policy, state = make_policy("hd_bug", simulation), None
+    policy, state = make_policy("hd_bug_map", simulation), None
     for _ in range(30):
         action, state = policy.predict(flat, state)
         assert np.hypot(*action[0]) * 0.1 <= gap + 1e-3
@@ -248,7 +193,7 @@ def test_touched_all_round_it_does_not_press_on(gap: float) -> None:
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic", "ring"])
 def test_what_it_draws_is_finite_and_labelled(scenario: str) -> None:
     simulation = Simulation(scenario, 1)
-    policy: Any = make_policy("hd_bug", simulation)
+    policy: Any = make_policy("hd_bug_map", simulation)
     flat, state = simulation.reset(seeds=[0])[:, 0], None
     assert not policy.draw(policy.start()).areas
     for step in range(120):
@@ -267,7 +212,7 @@ def test_what_it_draws_is_finite_and_labelled(scenario: str) -> None:
 
 
 def test_most_worlds_of_movers_are_crossed() -> None:
-    outcomes = [run_episode("hd_bug", "dynamic", seed=seed).outcome for seed in range(20)]
+    outcomes = [run_episode("hd_bug_map", "dynamic", seed=seed).outcome for seed in range(20)]
     assert outcomes.count("success") >= 18
 
 
@@ -287,12 +232,12 @@ VELOCITIES = [(0.0, 0.5), (0.5, 0.0), (-0.5, 0.0), (0.3, 0.3), (0.2, -0.7), (-0.
 @pytest.mark.parametrize("velocity", VELOCITIES)
 def test_an_open_target_is_met_within_three_percent_of_the_closed_form(velocity: tuple[float, float]) -> None:
     best = meeting_time((0.0, 0.0), (10.0, 0.0), velocity, 1.0, 0.3)
-    assert chase("hd_bug", velocity, "holonomic") <= 1.03 * best + 0.1
+    assert chase("hd_bug_map", velocity, "holonomic") <= 1.03 * best + 0.1
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_it_meets_moving_targets_sooner_than_pure_pursuit(kinematics: str) -> None:
     gains = [
-        chase("go_to_goal", velocity, kinematics) - chase("hd_bug", velocity, kinematics) for velocity in VELOCITIES
+        chase("go_to_goal", velocity, kinematics) - chase("hd_bug_map", velocity, kinematics) for velocity in VELOCITIES
     ]
     assert min(gains) >= -0.1 - 1e-9 and float(np.mean(gains)) > 0.3
