@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light import MOST_DOORS, SLACK, are_lit, find_doors, room_along
+from bug_gym.agents.hd_bug.light import MOST_DOORS, SLACK, are_lit, are_near, find_doors, rooms_along, thin_out
 from bug_gym.agents.hd_bug.memory import Closing, HDBugMemory, Walls
 from bug_gym.agents.hd_bug.parameters import HDBugParameters
 from bug_gym.agents.hd_bug.path_list import Door, PathList, PathNode
@@ -121,30 +121,27 @@ class Explorer:
         """Which of some doors lead into or along a still obstacle, as it turns out."""
         x, y = walls.x[walls.still], walls.y[walls.still]
         least = SOLID * self.clearance
-        return np.array([room_along(x, y, *door.inside, *door.outside) < least for door in doors])
+        room = np.empty(len(doors))
+        rooms_along(x, y, np.array([(*door.inside, *door.outside) for door in doors]), room)
+        solid: NDArray[np.bool_] = room < least
+        return solid
 
     def _open(self, scene: Scene, memory: HDBugMemory, walls: Walls, node: PathNode) -> None:
         """Find the doors of a node that lead into the shadow."""
         x, y = scene.view.position
         reach, found = self.sensors.range, self._found
-        jumps, count = find_doors(memory.light, x, y, walls.x, walls.y, self.clearance, reach, found)
+        toward = math.atan2(memory.goal[1] - y, memory.goal[0] - x)
+        jumps, count = find_doors(memory.light, x, y, walls.x, walls.y, self.clearance, reach, toward, found)
         outside = found[:count, 2:4]
         dark = self._is_shadow(memory.path, outside)
         # Where sight ends right before a wall that is known from elsewhere there is no door.
         dark[jumps:] &= ~memory.path.is_before_wall(outside[jumps:], reach, BEFORE_WALL * self.clearance)
         found = found[:count][dark]
-        taken = self._closed_places(memory)
-        if memory.door is not None:
-            taken.append(memory.door.outside)
-        new: list[Door] = []
-        for vx, vy, qx, qy, room in found.tolist():
-            outside = qx, qy
-            if any(math.dist(outside, place) < CLOSED_ABOUT for place in taken):
-                continue
-            if any(math.dist(outside, other.outside) < THINNED for other in new):
-                continue
-            new.append(Door((vx, vy), outside, room, node.number))
-        self._take_over(memory, new)
+        dropped = np.zeros(len(found), dtype=np.bool_)
+        are_near(found[:, 2:4], self._taken(memory), CLOSED_ABOUT, dropped)
+        thin_out(found[:, 2:4], THINNED, dropped)
+        new = [Door((vx, vy), (qx, qy), room, node.number) for vx, vy, qx, qy, room in found[~dropped].tolist()]
+        self._take_over(memory, found[~dropped, 2:4])
         node.doors += new
 
     def _is_shadow(self, path: PathList, outside: F64) -> NDArray[np.bool_]:
@@ -155,21 +152,22 @@ class Explorer:
             return unseen
         return ~path.is_lit(outside)
 
-    def _closed_places(self, memory: HDBugMemory) -> list[Point]:
-        """The places of doors that led nowhere."""
+    def _taken(self, memory: HDBugMemory) -> F64:
+        """Places (k, 2) about which there is no new door: of doors that led nowhere, and of the one it heads for."""
         memory.closed = [closing for closing in memory.closed if memory.steps < closing.until]
-        return [closing.place for closing in memory.closed]
+        places = [closing.place for closing in memory.closed]
+        if memory.door is not None:
+            places.append(memory.door.outside)
+        return np.array(places).reshape(-1, 2)
 
-    def _take_over(self, memory: HDBugMemory, new: list[Door]) -> None:
-        """Doors of older nodes that are the same as new ones belong to the new node."""
-        if not new:
-            return
-        places = np.array([door.outside for door in new])
-        for node in memory.path:
-            for door in list(node.doors):
-                away = np.hypot(*(places - np.array(door.outside)).T)
-                if door is not memory.door and away.min() < SAME_DOOR:
-                    node.doors.remove(door)
+    def _take_over(self, memory: HDBugMemory, outside: F64) -> None:
+        """Drop the doors of older nodes that are the same as new ones with these q (m, 2)."""
+        doors = memory.path.doors
+        same = np.zeros(len(doors), dtype=np.bool_)
+        are_near(np.array([door.outside for door in doors]).reshape(-1, 2), outside, SAME_DOOR, same)
+        for k in np.flatnonzero(same):
+            if doors[k] is not memory.door:
+                memory.path.nodes[doors[k].owner].doors.remove(doors[k])
 
     # ------------------------------------------------------------------------------------------------------ choosing
 

@@ -63,7 +63,7 @@ def fill_walls(
         spacing: largest distance between points of one wall [m].
         x: points (m,) [m]; is written, as far as there is room.
         y: the same.
-        still: (m,) the same.
+        still: (m,) whether it is of something still; is written.
 
     Returns:
         How many there are.
@@ -197,9 +197,38 @@ def room_along(px: Floats, py: Floats, ax: float, ay: float, bx: float, by: floa
 
 
 @kernel
+def rooms_along(px: Floats, py: Floats, segments: Floats, result: Floats) -> None:
+    """`room_along` of segments (m, 4) ax, ay, bx, by; `result` (m,) is written."""
+    for i in range(len(segments)):
+        result[i] = room_along(px, py, segments[i, 0], segments[i, 1], segments[i, 2], segments[i, 3])
+
+
+@kernel
+def are_near(places: Floats, others: Floats, limit: float, result: Flags) -> None:
+    """Which places (m, 2) lie nearer than a limit [m] to one of the others (n, 2); `result` (m,) becomes True there."""
+    for i in range(len(places)):
+        for j in range(len(others)):
+            if math.hypot(places[i, 0] - others[j, 0], places[i, 1] - others[j, 1]) < limit:
+                result[i] = True
+                break
+
+
+@kernel
+def thin_out(places: Floats, apart: float, dropped: Flags) -> None:
+    """Drop, in order, each of the places (m, 2) that lies nearer than `apart` [m] to one that is kept."""
+    for i in range(len(places)):
+        for j in range(i):
+            if dropped[i] or dropped[j]:
+                continue
+            if math.hypot(places[i, 0] - places[j, 0], places[i, 1] - places[j, 1]) < apart:
+                dropped[i] = True
+
+
+@kernel
 def find_doors(
-    light: Floats, x: float, y: float, px: Floats, py: Floats, clearance: float, reach: float, doors: Floats
-) -> tuple[int, int]:
+    light: Floats, x: float, y: float, px: Floats, py: Floats, clearance: float, reach: float, toward: float,
+    doors: Floats,
+) -> tuple[int, int]:  # fmt: skip
     """The doors of one light area: along each jump of the light, and where nothing was seen.
 
     Args:
@@ -210,6 +239,7 @@ def find_doors(
         py: the same.
         clearance: radius of the disc that is to pass [m].
         reach: range that means "nothing seen" [m].
+        toward: direction of the goal, along which there is a door in any case where nothing is seen [rad].
         doors: (D, 5) v, q, and the room about the way from v to q [m]; is written.
 
     Returns:
@@ -233,7 +263,10 @@ def find_doors(
                 qy = vy + DOOR_STEP * clearance * math.sin(beside)
                 found += _add_door(vx, vy, qx, qy, px, py, clearance, doors, found)
                 along += clearance
-    return found, _find_ends_of_sight(light, x, y, px, py, clearance, reach, doors, found)
+    jumps = found
+    if light_toward(light, toward, True) >= reach - 1e-6:
+        found += _add_end(x, y, toward, px, py, clearance, reach, doors, found)
+    return jumps, _find_ends_of_sight(light, x, y, px, py, clearance, reach, doors, found)
 
 
 @kernel
@@ -246,6 +279,16 @@ def _add_door(
         return 0
     doors[found, 0], doors[found, 1], doors[found, 2], doors[found, 3], doors[found, 4] = vx, vy, qx, qy, room
     return 1
+
+
+@kernel
+def _add_end(
+    x: float, y: float, angle: float, px: Floats, py: Floats, clearance: float, reach: float, doors: Floats, found: int
+) -> int:
+    """Note a door where sight ends along an angle [rad]; 1 where there is room for it."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    end = reach + DOOR_STEP * clearance
+    return _add_door(x + reach * cos, y + reach * sin, x + end * cos, y + end * sin, px, py, clearance, doors, found)
 
 
 @kernel
@@ -272,12 +315,7 @@ def _find_ends_of_sight(
             is_chosen = j == run // 2 or (run * reach * step > 1.0 and (j % stride == 0 or j == run - 1))
             if not is_chosen or found >= len(doors):
                 continue
-            angle = (first + j) * step
-            cos, sin = math.cos(angle), math.sin(angle)
-            end = reach + DOOR_STEP * clearance
-            found += _add_door(
-                x + reach * cos, y + reach * sin, x + end * cos, y + end * sin, px, py, clearance, doors, found
-            )
+            found += _add_end(x, y, (first + j) * step, px, py, clearance, reach, doors, found)
         run = 0
     return found
 

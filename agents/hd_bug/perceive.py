@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.agents.hd_bug.frames import in_odometry
 from bug_gym.agents.hd_bug.ladder import density
 from bug_gym.agents.hd_bug.light import HEADINGS, fill_walls, measure_light
 from bug_gym.agents.hd_bug.memory import HDBugMemory, Walls
@@ -83,8 +84,7 @@ class Perception:
         measure_light(
             x, y, view.ranges, first, self.spacing, view.heading, self.radius, self.sensors.range, light
         )  # fmt: skip
-        cos, sin = math.cos(view.heading), math.sin(view.heading)
-        x, y = view.position[0] + cos * x - sin * y, view.position[1] + sin * x + cos * y
+        x, y = in_odometry(view.pose, np.column_stack([x, y])).T.copy()
         return light, Walls(x, y, still)
 
     def _detection_radius(self, memory: HDBugMemory) -> float:

@@ -48,7 +48,7 @@ def lit(ranges: F64, heading: float = 0.0) -> tuple[F64, F64, F64]:
 def doors_of(light: F64, x: F64, y: F64) -> tuple[F64, F64]:
     """The doors at jumps and those at the ends of sight, (k, 5) each."""
     found = np.empty((MOST_DOORS, 5))
-    jumps, count = find_doors(light, 0.0, 0.0, x, y, RADIUS, REACH, found)
+    jumps, count = find_doors(light, 0.0, 0.0, x, y, RADIUS, REACH, 0.1, found)
     return found[:jumps], found[jumps:count]
 
 
@@ -122,8 +122,8 @@ def test_a_wall_met_at_a_small_angle_is_filled_in_and_two_walls_are_not_joined()
     np.testing.assert_allclose(np.diff(np.sort(x[first])), 0.25)
     # Between a point of a wall and one of a mover nothing is still.
     assert not is_still[:count][(x[:count] > 2.0) & (y[:count] == 1.0)].any()
-    short = np.empty(5)
-    assert fill_walls(px, py, piece, still, 0.25, short, np.empty(5), np.empty(5, dtype=np.bool_)) == 5
+    short = np.empty(5), np.empty(5), np.empty(5, dtype=np.bool_)
+    assert fill_walls(px, py, piece, still, 0.25, *short) == 5
 
 
 def test_right_behind_a_wall_is_known_and_behind_an_end_of_sight_is_not() -> None:
