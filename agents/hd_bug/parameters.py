@@ -47,8 +47,8 @@ class HDBugParameters:
     """Speed near an obstacle ahead, as a share of the top speed (Table 1: base 0.5, max 1.0)."""
     v_min: float = 0.25
     """Speed in a narrow passage, as a share of the top speed; the paper gives none."""
-    hysteresis: Weight = 0.05
-    """By which share of its cost another candidate must be better than the one that it heads for."""
+    hysteresis: Weight = 0.0
+    """By which share of its cost, and by 0.3 m, another candidate must be better than the one that it heads for."""
     patience: Weight = 10.0
     """How long it tries candidates without coming nearer to the goal, in distances to it; then it circumnavigates."""
     horizon: Length = 3.0
