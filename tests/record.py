@@ -327,7 +327,8 @@ def players() -> dict[str, tuple[str, dict[str, Any]]]:
     """Name and parameters of each policy, by what the case is called."""
     found: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in policy_names()}
     for predictor in PREDICTORS:
-        found[f"hd_bug[{predictor}]"] = ("hd_bug", {"predictor": predictor})
+        for name in ("hd_bug", "hd_bug_map"):
+            found[f"{name}[{predictor}]"] = (name, {"predictor": predictor})
     return found
 
 
@@ -445,7 +446,7 @@ def jobs_of(section: str) -> list[tuple[Callable[..., Cases], tuple[Any, ...]]]:
 def compile_kernels() -> None:
     """Compile all there is to compile before several processes would."""
     env = one_world("dynamic", {})
-    for name, parameters in (("tangent_bug", {}), ("hd_bug", {"predictor": "rl"})):
+    for name, parameters in (("tangent_bug", {}), ("hd_bug", {"predictor": "rl"}), ("hd_bug_map", {})):
         drive(env, name, parameters, 1, 30)
 
 

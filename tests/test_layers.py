@@ -53,14 +53,11 @@ NUMBA = {
 }  # how kernels are compiled, and the LLVM code that is written by hand
 COMPILED = {"kernel", "called", "inlined"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
-COMPOSED = (
-    {"agents.bugs.rev1", "agents.bugs.rev2"}
-    | {  # their paper defines them as a change of another algorithm
-        f"agents.teams.{name}"
-        for name in ("bug1_pair", "com1_rev3", "swarm")  # a team drives its robots by single ones' laws
-    }
-    | {"agents.reciprocal.orca"}
-)  # among walls its way is a bug's
+COMPOSED = {
+    *("agents.bugs.rev1", "agents.bugs.rev2", "agents.hd_bug.circumnavigate"),
+    *("agents.teams.bug1_pair", "agents.teams.com1_rev3", "agents.teams.swarm", "agents.reciprocal.orca"),
+}
+"""Defined by another algorithm: as a change of it, as what drives a team's robots, or with it as a fall-back."""
 LEARNING = ("agents.sb3", "agents.learning") + tuple(
     f"agents.prediction.{name}" for name in ("training", "card", "descent", "network", "ppo")
 )

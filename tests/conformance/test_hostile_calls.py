@@ -67,7 +67,7 @@ def test_any_value_of_a_parameter_makes_a_policy_that_decides_or_a_value_error(n
         ("bug2", {"turn": ["left"]}, r"turn must be one of \['left', 'right'\]"),
         ("hd_bug", {"predictor": 5}, "predictor: got 5, expected str"),
         ("hd_bug", {"predictor": "kalmann"}, "did you mean 'kalman'"),
-        ("hd_bug", {"patience": 2.5}, "patience: got 2.5, expected int, at most 1e"),
+        ("hd_bug_map", {"patience": 2.5}, "patience: got 2.5, expected int, at most 1e"),
         ("hd_bug", {"lead": 1}, "lead: got 1, expected bool"),
         ("random", {"seed": 2**70}, "seed: got 1180591620717411303424, expected int, at most"),
         ("random", {"seed": -1}, "seed must not be negative, got -1"),

@@ -1,4 +1,4 @@
-"""Light and shadow of a scan against shapely, and the candidates that a scan offers."""
+"""What a scan lights up, against shapely, and the edges of its shadows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light_area import LightArea, density
+from bug_gym.agents.hd_bug.ladder import density
+from bug_gym.agents.hd_bug_map.light_area import LightArea
 
 F64 = NDArray[np.float64]
 
@@ -31,6 +32,13 @@ def random_ranges(angles: F64, seed: int) -> F64:
 
 def area(angles: F64, ranges: F64, *, radius: float = RADIUS, reach: float = REACH) -> LightArea:
     return LightArea(angles, ranges, SENSOR_RANGE, radius, reach)
+
+
+def is_light(light: LightArea, places: F64) -> NDArray[np.bool_]:
+    """Which places (m, 2) the disc can go to straight, within the detection radius."""
+    away = np.hypot(*places.T)
+    lit: NDArray[np.bool_] = away <= np.minimum(light.free(np.arctan2(places[:, 1], places[:, 0])), light.reach) + 1e-6
+    return lit
 
 
 def random_places(seed: int, count: int = 400) -> F64:
@@ -57,93 +65,48 @@ def test_light_is_where_the_disc_can_go_straight(angles: F64, seed: int) -> None
         ahead = points[points @ place > 0.0]  # what lies behind doesn't hinder
         gap = shapely.distance(shapely.LineString([(0.0, 0.0), place]), shapely.points(ahead)).min(initial=math.inf)
         expected.append(bool(gap >= RADIUS) and math.hypot(*place) <= REACH)
-    found = area(angles, ranges).is_light(places)
+    found = is_light(area(angles, ranges), places)
     assert 0.02 <= np.mean(found) <= 0.98
     np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_shadow_is_what_the_beams_about_a_place_do_not_light_up(seed: int) -> None:
-    ranges = random_ranges(FULL, seed)
-    # Between two neighbouring beams light falls as far as the longer one.
-    lit = []
-    for i, (angle, following) in enumerate(zip(FULL, np.append(FULL[1:], 2.0 * math.pi), strict=True)):
-        turn = np.linspace(angle, following, 40)
-        far = max(ranges[i], ranges[(i + 1) % len(FULL)])
-        lit.append(shapely.Polygon([(0.0, 0.0), *zip(far * np.cos(turn), far * np.sin(turn), strict=True)]))
-    places = random_places(seed)
-    away = np.hypot(*places.T)
-    light = shapely.union_all(lit)
-    unsure = shapely.distance(light.boundary, shapely.points(places)) < 0.01
-    expected = ~shapely.contains_xy(light, places) & (away <= REACH)
-    found = area(FULL, ranges).is_shadow(places)
-    assert found.any() and not found.all()
-    np.testing.assert_array_equal(found[~unsure], expected[~unsure])
-
-
-@pytest.mark.parametrize(("angles", "seed"), SCANS)
-def test_what_lies_before_a_hit_is_no_shadow(angles: F64, seed: int) -> None:
-    ranges = random_ranges(angles, seed)
-    light = area(angles, ranges)
-    inner = np.arange(1, len(angles) - 1)
-    at = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    assert not light.is_shadow(0.999 * at[inner]).any()
-
-
-@pytest.mark.parametrize("angles", [FULL, AHEAD])
-def test_behind_a_wall_is_shadow(angles: F64) -> None:
-    light = area(angles, np.full(len(angles), 1.5))
-    directions = np.column_stack([np.cos(angles), np.sin(angles)])
-    np.testing.assert_array_equal(light.is_shadow(1.51 * directions), True)
-    np.testing.assert_array_equal(light.is_shadow(1.49 * directions), False)
 
 
 @pytest.mark.parametrize("angles", [FULL, AHEAD])
 def test_out_of_range_all_is_light_within_the_detection_radius(angles: F64) -> None:
     light = area(angles, np.full(len(angles), SENSOR_RANGE))
     places = random_places(0)
-    np.testing.assert_array_equal(light.is_light(places), np.hypot(*places.T) <= REACH)
+    np.testing.assert_array_equal(is_light(light, places), np.hypot(*places.T) <= REACH)
     assert density(light.ranges, light.reach) == 0.0 and light.shadow_rings() == []
-    vertices, centres = light.vertices_and_centres()
-    assert len(vertices) == len(centres) == 0
+    assert len(light.edges()) == 0
 
 
-def test_out_of_range_all_round_nothing_is_shadow() -> None:
-    light = area(FULL, np.full(len(FULL), SENSOR_RANGE))
-    assert not light.is_shadow(random_places(0)).any()
-
-
-def test_in_contact_all_round_nothing_is_light_and_all_is_shadow() -> None:
+def test_in_contact_all_round_nothing_is_light() -> None:
     light = area(FULL, np.full(len(FULL), 1e-3))
     places = random_places(0)
     away = np.hypot(*places.T)
-    assert not light.is_light(places[away > 1e-3]).any()
-    np.testing.assert_array_equal(light.is_shadow(places), (away > 1e-3) & (away <= REACH))
+    assert not is_light(light, places[away > 1e-3]).any()
     assert density(light.ranges, light.reach) == 1.0
-    vertices, centres = light.vertices_and_centres()
-    assert len(vertices) == len(centres) == 0
+    assert len(light.edges()) == 0
 
 
 @pytest.mark.parametrize("away", [0.1, 1.0, SENSOR_RANGE])
 def test_one_beam_is_no_error(away: float) -> None:
     light = area(np.zeros(1), np.array([away]))
-    assert not light.is_light(np.array([[1.5, 0.0]]))[0] or away == SENSOR_RANGE
+    assert not is_light(light, np.array([[1.5, 0.0]]))[0] or away == SENSOR_RANGE
     assert density(light.ranges, light.reach) == float(away < REACH)
-    vertices, centres = light.vertices_and_centres()
-    assert len(vertices) == len(centres) == 0
+    assert len(light.edges()) == 0
     assert all(np.isfinite(ring).all() for ring in [light.light_ring(), *light.shadow_rings()])
 
 
-def test_beams_that_do_not_count_hinder_nobody_but_still_cast_a_shadow() -> None:
+def test_beams_that_do_not_count_hinder_nobody_but_are_dense() -> None:
     ranges = np.full(len(FULL), 1.0)
     light = LightArea(FULL, ranges, SENSOR_RANGE, RADIUS, REACH, is_still=np.zeros(len(FULL), dtype=np.bool_))
     place = np.array([[1.5, 0.0]])
-    assert light.is_light(place)[0] and light.is_shadow(place)[0] and density(light.ranges, light.reach) == 1.0
+    assert is_light(light, place)[0] and density(light.ranges, light.reach) == 1.0
 
 
 def test_the_detection_radius_is_not_above_the_range() -> None:
     light = area(FULL, np.full(len(FULL), SENSOR_RANGE), reach=9.0)
-    np.testing.assert_array_equal(light.is_light(np.array([[4.9, 0.0], [5.1, 0.0]])), [True, False])
+    np.testing.assert_array_equal(is_light(light, np.array([[4.9, 0.0], [5.1, 0.0]])), [True, False])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -152,14 +115,14 @@ def test_density_is_the_share_of_short_beams(seed: int) -> None:
     assert density(ranges, REACH) == pytest.approx(sum(r < REACH for r in ranges) / len(ranges))
 
 
-# -------------------------------------------------------------------------------------------------------- candidates
+# -------------------------------------------------------------------------------------------------------- edges
 
 
 @pytest.mark.parametrize(("angles", "seed"), SCANS)
 def test_at_a_vertex_the_disc_just_touches_the_end_of_a_cluster(angles: F64, seed: int) -> None:
     ranges = random_ranges(angles, seed)
     points = hits(angles, ranges)
-    vertices, _ = area(angles, ranges).vertices_and_centres()
+    vertices = area(angles, ranges).edges()
     assert len(vertices) > 0
     for vertex in vertices:
         gaps = np.hypot(*(points - vertex).T)
@@ -168,36 +131,20 @@ def test_at_a_vertex_the_disc_just_touches_the_end_of_a_cluster(angles: F64, see
         assert any(abs((end - vertex) @ vertex) < 1e-9 for end in touching)
 
 
-@pytest.mark.parametrize(("angles", "seed"), SCANS)
-def test_a_centre_is_the_middle_of_a_gap_that_the_disc_fits(angles: F64, seed: int) -> None:
-    ranges = random_ranges(angles, seed)
-    _, centres = area(angles, ranges).vertices_and_centres()
-    seen = ranges < SENSOR_RANGE
-    at = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    pairs = [(i, (i + 1) % len(angles)) for i in range(len(angles) if angles is FULL else len(angles) - 1)]
-    expected = [
-        0.5 * (at[i] + at[j])
-        for i, j in pairs
-        if seen[i] and seen[j] and abs(ranges[i] - ranges[j]) > 2.0 * RADIUS and math.dist(at[i], at[j]) >= 2.0 * RADIUS
-    ]
-    np.testing.assert_allclose(centres, np.array(expected).reshape(-1, 2), atol=1e-12)
-
-
 @pytest.mark.parametrize("turn", [0, 30, 88])
 def test_a_lone_post_has_a_vertex_on_either_side(turn: int) -> None:
     ranges = np.roll(np.where(np.arange(len(FULL)) < 5, 1.5, SENSOR_RANGE), turn)
-    vertices, centres = area(FULL, ranges).vertices_and_centres()
+    vertices = area(FULL, ranges).edges()
     aside = math.asin(RADIUS / 1.5)
     first, last = FULL[turn % 90], FULL[(turn + 4) % 90]
     way = math.sqrt(1.5**2 - RADIUS**2)
     expected = [(way * math.cos(a), way * math.sin(a)) for a in (first - aside, last + aside)]
     np.testing.assert_allclose(sorted(map(tuple, vertices)), sorted(expected), atol=1e-12)
-    assert len(centres) == 0
 
 
 def test_an_end_nearer_than_the_radius_has_no_vertex() -> None:
     ranges = np.where(np.arange(len(FULL)) < 5, 0.9 * RADIUS, SENSOR_RANGE)
-    vertices, _ = area(FULL, ranges).vertices_and_centres()
+    vertices = area(FULL, ranges).edges()
     assert len(vertices) == 0
 
 

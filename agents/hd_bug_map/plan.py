@@ -1,13 +1,13 @@
-"""HD-BUG plans: the global path among all that it remembers, and what it does where there is none (HDPathPlanner)."""
+"""The map planner plans: the path among all that it remembers, and what it does where there is none."""
 
 from __future__ import annotations
 
 import math
 
-from bug_gym.agents.hd_bug.memory import HDBugMemory
-from bug_gym.agents.hd_bug.parameters import Measures
-from bug_gym.agents.hd_bug.perceive import Scene
-from bug_gym.agents.hd_bug.poses import Turns, find_poses
+from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
+from bug_gym.agents.hd_bug_map.parameters import Measures
+from bug_gym.agents.hd_bug_map.perceive import Scene
+from bug_gym.agents.hd_bug_map.poses import Turns, find_poses
 from bug_gym.agents.mapping.way import Way
 from bug_gym.policy import Velocity
 
@@ -37,7 +37,7 @@ class Planner:
         self.measures = measures
         self.patience = patience
 
-    def plan(self, scene: Scene, memory: HDBugMemory) -> Way | None:
+    def plan(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
         """The planned path: the one there is, or a new one; None where there is none."""
         if memory.way is not None:
             near = LEFT_NODE * self.measures.radius
@@ -50,11 +50,9 @@ class Planner:
             self._no_way(scene, memory)
             return None
         memory.closed_off = 0
-        if memory.turns is None:
-            note_backtracking(memory, memory.way)
         return memory.way
 
-    def _find_way(self, scene: Scene, memory: HDBugMemory) -> Way | None:
+    def _find_way(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
         """A new path: to where the goal can be met, else to the goal, else over poses, else at the least clearance."""
         view, grid = scene.view, scene.grid
         position, goal = view.position, view.goal_position
@@ -75,7 +73,7 @@ class Planner:
             return grid.find_way(position, goal, radius)
         return None
 
-    def _no_way(self, scene: Scene, memory: HDBugMemory) -> None:
+    def _no_way(self, scene: Scene, memory: HDBugMapMemory) -> None:
         """The remembered points close the goal off: wait, forget, or say so."""
         memory.closed_off += 1
         memory.mode = "waiting"
@@ -87,7 +85,7 @@ class Planner:
             scene.grid.forget_all()
             memory.closed_off = 0
 
-    def turn_through(self, scene: Scene, memory: HDBugMemory, turns: Turns) -> Velocity | None:
+    def turn_through(self, scene: Scene, memory: HDBugMapMemory, turns: Turns) -> Velocity | None:
         """Follow the poses of a long body; None where it has room again, or they no longer lead on."""
         memory.mode = "turning"
         since = memory.steps - turns.planned_at
@@ -100,7 +98,7 @@ class Planner:
             memory.way = turns.way
         return velocity
 
-    def _has_to_turn(self, scene: Scene, memory: HDBugMemory, turns: Turns) -> bool:
+    def _has_to_turn(self, scene: Scene, memory: HDBugMapMemory, turns: Turns) -> bool:
         """Whether a long body has no room to go as a disc, and its poses are still open."""
         view, grid = scene.view, scene.grid
         radius = max(memory.goal_radius, 0.5 * self.measures.cell)
@@ -109,7 +107,7 @@ class Planner:
         return turns.is_open(self.measures.footprint, view.pose)
 
 
-def is_good(scene: Scene, memory: HDBugMemory, way: Way) -> bool:
+def is_good(scene: Scene, memory: HDBugMapMemory, way: Way) -> bool:
     """Whether the path still leads to the goal, is not too old, and nothing new stands in it."""
     grid = scene.grid
     if math.dist(memory.goal, way.places[-1]) > 0.1:
@@ -120,18 +118,3 @@ def is_good(scene: Scene, memory: HDBugMemory, way: Way) -> bool:
     if since >= REPLAN_FREED and grid.removed != memory.removed_then:
         return False
     return grid.is_way_open(way, memory.goal_radius)
-
-
-def note_backtracking(memory: HDBugMemory, way: Way) -> None:
-    """Close the dead end when the new path leads back over the list."""
-    path = memory.path
-    first, second = way.places[0], way.places[1]
-    length = math.dist(first, second)
-    memory.backtracking_to = None
-    if length < 2.0 * path.pace or path.last is None:
-        return
-    ahead = first + (second - first) * min(1.0, 3.0 * path.pace / length)
-    node = path.near((float(ahead[0]), float(ahead[1])))
-    if node is not None and memory.odometer - node.odometer > 2.0 * path.pace:
-        path.back_to(node)
-        memory.backtracking_to = node.place

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from episodes import run_episode
 
-from bug_gym.agents.hd_bug.poses import find_poses, turn_to
+from bug_gym.agents.hd_bug_map.poses import find_poses, turn_to
 from bug_gym.agents.mapping.lazy_theta import Search
 from bug_gym.agents.mapping.point_map import PointMap
 
