@@ -58,7 +58,7 @@ AGENTS: dict[str, Agent] = {
     "k_bug": Agent("bugs.k_bug:KBug", "bug", "Langer et al. 2007"),
     "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
-    "hd_bug_map": Agent("hd_bug_map.policy:HDBugMap", "planner", "this package"),
+    "hd_bug_map": Agent("hd_bug_map.policy:HDBugMap", "mapper", "this package"),
     "bfs": Agent("planning.bfs:BFS", "planner", "Moore 1959", privileged=True),
     "dijkstra": Agent("planning.dijkstra:Dijkstra", "planner", "Dijkstra 1959", privileged=True),
     "a_star": Agent("planning.a_star:AStar", "planner", "Hart, Nilsson and Raphael 1968", privileged=True),

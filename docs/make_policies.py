@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bug_gym.agents import AGENTS, parameter_names
+from bug_gym.agents import AGENTS, TEAMS, parameter_names
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, README = ROOT / "docs" / "policies.md", ROOT / "README.md"
@@ -22,6 +22,12 @@ BEGIN, END = "<!-- policies: made by docs/make_policies.py -->", "<!-- end of po
 KINDS = {
     "floor": "floors: what nothing should do worse than",
     "bug": "the Bug family",
+    "field": "potential fields",
+    "mapper": "maps what it sees, and plans in it",
+    "local": "local navigators",
+    "reciprocal": "robots that avoid one another",
+    "team": "teams of robots",
+    "planner": "planners that are told the map",
     "learned": "learned by PPO, SAC and DQN",
 }
 """What each family of policies is called in the README."""
@@ -66,7 +72,7 @@ class Entry(NamedTuple):
 def entries() -> list[Entry]:
     """The algorithms in the order of the table; what plays models comes once, with all of them."""
     found: dict[str, Entry] = {}
-    for name, agent in AGENTS.items():
+    for name, agent in (AGENTS | TEAMS).items():
         if agent.entry_point in found:
             entry = found[agent.entry_point]
             entry.names.append(name)
