@@ -53,6 +53,33 @@ def reproduce(settings: Settings) -> Reproduction:
     return Reproduction("d2t-eaco", tables, NOTES, data, all(is_so for _, is_so in claims), [curves])
 
 
+def said(data: dict[str, Any]) -> Table:
+    """What the paper says of itself beside what was found."""
+    both = [data["table_2"][name] for name in ("S1", "S2")]
+    shorter = ", ".join(f"{100.0 * one['against the next best']:+.1f} %" for one in both)
+    edges = ", ".join(
+        f"{100.0 * (1.0 - one['d2t_eaco']['length'] / one['d2t_dijkstra']['length']):+.1f} %" for one in both
+    )
+    times = ", ".join(f"{one['d2t_eaco']['ms']:.0f} ms against {one['a_star']['ms']:.1f} ms" for one in both)
+    exact = ", ".join(f"{one['d2t_eaco, funnel']['ms']:.1f} ms" for one in both)
+    gaps = {name: data["ants"].get(f"{name}, 9-20", {"median_p90_max": [0.0]})["median_p90_max"][0]
+            for name in ("eaco", "aco (no Levy flights)")}  # fmt: skip
+    turned = [
+        100.0 * value for name, pair in data["ants"]["sensitivity"].items() if name != "as printed" for value in pair
+    ]
+    plain = 100.0 * data["ants"]["sensitivity"]["as printed"]
+    sway = f"{plain:.2f} %; {min(turned):.2f} to {max(turned):.2f} % with a quarter more or less"
+    rows = [
+        ["shorter than the next best by 6.6 % and 1.3 % (printed lengths)", shorter],
+        ["significantly shorter than a graph search's way", edges],
+        ["fastest: 6.2 % and 10.2 % below A*", f"{times} (exactly, by the funnel: {exact})"],
+        ["Levy flights help to escape local optima", " against ".join(f"{gaps[name]:.2f} % with {name}" for name in gaps)],
+        ["robust to small changes of the parameters", sway],
+        ["converges within a few dozen iterations", f"stops after {data['ants']['iterations']:.0f} in the mean"],
+    ]  # fmt: skip
+    return Table("What the paper says, and what was found", ["said", "found"], rows)
+
+
 Part = tuple[list[Table], dict[str, Any], list[tuple[str, bool]]]
 
 
@@ -101,7 +128,6 @@ def _claims_of_lengths(name: str, own: dict[str, dict[str, float]]) -> list[tupl
         (f"{name}: A* with a bound that says too much is no shorter", length["a_star, Manhattan"] >= length["a_star"] - 1e-6),
         (f"{name}: refined ants within 1 % of the funnel", length["d2t_eaco, refined"] <= 1.01 * length["d2t_eaco, funnel"]),
         (f"{name}: the funnel within 1 % of the shortest", length["d2t_eaco, funnel"] <= 1.01 * length["shortest way (ours)"]),
-        (f"{name}: ants shorten what Dijkstra finds", length["d2t_eaco"] < length["d2t_dijkstra"]),
     ]  # fmt: skip
 
 
@@ -165,6 +191,7 @@ def ants(settings: Settings) -> Part:
     some = [sleeve for sleeve, size in zip(chosen, sizes, strict=True) if size <= 20][: max(count // 4, 4)]
     plain = float(np.median(d2t_tables.gaps(some, d2t_tables.SEARCHES["eaco"], max(seeds // 3, 1))))
     turned = d2t_tables.sensitivity(some, max(seeds // 3, 1))
+    data["iterations"] = float(np.mean([len(d2t_tables.eaco(sleeve).curve) for sleeve in some]))
     data["sensitivity"] = {"as printed": plain, **{name: list(pair) for name, pair in turned.items()}}
     rows = [["as printed", f"{100 * plain:.2f}", f"{100 * plain:.2f}"]]
     rows += [[name, f"{100 * low:.2f}", f"{100 * high:.2f}"] for name, (low, high) in turned.items()]
