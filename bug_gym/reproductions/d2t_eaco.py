@@ -7,6 +7,7 @@ with 22 large and with 55 small obstacles stand for its two scenarios, a town of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -92,14 +93,16 @@ def table_2(settings: Settings) -> Part:
         best = measured["shortest way (ours)"].lengths[0]
         lines, own = [], {}
         for planner, found in measured.items():
-            length, low, high = d2t_tables.interval(found.lengths)
+            lengths = [one for one in found.lengths if math.isfinite(one)]
+            length, low, high = d2t_tables.interval(lengths)
             time = 1e3 * float(np.median(found.times))
             printed = d2t_tables.PRINTED[name].get(planner)
             lines.append(
-                [planner, f"{length:.2f} [{low:.2f}, {high:.2f}]", f"{100.0 * (length / best - 1.0):.2f}", f"{time:.1f}",
+                [f"{planner}{'' if len(lengths) == runs else f', a way in {len(lengths)}'}", f"{length:.2f} [{low:.2f}, {high:.2f}]", f"{100.0 * (length / best - 1.0):.2f}", f"{time:.1f}",
                  f"{printed[1]:.2f}" if printed else "", f"{printed[0]:.2f}" if printed else ""]
             )  # fmt: skip
-            own[planner] = {"length": length, "interval": [low, high], "over_shortest": length / best - 1.0, "ms": time}
+            numbers_of = {"length": length, "interval": [low, high], "over_shortest": length / best - 1.0, "ms": time}
+            own[planner] = {**numbers_of, "found": len(lengths)}
         header = ["planner", "length [m]", "over shortest [%]", "time [ms]", "printed [m]", "printed [s]"]
         tables.append(Table(f"Table 2, {name}: {runs} runs", header, lines))
         data[name] = own
