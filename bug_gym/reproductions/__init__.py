@@ -29,6 +29,7 @@ REPRODUCTIONS: dict[str, str] = {
     "ppo-curve": "ppo_curve",
     "predictors": "predictors",
     "scripted-and-learned": "scripted_and_learned",
+    "price-of-not-knowing": "price_of_not_knowing",
 }
 """Name on the command line -> module here."""
 
