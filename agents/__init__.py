@@ -143,7 +143,7 @@ def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
             hint = nearest_hint(key, known, cutoff=0.6)
             raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
     own = checked_parameters(policy_class, parameters, f"policy {name!r}: ")
-    if reads_map(policy_class, own):
+    if reads_map(name, own):
         from bug_gym.agents.planning.live import Maps  # SciPy and shapely, slow to load
 
         fixed = {**fixed, "maps": Maps.of(source, name)}
@@ -152,9 +152,9 @@ def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
     return policy
 
 
-def reads_map(policy_class: type[Any], parameters: Mapping[str, Any]) -> bool:
-    """Whether a policy reads the world's map; with `known=False` one that can do without does not."""
-    return bool(getattr(policy_class, "privileged", False)) and bool(parameters.get("known", True))
+def reads_map(name: str, parameters: Mapping[str, Any]) -> bool:
+    """Whether a policy of the table reads the world's map; with `known=False` one that can do without does not."""
+    return name in AGENTS and AGENTS[name].privileged and bool(parameters.get("known", True))
 
 
 def parameters_table() -> list[tuple[str, Parameter]]:

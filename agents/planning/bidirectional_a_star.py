@@ -82,13 +82,13 @@ def meet(
     # Of each side the least that a way through its open cells costs.
     least_forward, least_backward = whole, whole
     expanded = 0
-    while forward.count[0] > 0 and backward.count[0] > 0:
-        if forward.count[0] <= backward.count[0]:
+    while forward.filled[0] > 0 and backward.filled[0] > 0:
+        if forward.filled[0] <= backward.filled[0]:
             expanded += advance(links, columns, ends, kind, cost, came, is_done, forward, best, 0, least_backward)
-            least_forward = forward.entries[0, 0] if forward.count[0] > 0 else FAR
+            least_forward = forward.entries[0, 0] if forward.filled[0] > 0 else FAR
         else:
             expanded += advance(links, columns, ends, kind, cost, came, is_done, backward, best, 1, least_forward)
-            least_backward = backward.entries[0, 0] if backward.count[0] > 0 else FAR
+            least_backward = backward.entries[0, 0] if backward.filled[0] > 0 else FAR
     return expanded
 
 

@@ -103,7 +103,7 @@ def modify(links: Bytes, columns: int, nodes: Nodes, states: States, heap: OpenL
 def process(links: Bytes, columns: int, start: int, states: States, heap: OpenList) -> int:
     """PROCESS-STATE until no cell in the list can make the way from the start shorter. Returns how many were looked at."""
     expanded = 0
-    while heap.count[0] > 0:
+    while heap.filled[0] > 0:
         node, least = heap.entries[0, 2], heap.entries[0, 0]
         if least >= FAR or (states.tag[start] == CLOSED and least >= states.distance[start]):
             break

@@ -1,13 +1,12 @@
-"""D* Lite: A* from the goal, repaired where cells change (a map planner; in unknown terrain none, with `known=False`).
+"""D* Lite: A* from the goal, repaired where cells change (a map planner; with `known=False` it plans in what it has seen).
 
 Source: Koenig and Likhachev (2005), "Fast replanning for navigation in unknown terrain", the optimised version. Sensing
-assumed: the map, own place on it, movers where they are now; unknown terrain: scan, own position, goal. Memory kept: two
-estimates of the distance of each cell from the goal; in unknown terrain the scan points seen too. States: planning,
-following, waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells, or says that there is
-none. Length: that of A* over what is known.
+assumed: the map, own place on it, movers where they are now; in unknown terrain scan, own position, goal. Memory kept: all
+scan points seen (in unknown terrain), two estimates of each cell's distance from the goal. States: planning, following,
+waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells, or says that there is none. Length:
+that of A* over what is known.
 
-In unknown terrain what has not been seen counts as free, and what is seen is planned round: no policy of this table that
-goes by a map of its own does less.
+In unknown terrain what has not been seen counts as free, and what comes to be seen is planned round.
 """
 
 from __future__ import annotations
@@ -130,7 +129,7 @@ def repair(
     """
     cost, ahead = estimates
     expanded = 0
-    while heap.count[0] > 0:
+    while heap.filled[0] > 0:
         node, first, second = heap.entries[0, 2], heap.entries[0, 0], heap.entries[0, 1]
         target = min(cost[start], ahead[start])
         if not (is_before(first, second, min(target + moved, FAR), target) or ahead[start] > cost[start]):
@@ -284,7 +283,7 @@ class DStarLitePlanner(RepairingPlanner):
         """A search from a goal."""
         return DStarLite(grid, goal)
 
-    def act(self, view: View, memory: DStarLiteMemory) -> Velocity:
+    def act(self, view: View, memory: Any) -> Velocity:
         """One decision."""
         if self.privileged:
             return super().act(view, memory)
@@ -299,7 +298,7 @@ class DStarLitePlanner(RepairingPlanner):
             self.replace_route(scene, memory)
         return self.follower.follow(memory.route, view, scene) if memory.route is not None else (0.0, 0.0)
 
-    def plan(self, scene: Scene, memory: DStarLiteMemory) -> Plan:
+    def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way over the cells, as seen so far where the map is not given."""
         seen = memory.seen
         if seen is None:

@@ -60,7 +60,7 @@ def settle(links: Bytes, columns: int, start: int, goal: int, cost: Integers, ca
     cost[start] = 0
     put(heap, 0, 0, start)
     expanded = 0
-    while heap.count[0] > 0:
+    while heap.filled[0] > 0:
         node = heap.entries[0, 2]
         if node == goal:
             break

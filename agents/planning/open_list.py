@@ -21,7 +21,7 @@ class OpenList(NamedTuple):
     """The heap (n, 3): first key, second key, node."""
     place: NDArray[np.int32]
     """Where each node (n,) is in the heap, counted from 1; 0: it is not in the list."""
-    count: Integers
+    filled: Integers
     """How many are in it (1,)."""
 
 
@@ -36,8 +36,8 @@ def put(heap: OpenList, first: int, second: int, node: int) -> None:
     """Put a node into the list, or give it other keys."""
     place = heap.place[node]
     if place == 0:
-        heap.count[0] += 1
-        rise(heap, heap.count[0] - 1, first, second, node)
+        heap.filled[0] += 1
+        rise(heap, heap.filled[0] - 1, first, second, node)
         return
     index = place - 1
     if is_before(first, second, heap.entries[index, 0], heap.entries[index, 1]):
@@ -53,8 +53,8 @@ def take(heap: OpenList, node: int) -> None:
     if index < 0:
         return
     heap.place[node] = 0
-    last = heap.count[0] - 1
-    heap.count[0] = last
+    last = heap.filled[0] - 1
+    heap.filled[0] = last
     if index == last:
         return
     first, second, moved = heap.entries[last, 0], heap.entries[last, 1], heap.entries[last, 2]
@@ -93,7 +93,7 @@ def rise(heap: OpenList, index: int, first: int, second: int, node: int) -> None
 @called
 def sink(heap: OpenList, index: int, first: int, second: int, node: int) -> None:
     """Write an entry where it belongs below a free place of the heap."""
-    entries, place, count = heap.entries, heap.place, heap.count[0]
+    entries, place, count = heap.entries, heap.place, heap.filled[0]
     while True:
         below = 2 * index + 1
         if below >= count:

@@ -80,7 +80,7 @@ class Route:
 def distances_to_chain(chain: F64, places: F64) -> NDArray[np.float64]:
     """Distance (n,) of places (n, 2) from a chain of straight pieces through other places (k, 2) [m]."""
     if len(chain) < 2:
-        return np.hypot(*(places - chain[0]).T)
+        chain = np.concatenate([chain, chain])
     begin, run = chain[:-1], np.diff(chain, axis=0)
     square = np.maximum(np.einsum("ij,ij->i", run, run), 1e-300)
     offset = places[:, None] - begin

@@ -165,9 +165,9 @@ def grow(
         count += 1
         rewire(tree, count - 1, near, found, edges, discs, growth)
         rest = length(ends[2] - x, ends[3] - y)
-        if rest <= step and cost_to(tree, count - 1) + rest < length_by(tree, last, ends):
-            if is_clear(x, y, ends[2], ends[3], edges, discs, growth):
-                last = count - 1
+        is_shorter = rest <= step and cost_to(tree, count - 1) + rest < length_by(tree, last, ends)
+        if is_shorter and is_clear(x, y, ends[2], ends[3], edges, discs, growth):
+            last = count - 1
         lengths[number] = length_by(tree, last, ends)
     return last
 
@@ -261,9 +261,9 @@ def rewire(tree: Tree, node: int, near: Nodes, found: int, edges: Floats, discs:
     for index in range(found):
         other = near[index]
         total = so_far + length(x - tree.x[other], y - tree.y[other])
-        if other != 0 and total < cost_to(tree, other) - 1e-12:
-            if is_clear(x, y, tree.x[other], tree.y[other], edges, discs, growth):
-                tree.parent[other] = node
+        is_shorter = other != 0 and total < cost_to(tree, other) - 1e-12
+        if is_shorter and is_clear(x, y, tree.x[other], tree.y[other], edges, discs, growth):
+            tree.parent[other] = node
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def search_any_angle(
     parent[start] = start
     put(heap, straight(columns, start, goal), 0, start)
     expanded = 0
-    while heap.count[0] > 0:
+    while heap.filled[0] > 0:
         node = heap.entries[0, 2]
         if node == goal:
             break
@@ -106,7 +106,7 @@ def search_any_angle(
 def straight(columns: int, one: int, other: int) -> int:
     """Distance of two cells, as costs are counted."""
     dy, dx = float(one // columns - other // columns), float(one % columns - other % columns)
-    return np.int64(round(STRAIGHT * math.sqrt(dx * dx + dy * dy)))
+    return round(STRAIGHT * math.sqrt(dx * dx + dy * dy))
 
 
 @called

@@ -18,6 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
     parser.add_argument("--baseline", help="policy that the others are compared with (default: the first)")
+    parser.add_argument(
+        "--no-privileged", dest="privileged", action="store_false", help="leave out policies that read the map"
+    )
     parser.add_argument("--data", type=Path, help="somebody else's data that a suite needs")
     parser.add_argument("--out", type=Path, help="folder for rows, summary and pictures; goes on with a run cut off")
     parser.add_argument(
@@ -47,6 +50,7 @@ def run(options: argparse.Namespace) -> None:
         data=options.data,
         baseline=options.baseline,
         repair=options.repair,
+        privileged=options.privileged,
     )
     console = Console()
     print_table(summarise(rows), console)

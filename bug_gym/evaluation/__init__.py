@@ -37,6 +37,7 @@ def evaluate(
     data: str | os.PathLike[str] | None = None,
     baseline: str | None = None,
     repair: bool = False,
+    privileged: bool = True,
 ) -> list[EpisodeRow]:
     """Drive policies through the same worlds and measure each episode.
 
@@ -54,6 +55,7 @@ def evaluate(
         data: path of the data that a suite needs and that is not part of this package.
         baseline: label of the policy that the summary compares the others with; None: the first one.
         repair: whether lines of `out` that this run cannot have, or has twice, are dropped; else they are an error.
+        privileged: whether policies that read the map take part; tables mark them.
 
     Returns:
         One row an episode and robot, by scenario, policy, seed and robot.
@@ -64,7 +66,15 @@ def evaluate(
     workers = checked_count("workers", workers)
     if repair and out is None:
         raise ValueError("got nothing to repair, expected a folder `out`")
-    plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides, data=data)
+    plan = make_plan(
+        policies,
+        scenario_or_suite,
+        episodes=episodes,
+        seed=seed,
+        overrides=overrides,
+        data=data,
+        privileged=privileged,
+    )
     labels = [policy.label for policy in plan.policies]
     if baseline is not None and baseline not in labels:
         raise ValueError(f"baseline must be one of {', '.join(labels)}, came {baseline!r}")

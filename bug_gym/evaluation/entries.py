@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from bug_gym.agents import make_policy
+from bug_gym.agents import make_policy, reads_map
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import Policy
@@ -46,6 +46,13 @@ class PolicyEntry:
             expected = "a name, (label, name, parameters), a dict with those keys, or an object with predict"
             raise ValueError(f"got {source!r} as a policy, expected {expected}")
         return cls(label, type(policy).__qualname__, policy=policy)
+
+    @property
+    def is_privileged(self) -> bool:
+        """Whether the policy reads the world's map."""
+        if self.policy is not None:
+            return bool(getattr(self.policy, "privileged", False))
+        return reads_map(self.name, self.parameters)
 
     def make(self, simulation: Simulation) -> Policy:
         """The policy for the robots of a simulation.

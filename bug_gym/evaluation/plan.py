@@ -75,11 +75,13 @@ def make_plan(
     seed: int | None = None,
     overrides: Mapping[str, Any] | None = None,
     data: str | os.PathLike[str] | None = None,
+    privileged: bool = True,
 ) -> Plan:
     """What to evaluate, from the arguments of `evaluate`, each policy tried once in each scenario.
 
     Raises:
-        ValueError: an unknown name, a label that comes twice, or a policy that fits none of the scenarios.
+        ValueError: an unknown name, a label that comes twice, a policy that fits none of the scenarios, or only some that
+            read the map where those are left out.
     """
     suite, name = as_suite(scenario_or_suite)
     scenarios, found = [], suite.overrides(data)
@@ -106,6 +108,11 @@ def make_plan(
     entries = [PolicyEntry.of(policy) for policy in policies]
     if not entries:
         raise ValueError("no policies to evaluate")
+    if not privileged:
+        asked = [entry.label for entry in entries]
+        entries = [entry for entry in entries if not entry.is_privileged]
+        if not entries:
+            raise ValueError(f"expected a policy that does not read the map, got {', '.join(asked)}")
     _require_room(scenarios, len(entries))
     _require_distinct("scenarios", [entry.label for entry in scenarios])
     _require_distinct("policies", [entry.label for entry in entries])

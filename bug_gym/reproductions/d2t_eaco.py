@@ -97,10 +97,10 @@ def table_2(settings: Settings) -> Part:
             length, low, high = d2t_tables.interval(lengths)
             time = 1e3 * float(np.median(found.times))
             printed = d2t_tables.PRINTED[name].get(planner)
-            lines.append(
-                [f"{planner}{'' if len(lengths) == runs else f', a way in {len(lengths)}'}", f"{length:.2f} [{low:.2f}, {high:.2f}]", f"{100.0 * (length / best - 1.0):.2f}", f"{time:.1f}",
-                 f"{printed[1]:.2f}" if printed else "", f"{printed[0]:.2f}" if printed else ""]
-            )  # fmt: skip
+            label = planner if len(lengths) == runs else f"{planner}, a way in {len(lengths)}"
+            told = [f"{printed[1]:.2f}", f"{printed[0]:.2f}"] if printed else ["", ""]
+            over = 100.0 * (length / best - 1.0)
+            lines.append([label, f"{length:.2f} [{low:.2f}, {high:.2f}]", f"{over:.2f}", f"{time:.1f}", *told])
             numbers_of = {"length": length, "interval": [low, high], "over_shortest": length / best - 1.0, "ms": time}
             own[planner] = {**numbers_of, "found": len(lengths)}
         header = ["planner", "length [m]", "over shortest [%]", "time [ms]", "printed [m]", "printed [s]"]

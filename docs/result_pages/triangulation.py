@@ -29,8 +29,18 @@ def lengths(name: str, own: Record) -> str:
         low, high = one["interval"]
         told = [f"{printed[1]:.2f}", f"{printed[0]:.2f}"] if printed else ["-", "-"]
         length = f"{number(one['length'])} ({number(low)} - {number(high)})"
-        rows.append([planner, str(one["found"]), length, number(100.0 * one["over_shortest"]), number(one["ms"], 1), *told])
-    header = ["planner", "ways found", "length [m] (95 %)", "over the shortest [%]", "time [ms]", "printed [m]", "printed [s]"]
+        rows.append(
+            [planner, str(one["found"]), length, number(100.0 * one["over_shortest"]), number(one["ms"], 1), *told]
+        )
+    header = [
+        "planner",
+        "ways found",
+        "length [m] (95 %)",
+        "over the shortest [%]",
+        "time [ms]",
+        "printed [m]",
+        "printed [s]",
+    ]
     return table(f"Table 2, {name}", header, rows)
 
 
@@ -60,7 +70,9 @@ def ants(own: Record) -> str:
 def sensitivity(own: Record) -> str:
     """Medians with a quarter less and more of each parameter."""
     rows = [[name, *map(number, [100.0 * one for one in pair])] for name, pair in own.items() if name != "as printed"]
-    title = f"Median gap [%] with each parameter a quarter less and more; as printed {number(100.0 * own['as printed'])}"
+    title = (
+        f"Median gap [%] with each parameter a quarter less and more; as printed {number(100.0 * own['as printed'])}"
+    )
     return table(title, ["parameter", "x 0.75", "x 1.25"], rows)
 
 
@@ -78,7 +90,9 @@ def reading(found: Record) -> str:
     """What the numbers say."""
     both = [found["table_2"][name] for name in ("S1", "S2")]
     shorter = " and ".join(f"{100.0 * one['against the next best']:.1f} %" for one in both)
-    edges = " and ".join(f"{100.0 * (1.0 - one['d2t_eaco']['length'] / one['d2t_dijkstra']['length']):.1f} %" for one in both)
+    edges = " and ".join(
+        f"{100.0 * (1.0 - one['d2t_eaco']['length'] / one['d2t_dijkstra']['length']):.1f} %" for one in both
+    )
     times = " and ".join(f"{one['d2t_eaco']['ms']:.0f} ms ({one['a_star']['ms']:.1f} ms)" for one in both)
     return (
         f"The ants' way is {shorter} shorter than the best over cells of 1 m (printed lengths: 6.6 % and 1.3 %), and "
