@@ -16,7 +16,7 @@ import numpy as np
 from bug_gym.agents.planning.ants import Colony
 from bug_gym.agents.planning.triangulated import clusters_of
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.reproductions import d2t_tables, d2t_worlds
+from bug_gym.reproductions import d2t_crossing, d2t_tables, d2t_worlds
 from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
 from bug_gym.reproductions.hd_bug_real import SCENES, crossing
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
@@ -36,7 +36,7 @@ def reproduce(settings: Settings) -> Reproduction:
     """Run all of it; `seeds` cuts every part to so many runs, towns, sleeves and episodes."""
     claims: list[tuple[str, bool]] = []
     tables, data = [], {}
-    for part in (table_2, clustering, ants, beach):
+    for part in (table_2, clustering, ants, two_pedestrians, beach):
         found, own, checked = part(settings)
         tables += found
         data[part.__name__] = own
@@ -229,6 +229,25 @@ def pedestrians(count: int) -> list[dict[str, Any]]:
         {"shape": {"circle": 0.3}, "at": list(at), "motion": {"law": "bounce", "speed": speed}}
         for at, speed in zip(clear, speeds, strict=True)
     ]
+
+
+def two_pedestrians(settings: Settings) -> Part:
+    """The paper's dynamic scene, once: nothing in it is drawn."""
+    found = d2t_crossing.cross()
+    first, second = found.deviations
+    rows = [
+        ["slows down, then turns", f"step {found.slowed}, step {found.turned}", "slows first"],
+        ["least gap between the bodies [m]", f"{found.gap:.2f}", "1.2"],
+        ["least distance of the centres [m]", f"{found.between_centres:.2f}", "1.2"],
+        ["off the way at the first, at the second [m]", f"{first:.2f}, {second:.2f}", "the second smaller"],
+    ]
+    claims = [
+        ("two pedestrians: arrives", found.outcome == "success"),
+        ("two pedestrians: slows down before it turns", found.slowed < found.turned),
+        ("two pedestrians: 1.2 m are kept", abs(found.gap - d2t_crossing.GAP) < 0.1),
+        ("two pedestrians: the second deviation is the smaller one", second < first),
+    ]
+    return [Table("Two pedestrians on the beach", ["", "found", "printed"], rows)], found._asdict(), claims
 
 
 def driven_by(rows: Sequence[EpisodeRow], label: str, scene: str) -> list[EpisodeRow]:

@@ -11,7 +11,7 @@ def d2t_eaco(found: Record) -> Page:
     """All parts of the reproduction."""
     tables = [lengths(name, found["table_2"][name]) for name in ("S1", "S2")]
     tables += [clusters(found["clustering"]), ants(found["ants"]), sensitivity(found["ants"]["sensitivity"])]
-    tables += [beach(found["beach"])]
+    tables += [crossing(found["two_pedestrians"]), beach(found["beach"])]
     if "recorded" in found:
         rows = [[*key.split(", "), *run(one)] for key, one in found["recorded"].items()]
         tables.append(table("Recorded pedestrians, who do not see the robot", ["scene", "policy", *RUN_HEADER], rows))
@@ -74,6 +74,18 @@ def sensitivity(own: Record) -> str:
         f"Median gap [%] with each parameter a quarter less and more; as printed {number(100.0 * own['as printed'])}"
     )
     return table(title, ["parameter", "x 0.75", "x 1.25"], rows)
+
+
+def crossing(own: Record) -> str:
+    """Two pedestrians who cross the way."""
+    first, second = own["deviations"]
+    rows = [
+        ["slows down at step, turns at step", f"{own['slowed']}, {own['turned']}", "slows first"],
+        ["least gap between the bodies [m]", number(own["gap"]), "1.2"],
+        ["least distance of the centres [m]", number(own["between_centres"]), "1.2"],
+        ["off the way at the first, at the second [m]", f"{number(first)}, {number(second)}", "the second smaller"],
+    ]
+    return table("Two pedestrians on the beach", ["", "found", "printed"], rows)
 
 
 def beach(own: Record) -> str:
