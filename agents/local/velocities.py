@@ -95,8 +95,11 @@ class Choice(NamedTuple):
     """The best velocity so far."""
 
     vx: float
+    """[m/s]"""
     vy: float
+    """[m/s]"""
     cost: float
+    """What it costs [m/s]; infinite: there is none."""
 
 
 @inlined

@@ -21,7 +21,7 @@ from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
 from bug_gym.reproductions.hd_bug_real import SCENES, crossing
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 
-RUNS, TOWNS, SLEEVES, ANT_SEEDS, EPISODES = 50, 200, 120, 10, 20
+RUNS, TOWNS, SLEEVES, ANT_SEEDS, EPISODES = 50, 200, 60, 10, 5
 PEDESTRIANS = (0, 2, 10, 20)
 DRIVERS: dict[str, dict[str, Any]] = {
     "d2t_eaco": {"name": "d2t_eaco"},
