@@ -25,19 +25,19 @@ class D2TEacoParameters(D2TParameters):
     optimiser: Literal["eaco", "eaco_refined", "aco", "funnel"] = "eaco"
     """What pulls the way taut: the paper's ants, these and golden sections, ants without Levy flights, or exactly."""
     alpha: Annotated[float, AtMost(100.0)] = 1.0
-    """Exponent of the pheromone."""
+    """Exponent of the pheromone [-]."""
     beta: Annotated[float, AtMost(100.0)] = 2.0
-    """Exponent of the heuristic."""
-    rho: float = 0.1
-    """Share of the pheromone that evaporates."""
-    q0: float = 0.7
-    """Chance that an ant takes the best value."""
-    levy_rate: float = 0.2
-    """p_l: chance that a choice by lot is changed by Levy steps."""
-    levy_exponent: float = 1.5
-    """beta_L, above 0 and at most 2."""
+    """Exponent of the heuristic [-]."""
+    rho: Annotated[float, AtMost(1.0)] = 0.1
+    """Share of the pheromone that evaporates [-]."""
+    q0: Annotated[float, AtMost(1.0)] = 0.7
+    """Chance that an ant takes the best value [-]."""
+    levy_rate: Annotated[float, AtMost(1.0)] = 0.2
+    """p_l: chance that a choice by lot is changed by Levy steps [-]."""
+    levy_exponent: Annotated[float, AtMost(2.0)] = 1.5
+    """beta_L, above 0 and at most 2 [-]."""
     levy_scale: Annotated[float, AtMost(1e6)] = 0.1
-    """lambda: weight of a Levy step, beside 1 for the best value."""
+    """lambda: weight of a Levy step, beside 1 for the best value [-]."""
     ants: Count = 20
     """Ants of an iteration."""
     iterations: Count = 50

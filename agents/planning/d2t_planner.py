@@ -66,6 +66,8 @@ class D2TParameters(PlannerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not self.mover_horizon > 0.0:
+            raise ValueError(f"mover_horizon must be above 0 s, got {self.mover_horizon!r}")
         navigation(self)
         if self.threshold is not None and not self.threshold > 0.0:
             raise ValueError(f"threshold must be above 0 m, got {self.threshold!r}")
