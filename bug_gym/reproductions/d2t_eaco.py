@@ -87,11 +87,14 @@ Part = tuple[list[Table], dict[str, Any], list[tuple[str, bool]]]
 def table_2(settings: Settings) -> Part:
     """Times and lengths on both maps."""
     runs = settings.seeds or RUNS
-    tables, data, claims = [], {}, []
+    tables: list[Table] = []
+    data: dict[str, Any] = {}
+    claims: list[tuple[str, bool]] = []
     for name, task in (("S1", d2t_worlds.scenario_1()), ("S2", d2t_worlds.scenario_2())):
         measured = {planner: d2t_tables.measure(one, runs) for planner, one in d2t_tables.planners(task).items()}
         best = measured["shortest way (ours)"].lengths[0]
-        lines, own = [], {}
+        lines: list[list[str]] = []
+        own: dict[str, Any] = {}
         for planner, found in measured.items():
             lengths = [one for one in found.lengths if math.isfinite(one)]
             length, low, high = d2t_tables.interval(lengths)
@@ -121,7 +124,7 @@ def table_2(settings: Settings) -> Part:
 GRID = ("bfs", "d_star", "bidirectional_a_star", "a_star")
 
 
-def _claims_of_lengths(name: str, own: dict[str, dict[str, float]]) -> list[tuple[str, bool]]:
+def _claims_of_lengths(name: str, own: dict[str, Any]) -> list[tuple[str, bool]]:
     """What must hold of the lengths on a map."""
     length = {planner: found["length"] for planner, found in own.items()}
     same = max(abs(length[one] - length["a_star"]) for one in ("d_star", "bidirectional_a_star"))
@@ -137,7 +140,8 @@ def _claims_of_lengths(name: str, own: dict[str, dict[str, float]]) -> list[tupl
 def clustering(settings: Settings) -> Part:
     """The ablation on a town, the beach's count, and what is saved over many towns."""
     town, beach_task = d2t_worlds.urban(), d2t_worlds.beach()
-    lines, data = [], {}
+    lines: list[list[str]] = []
+    data: dict[str, Any] = {}
     for label, use_clusters in (("without clusters", False), ("with clusters", True)):
         d2t_tables.graph_of(town, use_clusters=use_clusters)
         found = d2t_tables.graph_of(town, use_clusters=use_clusters)
@@ -169,7 +173,9 @@ def ants(settings: Settings) -> Part:
     count, seeds = (4 * settings.seeds, min(settings.seeds, ANT_SEEDS)) if settings.seeds else (SLEEVES, ANT_SEEDS)
     chosen = d2t_tables.sleeves(count)
     sizes = np.array([len(sleeve.left) for sleeve in chosen])
-    lines, data, bars = [], {}, {}
+    lines: list[list[str]] = []
+    data: dict[str, Any] = {}
+    bars = {}
     for name, search in d2t_tables.SEARCHES.items():
         gap = np.array(d2t_tables.gaps(chosen, search, seeds))
         bars[name] = gap
@@ -192,9 +198,9 @@ def ants(settings: Settings) -> Part:
         ("nothing is shorter than the funnel", bool(min(gap.min() for gap in bars.values()) >= -1e-9)),
     ]
     some = [sleeve for sleeve, size in zip(chosen, sizes, strict=True) if size <= 20][: max(count // 4, 4)]
-    plain = float(np.median(d2t_tables.gaps(some, d2t_tables.SEARCHES["eaco"], max(seeds // 3, 1))))
+    plain = d2t_tables.median_gap(some, Colony(), max(seeds // 3, 1))
     turned = d2t_tables.sensitivity(some, max(seeds // 3, 1))
-    data["iterations"] = float(np.mean([len(d2t_tables.eaco(sleeve).curve) for sleeve in some]))
+    data["iterations"] = d2t_tables.iterations(some)
     data["sensitivity"] = {"as printed": plain, **{name: list(pair) for name, pair in turned.items()}}
     rows = [["as printed", f"{100 * plain:.2f}", f"{100 * plain:.2f}"]]
     rows += [[name, f"{100 * low:.2f}", f"{100 * high:.2f}"] for name, (low, high) in turned.items()]

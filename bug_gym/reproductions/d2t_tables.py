@@ -223,16 +223,23 @@ def gaps(chosen: Sequence[Sleeve], search: Callable[[Sleeve, int], Found], seeds
 VARIED = ("alpha", "beta", "rho", "q0", "levy_rate", "levy_exponent", "levy_scale", "ants")
 
 
-def sensitivity(chosen: Sequence[Sleeve], seeds: int) -> dict[str, tuple[float, float]]:
+def median_gap(chosen: Sequence[Sleeve], colony: Colony, seeds: int) -> float:
+    """Median over sleeves of how much longer a colony's ways are than the funnel's."""
+    return float(np.median(np.array(gaps(chosen, lambda sleeve, seed: eaco(sleeve, colony, seed=seed), seeds))))
+
+
+def iterations(chosen: Sequence[Sleeve]) -> float:
+    """After how many iterations the printed colony stops, in the mean."""
+    return float(np.mean([len(eaco(sleeve).curve) for sleeve in chosen]))
+
+
+def sensitivity(chosen: Sequence[Sleeve], seeds: int) -> dict[str, tuple[float, ...]]:
     """Median gap to the funnel with each parameter a quarter smaller and larger."""
     found = {}
     for name in VARIED:
-        pair = []
-        for factor in (0.75, 1.25):
-            value: Any = getattr(Colony(), name) * factor
-            colony = replace(Colony(), **{name: round(value) if name == "ants" else value})
-            pair.append(float(np.median(gaps(chosen, lambda one, seed, own=colony: eaco(one, own, seed=seed), seeds))))  # type: ignore[misc]
-        found[name] = (pair[0], pair[1])
+        value: Any = getattr(Colony(), name)
+        less, more = (round(part * value) if name == "ants" else part * value for part in (0.75, 1.25))
+        found[name] = tuple(median_gap(chosen, replace(Colony(), **{name: one}), seeds) for one in (less, more))
     return found
 
 
