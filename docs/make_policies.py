@@ -70,7 +70,9 @@ def entries() -> list[Entry]:
             continue
         module_name, class_name = agent.entry_point.split(":")
         module = importlib.import_module(f"bug_gym.agents.{module_name}")
-        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, getattr(module, class_name), agent.privileged)
+        found[agent.entry_point] = Entry(
+            [name], agent.family, agent.reference, module, getattr(module, class_name), agent.privileged
+        )
     return list(found.values())
 
 

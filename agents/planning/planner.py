@@ -103,8 +103,8 @@ class PlannerParameters:
     """What drives along the way."""
 
     def __post_init__(self) -> None:
-        if not self.margin >= 1e-3:
-            raise ValueError(f"margin must be at least 0.001 m, got {self.margin!r}")
+        if not (self.margin >= 1e-3 and math.isfinite(self.margin)):
+            raise ValueError(f"margin must be finite and at least 0.001 m, got {self.margin!r}")
 
 
 class MapPlanner(MapPolicy):

@@ -76,9 +76,7 @@ def reproduce(settings: Settings) -> Reproduction:
     chosen = [one for one in SEERS if not settings.policies or label_of(one) in settings.policies]
     curves = []
     if chosen:
-        by_range = {
-            metres: drive(chosen, SCENARIOS, worlds, settings, {"lidar.range": metres}) for metres in RANGES
-        }
+        by_range = {metres: drive(chosen, SCENARIOS, worlds, settings, {"lidar.range": metres}) for metres in RANGES}
         tables += [range_table(label, by_range) for label in SCENARIOS]
         curves = [range_curves(label, by_range) for label in SCENARIOS]
         data["ranges"] = {
@@ -193,9 +191,7 @@ def range_table(label: str, by_range: Mapping[float, Sequence[EpisodeRow]]) -> T
 def range_curves(label: str, by_range: Mapping[float, Sequence[EpisodeRow]]) -> Curves:
     """The same to draw, with its intervals."""
     policies = list(dict.fromkeys(row.policy for rows in by_range.values() for row in rows))
-    lines = {
-        policy: [interval(shares_in(rows, policy, label)) for rows in by_range.values()] for policy in policies
-    }
+    lines = {policy: [interval(shares_in(rows, policy, label)) for rows in by_range.values()] for policy in policies}
     return Curves(label, "range of the LIDAR [m]", "shortest path over path", list(by_range), lines)
 
 
