@@ -1,6 +1,7 @@
 """What all map planners share: plan as an episode begins, follow the way, plan anew when it is blocked or the goal moves.
 
-A planner writes one method, `plan`: the way from here to there, or why there is none.
+A planner writes one method, `plan`: the way from here to there, or why there is none. Short means short in metres: what
+regions cost is not counted.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ SCENARIOS: dict[str, Described] = {
 """By label."""
 
 OPTIMUM = "visibility_graph (privileged)"
-UNKNOWN = "d_star_lite, unknown terrain"
+UNKNOWN = "d_star_lite (unknown terrain)"
 PLANNERS: tuple[Any, ...] = (
     {"name": "d_star_lite", "label": UNKNOWN, "parameters": {"known": False}},
     "a_star",
@@ -64,7 +64,8 @@ def reproduce(settings: Settings) -> Reproduction:
     """
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
     bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name not in LEFT_OUT]
-    policies = list(settings.policies) or [*bugs, *trained_names(), *PLANNERS]
+    by_label = {label_of(one): one for one in PLANNERS}
+    policies = [by_label.get(name, name) for name in settings.policies] or [*bugs, *trained_names(), *PLANNERS]
     worlds = settings.seeds or WORLDS
     rows = drive(policies, scenarios, worlds, settings, {})
     labels = list(dict.fromkeys(row.policy for row in rows))
@@ -122,7 +123,7 @@ def label_of(policy: Any) -> str:
 
 def memory_of(label: str) -> str:
     """What a policy keeps, as the docstring of its module says; "" for one that is not of the table."""
-    name = label.split(" ")[0].rstrip(",")
+    name = label.split(" ")[0]
     if label.endswith("(privileged)"):
         return "the map, which is given"
     if name not in AGENTS:
