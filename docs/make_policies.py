@@ -70,7 +70,8 @@ def entries() -> list[Entry]:
             continue
         module_name, class_name = agent.entry_point.split(":")
         module = importlib.import_module(f"bug_gym.agents.{module_name}")
-        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, getattr(module, class_name), agent.privileged)
+        policy_class = getattr(module, class_name)
+        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, policy_class, agent.privileged)
     return list(found.values())
 
 

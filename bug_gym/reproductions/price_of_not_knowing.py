@@ -38,7 +38,7 @@ SCENARIOS: dict[str, Described] = {
 """By label."""
 
 OPTIMUM = "visibility_graph (privileged)"
-UNKNOWN = "d_star_lite, unknown terrain"
+UNKNOWN = "d_star_lite (unknown terrain)"
 PLANNERS: tuple[Any, ...] = (
     {"name": "d_star_lite", "label": UNKNOWN, "parameters": {"known": False}},
     "a_star",
@@ -64,7 +64,8 @@ def reproduce(settings: Settings) -> Reproduction:
     """
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
     bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name not in LEFT_OUT]
-    policies = list(settings.policies) or [*bugs, *trained_names(), *PLANNERS]
+    by_label = {label_of(one): one for one in PLANNERS}
+    policies = [by_label.get(name, name) for name in settings.policies] or [*bugs, *trained_names(), *PLANNERS]
     worlds = settings.seeds or WORLDS
     rows = drive(policies, scenarios, worlds, settings, {})
     labels = list(dict.fromkeys(row.policy for row in rows))
@@ -76,9 +77,7 @@ def reproduce(settings: Settings) -> Reproduction:
     chosen = [one for one in SEERS if not settings.policies or label_of(one) in settings.policies]
     curves = []
     if chosen:
-        by_range = {
-            metres: drive(chosen, SCENARIOS, worlds, settings, {"lidar.range": metres}) for metres in RANGES
-        }
+        by_range = {metres: drive(chosen, SCENARIOS, worlds, settings, {"lidar.range": metres}) for metres in RANGES}
         tables += [range_table(label, by_range) for label in SCENARIOS]
         curves = [range_curves(label, by_range) for label in SCENARIOS]
         data["ranges"] = {
@@ -124,7 +123,7 @@ def label_of(policy: Any) -> str:
 
 def memory_of(label: str) -> str:
     """What a policy keeps, as the docstring of its module says; "" for one that is not of the table."""
-    name = label.split(" ")[0].rstrip(",")
+    name = label.split(" ")[0]
     if label.endswith("(privileged)"):
         return "the map, which is given"
     if name not in AGENTS:
@@ -193,9 +192,7 @@ def range_table(label: str, by_range: Mapping[float, Sequence[EpisodeRow]]) -> T
 def range_curves(label: str, by_range: Mapping[float, Sequence[EpisodeRow]]) -> Curves:
     """The same to draw, with its intervals."""
     policies = list(dict.fromkeys(row.policy for rows in by_range.values() for row in rows))
-    lines = {
-        policy: [interval(shares_in(rows, policy, label)) for rows in by_range.values()] for policy in policies
-    }
+    lines = {policy: [interval(shares_in(rows, policy, label)) for rows in by_range.values()] for policy in policies}
     return Curves(label, "range of the LIDAR [m]", "shortest path over path", list(by_range), lines)
 
 

@@ -19,14 +19,22 @@ def price_of_not_knowing(found: Record) -> Page:
         mine = {policy: one[label] for policy, one in policies.items() if label in one}
         order = sorted(mine, key=lambda policy: -mine[policy]["share_of_optimum"][0])
         rows = [
-            [f"`{policy}`", share(mine[policy]), with_interval(mine[policy]), spread(mine[policy]), price.memory_of(policy)]
+            [
+                f"`{policy}`",
+                share(mine[policy]),
+                with_interval(mine[policy]),
+                spread(mine[policy]),
+                price.memory_of(policy),
+            ]
             for policy in order
         ]
         header = ["policy", "reached [%] (95 %)", "path / shortest", "share of the optimum", "remembers"]
         tables.append(table(f"{label}, {found['worlds']} worlds", header, rows))
     ranges: Record = found["ranges"]
     for label in price.SCENARIOS:
-        by_policy = {policy: [of_range[label][policy] for of_range in ranges.values()] for policy in seers(found, label)}
+        by_policy = {
+            policy: [of_range[label][policy] for of_range in ranges.values()] for policy in seers(found, label)
+        }
         rows = [[f"`{policy}`", *map(spread, cells)] for policy, cells in by_policy.items()]
         tables.append(table(f"{label}: share of the optimum by range of the LIDAR [m]", ["policy", *ranges], rows))
     tables.append(picture("price-of-not-knowing", "Share of the optimum against the range of the LIDAR"))
@@ -85,6 +93,8 @@ def gained(found: Record) -> Sequence[tuple[str, float]]:
     labels = list(price.SCENARIOS)
     gains = []
     for policy in seers(found, labels[0]):
-        each = [most[label][policy]["share_of_optimum"][0] - least[label][policy]["share_of_optimum"][0] for label in labels]
+        each = [
+            most[label][policy]["share_of_optimum"][0] - least[label][policy]["share_of_optimum"][0] for label in labels
+        ]
         gains.append((policy, math.fsum(each) / len(each)))
     return gains

@@ -23,7 +23,10 @@ def random_map(seed: int) -> PlanningMap:
     rng = np.random.default_rng(seed)
     border = np.array([[-0.37, -0.41], [9.3, -0.2], [9.1, 7.7], [5.2, 5.1], [0.3, 7.9]])
     discs = np.column_stack([rng.uniform(0.5, 8.5, (6, 2)), rng.uniform(0.1, 0.5, 6)])
-    outer, inner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), np.array([[-0.6, -0.6], [-0.6, 0.6], [0.6, 0.6], [0.6, -0.6]])
+    outer, inner = (
+        np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]),
+        np.array([[-0.6, -0.6], [-0.6, 0.6], [0.6, 0.6], [0.6, -0.6]]),
+    )
     at = rng.uniform(2.0, 6.0, 2)
     angles = np.arange(10) * math.pi / 5.0
     star = np.column_stack([np.cos(angles), np.sin(angles)]) * np.where(np.arange(10) % 2, 0.3, 0.9)[:, None]
