@@ -22,6 +22,8 @@ from bug_gym.reproductions.hd_bug_real import SCENES, crossing
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 
 RUNS, TOWNS, SLEEVES, ANT_SEEDS, EPISODES = 50, 200, 60, 10, 5
+SHOWN = (1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 50)
+"""Iterations of the curve."""
 PEDESTRIANS = (0, 2, 10, 20)
 DRIVERS: dict[str, dict[str, Any]] = {
     "d2t_eaco": {"name": "d2t_eaco"},
@@ -216,13 +218,14 @@ def ants(settings: Settings) -> Part:
 
 
 def convergence_curves(settings: Settings) -> Curves:
-    """Length over the funnel's after each iteration, with Levy flights and without."""
+    """How the ants come nearer to the exact way, with Levy flights and without."""
     few = settings.seeds is not None and settings.seeds < 10
     chosen = [one for one in d2t_tables.sleeves(12 if few else 60) if 8 < len(one.left) <= 20]
     colonies = {"eaco": Colony(patience=50), "aco (no Levy flights)": Colony(patience=50, levy_rate=0.0)}
     found = d2t_tables.convergence(chosen, colonies, 2 if few else ANT_SEEDS)
-    lines = {name: [(value, value, value) for value in curve] for name, curve in found.items()}
-    return Curves("Convergence, 9 to 20 edges", "iteration", "length / funnel", list(range(1, 51)), lines)
+    lines = {name: [(curve[n - 1],) * 3 for n in SHOWN] for name, curve in found.items()}
+    label = "excess over the exact way, share of the first"
+    return Curves("Convergence, 9 to 20 edges", "iteration", label, SHOWN, lines)
 
 
 def pedestrians(count: int) -> list[dict[str, Any]]:

@@ -244,14 +244,18 @@ def sensitivity(chosen: Sequence[Sleeve], seeds: int) -> dict[str, tuple[float, 
 
 
 def convergence(chosen: Sequence[Sleeve], colonies: Mapping[str, Colony], seeds: int) -> dict[str, list[float]]:
-    """Mean length over the funnel's after each iteration; one that stopped keeps its last."""
+    """What is left after each iteration of the way's excess over the funnel's, as a share of that of the first way.
+
+    A mean over sleeves and seeds; a colony that has stopped keeps its last.
+    """
     found = {}
     for name, colony in colonies.items():
         curves = []
         for sleeve in chosen:
             shortest = funnel_length(sleeve)
+            excess = path_length(sleeve.crossings(sleeve.middles)) - shortest
             for seed in range(seeds):
-                curve = eaco(sleeve, colony, seed=seed).curve / shortest
+                curve = (eaco(sleeve, colony, seed=seed).curve - shortest) / excess
                 curves.append(np.pad(curve, (0, colony.iterations - len(curve)), mode="edge"))
         found[name] = np.mean(curves, axis=0).tolist()
     return found
