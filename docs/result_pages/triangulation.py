@@ -108,7 +108,8 @@ def reading(found: Record) -> str:
     times = " and ".join(f"{one['d2t_eaco']['ms']:.0f} ms ({one['a_star']['ms']:.1f} ms)" for one in both)
     return (
         f"The ants' way is {shorter} shorter than the best over cells of 1 m (printed lengths: 6.6 % and 1.3 %), and "
-        f"{edges} shorter than Dijkstra's along the edges of the same graph (below 0: longer). It takes {times} where A* over such cells "
+        f"{edges} shorter than Dijkstra's along the edges of the same graph (below 0: longer). It takes {times} "
+        "where A* over such cells "
         "takes what stands in brackets: that it is the fastest too, as printed, was not found. The funnel finds the "
         "exact way in the same triangles in less. The length has one minimum, so there is none for Levy flights to "
         f"escape from. Ants stop after {found['ants']['iterations']:.0f} iterations in the mean.\n\n"
