@@ -15,7 +15,17 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from result_pages import Page, Record, bug_family, hd_bug, learning, long_checks, potential_field
+from result_pages import (
+    Page,
+    Record,
+    bug_family,
+    hd_bug,
+    learning,
+    long_checks,
+    planners,
+    potential_field,
+    triangulation,
+)
 from result_pages.words import table
 
 from bug_gym.reproductions import REPRODUCTIONS
@@ -40,6 +50,8 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "ppo-curve": learning.ppo_curve,
     "predictors": learning.predictor_errors,
     "scripted-and-learned": learning.side_by_side,
+    "price-of-not-knowing": planners.price_of_not_knowing,
+    "d2t-eaco": triangulation.d2t_eaco,
     "soak": long_checks.soak,
 }
 """Name of a reproduction or a check -> what its page says."""
@@ -47,7 +59,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
 CHECKS = {"soak": Path(__file__).parents[1] / "tests" / "soak.py"}
 """Name of a check that `make` runs -> the script that it is."""
 
-WITH_DATA = ("barn", "hd-bug-real", "predictors", "scripted-and-learned")
+WITH_DATA = ("barn", "hd-bug-real", "predictors", "scripted-and-learned", "price-of-not-knowing", "d2t-eaco")
 """Reproductions that were given somebody else's data."""
 
 MADE = "by `python docs/make_results.py`; its sentences stand in docs/result_pages."

@@ -53,11 +53,11 @@ class DWAParameters:
     """Parameters of the dynamic window approach."""
 
     heading_weight: Weight = 2.0
-    """alpha, of the goal's bearing."""
+    """alpha, of the goal's bearing [-]."""
     distance_weight: Weight = 0.2
-    """beta, of the free way."""
+    """beta, of the free way [-]."""
     speed_weight: Weight = 0.2
-    """gamma, of the speed."""
+    """gamma, of the speed [-]."""
     look: Length = 3.0
     """Free ways beyond this are all the same [m]."""
 

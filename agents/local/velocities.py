@@ -95,8 +95,11 @@ class Choice(NamedTuple):
     """The best velocity so far."""
 
     vx: float
+    """[m/s]"""
     vy: float
+    """[m/s]"""
     cost: float
+    """What it costs [m/s]; infinite: there is none."""
 
 
 @inlined
@@ -118,9 +121,7 @@ def kept_distance(robot: Robot, movers: Floats, i: int, share: float) -> float:
     bodies = robot.body + movers[i, 4]
     together = bodies + share * robot.margin
     away = length(movers[i, 0], movers[i, 1])
-    if away < together:
-        return max(min(together, NO_CLOSER * away), bodies)
-    return together
+    return float(max(min(together, NO_CLOSER * away), bodies) if away < together else together)
 
 
 @called

@@ -13,7 +13,7 @@ import numpy as np
 
 from bug_gym.agents.planning.grid import COLUMN_STEPS, FAR, ROW_STEPS, Bytes, Grid
 from bug_gym.agents.planning.grid_planner import GridPlanner
-from bug_gym.agents.planning.open_list import OpenList, open_list, put, take
+from bug_gym.agents.planning.open_list import OpenList, drop_spent, open_list, put, put_next, spend_first
 from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_of, offset_of, require_free, way_of
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Integers
@@ -63,10 +63,9 @@ def search(
     put(heap, 0, 0, start)
     expanded = 0
     while heap.filled[0] > 0:
-        node = heap.entries[0, 2]
-        if node == goal:
+        if heap.entries[0, 2] == goal:
             break
-        take(heap, node)
+        node, is_spent = spend_first(heap), True
         expanded += 1
         dy = node // columns
         dx = node - dy * columns - goal_column
@@ -80,7 +79,9 @@ def search(
                 cost[other] = through
                 came[other] = step
                 left = bound(kind, dx + COLUMN_STEPS[step], dy + ROW_STEPS[step])
-                put(heap, through + left, left, other)
+                is_spent = put_next(heap, through + left, left, other, is_spent)
+        if is_spent:
+            drop_spent(heap)
     return expanded
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from bug_gym.geometry import F64, Point
+from bug_gym.geometry import Point
 
 CONVEX = 1e-9
 """A shape is convex where its hull is larger by no more than this share of its area."""
@@ -147,10 +147,3 @@ def _singles(obstacles: Sequence[shapely.Polygon], points: NDArray[np.object_], 
         if not len(swallowed) and (shapely.distance(points, hulls[index]) > room).all():
             shapes[index] = hulls[index]
     return [Cluster((index,), (shape,)) for index, shape in enumerate(shapes)]
-
-
-def hull_vertices(clusters: Sequence[Cluster]) -> F64:
-    """The vertices (v, 2) of what clusters are kept off by: the paper's extreme points."""
-    parts = [part for one in clusters for part in one.parts]
-    rings = shapely.get_rings(np.array(parts, dtype=object)) if parts else []
-    return np.concatenate([shapely.get_coordinates(ring)[:-1] for ring in rings] or [np.empty((0, 2))])

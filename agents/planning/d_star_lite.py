@@ -1,13 +1,12 @@
-"""D* Lite: A* from the goal, repaired where cells change (a map planner; in unknown terrain none, with `known=False`).
+"""D* Lite: A* from the goal, repaired where cells change (a map planner; with `known=False` it plans in what it has seen).
 
 Source: Koenig and Likhachev (2005), "Fast replanning for navigation in unknown terrain", the optimised version. Sensing
-assumed: the map, own place on it, movers where they are now; unknown terrain: scan, own position, goal. Memory kept: two
-estimates of the distance of each cell from the goal; in unknown terrain the scan points seen too. States: planning,
-following, waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells, or says that there is
-none. Length: that of A* over what is known.
+assumed: the map, own place on it, movers where they are now; in unknown terrain scan, own position, goal. Memory kept: all
+scan points seen (in unknown terrain), two estimates of each cell's distance from the goal. States: planning, following,
+waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells, or says that there is none. Length:
+that of A* over what is known.
 
-In unknown terrain what has not been seen counts as free, and what is seen is planned round: no policy of this table that
-goes by a map of its own does less.
+In unknown terrain what has not been seen counts as free, and what comes to be seen is planned round.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 
 from bug_gym.agents.planning.grid import FAR, Bytes, Grid
 from bug_gym.agents.planning.grid_planner import GridPlanner
-from bug_gym.agents.planning.open_list import OpenList, open_list, put, take
+from bug_gym.agents.planning.open_list import OpenList, drop_spent, open_list, put, put_next, spend_first
 from bug_gym.agents.planning.search import NO_WAY, Found, cost_of, offset_of, require_free, way_of
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Integers
@@ -61,17 +61,18 @@ def settle(links: Bytes, columns: int, start: int, goal: int, cost: Integers, ca
     put(heap, 0, 0, start)
     expanded = 0
     while heap.filled[0] > 0:
-        node = heap.entries[0, 2]
-        if node == goal:
+        if heap.entries[0, 2] == goal:
             break
-        take(heap, node)
+        node, is_spent = spend_first(heap), True
         expanded += 1
         for step in range(8):
             other = node + offset_of(step, columns)
             if links[node] >> step & 1 and cost[node] + cost_of(step) < cost[other]:
                 cost[other] = cost[node] + cost_of(step)
                 came[other] = step
-                put(heap, cost[other], 0, other)
+                is_spent = put_next(heap, cost[other], 0, other, is_spent)
+        if is_spent:
+            drop_spent(heap)
     return expanded
 
 

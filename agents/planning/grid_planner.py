@@ -71,7 +71,7 @@ class GridParameters(PlannerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 1e-3 <= self.resolution < math.inf:
+        if not (self.resolution >= 1e-3 and math.isfinite(self.resolution)):
             raise ValueError(f"resolution must be finite and at least 0.001 m, got {self.resolution!r}")
 
 

@@ -65,6 +65,38 @@ def take(heap: OpenList, node: int) -> None:
         sink(heap, index, first, second, moved)
 
 
+@called
+def spend_first(heap: OpenList) -> int:
+    """The first node, which counts as not in the list any more; its entry stays until put_next or drop_spent."""
+    node = heap.entries[0, 2]
+    heap.place[node] = 0
+    heap.entries[0, 0] = -1  # nothing rises above it
+    return node
+
+
+@called
+def put_next(heap: OpenList, first: int, second: int, node: int, is_spent: bool) -> bool:
+    """Put a node into a list whose first entry may be spent.
+
+    What is found from a node mostly comes next: in its entry it has a short way down, instead of all the way up from below
+    after another entry had all the way down. Returns whether the first entry is spent still.
+    """
+    if is_spent and heap.place[node] == 0:
+        sink(heap, 0, first, second, node)
+        return False
+    put(heap, first, second, node)
+    return is_spent
+
+
+@called
+def drop_spent(heap: OpenList) -> None:
+    """Take the first entry out of a list, which is spent."""
+    last = heap.filled[0] - 1
+    heap.filled[0] = last
+    if last > 0:
+        sink(heap, 0, heap.entries[last, 0], heap.entries[last, 1], heap.entries[last, 2])
+
+
 @inlined
 def is_before(first: int, second: int, other_first: int, other_second: int) -> bool:
     """Whether keys come before others; without a branch, which the processor would have to guess."""

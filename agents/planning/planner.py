@@ -1,6 +1,7 @@
 """What all map planners share: plan as an episode begins, follow the way, plan anew when it is blocked or the goal moves.
 
-A planner writes one method, `plan`: the way from here to there, or why there is none.
+A planner writes one method, `plan`: the way from here to there, or why there is none. Short means short in metres: what
+regions cost is not counted.
 """
 
 from __future__ import annotations
@@ -106,8 +107,8 @@ class PlannerParameters:
     """What drives along the way."""
 
     def __post_init__(self) -> None:
-        if not self.margin >= 1e-3:
-            raise ValueError(f"margin must be at least 0.001 m, got {self.margin!r}")
+        if not (self.margin >= 1e-3 and math.isfinite(self.margin)):
+            raise ValueError(f"margin must be finite and at least 0.001 m, got {self.margin!r}")
 
 
 class MapPlanner(MapPolicy):

@@ -197,7 +197,7 @@ def search(
                 return 1
             x, y = points[start, 0], points[start, 1]
             leave(points, corners, neighbours, free, triangle, -1, x, y, goal, -1, nodes)
-    while nodes.opened.count[0] > 0:
+    while nodes.opened.filled[0] > 0:
         node = nodes.opened.entries[0, 2]
         take(nodes.opened, node)
         triangle, edge = node // (3 * POINTS), node // POINTS % 3

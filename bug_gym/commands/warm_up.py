@@ -79,4 +79,6 @@ def _use_policies() -> Iterator[str]:
     names = [name for name in playable_names() if not AGENTS[name].model]
     for name in names:
         evaluate([name], ["dynamic", "terrain", "moving_target", "u_trap", "maze"], episodes=1)
+        if name == "d_star_lite":
+            evaluate([{"name": name, "label": "unknown terrain", "parameters": {"known": False}}], "maze", episodes=1)
         yield name

@@ -32,6 +32,7 @@ REPRODUCTIONS: dict[str, str] = {
     "predictors": "predictors",
     "scripted-and-learned": "scripted_and_learned",
     "d2t-eaco": "d2t_eaco",
+    "price-of-not-knowing": "price_of_not_knowing",
 }
 """Name on the command line -> module here."""
 

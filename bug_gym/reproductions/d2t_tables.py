@@ -223,28 +223,39 @@ def gaps(chosen: Sequence[Sleeve], search: Callable[[Sleeve, int], Found], seeds
 VARIED = ("alpha", "beta", "rho", "q0", "levy_rate", "levy_exponent", "levy_scale", "ants")
 
 
-def sensitivity(chosen: Sequence[Sleeve], seeds: int) -> dict[str, tuple[float, float]]:
+def median_gap(chosen: Sequence[Sleeve], colony: Colony, seeds: int) -> float:
+    """Median over sleeves of how much longer a colony's ways are than the funnel's."""
+    return float(np.median(np.array(gaps(chosen, lambda sleeve, seed: eaco(sleeve, colony, seed=seed), seeds))))
+
+
+def iterations(chosen: Sequence[Sleeve]) -> float:
+    """After how many iterations the printed colony stops, in the mean."""
+    return float(np.mean([len(eaco(sleeve).curve) for sleeve in chosen]))
+
+
+def sensitivity(chosen: Sequence[Sleeve], seeds: int) -> dict[str, tuple[float, ...]]:
     """Median gap to the funnel with each parameter a quarter smaller and larger."""
     found = {}
     for name in VARIED:
-        pair = []
-        for factor in (0.75, 1.25):
-            value: Any = getattr(Colony(), name) * factor
-            colony = replace(Colony(), **{name: round(value) if name == "ants" else value})
-            pair.append(float(np.median(gaps(chosen, lambda one, seed, own=colony: eaco(one, own, seed=seed), seeds))))  # type: ignore[misc]
-        found[name] = (pair[0], pair[1])
+        value: Any = getattr(Colony(), name)
+        less, more = (round(part * value) if name == "ants" else part * value for part in (0.75, 1.25))
+        found[name] = tuple(median_gap(chosen, replace(Colony(), **{name: one}), seeds) for one in (less, more))
     return found
 
 
 def convergence(chosen: Sequence[Sleeve], colonies: Mapping[str, Colony], seeds: int) -> dict[str, list[float]]:
-    """Mean length over the funnel's after each iteration; one that stopped keeps its last."""
+    """What is left after each iteration of the way's excess over the funnel's, as a share of that of the first way.
+
+    A mean over sleeves and seeds; a colony that has stopped keeps its last.
+    """
     found = {}
     for name, colony in colonies.items():
         curves = []
         for sleeve in chosen:
             shortest = funnel_length(sleeve)
+            excess = path_length(sleeve.crossings(sleeve.middles)) - shortest
             for seed in range(seeds):
-                curve = eaco(sleeve, colony, seed=seed).curve / shortest
+                curve = (eaco(sleeve, colony, seed=seed).curve - shortest) / excess
                 curves.append(np.pad(curve, (0, colony.iterations - len(curve)), mode="edge"))
         found[name] = np.mean(curves, axis=0).tolist()
     return found

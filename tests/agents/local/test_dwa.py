@@ -87,7 +87,13 @@ def test_each_weight_works() -> None:
     discs = [[3.0, 0.4, 0.5], [5.5, -1.2, 0.8], [8.0, 0.9, 0.6]]
     world = {"world": {**BOX, "goal": [11, 0], "circles": discs}, "lidar": {"beams": 180}}
     plain = run_episode("dwa", world, {"robot.kinematics": "differential"}, max_steps=300)
-    for change in ({"heading_weight": 0.1}, {"distance_weight": 8.0}, {"speed_weight": 8.0}, {"look": 0.6}):
+    changes: list[dict[str, Any]] = [
+        {"heading_weight": 0.1},
+        {"distance_weight": 8.0},
+        {"speed_weight": 8.0},
+        {"look": 0.6},
+    ]
+    for change in changes:
         other = run_episode("dwa", world, {"robot.kinematics": "differential"}, max_steps=300, **change)
         assert other.path.shape != plain.path.shape or not np.allclose(other.path, plain.path), change
     assert plain.outcome == "success" and plain.length <= 12.5

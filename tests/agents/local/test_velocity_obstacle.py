@@ -32,8 +32,7 @@ def nearest_approach(movers: F64, velocity: F64, horizon: float = HORIZON) -> F6
     """The least gap to each mover (n,) within the horizon if all go on, looked at every 5 ms [m]."""
     times = np.linspace(0.0, horizon, 601)[:, None, None]
     apart = movers[None, :, :2] + times * (movers[None, :, 2:4] - velocity)
-    gaps: F64 = np.hypot(*np.moveaxis(apart, -1, 0)).min(axis=0) - movers[:, 4]
-    return gaps
+    return np.asarray(np.hypot(*np.moveaxis(apart, -1, 0)).min(axis=0) - movers[:, 4], dtype=np.float64)
 
 
 def crowd(seed: int, count: int) -> F64:
@@ -49,7 +48,7 @@ def discs(max_speed: float) -> F64:
     """Velocities all over the robot's disc (k, 2)."""
     axis = np.linspace(-max_speed, max_speed, 61)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    return grid[np.hypot(*grid.T) <= max_speed]
+    return np.asarray(grid[np.hypot(*grid.T) <= max_speed], dtype=np.float64)
 
 
 @pytest.mark.parametrize("count", [1, 3, 8, 20])

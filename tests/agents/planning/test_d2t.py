@@ -143,7 +143,7 @@ def test_the_policy_takes_what_pulls_the_way_taut_as_a_parameter(optimiser: str)
         ({"threshold": 0.0}, "threshold must be above 0"),
         ({"ants": 0}, "ants must be at least 1"),
         ({"facets": 0}, "facets must be at least 1"),
-        ({"mover_horizon": 0.0}, "horizon must be above 0"),
+        ({"mover_horizon": 0.0}, "mover_horizon must be above 0"),
         ({"seed": -1}, "seed must not be negative"),
     ],
 )

@@ -100,6 +100,20 @@ def test_a_way_pulled_straight_is_clear_and_lies_between_that_over_cells_and_the
             assert solids.is_clear(tuple(a), tuple(b))
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_steps_between_coarse_cells_keep_their_room_in_the_middle_too(seed: int) -> None:
+    simulation = Simulation("static", overrides={"world.obstacles": 30})
+    simulation.reset(seeds=[seed])
+    policy: Any = make_policy("a_star", simulation, resolution=0.45)
+    memory = policy.begin(0)
+    policy.plan(policy.look(None, memory), memory)
+    room = policy.rooms[0] if len(memory.grounds) == 1 else policy.rooms[-1]
+    solids = Solids.of(memory.live.still, room.growth)
+    assert len(memory.cells) > 3
+    for a, b in zip(memory.cells[:-1].tolist(), memory.cells[1:].tolist(), strict=True):
+        assert solids.is_clear(tuple(a), tuple(b))
+
+
 @pytest.mark.parametrize("name", GRID)
 def test_cells_too_coarse_for_a_gap_are_told_and_which_would_do(name: str) -> None:
     settings = {"world": walled(0.7)}
@@ -144,6 +158,13 @@ def test_a_grid_of_very_many_cells_is_refused_with_what_it_would_take() -> None:
     still = Maps(simulation).of_robot(0).still
     with pytest.raises(ValueError, match="expected at most 50,000,000 cells"):
         grid_of(still, 0.01, 0.2)
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan, 0.0, -1.0])
+@pytest.mark.parametrize("key", ["margin", "resolution"])
+def test_lengths_that_cannot_be_are_refused(key: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{key} must be finite and at least 0.001 m"):
+        make_policy("a_star", Simulation("static"), **{key: value})
 
 
 @pytest.mark.parametrize("source", ["static", {"world": walled(1.0)}, Simulation("static").scenario])
