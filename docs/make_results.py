@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from result_pages import Page, Record, bug_family, hd_bug, learning, long_checks
+from result_pages import Page, Record, bug_family, crowds, hd_bug, learning, long_checks
 from result_pages.words import table
 
 from bug_gym.reproductions import REPRODUCTIONS
@@ -35,6 +35,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "hd-bug-traps": hd_bug.traps,
     "hd-bug-real": hd_bug.real,
     "hd-bug-ablation": hd_bug.ablation,
+    "circle-swap": crowds.circle_swap,
     "learned": learning.learned,
     "ppo-curve": learning.ppo_curve,
     "predictors": learning.predictor_errors,

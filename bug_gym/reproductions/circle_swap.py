@@ -24,9 +24,9 @@ KINEMATICS = ("holonomic", "differential")
 RUNS = 500
 """Runs of robots for each line of the first part, at least."""
 CROWDS: dict[str, tuple[str, int, int]] = {
-    "crossing_robots, 4": ("crossing_robots", 4, 100),
-    "circle_swap, 8": ("circle_swap", 8, 50),
-    "warehouse_team, 8": ("warehouse_team", 8, 25),
+    "crossing_robots, 4": ("crossing_robots", 4, 25),
+    "circle_swap, 8": ("circle_swap", 8, 12),
+    "warehouse_team, 8": ("warehouse_team", 8, 6),
 }
 """Scenario, robots and worlds of the second part, by label; differential robots as in `rush`."""
 ALONE = ("hd_bug", "ppo_rush")
