@@ -63,12 +63,9 @@ def main() -> None:
     begin = time.monotonic()
     while time.monotonic() - begin < 60.0 * minutes:
         told = trainer.train()["env_runners"]
-        print(
-            f"{time.monotonic() - begin:4.0f} s, {told['num_env_steps_sampled_lifetime']:.0f} steps: "
-            f"return {told.get('episode_return_mean', float('nan')):.2f}, "
-            f"episodes of {told.get('episode_len_mean', float('nan')):.0f} steps",
-            flush=True,
-        )
+        ended = f"return {told['episode_return_mean']:.2f}" if "episode_return_mean" in told else "no episode has ended"
+        steps = told["num_env_steps_sampled_lifetime"]
+        print(f"{time.monotonic() - begin:4.0f} s, {steps:.0f} steps: {ended}", flush=True)
     trainer.stop()
 
 

@@ -100,15 +100,16 @@ def main() -> None:
             at = env.reset()
         for _ in range(EPOCHS):
             for chosen in torch.randperm(STEPS).split(BATCH):
-                told = loss(batch[chosen])
+                parts = loss(batch[chosen])
                 optimiser.zero_grad()
-                (told["loss_objective"] + told["loss_critic"] + told["loss_entropy"]).backward()
+                (parts["loss_objective"] + parts["loss_critic"] + parts["loss_entropy"]).backward()
                 torch.nn.utils.clip_grad_norm_(loss.parameters(), 1.0)
                 optimiser.step()
         steps += STEPS
         over = batch["next", "done"].squeeze(-1)
         returns = batch["next", *RETURN].squeeze(-1)[over]
-        print(f"{time.monotonic() - begin:4.0f} s, {steps} steps: return {returns.mean():.2f} a robot", flush=True)
+        told = f"return {returns.mean():.2f} a robot" if len(returns) else "no episode has ended"
+        print(f"{time.monotonic() - begin:4.0f} s, {steps} steps: {told}", flush=True)
 
 
 if __name__ == "__main__":
