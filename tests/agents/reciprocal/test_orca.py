@@ -163,9 +163,11 @@ def test_a_robot_gets_no_farther_off_its_line_than_its_radius_is_enlarged_by() -
 class Drive:
     """What came of episodes of several robots."""
 
-    def __init__(self, scenario: Any, overrides: dict[str, Any], *, seeds: int = 1, **parameters: Any) -> None:
+    def __init__(
+        self, scenario: Any, overrides: dict[str, Any], *, seeds: int = 1, first: int = 0, **parameters: Any
+    ) -> None:
         simulation = Simulation(scenario, seeds, overrides=overrides)
-        simulation.reset(seeds=range(seeds))
+        simulation.reset(seeds=range(first, first + seeds))
         policy, robots = make_policy("orca", simulation, **parameters), simulation.robots
         pairs = list(itertools.combinations(range(robots), 2))
         self.nearest, state = math.inf, None
@@ -233,6 +235,12 @@ def test_it_goes_round_a_robot_that_stands_on_its_way() -> None:
     for kinematics_ in ("holonomic", "differential"):
         drive = Drive({"robot": {"kinematics": kinematics_}, "world": world, "robots": places}, {})
         assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
+
+
+def test_a_robot_at_rest_becomes_a_still_thing_that_the_bug_goes_round() -> None:
+    # In this world one robot's way leads between the corner of a rack and another robot that has arrived: what is left
+    # is narrower than it would like, and its half planes alone hold it there for ever.
+    assert Drive("warehouse_team", {}, first=8).outcomes == {"success"}
 
 
 def test_movers_that_do_not_look_are_avoided_through_tracks() -> None:
