@@ -163,11 +163,9 @@ def test_a_robot_gets_no_farther_off_its_line_than_its_radius_is_enlarged_by() -
 class Drive:
     """What came of episodes of several robots."""
 
-    def __init__(
-        self, scenario: Any, overrides: dict[str, Any], *, seeds: int = 1, first: int = 0, **parameters: Any
-    ) -> None:
+    def __init__(self, scenario: Any, overrides: dict[str, Any], *, seeds: int = 1, **parameters: Any) -> None:
         simulation = Simulation(scenario, seeds, overrides=overrides)
-        simulation.reset(seeds=range(first, first + seeds))
+        simulation.reset(seeds=range(seeds))
         policy, robots = make_policy("orca", simulation, **parameters), simulation.robots
         pairs = list(itertools.combinations(range(robots), 2))
         self.nearest, state = math.inf, None
@@ -228,19 +226,14 @@ def test_straight_to_the_goal_a_wall_is_the_end_of_the_way() -> None:
 
 
 def test_it_goes_round_a_robot_that_stands_on_its_way() -> None:
-    # The other is where it wants to be, in a passage of 1.2 m, and never moves.
+    # The other is where it wants to be, in a passage of 1.2 m, and never moves. What is left beside it, 0.7 m, is less than
+    # a differential robot would like: without the bug, which takes who rests for a wall, it would stand there for ever.
     walls = [[[-3, 0.6], [3, 0.6], [3, 2], [-3, 2]], [[-3, -2], [3, -2], [3, -0.6], [-3, -0.6]]]
     world = {"family": "explicit", "bounds": [-6, -2, 6, 2], "polygons": walls, "start": [0, 0, 0], "goal": [4, 0]}
     places = [{"start": [-5, 0, 0], "goal": [5, 0]}, {"start": [0, -0.3, 0], "goal": [0.1, -0.3]}]
     for kinematics_ in ("holonomic", "differential"):
         drive = Drive({"robot": {"kinematics": kinematics_}, "world": world, "robots": places}, {})
         assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
-
-
-def test_a_robot_at_rest_becomes_a_still_thing_that_the_bug_goes_round() -> None:
-    # In this world one robot's way leads between the corner of a rack and another robot that has arrived: what is left
-    # is narrower than it would like, and its half planes alone hold it there for ever.
-    assert Drive("warehouse_team", {}, first=8).outcomes == {"success"}
 
 
 def test_movers_that_do_not_look_are_avoided_through_tracks() -> None:
