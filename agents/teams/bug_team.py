@@ -120,8 +120,8 @@ class BugTeam(TeamPolicy):
         if memory.own.contour is not None or view.goal_distance > nearest + SAME_DISTANCE:
             return False
         boundary, bearing, distance = self.laws[robot].boundary, view.goal_bearing, view.goal_distance
-        # It may have left a corner that it still has to pass, nearer than it follows walls.
-        is_free = view.free_distance(bearing, boundary.clearance - boundary.touch) >= distance
+        # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`.
+        is_free = view.free_distance(bearing, 0.5 * (boundary.clearance + boundary.inner)) >= distance
         return is_free or boundary.can_reach_goal(view, bearing, distance)
 
     def check_winner(self, memories: Sequence[BugTeamMemory]) -> None:
