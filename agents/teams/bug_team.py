@@ -26,6 +26,9 @@ PATIENCE = 10.0
 SAME_DISTANCE = 1e-6
 """Distances to the goal that differ by less are equal [m]."""
 
+SAME_PLACE = 1e-3
+"""Rounding of an observed distance [m]."""
+
 ARRIVING = 2.0
 """How many steps from its goal a robot that falls silent has arrived."""
 
@@ -133,5 +136,5 @@ class BugTeam(TeamPolicy):
 
     def has_arrived(self, memory: TeamMemory) -> bool:
         """Whether a robot is at its goal, or was about to be when it was heard last."""
-        within = self.sensors.goal_radius + (0.0 if memory.is_heard else ARRIVING * self.step)
+        within = self.sensors.goal_radius + (SAME_PLACE if memory.is_heard else ARRIVING * self.step)
         return memory.word is not None and memory.word.goal_distance <= within

@@ -34,7 +34,7 @@ def test_the_closed_forms_are_the_worked_numbers() -> None:
     # A slab 4 m deep from 5 m to the left to 3 m to the right of the way, 8 m from the start and 8 m from the goal, at
     # a clearance of 0.5 m: 1 m off the axis.
     slab = Across(before=7.5, behind=7.5, half=4.5, depth=5.0, offset=-1.0, clearance=0.5)
-    assert slab.com1_rev3() == pytest.approx(39.518, abs=5e-4)
+    assert slab.com1_rev3() == pytest.approx(39.518, abs=1e-3)
     assert slab.bug1_pair() == pytest.approx(53.642, abs=5e-4)
     # On a disc of radius 1 the pair that meets takes so much more.
     for behind, more in ((0.5, 1.064), (1.0, 1.362), (2.0, 1.633), (5.0, 1.891)):
