@@ -76,6 +76,10 @@ AGENTS |= {
 
 TEAMS: dict[str, Agent] = {
     "com1_rev3": Agent("teams.com1_rev3:Com1Rev3", "team", "Oni and Wang"),
+    "bug1_pair": Agent("teams.bug1_pair:Bug1Pair", "team", "Kandathil et al. 2020"),
+    "swarm_com": Agent("teams.swarm:SwarmCom", "team", "Johansson and Markdahl 2023"),
+    "swarm_bug1": Agent("teams.swarm:SwarmBug1", "team", "Johansson and Markdahl 2023"),
+    "swarm_bug2": Agent("teams.swarm:SwarmBug2", "team", "Johansson and Markdahl 2023"),
 }
 """Teams, which drive several robots of one world."""
 

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bug_gym.agents import AGENTS, parameter_names
+from bug_gym.agents import AGENTS, TEAMS, parameter_names
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, README = ROOT / "docs" / "policies.md", ROOT / "README.md"
@@ -28,6 +28,9 @@ All policies have stable-baselines3's `predict`: `make_policy(name, env, **param
 and twice the clearance. An algorithm that finds its goal shut in says so (`memory.verdict`: "unreachable"), one that finds
 itself going in circles too ("looping", "stuck"). A lap in which something near was seen to move proves nothing: then
 another one begins.
+
+Teams drive several robots of one world, `make_policy(name, parallel_env)`; every other policy then drives each of them by
+itself. `memory.mode` says "hold" and "stopped" too.
 
 Common parameters: `clearance` (centre to wall [m]), `turn` ("left", "right"), `leave_rule` ("front": a heading is free only
 within 90 degrees of the direction of travel; "any").
@@ -59,16 +62,17 @@ class Entry(NamedTuple):
 def entries() -> list[Entry]:
     """The algorithms in the order of the table; what plays models comes once, with all of them."""
     found: dict[str, Entry] = {}
-    for name, agent in AGENTS.items():
-        if agent.entry_point in found:
-            entry = found[agent.entry_point]
+    for name, agent in (AGENTS | TEAMS).items():
+        module_name, class_name = agent.entry_point.split(":")
+        key = module_name if agent.family == "team" else agent.entry_point
+        if key in found:
+            entry = found[key]
             entry.names.append(name)
             if agent.model and agent.reference not in entry.reference:
-                found[agent.entry_point] = entry._replace(reference=f"{entry.reference}; {agent.reference}")
+                found[key] = entry._replace(reference=f"{entry.reference}; {agent.reference}")
             continue
-        module_name, class_name = agent.entry_point.split(":")
         module = importlib.import_module(f"bug_gym.agents.{module_name}")
-        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, getattr(module, class_name))
+        found[key] = Entry([name], agent.family, agent.reference, module, getattr(module, class_name))
     return list(found.values())
 
 
@@ -76,7 +80,7 @@ def summary(entry: Entry) -> str:
     """The first sentence of the docstring, without the name it begins with."""
     first = " ".join(str(entry.module.__doc__).split("\n\n")[0].split()).rstrip(".")
     name, colon, rest = first.partition(": ")
-    return rest if colon and entry.family == "bug" else first
+    return rest if colon and entry.family in ("bug", "team") else first
 
 
 def arrives_always(entry: Entry) -> str:

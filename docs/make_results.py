@@ -26,6 +26,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "oni-wang-table-1": bug_family.oni_wang_table_1,
     "bug-bounds": bug_family.bounds,
     "bug-no-way": bug_family.no_way,
+    "com1-rev3": bug_family.com1_rev3,
     "barn": bug_family.barn_worlds,
     "lidar-density": bug_family.lidar_density,
     "odometry-drift": bug_family.drift,

@@ -45,7 +45,7 @@ class March(TeamPolicy):
         return [(0.5, 0.1 * robot) for robot in range(len(views))]
 
 
-def march(source: Any = SCATTERED, **settings: Any) -> March:
+def march(source: Any = SCATTERED, **settings: Any) -> Any:
     scenario = source_scenario(source)
     return March(Sensors.of(scenario), agents=[f"robot_{n}" for n in range(scenario.robots.count)], **settings)
 
@@ -88,7 +88,8 @@ def test_the_aec_env_and_a_scenario_of_several_robots_do_as_well() -> None:
     _, policy, seen = both_ways("bug2", "crossing_robots")
     expected, _ = policy.predict(seen)
     for source in (bug_gym.env("crossing_robots"), "crossing_robots"):
-        actions, _ = make_policy("bug2", source).predict(seen)
+        again: Any = make_policy("bug2", source)
+        actions, _ = again.predict(seen)
         for agent, action in expected.items():
             np.testing.assert_array_equal(actions[agent], action)
 
@@ -101,7 +102,8 @@ def test_a_batch_of_rows_is_each_world_by_itself(source: Any) -> None:
     assert actions.shape == (8, 2) and state is not None and len(state) == 8
     for world in range(4):
         by_agent = {f"robot_{robot}": rows[2 * world + robot] for robot in range(2)}
-        named, _ = make_policy("bug2", "crossing_robots").predict(by_agent)
+        each: Any = make_policy("bug2", "crossing_robots")
+        named, _ = each.predict(by_agent)
         np.testing.assert_array_equal(actions[2 * world : 2 * world + 2], np.stack(list(named.values())))
 
 
@@ -131,7 +133,8 @@ def poses(simulation: Simulation) -> Any:
 
 def test_robots_find_where_their_frames_lie_from_their_first_sight_of_one_another() -> None:
     simulation, team = Simulation(SCATTERED), march()
-    flat, state = simulation.reset(seeds=[0])[0], None
+    flat = simulation.reset(seeds=[0])[0]
+    state: Any = None
     first = poses(simulation)[0].copy()
     for _ in range(30):
         actions, state = team.predict(flat, state)

@@ -3,8 +3,8 @@
 Source: Oni and Wang, "Improved Bug Algorithms for Robot Navigation in Unknown Environments", sections 3.2 and 3.3,
 figure 3; laws as in `bugs/com1.py` and `bugs/rev3.py`. Sensing assumed: as theirs. Told: place by odometry, velocity,
 distance to the goal, state, and what is seen behind the own body. Memory kept: that of each law, and the trace of the
-own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some robot arrives, or Com1, which
-is complete, declares the goal unreachable. Length: the winner's is the shorter of the two laws' ways, or near it; the
+own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some robot reaches the goal, or Com1,
+which is complete, declares it unreachable. Length: the winner's is the shorter of the two laws' ways, or near it; the
 sum at most twice that.
 
 *Stop rule.* A robot wins that (1) goes to the goal, (2) sees nothing between it and the goal, and (3) is nearer to it
@@ -32,40 +32,22 @@ from typing import Any, Literal
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.partners import (
-    ROOM,
-    Seen,
-    closes,
-    distance_to_segment,
-    gap,
-    least_gap,
-    place_after,
-    without_partners,
-)
+from bug_gym.agents.teams.bug_team import PATIENCE, STANDING, BugTeam, BugTeamMemory
+from bug_gym.agents.teams.partners import ROOM, closes, distance_to_segment, gap, least_gap, place_after
 from bug_gym.agents.walls.boundary import LeaveRule
-from bug_gym.agents.walls.boundary_bug import BoundaryBug
-from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.geometry import Point, velocity_along
-from bug_gym.policy import Drawing, Velocity
-from bug_gym.team_policy import TeamMemory, TeamPolicy
+from bug_gym.policy import Velocity
+from bug_gym.team_policy import TeamMemory
 from bug_gym.view import Sensors, View
 
 Sides = Literal["right_left", "left_right", "left", "right"]
 PartnerRule = Literal["solo", "paper", "ghost"]
-
-STANDING: Velocity = (0.0, 0.0)
-
-PATIENCE = 10.0
-"""How long a robot waits in one encounter before it goes round its partner [s]."""
 
 AHEAD = 1.0
 """How far along its own way a robot that makes room compares on and back [m]."""
 
 HEADINGS = 16
 """How many headings a robot tries that steps aside."""
-
-SAME_DISTANCE = 1e-6
-"""Distances to the goal that differ by less are equal [m]."""
 
 TURNS: dict[str, tuple[tuple[str, str], tuple[str, str]]] = {
     "right_left": (("right", "left"), ("left", "right")),
@@ -77,13 +59,9 @@ TURNS: dict[str, tuple[tuple[str, str], tuple[str, str]]] = {
 
 
 @dataclass
-class Com1Rev3Memory(TeamMemory):
+class Com1Rev3Memory(BugTeamMemory):
     """Memory of one robot of the team."""
 
-    own: BugMemory = field(default_factory=BugMemory)
-    """Memory of its law."""
-    eyes: BugMemory = field(default_factory=BugMemory)
-    """Glances at what moves that is no partner."""
     trace: list[Point] = field(default_factory=list)
     """Places where its law decided, odometry frame [m]."""
     at: int = 0
@@ -94,18 +72,12 @@ class Com1Rev3Memory(TeamMemory):
     """Robots that it has come too near to, and not yet far enough from."""
     waiting_for: set[int] = field(default_factory=set)
     """Robots that its next step would bring it too near to."""
-    waited: float = 0.0
-    """How long it has waited in this encounter [s]."""
     room: int = 0
     """+1 while it makes room on along its way, -1 back, 0 while it does not."""
     aside: list[Point] = field(default_factory=list)
     """Places that lead back to its way after it has stepped aside, the next one last, odometry frame [m]."""
     on_behalf: int = 0
     """The foremost robot for which it waits, or makes room."""
-    is_detouring: bool = False
-    """Whether it goes round its partners as round obstacles."""
-    detoured: bool = False
-    """Whether it has ever."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +99,7 @@ class Com1Rev3Parameters:
     round it, "ghost" passes through it (for worlds in which robots have no bodies to one another)."""
 
 
-class Com1Rev3(TeamPolicy):
+class Com1Rev3(BugTeam):
     """Com1-Rev3.
 
     Raises:
@@ -147,64 +119,41 @@ class Com1Rev3(TeamPolicy):
         self.leaders = (self.robots + 1) // 2
         """How many robots drive by Com1; they come first."""
         turns = TURNS[own.sides]
-        settings = {"clearance": own.clearance, "leave_rule": own.leave_rule}
-        self.laws: list[BoundaryBug] = [
+        settings: dict[str, Any] = {"clearance": own.clearance, "leave_rule": own.leave_rule}
+        self.laws = [
             Com1(sensors, turn=turns[0][robot % 2], **settings)
             if robot < self.leaders
             else Rev3(sensors, turn=turns[1][(robot - self.leaders) % 2], **settings)
             for robot in range(self.robots)
         ]
-        self.step = sensors.step_length
 
     def start(self, robots: int) -> tuple[Com1Rev3Memory, ...]:
         """Memories of a new episode."""
         owns = [law.start() for law in self.laws[:robots]]
         return tuple(Com1Rev3Memory(mode=own.mode, own=own) for own in owns)
 
-    def draw(self, memory: Com1Rev3Memory) -> Drawing:
-        """What the robot's law shows."""
-        return self.laws[0].draw(memory.own)
-
     def act(self, views: Sequence[View | None], memories: Sequence[Com1Rev3Memory]) -> list[Velocity]:
         """One decision of all."""
-        team = [robot for robot, memory in enumerate(memories) if memory.is_heard and not memory.own.verdict]
-        self._check_winner(memories)
-        seen = {robot: self._seen(robot, memories) for robot in team}
+        team = self.going(memories)
+        self.check_winner(memories)
+        seen = {robot: self.seen(robot, memories) for robot in team}
         self._look_for_encounters(team, memories)
         wanted = [STANDING] * len(memories)
         for memory in memories:
             if memory.own.verdict:
                 memory.mode = "stopped"
         for robot in team:
-            self._watch(robot, seen[robot], memories[robot])
+            self.watch(robot, seen[robot], memories[robot])
             wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
         self._share_verdicts(memories)
-        self._look_for_winner(team, {robot: one.view for robot, one in seen.items()}, memories)
-        return [STANDING if self._is_stopped(robot, memories) else wish for robot, wish in enumerate(wanted)]
+        self.look_for_winner(team, seen, memories)
+        return self.unless_stopped(wanted, memories)
 
     # ------------------------------------------------------------------------------------------------ one robot
 
-    def _seen(self, robot: int, memories: Sequence[Com1Rev3Memory]) -> Seen:
-        """What a robot's law gets to see: no bodies of partners, but for one that goes round them."""
-        memory = memories[robot]
-        assert memory.view is not None and memory.frame is not None
-        goes_round = memory.is_detouring or (self.parameters.partner_rule == "paper" and robot < self.leaders)
-        if goes_round:
-            return Seen(memory.view, memory.view)
-        partners = [
-            other
-            for number, other in enumerate(memories)
-            if number != robot and other.is_heard and not other.own.verdict
-        ]
-        return without_partners(memory.view, memory.frame, partners)
-
-    def _watch(self, robot: int, seen: Seen, memory: Com1Rev3Memory) -> None:
-        """Look for what moves in place of the law, which would take partners for it; it spoils the law's lap."""
-        is_moving = self.laws[robot].boundary.sees_motion(seen.still, memory.eyes)
-        if is_moving and memory.own.contour is not None:
-            memory.own.contour.is_disturbed = True
-        if not memory.own.glances:
-            memory.own.glances, memory.own.glance_age = [seen.still], -math.inf
+    def goes_round(self, robot: int, memory: BugTeamMemory) -> bool:
+        """Whether partners are obstacles to a robot's law."""
+        return memory.is_detouring or (self.parameters.partner_rule == "paper" and robot < self.leaders)
 
     def _wanted(
         self,
@@ -216,7 +165,7 @@ class Com1Rev3(TeamPolicy):
     ) -> Velocity:
         """The velocity of one robot; those that come before it have theirs."""
         memory = memories[robot]
-        if self._is_stopped(robot, memories):
+        if self.is_stopped(robot, memories):
             memory.mode = "stopped"
             return STANDING
         if memory.holding_for or self._asking(robot, team, memories):
@@ -304,7 +253,7 @@ class Com1Rev3(TeamPolicy):
         memory = memories[robot]
         after = place_after(memory, velocity)
         least = least_gap(self.sensors)
-        if memory.is_detouring or (self.parameters.partner_rule == "paper" and robot < self.leaders):
+        if self.goes_round(robot, memory):
             least -= 0.8 * ROOM
         return {
             other
@@ -429,46 +378,6 @@ class Com1Rev3(TeamPolicy):
         return place[0] + x, place[1] + y
 
     # ------------------------------------------------------------------------------------------------- the end
-
-    def _is_stopped(self, robot: int, memories: Sequence[Com1Rev3Memory]) -> bool:
-        """Whether a robot stands because another one will arrive first."""
-        winner = memories[robot].winner
-        return winner is not None and winner != robot
-
-    def _look_for_winner(self, team: Sequence[int], seen: dict[int, View], memories: Sequence[Com1Rev3Memory]) -> None:
-        """The stop rule; a winner whose way turns out to be blocked wins no longer."""
-        going = [robot for robot in team if not memories[robot].own.verdict]
-        if not going:
-            return
-        winner = memories[going[0]].winner
-        if winner is not None and winner in seen and memories[winner].own.contour is not None:
-            winner = None
-        elif winner is None:
-            nearest = min(seen[robot].goal_distance for robot in going)
-            winner = next((robot for robot in going if self._wins(robot, seen[robot], memories[robot], nearest)), None)
-        for robot, memory in enumerate(memories):
-            memory.winner = winner
-            if winner is not None and robot != winner and not memory.verdict:
-                memory.mode = "stopped"
-
-    def _wins(self, robot: int, view: View, memory: Com1Rev3Memory, nearest: float) -> bool:
-        """Whether a robot goes to the goal, sees it free, and none is nearer."""
-        if memory.own.contour is not None or view.goal_distance > nearest + SAME_DISTANCE:
-            return False
-        boundary, bearing, distance = self.laws[robot].boundary, view.goal_bearing, view.goal_distance
-        # It may have left a corner that it still has to pass, nearer than it follows walls.
-        is_free = view.free_distance(bearing, boundary.clearance - boundary.touch) >= distance
-        return is_free or boundary.can_reach_goal(view, bearing, distance)
-
-    def _check_winner(self, memories: Sequence[Com1Rev3Memory]) -> None:
-        """A winner that fell silent has arrived, or will not."""
-        winner = memories[0].winner
-        if winner is None or memories[winner].is_heard:
-            return
-        word = memories[winner].word
-        if word is None or word.goal_distance > self.sensors.goal_radius + 2.0 * self.step:
-            for memory in memories:
-                memory.winner = None
 
     def _share_verdicts(self, memories: Sequence[Com1Rev3Memory]) -> None:
         """The mission ends where a complete robot proves that there is no way, or where no robot has one left."""

@@ -31,9 +31,10 @@ def run(options: argparse.Namespace) -> None:
     from rich.console import Console
 
     from bug_gym.evaluation import evaluate  # loads the compiler
-    from bug_gym.evaluation.report import print_differences, print_table  # loads the compiler
+    from bug_gym.evaluation.report import print_differences, print_table, print_text_table  # loads the compiler
     from bug_gym.evaluation.suites import load_suite  # loads the compiler
     from bug_gym.evaluation.summary import compare, summarise  # loads the compiler
+    from bug_gym.evaluation.teams import team_differences, team_tables  # loads the compiler
 
     rows = evaluate(
         [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
@@ -51,6 +52,8 @@ def run(options: argparse.Namespace) -> None:
     console = Console()
     print_table(summarise(rows), console)
     print_differences(compare(rows, options.baseline or rows[0].policy), console)
+    for table in (*team_tables(rows), *team_differences(rows, options.baseline or rows[0].policy)):
+        print_text_table(*table, console)
     if options.out:
         has_pictures = any(options.out.glob("pictures/*.png"))
         print(f"{'rows, summary and pictures' if has_pictures else 'rows and summary'}: {options.out}")

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bug_gym.drawing.clips import PNG
-from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.rows import EpisodeRow, json_fields
 from bug_gym.evaluation.summary import OVERALL, PairedDifference, Summary
+from bug_gym.evaluation.teams import TeamRow, team_differences, team_rows, team_tables
 from bug_gym.files import replaced_when_done, writable
 
 if TYPE_CHECKING:
@@ -219,14 +220,16 @@ def write_summary(
     """Write summary.json (with the rows behind it), summary.csv, differences.csv and summary.md into a folder.
 
     The folder is made where it is missing. The JSON is strict: NaN is null, infinity the string "inf"; the CSV leaves a
-    cell empty for NaN.
+    cell empty for NaN. Where robots share a world, teams.csv has a row an episode of all of them.
     """
     contents = {
         "summary.json": _json(rows, summaries, differences),
         "summary.csv": _csv(Summary, [_flat(summary) for summary in summaries]),
         "differences.csv": _csv(PairedDifference, [difference.as_dict() for difference in differences]),
-        "summary.md": _markdown(summaries, differences),
+        "summary.md": _markdown(summaries, differences, rows),
     }
+    if teams := team_rows(rows):
+        contents["teams.csv"] = _csv(TeamRow, [json_fields(row) for row in teams])
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     for name, text in contents.items():
@@ -296,7 +299,7 @@ def _flat(summary: Summary) -> dict[str, Any]:
     return {**summary.as_dict(), "verdicts": verdicts}
 
 
-def _csv(kind: type[Summary] | type[PairedDifference], records: Sequence[Mapping[str, Any]]) -> str:
+def _csv(kind: type[Summary] | type[PairedDifference] | type[TeamRow], records: Sequence[Mapping[str, Any]]) -> str:
     """One line a record, under the names of the fields."""
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=[field.name for field in fields(kind)], lineterminator="\n")
@@ -305,13 +308,15 @@ def _csv(kind: type[Summary] | type[PairedDifference], records: Sequence[Mapping
     return text.getvalue()
 
 
-def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifference]) -> str:
+def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifference], rows: Sequence[EpisodeRow]) -> str:
     parts = [
         "# Summary",
         "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
         "over pairs with a bootstrap interval; p is of the exact McNemar test on success.",
     ]
-    for title, header, lines in [*_tables(summaries, _COLUMNS), *_difference_tables(differences, _MEASURES)]:
+    tables = [*_tables(summaries, _COLUMNS), *_difference_tables(differences, _MEASURES)]
+    teams = [*team_tables(rows), *team_differences(rows, rows[0].policy)] if rows else []
+    for title, header, lines in [*tables, *teams]:
         rule = [":--", *("--:" for _ in header[1:])]
         table = "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, rule, *lines))
         parts += [f"## {title}", table]

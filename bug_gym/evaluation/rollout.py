@@ -23,10 +23,14 @@ from bug_gym.observation import as_dict
 from bug_gym.policy import Drawing, Policy
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
+from bug_gym.team_policy import TeamPolicy
 from bug_gym.view import Sensors
 
 SLOTS = 16
 """Worlds that one simulation drives side by side."""
+
+STANDING = 0.01
+"""A robot that is nowhere farther than this from where it ended has stood there [m]."""
 
 
 def is_privileged(policy: Policy) -> bool:
@@ -88,6 +92,37 @@ class _AllAtOnce:
         return actions[robots], [share] * len(robots)
 
 
+class _Together:
+    """Asks a team world by world; a robot whose run has ended does not answer any more."""
+
+    def __init__(self, policy: TeamPolicy, worlds: int) -> None:
+        self._policy = policy
+        self._memories = policy.started(worlds)
+
+    def begin(self, robot: int) -> None:
+        robots = self._policy.robots
+        if robot % robots == 0:  # the robots of a world begin together
+            self._memories[robot : robot + robots] = self._policy.started(1)
+
+    def memory(self, robot: int) -> Any:
+        return self._memories[robot]
+
+    def decide(self, observation: F32, robots: NDArray[np.int64]) -> tuple[NDArray[Any], list[float]]:
+        """Actions (k, ...) of some robots and each one's share of the time that its team took [s]."""
+        count = self._policy.robots
+        actions: dict[int, NDArray[Any]] = {}
+        seconds: dict[int, float] = {}
+        for first in np.unique(robots // count * count).tolist():
+            deciding = [robot for robot in range(first, first + count) if robot in set(robots.tolist())]
+            seen = [observation[robot] if robot in deciding else None for robot in range(first, first + count)]
+            begin = perf_counter()
+            decided = self._policy.decide(seen, self._memories[first : first + count])
+            share = (perf_counter() - begin) / len(deciding)
+            actions |= {robot: decided[robot - first] for robot in deciding}
+            seconds |= dict.fromkeys(deciding, share)
+        return np.stack([actions[robot] for robot in robots.tolist()]), [seconds[robot] for robot in robots.tolist()]
+
+
 @dataclass
 class _Trace:
     """What is kept of one robot's episode while it runs."""
@@ -98,6 +133,8 @@ class _Trace:
     """Places of a moving goal x, y [m], likewise."""
     seconds: list[float]
     """Time of each decision [s]."""
+    gap: float = math.inf
+    """Smallest distance to another robot [m]."""
 
 
 class Rollout:
@@ -132,11 +169,13 @@ class Rollout:
             self.policy = entry.make(self.simulation)
         count, robots = self.simulation.count, self.simulation.robots
         one_by_one = getattr(self.policy, "one_by_one", False) and not is_privileged(self.policy)
-        self._driver: _OneByOne | _AllAtOnce = (
-            _OneByOne(self.policy, count * robots)
-            if one_by_one
-            else _AllAtOnce(self.policy, count * robots, self.simulation.fields)
-        )
+        self._driver: _OneByOne | _AllAtOnce | _Together
+        if isinstance(self.policy, TeamPolicy):
+            self._driver = _Together(self.policy, count)
+        elif one_by_one:
+            self._driver = _OneByOne(self.policy, count * robots)
+        else:
+            self._driver = _AllAtOnce(self.policy, count * robots, self.simulation.fields)
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
@@ -165,6 +204,11 @@ class Rollout:
         """What the policy has decided in the first row, "" where nothing."""
         verdicts = [getattr(self.memory(robot), "verdict", "") for robot in range(self.simulation.robots)]
         return ", ".join(dict.fromkeys(filter(None, verdicts)))
+
+    def note(self) -> str:
+        """What a picture says of the first row: the verdict, or the states of robots that share a world."""
+        modes = [getattr(self.memory(robot), "mode", "") for robot in range(self.simulation.robots)]
+        return self.verdict() or (" / ".join(mode.replace("_", " ") for mode in modes) if len(modes) > 1 else "")
 
     def worlds(self) -> Iterator[list[EpisodeRow]]:
         """Drives to the end; yields the rows of each world, one a robot, as it ends."""
@@ -213,6 +257,17 @@ class Rollout:
             trace.points.append(places[robot])
             if goals is not None:
                 trace.goals.append(goals[robot])
+        if self.simulation.robots > 1:
+            gaps = self._gaps()
+            for robot in robots:
+                self._traces[robot].gap = min(self._traces[robot].gap, gaps[robot])
+
+    def _gaps(self) -> list[float]:
+        """Distance of each robot to the nearest other one of its world, centre to centre [m]."""
+        places = self.simulation.world.pose[:, :, :2]
+        gaps = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
+        gaps[:, np.arange(self.simulation.robots), np.arange(self.simulation.robots)] = np.inf
+        return list(gaps.min(axis=2).ravel().tolist())
 
     def _step(self) -> None:
         count, robots = self.simulation.count, self.simulation.robots
@@ -232,6 +287,7 @@ class Rollout:
         shortest = lengths[number] if lengths else math.nan
         turns, turning = turns_and_turning(trace.points)
         success = outcome == "success"
+        memory = self.memory(robot)
         self._ended[row].append(
             EpisodeRow(
                 policy=self.entry.label,
@@ -255,8 +311,19 @@ class Rollout:
                 decision_time_mean=float(np.mean(trace.seconds)),
                 decision_time_p99=float(np.percentile(trace.seconds, 99.0)),
                 decision_time_total=math.fsum(trace.seconds),
+                robots_gap=trace.gap,
+                holds=int(getattr(memory, "holds", 0)),
+                held_time=float(getattr(memory, "held", 0.0)),
+                standing_time=self._standing_time(trace) if self.simulation.robots > 1 else 0.0,
             )
         )
+
+    def _standing_time(self, trace: _Trace) -> float:
+        """How long a robot has not moved [s]."""
+        points = np.array(trace.points)
+        moved = np.flatnonzero(np.hypot(*(points - points[-1]).T) > STANDING)
+        steps = len(points) - 1 - (moved[-1] if len(moved) else 0)
+        return float(steps * self.scenario.scenario.time.step)
 
     def _time_ratio(self, trace: _Trace, time: float) -> float:
         """Earliest time of meeting the moving goal on a straight run, over the time taken."""

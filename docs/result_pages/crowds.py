@@ -46,11 +46,6 @@ def circle_swap(found: Record) -> Page:
     runs = sum(one["n"] for one in circles.values())
     touched = sum(one["contacts"] for one in [*circles.values(), *(crowds[f"{label}, orca"] for label in made.CROWDS)])
     slowest = {kinematics: circles[f"{kinematics}, {made.ROBOTS[-1]}"] for kinematics in made.KINEMATICS}
-    growth = max(
-        circles[f"{kinematics}, {made.ROBOTS[-1]}"]["decision_time_mean"]
-        / circles[f"{kinematics}, {made.ROBOTS[0]}"]["decision_time_mean"]
-        for kinematics in made.KINEMATICS
-    )
     told = " and ".join(
         f"{number(one['path_ratio'], 2)} times the straight way ({kinematics})" for kinematics, one in slowest.items()
     )
@@ -68,8 +63,7 @@ def circle_swap(found: Record) -> Page:
         "A contact counts for both robots; the gap is the smallest of a body to anything, walls too. Time and ratio are "
         "means over the runs that arrive. A decision is a time on the machine of that run, as busy as it then was.\n\n"
         f"In {runs:,} runs across the circle, and in the crowds, `orca` touched anything {touched} times. With "
-        f"{made.ROBOTS[-1]} robots the way is {told}. A decision among {made.ROBOTS[-1]} robots takes {growth:.1f} times "
-        f"that among {made.ROBOTS[0]}: most of it is the bug and the scan, not the half planes.",
+        f"{made.ROBOTS[-1]} robots the way is {told}.",
         [
             (
                 "no two robots that run `orca` touch on the circle",

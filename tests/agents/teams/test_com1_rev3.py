@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from episodes import Ring, run_episode, tolerance
 from numpy.typing import NDArray
-from teams import TeamRun, run_team
 
 import bug_gym
 from bug_gym.agents import make_policy
@@ -19,6 +18,7 @@ from bug_gym.agents.teams.com1_rev3 import Com1Rev3
 from bug_gym.agents.teams.partners import without_partners
 from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON
 from bug_gym.policy import MisfitError
+from bug_gym.reproductions.team_runs import TeamRun, run_team
 from bug_gym.reproductions.team_worlds import alone, random_world, team_scenario
 from bug_gym.simulation import Simulation
 
@@ -140,7 +140,8 @@ def test_where_both_see_the_goal_at_once_the_nearer_one_goes_alone() -> None:
 def test_a_winner_that_falls_silent_on_its_way_wins_no_longer() -> None:
     scenario = team_scenario([], [(0.0, 0.0, 0.0), (1.0, 4.0, 0.0)], (8.0, 1.0))
     env = bug_gym.parallel_env({**scenario, "mission": "all"})
-    policy, (seen, _) = make_policy("com1_rev3", env), env.reset(seed=0)
+    policy: Any = make_policy("com1_rev3", env)
+    seen, _ = env.reset(seed=0)
     actions, state = policy.predict(seen)
     assert state[0].winner == 1 and np.abs(actions["robot_0"]).max() == 0.0
     actions, state = policy.predict({"robot_0": seen["robot_0"]}, state)
@@ -150,7 +151,8 @@ def test_a_winner_that_falls_silent_on_its_way_wins_no_longer() -> None:
 def test_a_winner_that_has_arrived_keeps_the_others_standing() -> None:
     scenario = team_scenario([], [(0.0, 0.0, 0.0), (1.0, 4.0, 0.0)], (8.0, 1.0))
     env = bug_gym.parallel_env({**scenario, "mission": "all"})
-    policy, (seen, _) = make_policy("com1_rev3", env), env.reset(seed=0)
+    policy: Any = make_policy("com1_rev3", env)
+    seen, _ = env.reset(seed=0)
     state = None
     for _ in range(120):
         actions, state = policy.predict({agent: seen[agent] for agent in env.agents}, state)
@@ -184,7 +186,7 @@ def farthest(places: NDArray[np.float64], line: NDArray[np.float64]) -> float:
     for place in places:
         share = np.clip(((place - begin) * way).sum(axis=1) / square, 0.0, 1.0)
         gaps.append(np.hypot(*(begin + share[:, None] * way - place).T).min())
-    return max(gaps)
+    return float(max(gaps))
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -208,7 +210,8 @@ def test_many_robots_never_touch_and_never_stand_for_ever(robots: int, seed: int
 def test_hold_begins_below_its_distance_and_ends_at_the_other_one() -> None:
     starts = [(0.0, 0.0, 0.0), (0.0, 1.45, 0.0)]
     env = bug_gym.parallel_env({**team_scenario([[[9, -9], [10, -9], [10, 9], [9, 9]]], starts, (20.0, 0.0))})
-    policy, (seen, _) = make_policy("com1_rev3", env), env.reset(seed=0)
+    policy: Any = make_policy("com1_rev3", env)
+    seen, _ = env.reset(seed=0)
     away, state = {"robot_0": np.array([0.0, -0.5]), "robot_1": np.zeros(2)}, None
     modes = {}
     for _ in range(14):
@@ -226,7 +229,8 @@ def test_a_robot_that_does_not_hold_yet_does_so_only_below_its_distance(distance
         [[[9, -9], [10, -9], [10, 9], [9, 9]]], [(0.0, 0.0, 0.0), (0.0, distance, 0.0)], (20.0, 0.0)
     )
     env = bug_gym.parallel_env(scenario)
-    _, state = make_policy("com1_rev3", env).predict(env.reset(seed=0)[0])
+    policy: Any = make_policy("com1_rev3", env)
+    _, state = policy.predict(env.reset(seed=0)[0])
     assert (state[1].mode == "hold") == is_held and state[0].mode == "motion_to_goal"
 
 
@@ -240,7 +244,7 @@ def test_what_a_partner_hides_is_seen_by_it() -> None:
         x, y = start[0] + rng.uniform(0.7, 1.5), start[1] + rng.uniform(-0.8, 0.8)
         near = {**scenario, "robots": [scenario["robots"][0], {"start": [x, y, float(rng.uniform(-3, 3))]}]}
         simulation = Simulation(near)
-        team = make_policy("com1_rev3", simulation)
+        team: Any = make_policy("com1_rev3", simulation)
         flat = simulation.reset(seeds=[0])[0]
         _, state = team.predict(flat)
         with_partner = state[0].view.ranges
@@ -267,7 +271,8 @@ def test_a_silent_partner_is_an_obstacle_where_it_stands() -> None:
     wall = [[[9, -9], [10, -9], [10, 9], [9, 9]]]
     scenario = team_scenario(wall, [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0)], (20.0, 0.0))
     env = bug_gym.parallel_env({**scenario, "mission": "all"})
-    policy, (seen, _) = make_policy("com1_rev3", env), env.reset(seed=0)
+    policy: Any = make_policy("com1_rev3", env)
+    seen, _ = env.reset(seed=0)
     actions, state = policy.predict(seen)
     gaps = []
     for _ in range(80):
