@@ -2,8 +2,7 @@
 
 The first part is the example "Circle" of RVO2, the library of van den Berg, Guy, Snape, Lin and Manocha, with 2 to 16
 robots, of either kinematics: at least 500 runs of robots a line. What is claimed of `orca`: no two robots touch, and all
-arrive. What is printed beside it: the time and the way by which they arrive, and the time of a decision, which is to
-grow no faster than the number of robots, for the programme takes one half plane after the other.
+arrive. The time and the way by which they arrive are printed beside it.
 
 The second part sets robots that know of one another beside ones that do not: the same worlds with `orca`, and with each
 robot alone with `hd_bug` and with `ppo_rush`, which see the others as movers with their scanners only.
