@@ -99,9 +99,9 @@ class OrcaMemory(Memory):
     wish: Velocity = (0.0, 0.0)
     """The last wish, in the robot's frame [m/s]."""
     bodies: F64 | None = None
-    """The bodies of the last decision (n, BODY), and the pose in which they were seen."""
+    """The bodies of the last decision (n, BODY), in the robot's frame."""
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where that was: odometry x, y [m], heading [rad]."""
+    """From where they were seen: odometry x, y [m], heading [rad]."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Orca(ScriptedPolicy):
         self.bug = BUGS[own.way](sensors) if own.way in BUGS else None
         self.tracker = Tracker(sensors) if own.sees_movers else None
         self.peers = next((field.shape[0] for field in sensors.fields if field.name == "peers"), 0)
-        self._places = next((slice(field.begin, field.end) for field in sensors.fields if field.name == "peers"), None)
+        """How many other robots it sees."""
         enlargement = own.enlargement if own.enlargement is not None else off_the_line(sensors)
         self.margin = SKIN + (0.0 if drive.kinematics == "holonomic" else 2.0 * enlargement)
         """Kept between this robot and another body, as far as there is room [m]."""
@@ -179,14 +179,11 @@ class Orca(ScriptedPolicy):
         memory.steps += 1
         if memory.verdict:
             return 0.0, 0.0
-        velocity = self._keep_clear(view, clean, bodies, self._sidestep(wish, memory))
-        square = wish[0] ** 2 + wish[1] ** 2
-        chosen_x, chosen_y, is_disturbed = velocity
+        x, y, is_disturbed = self._keep_clear(view, clean, bodies, self._sidestep(wish, memory))
         memory.mode = "avoid" if is_disturbed else "go"
         memory.was_disturbed |= is_disturbed
-        kept = (chosen_x * wish[0] + chosen_y * wish[1]) / square if square > 0.0 else 1.0
-        memory.held_up = min(max(1.0 - kept, 0.0), 1.0) if is_disturbed else 0.0
-        return self._slowed(bodies, (chosen_x, chosen_y))
+        memory.held_up = 1.0 - share_kept(wish, (x, y)) if is_disturbed else 0.0
+        return self._slowed(bodies, (x, y))
 
     # ------------------------------------------------------------------------------------------------- who is there
 
@@ -311,6 +308,13 @@ class Orca(ScriptedPolicy):
         for px, py, vx, vy in [] if memory.bodies is None else memory.bodies[:, PX : VY + 1].tolist():
             arrows.append((*place(px, py), *place(px + vx, py + vy), "velocity"))
         return Drawing(shown.points, [*shown.segments, *arrows], shown.areas)
+
+
+def share_kept(wish: Velocity, velocity: Velocity) -> float:
+    """What of a wish a velocity does, from 0 to 1."""
+    square = wish[0] ** 2 + wish[1] ** 2
+    kept = (velocity[0] * wish[0] + velocity[1] * wish[1]) / square if square > 0.0 else 1.0
+    return min(max(kept, 0.0), 1.0)
 
 
 def off_the_line(sensors: Sensors) -> float:

@@ -4,8 +4,9 @@ Source: Kandathil, Mathew and Hiremath 2020, "Development and analysis of a nove
 multi-robot system inspired by the Bug-1 algorithm", as Oni and Wang describe it (sections 2 and 4.2) to compare theirs
 with; law as in `bugs/bug1.py`. Sensing assumed: as Bug1's. Told: place by odometry, direction along the wall, nearest
 point and the way back to it, what is seen behind the own body. Memory kept: Bug1's. States: those of Bug1, hold,
-waiting, stopped. Guarantee: as Bug1's. Length: of both on one obstacle 2 s + P + 2 lambda + g, with s to the hit, P the
-perimeter, lambda from the meeting to the nearest point and g from there.
+waiting, stopped. Guarantee: one reaches the goal, or both declare it unreachable, as Bug1. Length: of both on one
+obstacle 2 s + P + 2 lambda + g, with s to the hit, P the perimeter, lambda from the meeting to the nearest point and g
+from there.
 
 *Meeting.* Both have followed the wall for a while, in opposite directions, are a hand's breadth apart with no wall
 between, and have a hand on the same wall. They have walked half the perimeter each then, so the shorter way to the

@@ -26,6 +26,9 @@ PATIENCE = 10.0
 SAME_DISTANCE = 1e-6
 """Distances to the goal that differ by less are equal [m]."""
 
+SAME_PLACE = 1e-3
+"""Rounding of an observed distance [m]."""
+
 ARRIVING = 2.0
 """How many steps from its goal a robot that falls silent has arrived."""
 
@@ -120,8 +123,8 @@ class BugTeam(TeamPolicy):
         if memory.own.contour is not None or view.goal_distance > nearest + SAME_DISTANCE:
             return False
         boundary, bearing, distance = self.laws[robot].boundary, view.goal_bearing, view.goal_distance
-        # It may have left a corner that it still has to pass, nearer than it follows walls.
-        is_free = view.free_distance(bearing, boundary.clearance - boundary.touch) >= distance
+        # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`.
+        is_free = view.free_distance(bearing, 0.5 * (boundary.clearance + boundary.inner)) >= distance
         return is_free or boundary.can_reach_goal(view, bearing, distance)
 
     def check_winner(self, memories: Sequence[BugTeamMemory]) -> None:
@@ -133,5 +136,5 @@ class BugTeam(TeamPolicy):
 
     def has_arrived(self, memory: TeamMemory) -> bool:
         """Whether a robot is at its goal, or was about to be when it was heard last."""
-        within = self.sensors.goal_radius + (0.0 if memory.is_heard else ARRIVING * self.step)
+        within = self.sensors.goal_radius + (SAME_PLACE if memory.is_heard else ARRIVING * self.step)
         return memory.word is not None and memory.word.goal_distance <= within

@@ -2,8 +2,7 @@
 
 The first part is the example "Circle" of RVO2, the library of van den Berg, Guy, Snape, Lin and Manocha, with 2 to 16
 robots, of either kinematics: at least 500 runs of robots a line. What is claimed of `orca`: no two robots touch, and all
-arrive. What is printed beside it: the time and the way by which they arrive, and the time of a decision, which is to
-grow no faster than the number of robots, for the programme takes one half plane after the other.
+arrive. The time and the way by which they arrive are printed beside it.
 
 The second part sets robots that know of one another beside ones that do not: the same worlds with `orca`, and with each
 robot alone with `hd_bug` and with `ppo_rush`, which see the others as movers with their scanners only.
@@ -24,9 +23,9 @@ KINEMATICS = ("holonomic", "differential")
 RUNS = 500
 """Runs of robots for each line of the first part, at least."""
 CROWDS: dict[str, tuple[str, int, int]] = {
-    "crossing_robots, 4": ("crossing_robots", 4, 100),
-    "circle_swap, 8": ("circle_swap", 8, 50),
-    "warehouse_team, 8": ("warehouse_team", 8, 25),
+    "crossing_robots, 4": ("crossing_robots", 4, 25),
+    "circle_swap, 8": ("circle_swap", 8, 12),
+    "warehouse_team, 8": ("warehouse_team", 8, 6),
 }
 """Scenario, robots and worlds of the second part, by label; differential robots as in `rush`."""
 ALONE = ("hd_bug", "ppo_rush")

@@ -138,3 +138,12 @@ def test_success_falls_with_the_density_of_the_scan() -> None:
     series = result.data["sweeps"][0]["policies"]["bug0"]
     # Eight beams are half a metre apart at the clearance's range and more: obstacles fit between them.
     assert series[0]["success"] < series[-1]["success"]
+
+
+def test_robots_change_places_across_circles_without_a_contact_on_the_first_seeds() -> None:
+    result = reproduction("circle-swap")(Settings(seeds=1, policies=("orca",)))
+    assert result.holds
+    assert {name: told["n"] for name, told in result.data["circles"].items()} == {
+        f"{kinematics}, {robots}": robots for kinematics in ("holonomic", "differential") for robots in (2, 4, 8, 16)
+    }
+    assert all(told["success"] == 1.0 for told in result.data["crowds"].values())

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from episodes import Ring, run_episode, tolerance
 from numpy.typing import NDArray
-from teams import TeamRun, run_team
 
 import bug_gym
 from bug_gym.agents import make_policy
@@ -19,6 +18,7 @@ from bug_gym.agents.teams.com1_rev3 import Com1Rev3
 from bug_gym.agents.teams.partners import without_partners
 from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON
 from bug_gym.policy import MisfitError
+from bug_gym.reproductions.team_runs import TeamRun, run_team
 from bug_gym.reproductions.team_worlds import alone, random_world, team_scenario
 from bug_gym.simulation import Simulation
 

@@ -1,4 +1,4 @@
-"""What the tests of teams share: one run of a team as data, in one world or each robot alone in a world of its own."""
+"""One episode of a team as data: its robots in one world, or each alone in a world of its own, without bodies."""
 
 from __future__ import annotations
 
