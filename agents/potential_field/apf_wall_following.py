@@ -27,7 +27,7 @@ from bug_gym.agents.potential_field.local_minimum import MinimumMemory, is_caugh
 from bug_gym.agents.potential_field.turning import Turning
 from bug_gym.agents.potential_field.wall_follower import WallFollower
 from bug_gym.agents.walls.boundary import STANDING, Boundary, LeaveRule
-from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -90,6 +90,10 @@ class ApfWallFollowingMemory(BugMemory):
     """The angles along the present wall; None in the field."""
     is_at_wall: bool = False
     """Whether it has come to the wall that it follows; a lap begins there."""
+    gate: Gate | None = None
+    """Where the present lap began."""
+    gate_angles: tuple[float, float] = (0.0, 0.0)
+    """How far robot and target's direction had turned there [rad]."""
     course: float | None = None
     """Direction of travel, odometry frame [rad]."""
     goal: Point = (0.0, 0.0)
@@ -256,11 +260,12 @@ class ApfWallFollowing(ScriptedPolicy):
         if math.dist(contour.wall, view.position) > self.lost or self._may_leave(view, memory, contour, turning):
             self._leave(view, memory)
             return
-        turns = abs(turning.total) / (2.0 * math.pi)
-        is_round = contour.is_lap_closed and turns > 0.75
-        if is_round:
-            memory.verdict = lap_verdict(turning)
-        elif turns > MOST_TURNS:
+        if contour.gate is not memory.gate:
+            memory.gate, memory.gate_angles = contour.gate, (turning.total, turning.target_turned)
+        total, target = memory.gate_angles
+        if contour.is_lap_closed:
+            memory.verdict = lap_verdict(turning.total - total, turning.target_turned - target)
+        elif abs(turning.total) > MOST_TURNS * 2.0 * math.pi:
             memory.verdict = "looping"
 
     def _leave(self, view: View, memory: ApfWallFollowingMemory) -> None:
@@ -298,10 +303,15 @@ class ApfWallFollowing(ScriptedPolicy):
         return Drawing(points=points, segments=segments)
 
 
-def lap_verdict(turning: Turning) -> str:
-    """What a closed lap proves: "unreachable", or nothing but that it would be walked again."""
-    is_outside = turning.total > 0.0
-    encloses_target = abs(turning.target_turned) > math.pi
+def lap_verdict(turned: float, target_turned: float) -> str:
+    """What a closed lap proves: "unreachable", or nothing but that it would be walked again.
+
+    Args:
+        turned: toward the wall in the lap [rad]; a full turn, outward where the lap was walked from within.
+        target_turned: how far the target's direction turned [rad]; a full turn where the lap encloses it.
+    """
+    is_outside = turned > 0.0
+    encloses_target = abs(target_turned) > math.pi
     return "unreachable" if is_outside == encloses_target else "looping"
 
 
@@ -334,7 +344,7 @@ def check_follower(own: ApfWallFollowingParameters, sensors: Sensors) -> None:
     if not (own.alpha_gain >= 0.0 and math.isfinite(own.alpha_gain)):
         raise ValueError(f"alpha_gain must be 0 or above, got {own.alpha_gain!r}")
     seen = float(sensors.angles[-1] - sensors.angles[0])
-    if seen < LEAST_FIELD_OF_VIEW and len(sensors.angles) > 1 and not is_all_round(sensors):
+    if seen < LEAST_FIELD_OF_VIEW and not is_all_round(sensors):
         raise ValueError(
             f"wall following needs a field of view of at least 180 degrees, the scanner has {math.degrees(seen):.0f}: "
             "set lidar.fov to pi or more"
@@ -343,5 +353,7 @@ def check_follower(own: ApfWallFollowingParameters, sensors: Sensors) -> None:
 
 def is_all_round(sensors: Sensors) -> bool:
     """Whether the scanner sees a full circle."""
+    if len(sensors.angles) < 2:
+        return False
     spacing = float(sensors.angles[1] - sensors.angles[0])
     return len(sensors.angles) * spacing >= 2.0 * math.pi - 1e-6
