@@ -4,7 +4,7 @@ Source: "potential field with wall following", whose switching conditions use th
 reset point; its displayed formulas are lost, the conditions are rebuilt from the text (turning.py). Sensing assumed: a
 scan all round, goal, gyroscope, wheels. Memory kept: the angles of the wall that it follows, the reset point, a gate.
 States: potential_field, wall_following. Guarantee: none; in a lap that shuts the goal in, or itself, it says
-"unreachable", in any other one "looping". Length bound: none.
+"unreachable", after two others "looping". Length bound: none.
 
 A local minimum (local_minimum.py) makes it follow the wall toward the target, on the side where that wall lies. It leaves
 where it faces the target again by the angles, the way is free, and it has come nearer in projection. A target that moves
@@ -94,6 +94,8 @@ class ApfWallFollowingMemory(BugMemory):
     """Where the present lap began."""
     gate_angles: tuple[float, float] = (0.0, 0.0)
     """How far robot and target's direction had turned there [rad]."""
+    laps: int = 0
+    """How often it was passed again."""
     course: float | None = None
     """Direction of travel, odometry frame [rad]."""
     goal: Point = (0.0, 0.0)
@@ -261,10 +263,14 @@ class ApfWallFollowing(ScriptedPolicy):
             self._leave(view, memory)
             return
         if contour.gate is not memory.gate:
-            memory.gate, memory.gate_angles = contour.gate, (turning.total, turning.target_turned)
-        total, target = memory.gate_angles
+            memory.gate, memory.laps = contour.gate, 0
+            memory.gate_angles = turning.total, turning.target_turned
         if contour.is_lap_closed:
-            memory.verdict = lap_verdict(turning.total - total, turning.target_turned - target)
+            memory.laps += 1
+            turned, target_turned = (
+                now - then for now, then in zip((turning.total, turning.target_turned), memory.gate_angles, strict=True)
+            )
+            memory.verdict = lap_verdict(turned / memory.laps, target_turned / memory.laps, memory.laps)
         elif abs(turning.total) > MOST_TURNS * 2.0 * math.pi:
             memory.verdict = "looping"
 
@@ -303,16 +309,21 @@ class ApfWallFollowing(ScriptedPolicy):
         return Drawing(points=points, segments=segments)
 
 
-def lap_verdict(turned: float, target_turned: float) -> str:
-    """What a closed lap proves: "unreachable", or nothing but that it would be walked again.
+def lap_verdict(turned: float, target_turned: float, laps: int) -> str:
+    """What closed laps prove: "unreachable", or after the second that all further ones would be the same, or nothing.
+
+    In the second lap the angles are others than in the first, so that it may leave where it could not.
 
     Args:
-        turned: toward the wall in the lap [rad]; a full turn, outward where the lap was walked from within.
-        target_turned: how far the target's direction turned [rad]; a full turn where the lap encloses it.
+        turned: toward the wall in a lap [rad]; a full turn, outward where it was walked from within.
+        target_turned: how far the target's direction turned in a lap [rad]; a full turn where it encloses the target.
+        laps: how many there were.
     """
     is_outside = turned > 0.0
     encloses_target = abs(target_turned) > math.pi
-    return "unreachable" if is_outside == encloses_target else "looping"
+    if is_outside == encloses_target:
+        return "unreachable"
+    return "looping" if laps > 1 else ""
 
 
 def check_words(own: ApfWallFollowingParameters) -> None:

@@ -222,7 +222,9 @@ def test_the_unwrapped_angle_follows_a_target_that_moves() -> None:
     [(1.0, 1.0, "unreachable"), (1.0, 0.0, "looping"), (-1.0, 0.0, "unreachable"), (-1.0, -1.0, "looping")],
 )
 def test_a_lap_proves_something_by_its_two_turnings(total: float, target_turned: float, verdict: str) -> None:
-    assert lap_verdict(2.0 * math.pi * total, 2.0 * math.pi * target_turned) == verdict
+    turned = 2.0 * math.pi * total, 2.0 * math.pi * target_turned
+    assert lap_verdict(*turned, 2) == verdict
+    assert lap_verdict(*turned, 1) == ("" if verdict == "looping" else verdict)
 
 
 # ---------------------------------------------------------------------------------------------- closed forms
