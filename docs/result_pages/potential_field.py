@@ -30,7 +30,12 @@ def apf_wall_following(found: Record) -> Page:
             ]),
             *map(drift_table, found["drift"]),
         ],
-        "\n\n".join([f"These are the numbers of `--seeds {found['seeds']}`.", against_the_others(found), worth(found), against_drift(found), own_limits(found)]),
+        "\n\n".join(
+            [
+                f"These are the numbers of `--seeds {found['seeds']}`.",
+                *(say(found) for say in (against_the_others, worth, against_drift, own_limits)),
+            ]
+        ),
         claims(found),
     )  # fmt: skip
 
