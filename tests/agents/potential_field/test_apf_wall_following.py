@@ -398,6 +398,19 @@ def test_a_target_that_goes_ten_seconds_and_stops_is_reached(kinematics: str, up
     assert (episode.outcome, episode.verdict) == ("success", "")
 
 
+@pytest.mark.parametrize(("turn", "up"), [("right", 9.0), ("left", -9.0)])
+def test_a_wall_is_left_where_a_target_that_moved_is_faced_and_not_where_it_was(turn: str, up: float) -> None:
+    """It goes across behind the U all the while, away from the side that is walked."""
+    scenario = target_world([[14.0, 0.0], [14.0, up]], 0.15, stop=True)
+    turning: Any = None
+    for memory, _ in decisions(scenario, {"robot.max_speed": 0.5}, turn=turn, clearance=0.5):
+        if turning is not None and memory.turning is None:
+            break
+        turning = memory.turning
+    assert abs(math.degrees(turning.unwrapped)) < 10.0
+    assert abs(math.degrees(turning.target - turning.first_target)) > 30.0
+
+
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_a_target_that_goes_on_is_reached(kinematics: str) -> None:
     scenario = target_world([[20.0, 0.0], [20.0, 9.0], [20.0, -9.0]], 0.3, stop=False)
