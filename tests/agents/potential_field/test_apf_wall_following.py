@@ -359,6 +359,34 @@ def test_a_goal_shut_in_is_unreachable_after_one_lap(turn: str, kinematics: str,
     assert episode.length == pytest.approx(RING.first + RING.lap, rel=0.1)
 
 
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_a_lap_begins_at_the_wall_and_not_where_the_field_was_left(kinematics: str) -> None:
+    """With its own, small clearance the way into the wall following passes no place of the lap."""
+    episode = run_episode(POLICY, "ring", {"robot.kinematics": kinematics})
+    assert episode.verdict == "unreachable"
+    assert episode.length < 1.1 * (RING.first + RING.lap)
+
+
+@pytest.mark.parametrize("approach", ["field", "straight"])
+@pytest.mark.parametrize("lean", [2.0, -2.0])
+def test_met_head_on_a_wall_is_followed_where_it_leads_on_toward_the_target(lean: float, approach: str) -> None:
+    """Its upper end leans away from the robot or toward it: the way along it goes on to the left or to the right."""
+    wall = [[6.0 - lean, -6.0], [6.4 - lean, -6.0], [6.4 + lean, 6.0], [6.0 + lean, 6.0]]
+    world = {
+        "family": "explicit",
+        "bounds": [-10, -15, 30, 15],
+        "start": [0, 0, 0],
+        "goal": [16, 0],
+        "polygons": [wall],
+    }
+    settings = {"lidar.beams": 360, "lidar.range": 10.0}
+    episode = run_episode(POLICY, {"world": world}, settings, approach=approach, clearance=0.5)
+    assert episode.outcome == "success"
+    assert all(side == (1 if lean > 0.0 else -1) for side in episode.memory.hit_sides)
+    # The field may slide past the end by itself; straight until contact the wall must be followed.
+    assert episode.memory.hit_sides or approach == "field"
+
+
 @pytest.mark.parametrize("turn", ["left", "right"])
 @pytest.mark.parametrize("approach", ["field", "straight"])
 def test_shut_in_itself_it_says_so_after_one_lap(turn: str, approach: str) -> None:
