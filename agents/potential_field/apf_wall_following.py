@@ -4,7 +4,7 @@ Source: "potential field with wall following", whose switching conditions use th
 reset point; its displayed formulas are lost, the conditions are rebuilt from the text (turning.py). Sensing assumed: a
 scan all round, goal, gyroscope, wheels. Memory kept: the angles of the wall that it follows, the reset point, a gate.
 States: potential_field, wall_following. Guarantee: none; in a lap that shuts the goal in, or itself, it says
-"unreachable", in any other one "looping". Length bound: none.
+"unreachable", after two others "looping". Length bound: none.
 
 A local minimum (local_minimum.py) makes it follow the wall toward the target, on the side where that wall lies. It leaves
 where it faces the target again by the angles, the way is free, and it has come nearer in projection. A target that moves
@@ -27,7 +27,7 @@ from bug_gym.agents.potential_field.local_minimum import MinimumMemory, is_caugh
 from bug_gym.agents.potential_field.turning import Turning
 from bug_gym.agents.potential_field.wall_follower import WallFollower
 from bug_gym.agents.walls.boundary import STANDING, Boundary, LeaveRule
-from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -90,6 +90,12 @@ class ApfWallFollowingMemory(BugMemory):
     """The angles along the present wall; None in the field."""
     is_at_wall: bool = False
     """Whether it has come to the wall that it follows; a lap begins there."""
+    gate: Gate | None = None
+    """Where the present lap began."""
+    gate_angles: tuple[float, float] = (0.0, 0.0)
+    """How far robot and target's direction had turned there [rad]."""
+    laps: int = 0
+    """How often it was passed again."""
     course: float | None = None
     """Direction of travel, odometry frame [rad]."""
     goal: Point = (0.0, 0.0)
@@ -256,11 +262,16 @@ class ApfWallFollowing(ScriptedPolicy):
         if math.dist(contour.wall, view.position) > self.lost or self._may_leave(view, memory, contour, turning):
             self._leave(view, memory)
             return
-        turns = abs(turning.total) / (2.0 * math.pi)
-        is_round = contour.is_lap_closed and turns > 0.75
-        if is_round:
-            memory.verdict = lap_verdict(turning)
-        elif turns > MOST_TURNS:
+        if contour.gate is not memory.gate:
+            memory.gate, memory.laps = contour.gate, 0
+            memory.gate_angles = turning.total, turning.target_turned
+        if contour.is_lap_closed:
+            memory.laps += 1
+            turned, target_turned = (
+                now - then for now, then in zip((turning.total, turning.target_turned), memory.gate_angles, strict=True)
+            )
+            memory.verdict = lap_verdict(turned / memory.laps, target_turned / memory.laps, memory.laps)
+        elif abs(turning.total) > MOST_TURNS * 2.0 * math.pi:
             memory.verdict = "looping"
 
     def _leave(self, view: View, memory: ApfWallFollowingMemory) -> None:
@@ -298,11 +309,21 @@ class ApfWallFollowing(ScriptedPolicy):
         return Drawing(points=points, segments=segments)
 
 
-def lap_verdict(turning: Turning) -> str:
-    """What a closed lap proves: "unreachable", or nothing but that it would be walked again."""
-    is_outside = turning.total > 0.0
-    encloses_target = abs(turning.target_turned) > math.pi
-    return "unreachable" if is_outside == encloses_target else "looping"
+def lap_verdict(turned: float, target_turned: float, laps: int) -> str:
+    """What closed laps prove: "unreachable", or after the second that all further ones would be the same, or nothing.
+
+    In the second lap the angles are others than in the first, so that it may leave where it could not.
+
+    Args:
+        turned: toward the wall in a lap [rad]; a full turn, outward where it was walked from within.
+        target_turned: how far the target's direction turned in a lap [rad]; a full turn where it encloses the target.
+        laps: how many there were.
+    """
+    is_outside = turned > 0.0
+    encloses_target = abs(target_turned) > math.pi
+    if is_outside == encloses_target:
+        return "unreachable"
+    return "looping" if laps > 1 else ""
 
 
 def check_words(own: ApfWallFollowingParameters) -> None:
@@ -334,7 +355,7 @@ def check_follower(own: ApfWallFollowingParameters, sensors: Sensors) -> None:
     if not (own.alpha_gain >= 0.0 and math.isfinite(own.alpha_gain)):
         raise ValueError(f"alpha_gain must be 0 or above, got {own.alpha_gain!r}")
     seen = float(sensors.angles[-1] - sensors.angles[0])
-    if seen < LEAST_FIELD_OF_VIEW and len(sensors.angles) > 1 and not is_all_round(sensors):
+    if seen < LEAST_FIELD_OF_VIEW and not is_all_round(sensors):
         raise ValueError(
             f"wall following needs a field of view of at least 180 degrees, the scanner has {math.degrees(seen):.0f}: "
             "set lidar.fov to pi or more"
@@ -343,5 +364,7 @@ def check_follower(own: ApfWallFollowingParameters, sensors: Sensors) -> None:
 
 def is_all_round(sensors: Sensors) -> bool:
     """Whether the scanner sees a full circle."""
+    if len(sensors.angles) < 2:
+        return False
     spacing = float(sensors.angles[1] - sensors.angles[0])
     return len(sensors.angles) * spacing >= 2.0 * math.pi - 1e-6

@@ -17,7 +17,7 @@ from bug_gym.view import View
 
 Variant = tuple[str, Mapping[str, Any]]
 """Name and parameters of a policy."""
-SAMPLES = 40
+SAMPLES = 12
 """Points of a curve over time."""
 
 

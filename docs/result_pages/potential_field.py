@@ -30,7 +30,12 @@ def apf_wall_following(found: Record) -> Page:
             ]),
             *map(drift_table, found["drift"]),
         ],
-        "\n\n".join([against_the_others(found), worth(found), against_drift(found), own_limits(found)]),
+        "\n\n".join(
+            [
+                f"These are the numbers of `--seeds {found['seeds']}`.",
+                *(say(found) for say in (against_the_others, worth, against_drift, own_limits)),
+            ]
+        ),
         claims(found),
     )  # fmt: skip
 
@@ -93,9 +98,10 @@ def worth(found: Record) -> str:
     parts = found["What parts are worth, traps"]
     told = [f"`{name}` {percent(parts[name]['success'])} %" for name in PARTS]
     return (
-        f"In random traps arrive: {listed(told)}. The signed angle does the main work; the reset hardly changes a way, and "
-        "the projection is what the three routes into the pocket of the map need. There the two rules that the paper calls "
-        "too simple cycle too."
+        f"In random traps arrive: {listed(told)}. The signed angle does the main work. The reset gains nothing: on the map "
+        "all lengths are the same without it, and as it takes the angle to the target anew between -180 and 180 degrees it "
+        "may lose a whole turn. The projection is what the three routes into the pocket of the map need, where the two rules "
+        "that the paper calls too simple cycle too."
     )
 
 
@@ -118,7 +124,7 @@ def own_limits(found: Record) -> str:
     mazes = found["Mazes"][OURS]
     return (
         f"In mazes it reaches {percent(mazes['success'])} %: inside an outer wall that also holds the target a lap turns "
-        "away from the wall by a full turn, the angle never comes back, and after the lap it says looping. Its conditions "
+        "away from the wall by a full turn, the angle never comes back, and after two laps it says looping. Its conditions "
         "carry no distance, so that nothing shrinks from wall to wall."
     )
 

@@ -222,9 +222,9 @@ def test_the_unwrapped_angle_follows_a_target_that_moves() -> None:
     [(1.0, 1.0, "unreachable"), (1.0, 0.0, "looping"), (-1.0, 0.0, "unreachable"), (-1.0, -1.0, "looping")],
 )
 def test_a_lap_proves_something_by_its_two_turnings(total: float, target_turned: float, verdict: str) -> None:
-    one = turning()
-    one.total, one.target_turned = 2.0 * math.pi * total, 2.0 * math.pi * target_turned
-    assert lap_verdict(one) == verdict
+    turned = 2.0 * math.pi * total, 2.0 * math.pi * target_turned
+    assert lap_verdict(*turned, 2) == verdict
+    assert lap_verdict(*turned, 1) == ("" if verdict == "looping" else verdict)
 
 
 # ---------------------------------------------------------------------------------------------- closed forms
@@ -359,6 +359,34 @@ def test_a_goal_shut_in_is_unreachable_after_one_lap(turn: str, kinematics: str,
     assert episode.length == pytest.approx(RING.first + RING.lap, rel=0.1)
 
 
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_a_lap_begins_at_the_wall_and_not_where_the_field_was_left(kinematics: str) -> None:
+    """With its own, small clearance the way into the wall following passes no place of the lap."""
+    episode = run_episode(POLICY, "ring", {"robot.kinematics": kinematics})
+    assert episode.verdict == "unreachable"
+    assert episode.length < 1.1 * (RING.first + RING.lap)
+
+
+@pytest.mark.parametrize("approach", ["field", "straight"])
+@pytest.mark.parametrize("lean", [2.0, -2.0])
+def test_met_head_on_a_wall_is_followed_where_it_leads_on_toward_the_target(lean: float, approach: str) -> None:
+    """Its upper end leans away from the robot or toward it: the way along it goes on to the left or to the right."""
+    wall = [[6.0 - lean, -6.0], [6.4 - lean, -6.0], [6.4 + lean, 6.0], [6.0 + lean, 6.0]]
+    world = {
+        "family": "explicit",
+        "bounds": [-10, -15, 30, 15],
+        "start": [0, 0, 0],
+        "goal": [16, 0],
+        "polygons": [wall],
+    }
+    settings = {"lidar.beams": 360, "lidar.range": 10.0}
+    episode = run_episode(POLICY, {"world": world}, settings, approach=approach, clearance=0.5)
+    assert episode.outcome == "success"
+    assert all(side == (1 if lean > 0.0 else -1) for side in episode.memory.hit_sides)
+    # The field may slide past the end by itself; straight until contact the wall must be followed.
+    assert episode.memory.hit_sides or approach == "field"
+
+
 @pytest.mark.parametrize("turn", ["left", "right"])
 @pytest.mark.parametrize("approach", ["field", "straight"])
 def test_shut_in_itself_it_says_so_after_one_lap(turn: str, approach: str) -> None:
@@ -396,6 +424,19 @@ def test_a_target_that_goes_ten_seconds_and_stops_is_reached(kinematics: str, up
     scenario = target_world([[20.0, 0.0], [20.0, up]], 0.5, stop=True)
     episode = run_episode(POLICY, scenario, {"robot.kinematics": kinematics, "robot.max_speed": 0.5})
     assert (episode.outcome, episode.verdict) == ("success", "")
+
+
+@pytest.mark.parametrize(("turn", "up"), [("right", 9.0), ("left", -9.0)])
+def test_a_wall_is_left_where_a_target_that_moved_is_faced_and_not_where_it_was(turn: str, up: float) -> None:
+    """It goes across behind the U all the while, away from the side that is walked."""
+    scenario = target_world([[14.0, 0.0], [14.0, up]], 0.15, stop=True)
+    turning: Any = None
+    for memory, _ in decisions(scenario, {"robot.max_speed": 0.5}, turn=turn, clearance=0.5):
+        if turning is not None and memory.turning is None:
+            break
+        turning = memory.turning
+    assert abs(math.degrees(turning.unwrapped)) < 10.0
+    assert abs(math.degrees(turning.target - turning.first_target)) > 30.0
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])

@@ -12,6 +12,7 @@ from episodes import canonical_world, goal_distances, run_episode
 from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.potential_field.field import Forces, Obstacle
 from bug_gym.agents.potential_field.forces import (
     LEAST_CLOSING,
     LEAST_GAP,
@@ -21,8 +22,10 @@ from bug_gym.agents.potential_field.forces import (
     repulsive_force,
     repulsive_potential,
 )
+from bug_gym.agents.potential_field.local_minimum import MinimumMemory, is_caught
 from bug_gym.agents.potential_field.nearest_points import find_nearest_points
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 GAINS = Gains(
     attraction=1.3,
@@ -184,3 +187,39 @@ def test_a_scanner_that_sees_less_far_than_the_influence_is_refused_with_what_wo
     with pytest.raises(ValueError, match=r"influence of at most 0.9 m would do, or a lidar.range of 1.2 m or more"):
         make_policy("apf", simulation)
     make_policy("apf", simulation, influence=0.9)
+
+
+# ---------------------------------------------------------------------------------------------- local minima
+
+
+def looks(total: tuple[float, float], direction: float, *, blocked: bool = True, count: int = 1) -> MinimumMemory:
+    """What the watch for local minima finds in some looks at the same place, the target straight ahead."""
+    simulation = Simulation({"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
+    view = View(simulation.reset(seeds=[0])[0, 0], Sensors.of(simulation.scenario))
+    wall = Obstacle(place=(0.8, 0.0), velocity=(0.0, 0.0), is_moving=not blocked)
+    forces, memory = Forces((1.0, 0.0), total, [wall], 0.0), MinimumMemory()
+    for _ in range(count):
+        if is_caught(view, memory, forces, direction):
+            return memory
+    memory.why = ""
+    return memory
+
+
+def test_two_looks_at_forces_that_cancel_are_a_minimum_and_one_is_not() -> None:
+    assert looks((0.04, 0.0), 0.0, count=2).why == "force"
+    assert looks((0.04, 0.0), 0.0, count=1).why == ""
+    assert looks((0.2, 0.0), 0.0, count=2).why == ""
+
+
+def test_a_robot_that_travels_away_from_the_target_is_in_a_minimum() -> None:
+    assert looks((0.2, 0.0), math.radians(100.0), count=2).why == "away"
+    assert looks((0.2, 0.0), math.radians(80.0), count=2).why == ""
+
+
+def test_three_seconds_without_progress_are_a_minimum() -> None:
+    assert looks((0.2, 0.0), 0.0, count=40).why == "swing"
+    assert looks((0.2, 0.0), 0.0, count=20).why == ""
+
+
+def test_what_moves_makes_no_minimum() -> None:
+    assert looks((0.0, 0.0), math.pi, blocked=False, count=100).why == ""
