@@ -63,9 +63,7 @@ AGENTS: dict[str, Agent] = {
     "operative_critical_point_bug": Agent(
         "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
     ),
-    "ocpb": Agent(
-        "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
-    ),
+    "ocpb": Agent("bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"),
 }
 LEARNED = {
     "ppo_static": "Schulman et al. 2017",

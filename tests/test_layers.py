@@ -53,7 +53,9 @@ NUMBA = {
 }  # how kernels are compiled, and the LLVM code that is written by hand
 COMPILED = {"kernel", "called", "inlined"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
-COMPOSED = {"agents.bugs.rev1", "agents.bugs.rev2"}  # their paper defines them as a change of another algorithm
+COMPOSED = {
+    f"agents.bugs.{name}" for name in ("rev1", "rev2", "modified_critical_point_bug")
+}  # their paper defines them as a change of another algorithm
 LEARNING = ("agents.sb3", "agents.learning") + tuple(
     f"agents.prediction.{name}" for name in ("training", "card", "descent", "network", "ppo")
 )

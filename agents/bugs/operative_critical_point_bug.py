@@ -241,8 +241,10 @@ class OperativeCriticalPointBug(ScriptedPolicy):
 
     def _is_swept(self, leg: Leg, x: F64, y: F64, radius: float) -> bool:
         """Whether the circle may turn and go along a leg."""
-        if self.turns and self.circle.offset > 0.0 and not can_turn(
-            x, y, self.circle.ahead, self.circle.left, leg.turn, self.circle.body
+        if (
+            self.turns
+            and self.circle.offset > 0.0
+            and not can_turn(x, y, self.circle.ahead, self.circle.left, leg.turn, self.circle.body)
         ):
             return False
         free, _, _ = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, radius, 0.0, self._left, self._right)
@@ -471,17 +473,13 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         Beside a corner that the robot has come to, the way on may cut the corner by a little, which is no open point.
         """
         x, y = reading.x, reading.y
-        free, _, touched = sweep_leg(
-            x, y, *leg.begin, leg.heading, leg.length, self.take, 0.0, self._left, self._right
-        )
+        free, _, touched = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, self.take, 0.0, self._left, self._right)
         if free >= leg.length:
             return None
         cos, sin = math.cos(leg.heading), math.sin(leg.heading)
         beside = (y[touched] - leg.begin[1]) * cos - (x[touched] - leg.begin[0]) * sin
         side = -1 if beside > 0.0 else 1
-        place = perpendicular_sub_goal(
-            (float(x[touched]), float(y[touched])), leg.heading, side, self.circle.radius
-        )
+        place = perpendicular_sub_goal((float(x[touched]), float(y[touched])), leg.heading, side, self.circle.radius)
         return leg_to(self.circle, place, turns=self.turns)
 
     def _is_new(self, view: View, memory: OperativeMemory, leg: Leg) -> bool:
@@ -532,4 +530,3 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             areas.append((ring(obstacle.begin, obstacle.end, obstacle.radius), "virtual"))
             points.append((*obstacle.point, "meeting"))
         return Drawing(points=points, segments=segments, areas=areas)
-

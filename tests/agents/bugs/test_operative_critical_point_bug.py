@@ -260,7 +260,13 @@ WORLDS = 8
 def test_in_random_still_worlds_it_touches_nothing_and_takes_no_gap_below_the_circle(kinematics: str) -> None:
     passed_without = 0
     for seed in range(WORLDS):
-        overrides = {**STILL, "world.obstacles": 90, "world.separation": 14.0, "world.solvable": None, "robot.kinematics": kinematics}
+        overrides = {
+            **STILL,
+            "world.obstacles": 90,
+            "world.separation": 14.0,
+            "world.solvable": None,
+            "robot.kinematics": kinematics,
+        }
         episode = run_episode("ocpb", "static", overrides, seed=seed, clearance=R)
         assert episode.outcome == "success" or episode.verdict in ("stuck", "looping")
         assert episode.min_clearance > 0.0
@@ -273,7 +279,9 @@ def test_in_random_still_worlds_it_touches_nothing_and_takes_no_gap_below_the_ci
 @pytest.mark.parametrize("policy", BOTH)
 @pytest.mark.parametrize("seed", range(4))
 def test_in_a_field_without_narrow_gaps_they_arrive(policy: str, seed: int) -> None:
-    episode = run_episode(policy, "static", {"world.obstacles": 40, "lidar.noise": 0.02, "lidar.dropout": 0.02}, seed=seed)
+    episode = run_episode(
+        policy, "static", {"world.obstacles": 40, "lidar.noise": 0.02, "lidar.dropout": 0.02}, seed=seed
+    )
     assert episode.outcome == "success" and episode.min_clearance > 0.0
 
 
