@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from bug_gym.agents.critical_points.circle import Leg, leg_along, leg_to, virtual_circle
 from bug_gym.agents.critical_points.meeting import (
     Mover,
-    VirtualObstacle,
     is_behind,
     least_distance,
     meeting_times,
