@@ -252,7 +252,7 @@ def narrow_passages(episode: Episode, width: float) -> int:
     return count
 
 
-WORLDS = 8
+WORLDS = 4
 """Of the 1,000 worlds that the reproduction runs."""
 
 
@@ -296,14 +296,12 @@ def test_shut_in_they_know_no_further(policy: str) -> None:
 INCOMPLETE = ["bug0", "bug0_plus", "rev2", "rev3", "point_bug", "k_bug", "e_bug", "critical_point_bug", *BOTH]
 
 
-@pytest.mark.parametrize("noise", [0.01, 0.03])
 @pytest.mark.parametrize("policy", INCOMPLETE)
-def test_before_a_ring_round_the_goal_all_end_with_a_verdict_with_noise_too(policy: str, noise: float) -> None:
+def test_before_a_ring_round_the_goal_all_end_with_a_verdict_with_noise_too(policy: str) -> None:
     """At 10 m sight ends on the walls, and some went on from one such end to the next for ever."""
-    for seed in (1, 6):
-        episode = run_episode(policy, "ring", {"lidar.range": 10.0, "lidar.noise": noise}, seed=seed)
-        assert episode.outcome == "running"
-        assert episode.verdict in ("stuck", "looping", "unreachable")
+    episode = run_episode(policy, "ring", {"lidar.range": 10.0, "lidar.noise": 0.03}, seed=1)
+    assert episode.outcome == "running"
+    assert episode.verdict in ("stuck", "looping", "unreachable")
 
 
 # ------------------------------------------------------------------------------------------------ what it costs
