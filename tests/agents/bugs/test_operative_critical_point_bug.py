@@ -252,7 +252,7 @@ def narrow_passages(episode: Episode, width: float) -> int:
     return count
 
 
-WORLDS = 4
+WORLDS = 8
 """Of the 1,000 worlds that the reproduction runs."""
 
 
