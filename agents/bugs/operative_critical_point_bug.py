@@ -42,6 +42,7 @@ from bug_gym.agents.tracking.tracker import Tracker
 from bug_gym.agents.walls.boundary import STANDING, WAIT, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED
 from bug_gym.agents.walls.open_points import TIE
+from bug_gym.agents.walls.sub_goals import is_seen_again
 from bug_gym.geometry import F64, Point, velocity_along, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -366,17 +367,20 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         memory.last_ends, memory.looked_at = looks, memory.time
         if not is_next:
             return None
+        near = 2.0 * self.circle.radius
         twice = [
             end
-            for end, look in zip(reading.ends, looks, strict=True)
+            for end in reading.ends
             if any(
-                one.side == look.side and math.dist(one.place, look.place) <= self._drift(end.point) for one in before
+                one.side == end.side
+                and is_seen_again(end.point, view.to_robot(*one.place), self._drift(end.point), near)
+                for one in before
             )
         ]
         return reading._replace(ends=twice)
 
     def _drift(self, point: Point) -> float:
-        """How far an open point in the robot's frame may seem to move between two looks [m]."""
+        """How far an open point in the robot's frame may seem to move across the line of sight between two looks [m]."""
         return max(self.same, 1.5 * self.scanner.lookout.spacing * math.hypot(*point))
 
     def _wait(self, memory: OperativeMemory) -> Velocity:
@@ -398,7 +402,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         candidates = [
             Candidate(end, self._sub_goal(view, end, 1.0), number)
             for number, end in enumerate(reading.ends)
-            if not self._is_used(view, memory, end) and (end.virtual is not None or not only_virtual)
+            if end.virtual is not None or not only_virtual
         ]
 
         def is_ahead(candidate: Candidate) -> bool:
@@ -417,7 +421,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
                     break
                 last += 1
             ranked[first:last] = sorted(ranked[first:last], key=lambda one: self._rotation(view, one))
-        return ranked
+        # Those of open points that gave one before come last: there is hardly more to see from there.
+        return sorted(ranked, key=lambda one: self._is_used(view, memory, one.end))
 
     def _is_used(self, view: View, memory: OperativeMemory, end: End) -> bool:
         """Whether sub-goals of an open point were made before, and one of them reached."""
