@@ -90,9 +90,7 @@ AGENTS: dict[str, Agent] = {
     "operative_critical_point_bug": Agent(
         "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
     ),
-    "ocpb": Agent(
-        "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
-    ),
+    "ocpb": Agent("bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"),
     "apf": Agent("potential_field.apf:Apf", "field", "Ge and Cui 2002"),
     "apf_wall_following": Agent("potential_field.apf_wall_following:ApfWallFollowing", "bug", "after Ge and Cui 2002"),
     "minimum_risk": Agent("potential_field.minimum_risk:MinimumRisk", "field", "Wang and Liu 2008"),

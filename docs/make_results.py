@@ -41,6 +41,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "barn": bug_family.barn_worlds,
     "lidar-density": bug_family.lidar_density,
     "odometry-drift": bug_family.drift,
+    "operative-critical-points": bug_family.critical_points,
     "hd-bug-tables": hd_bug.tables,
     "hd-bug-dynamic": hd_bug.dynamic,
     "hd-bug-targets": hd_bug.targets,

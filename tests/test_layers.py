@@ -54,8 +54,9 @@ NUMBA = {
 COMPILED = {"kernel", "called", "inlined"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
 COMPOSED = {
-    *("agents.bugs.rev1", "agents.bugs.rev2", "agents.hd_bug.circumnavigate"),
+    *(f"agents.bugs.{name}" for name in ("rev1", "rev2", "modified_critical_point_bug")),
     *("agents.teams.bug1_pair", "agents.teams.com1_rev3", "agents.teams.swarm", "agents.reciprocal.orca"),
+    "agents.hd_bug.circumnavigate",
 }
 """Defined by another algorithm: as a change of it, as what drives a team's robots, or with it as a fall-back."""
 LEARNING = ("agents.sb3", "agents.learning") + tuple(

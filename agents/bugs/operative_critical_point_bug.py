@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from bug_gym.agents.critical_points.circle import Leg, leg_along, leg_to, virtual_circle
 from bug_gym.agents.critical_points.meeting import (
     Mover,
-    VirtualObstacle,
     is_behind,
     least_distance,
     meeting_times,
@@ -43,6 +42,7 @@ from bug_gym.agents.tracking.tracker import Tracker
 from bug_gym.agents.walls.boundary import STANDING, WAIT, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED
 from bug_gym.agents.walls.open_points import TIE
+from bug_gym.agents.walls.sub_goals import is_seen_again
 from bug_gym.geometry import F64, Point, velocity_along, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -241,8 +241,10 @@ class OperativeCriticalPointBug(ScriptedPolicy):
 
     def _is_swept(self, leg: Leg, x: F64, y: F64, radius: float) -> bool:
         """Whether the circle may turn and go along a leg."""
-        if self.turns and self.circle.offset > 0.0 and not can_turn(
-            x, y, self.circle.ahead, self.circle.left, leg.turn, self.circle.body
+        if (
+            self.turns
+            and self.circle.offset > 0.0
+            and not can_turn(x, y, self.circle.ahead, self.circle.left, leg.turn, self.circle.body)
         ):
             return False
         free, _, _ = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, radius, 0.0, self._left, self._right)
@@ -365,17 +367,20 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         memory.last_ends, memory.looked_at = looks, memory.time
         if not is_next:
             return None
+        near = 2.0 * self.circle.radius
         twice = [
             end
-            for end, look in zip(reading.ends, looks, strict=True)
+            for end in reading.ends
             if any(
-                one.side == look.side and math.dist(one.place, look.place) <= self._drift(end.point) for one in before
+                one.side == end.side
+                and is_seen_again(end.point, view.to_robot(*one.place), self._drift(end.point), near)
+                for one in before
             )
         ]
         return reading._replace(ends=twice)
 
     def _drift(self, point: Point) -> float:
-        """How far an open point in the robot's frame may seem to move between two looks [m]."""
+        """How far an open point in the robot's frame may seem to move across the line of sight between two looks [m]."""
         return max(self.same, 1.5 * self.scanner.lookout.spacing * math.hypot(*point))
 
     def _wait(self, memory: OperativeMemory) -> Velocity:
@@ -397,7 +402,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         candidates = [
             Candidate(end, self._sub_goal(view, end, 1.0), number)
             for number, end in enumerate(reading.ends)
-            if not self._is_used(view, memory, end) and (end.virtual is not None or not only_virtual)
+            if end.virtual is not None or not only_virtual
         ]
 
         def is_ahead(candidate: Candidate) -> bool:
@@ -416,7 +421,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
                     break
                 last += 1
             ranked[first:last] = sorted(ranked[first:last], key=lambda one: self._rotation(view, one))
-        return ranked
+        # Those of open points that gave one before come last: there is hardly more to see from there.
+        return sorted(ranked, key=lambda one: self._is_used(view, memory, one.end))
 
     def _is_used(self, view: View, memory: OperativeMemory, end: End) -> bool:
         """Whether sub-goals of an open point were made before, and one of them reached."""
@@ -471,17 +477,13 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         Beside a corner that the robot has come to, the way on may cut the corner by a little, which is no open point.
         """
         x, y = reading.x, reading.y
-        free, _, touched = sweep_leg(
-            x, y, *leg.begin, leg.heading, leg.length, self.take, 0.0, self._left, self._right
-        )
+        free, _, touched = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, self.take, 0.0, self._left, self._right)
         if free >= leg.length:
             return None
         cos, sin = math.cos(leg.heading), math.sin(leg.heading)
         beside = (y[touched] - leg.begin[1]) * cos - (x[touched] - leg.begin[0]) * sin
         side = -1 if beside > 0.0 else 1
-        place = perpendicular_sub_goal(
-            (float(x[touched]), float(y[touched])), leg.heading, side, self.circle.radius
-        )
+        place = perpendicular_sub_goal((float(x[touched]), float(y[touched])), leg.heading, side, self.circle.radius)
         return leg_to(self.circle, place, turns=self.turns)
 
     def _is_new(self, view: View, memory: OperativeMemory, leg: Leg) -> bool:
@@ -532,4 +534,3 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             areas.append((ring(obstacle.begin, obstacle.end, obstacle.radius), "virtual"))
             points.append((*obstacle.point, "meeting"))
         return Drawing(points=points, segments=segments, areas=areas)
-

@@ -1,13 +1,13 @@
-"""The virtual circle about a body, and the straight legs that bring its centre to a place.
+r"""The virtual circle about a body, and the straight legs that bring its centre to a place.
 
 Its centre C lies midway between the two farthest points of the body, its radius r is half their distance and a safety
 constant. On a differential robot C lies `ahead` of the wheels' axle A: the robot turns on the spot about A, and then C
 goes straight.
 
                r  _____
-                /       \\
+                /       \
        A--->---|----C----|- - - - - - - o Q        |A Q'| = |C Q|
-                \\ _____ /
+                \ _____ /
 
 Source: Das, Dutta and Debnath (2020), section 2.1.2 and equation (6). The printed (6) shifts the axle along the
 perpendicular of the open point; the robot arrives along its leg, so here the shift is along that.

@@ -113,9 +113,7 @@ def printed_times(place: Point, velocity: Point, mover: Mover, distance: float) 
 def virtual_obstacle(mover: Mover, times: Times, now: float) -> VirtualObstacle:
     """What a mover covers from the first to the last of some times; `now` is the time of the episode [s]."""
     ends = mover.at(times.first), mover.at(times.last)
-    return VirtualObstacle(
-        mover.number, *ends, mover.radius, mover.velocity, mover.at(times.closest), now + times.last
-    )
+    return VirtualObstacle(mover.number, *ends, mover.radius, mover.velocity, mover.at(times.closest), now + times.last)
 
 
 def least_distance(begin: Point, velocity: Point, first: float, last: float, mover: Mover) -> float:

@@ -1,8 +1,8 @@
 """What stands and what moves: the sets S_obs, TD_obs and D_obs of known-still, once shifted and twice shifted things.
 
-Each thing seen is looked at every DOT seconds, a fast one sooner. One that has shifted by more than a threshold since the last look
-goes from S to TD, at a second such look from TD to D: it is dynamic. One that has not goes back to S. The threshold is
-above what noise does to a place, and DOT so long that the slowest thing that counts shifts by as much.
+Each thing seen is looked at every DOT seconds, a fast one sooner. One that has shifted by more than a threshold since
+the last look goes from S to TD, at a second such look from TD to D: it is dynamic. One that has not goes back to S. The
+threshold is above what noise does to a place, and DOT so long that the slowest thing that counts shifts by as much.
 
 Source: Das, Dutta and Debnath (2020), procedure OBSTACLE_DETECTION. They compare open points of one scan with those of
 the next; but an open point slides over a round body as the robot passes. `TrackSets` compares fitted discs (agents/

@@ -153,16 +153,11 @@ class SubGoals:
         return not is_same and memory.looks <= LOOKS
 
     def _is_end(self, view: View, point: OpenPoint, end: End) -> bool:
-        """Whether an open point is one of the last decision.
-
-        Where the line of sight grazes a surface its last point in sight falls short by what lies between two beams,
-        and by more along that line than across it.
-        """
-        (x, y), (u, v) = point.corner, view.to_robot(*end.corner)
-        away = max(math.hypot(x, y), 1e-9)
-        along, across = (x * u + y * v) / away - away, (x * v - y * u) / away
-        short = max(2.0 * self.boundary.clearance, SHORT * away)
-        return point.side == end.side and abs(across) <= self._drift(point) and abs(along) <= short
+        """Whether an open point is one of the last decision."""
+        near = 2.0 * self.boundary.clearance
+        return point.side == end.side and is_seen_again(
+            point.corner, view.to_robot(*end.corner), self._drift(point), near
+        )
 
     def _drift(self, point: OpenPoint) -> float:
         """How far beside where it is seen now a corner may turn out to be [m]."""
@@ -346,6 +341,24 @@ class SubGoals:
         if memory.corner is not None:
             points.append((*memory.corner, "corner"))
         return Drawing(points=points)
+
+
+def is_seen_again(corner: Point, earlier: Point, aside: float, near: float) -> bool:
+    """Whether an open point may be one of an earlier look.
+
+    Where the line of sight grazes a surface its last point in sight falls short by what lies between two beams, and by
+    more along that line than across it.
+
+    Args:
+        corner: now, robot's frame [m].
+        earlier: then, robot's frame of now [m].
+        aside: how far it may have moved across the line of sight [m].
+        near: how far along it at least, where it is near [m].
+    """
+    (x, y), (u, v) = corner, earlier
+    away = max(math.hypot(x, y), 1e-9)
+    along, across = (x * u + y * v) / away - away, (x * v - y * u) / away
+    return abs(across) <= aside and abs(along) <= max(near, SHORT * away)
 
 
 def distance_between(first: tuple[Point, Point], second: tuple[Point, Point]) -> float:

@@ -20,6 +20,7 @@ REPRODUCTIONS: dict[str, str] = {
     "barn": "barn",
     "lidar-density": "lidar_density",
     "odometry-drift": "odometry_drift",
+    "operative-critical-points": "operative_critical_points",
     "hd-bug-tables": "hd_bug_tables",
     "hd-bug-dynamic": "hd_bug_dynamic",
     "hd-bug-targets": "hd_bug_targets",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift
+from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift, operative_critical_points
 from result_pages import Page, Record
 from result_pages.words import code, listed, number, percent, picture, share, table
 
@@ -299,3 +299,54 @@ def drift(found: Record) -> Page:
         f"{sum(value >= survives for value in final) or 'none'} do. There "
         f"arrive {listed(lines)}.",
     )
+
+
+def critical_points(found: Record) -> Page:
+    """Scenes, claims of the paper, and what each repair is worth."""
+    ours = operative_critical_points.OURS
+    scenes, repairs, sparse = found["scenes"], found["repairs"], found["sparse"]
+    mine = [one for one in scenes if one["policy"] == ours]
+    every, below = repairs["all repairs"], "worlds with a passage below 2 r"
+    printed = repairs["sub_goal=printed"]
+    cells = [
+        [
+            *(one["label"], f"`{one['policy']}`", one["outcome"], number(one["length"]), number(one["time"], 1)),
+            *(number(one["clearance"]), *(_own(one) if one["policy"] == ours else ["-"] * 5)),
+        ]
+        for one in scenes
+    ]
+    header = ["scene", "policy", "outcome", "length [m]", "time [s]", "least clearance [m]", "critical points"]
+    header += ["T_M [s]", "T_R [s]", "DOT [s]", "avoided / seen"]
+    return Page(
+        [
+            table("Scenes in the manner of the figures, their numbers in brackets", header, cells),
+            table("What the paper claims", ["claim", "found"], found["claims"]),
+            table(
+                "What each repair is worth",
+                ["setting", *every],
+                [[f"`{label}`", *(f"{value:g}" for value in row.values())] for label, row in repairs.items()],
+            ),
+            table(
+                "Few still obstacles, over the worlds in which all arrive",
+                ["policy", *next(iter(sparse.values()))],
+                [[f"`{policy}`", *(f"{value:g}" for value in row.values())] for policy, row in sparse.items()],
+            ),
+        ],
+        "The paper prints no numbers. Repaired: the sign and the sine of its sub-goals, legs that are looked at again, the "
+        "gap that SAFE_POINT measures, the obstacle's time to the meeting point, and what tells still from moving. With "
+        f"sub-goals as printed {printed['collisions']} of {printed['worlds']} still worlds end in a collision, with all "
+        f"repairs {every['collisions']} of {every['worlds']}. Discs stand so close here that often no way is wide enough: "
+        f"{every['arrived']} arrive, {every['gave up']} give up. Overtaking and several movers are our own scenes.",
+        [
+            ("it arrives in all scenes, holonomic and differential", all(one["outcome"] == "success" for one in mine)),
+            ("it touches nothing in still worlds", every["collisions"] == 0),
+            ("it takes no gap below the width of its circle", every[below] == 0),
+            ("it arrives or says that it knows no further", every["arrived"] + every["gave up"] == every["worlds"]),
+        ],
+    )  # fmt: skip
+
+
+def _own(one: Record) -> list[str]:
+    """What only OperativeCriticalPointBug counts of a scene."""
+    times = (number(one[name], 1) for name in ("moving", "rotating", "detecting"))
+    return [str(one["iterations"]), *times, f"{one['avoided']} / {one['seen']}"]

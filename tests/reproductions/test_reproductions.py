@@ -54,6 +54,14 @@ def test_the_bounds_and_guarantees_of_the_bugs_hold_on_their_first_seeds() -> No
     assert result.holds
 
 
+def test_the_critical_points_of_the_paper_hold_in_its_scenes_and_in_the_first_still_worlds() -> None:
+    policies = ("operative_critical_point_bug",)
+    result = reproduction("operative-critical-points")(Settings(seeds=4, policies=policies))
+    assert result.holds
+    assert {one["label"] for one in result.data["scenes"]} >= {"crossing (9)", "opposite (10)", "course (12)"}
+    assert result.data["repairs"]["sub_goal=printed"]["collisions"] > 0
+
+
 def test_complete_bugs_say_unreachable_exactly_where_the_configuration_space_has_no_way() -> None:
     result = reproduction("bug-no-way")(Settings(seeds=18, workers=2, policies=bug_no_way.PROVEN))
     assert result.data["wrong"] == []

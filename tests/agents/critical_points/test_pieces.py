@@ -136,7 +136,8 @@ def swept(points: Any, begin: Any, heading: float, length: float, radius: float,
     """`sweep_leg` over points (k, 2)."""
     scratch = np.empty(len(points), dtype=np.int64)
     x, y = np.ascontiguousarray(points.T)
-    return sweep_leg(x, y, *begin, heading, length, radius, width, scratch, scratch.copy())
+    x0, y0 = begin
+    return sweep_leg(x, y, x0, y0, heading, length, radius, width, scratch, scratch.copy())
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -198,7 +199,8 @@ def test_a_capsule_in_the_scan_ends_beams_at_its_outline(seed: int) -> None:
     angles = np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False)
     cos, sin = np.cos(angles), np.sin(angles)
     ranges, owner = np.full(60, 9.0), np.full(60, -1, dtype=np.int64)
-    cast_capsule(cos, sin, *ends[0], *ends[1], radius, 7, ranges, owner)
+    (x0, y0), (x1, y1) = ends
+    cast_capsule(cos, sin, x0, y0, x1, y1, radius, 7, ranges, owner)
     ways = np.linspace(0.0, 9.0, 600)
     for i in range(60):
         distances = [kernels.point_wall_distance(w * cos[i], w * sin[i], *ends[0], *ends[1]) for w in ways]
