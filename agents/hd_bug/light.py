@@ -121,7 +121,7 @@ def light_toward(light: Floats, angle: float, is_strict: bool) -> float:
     turned = angle / (2.0 * math.pi) * count % count
     before = int(turned) % count
     one, other = light[before], light[(before + 1) % count]
-    return min(one, other) if is_strict else max(one, other)
+    return float(min(one, other) if is_strict else max(one, other))
 
 
 @kernel
@@ -148,9 +148,7 @@ def are_lit(places: Floats, lights: Floats, farthest: Floats, points: Floats, sl
 
 
 @kernel
-def are_before_walls(
-    places: Floats, lights: Floats, points: Floats, reach: float, slack: float, result: Flags
-) -> None:
+def are_before_walls(places: Floats, lights: Floats, points: Floats, reach: float, slack: float, result: Flags) -> None:
     """Which of some points (m, 2) lie at most `slack` [m] behind where a light area ends at something.
 
     Args:
