@@ -18,7 +18,7 @@ WORLDS: dict[str, dict[str, Any]] = {
     "u_trap": {"scenario": "u_trap", "overrides": {"world.rotation": "random", "time.limit": 300.0}},
     "hook": {"scenario": "hook", "overrides": {"world.rotation": "random", "time.limit": 300.0}},
     "rooms": {"scenario": "rooms", "overrides": {"time.limit": 300.0}},
-    "maze": {"scenario": "maze", "overrides": {"time.limit": 600.0}},
+    "maze": {"scenario": "maze", "overrides": {"time.limit": 300.0}},
     "dynamic": {"scenario": "dynamic"},
     "rush": {"scenario": "rush"},
 }

@@ -65,8 +65,7 @@ def tables(found: Record) -> Page:
         f"At {listed(counts)} obstacles the path of `hd_bug` over the shortest path is {', and '.join(ratios)}. Its mean "
         f"path is no longer than the other's in {len(shorter)} of {len(longer)} comparisons. At 500 obstacles and {ranges[0]} "
         f"{walks}. `hd_bug_map`, which is no bug, plans on a map of all that it has seen: its path over the shortest is "
-        f"{listed(f'{one:.3f}' for one in planned)} with a LIDAR of {ranges[0]}. All keep {hd_bug_tables.CLEARANCE:g} m from "
-        "walls.",
+        f"{listed(f'{one:.3f}' for one in planned)} with a LIDAR of {ranges[0]}.",
         [
             ("`hd_bug` reaches the goal in every world", all(one["success"] == 1.0 for one in ours.values())),
             (f"its path is within {100 * (hd_bug_tables.RATIO_ASKED - 1):.0f} % of the shortest, in the mean",
