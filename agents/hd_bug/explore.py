@@ -192,7 +192,6 @@ class Explorer:
                 best = kept
         if doors[best] is not memory.door:
             memory.door, memory.heading_to, memory.is_passing = doors[best], doors[best].outside, False
-            memory.anchor, memory.anchored = scene.view.position, 0
             memory.way = self._way_back(memory.path, doors[best])
         self._skip(scene, memory, doors[best])
 
