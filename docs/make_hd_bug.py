@@ -1,8 +1,8 @@
-"""Draws what HD-BUG and the map planner see and decide, as Figs. 21 to 24 of its paper do: `python docs/make_hd_bug.py` (extra `render`).
+"""Draws what HD-BUG and the map planner see and decide, as Figs. 21 to 24 of the paper do: `python docs/make_hd_bug.py`.
 
-Four moments of four episodes, one picture each: hd_bug_static.png (the list of light areas, candidates by cost),
-hd_bug_terrain.png (the map planner), hd_bug_dynamic.png (movers with their predicted ways), hd_bug_moving_target.png; and one episode among
-movers as hd_bug.gif.
+It needs the extra `render`. Four moments of four episodes, one picture each: hd_bug_static.png (the list of light areas,
+candidates by cost), hd_bug_terrain.png (the map planner), hd_bug_dynamic.png (movers with their predicted ways) and
+hd_bug_moving_target.png; and one episode among movers as hd_bug.gif.
 """
 
 from __future__ import annotations

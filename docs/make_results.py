@@ -108,7 +108,7 @@ def page(name: str, found: Record) -> str:
     )
     claims = table("Claims", ["claim", "found"], [[claim, verdict(true)] for claim, true in told.claims])
     parts = [
-        f"# {name}", first, rest, f"```bash\n{command(name)}\n```", made,
+        f"# {name}", first, rest, f"```bash\n{command(name)}\n```", made, found.get("remark", ""),
         claims if told.claims else "It claims nothing.",
         "## What it says", told.reading, "## Numbers", *told.tables,
     ]  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.agents.bugs.tangent_bug import TangentBug
+from bug_gym.agents.bugs.tangent_bug import TangentBug, TangentBugMemory
 from bug_gym.agents.hd_bug.memory import HDBugMemory
 from bug_gym.agents.walls.contour import TARGET_MOVED
 from bug_gym.policy import Drawing, Velocity
@@ -65,7 +65,7 @@ class Circumnavigation:
 
     def velocity(self, view: View, memory: HDBugMemory) -> Velocity:
         """Velocity along the obstacle, robot's frame [m/s]; it notes when the obstacle is left, or there is a verdict."""
-        assert memory.follow is not None
+        assert isinstance(memory.follow, TangentBugMemory)
         memory.mode = "circumnavigation"
         velocity = self.tangent_bug.act(view, memory.follow)
         memory.verdict = memory.follow.verdict
@@ -77,4 +77,4 @@ class Circumnavigation:
 
     def draw(self, memory: HDBugMemory) -> Drawing:
         """Hit and leave points, and the wall that is followed."""
-        return Drawing() if memory.follow is None else self.tangent_bug.draw(memory.follow)
+        return self.tangent_bug.draw(memory.follow) if isinstance(memory.follow, TangentBugMemory) else Drawing()

@@ -10,7 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light import MOST_DOORS, SLACK, are_lit, are_near, find_doors, rooms_along, thin_out
+from bug_gym.agents.hd_bug.doors import MOST_DOORS, are_near, find_doors, rooms_along, thin_out
+from bug_gym.agents.hd_bug.light import SLACK, are_lit
 from bug_gym.agents.hd_bug.memory import Closing, HDBugMemory, Walls
 from bug_gym.agents.hd_bug.parameters import HDBugParameters
 from bug_gym.agents.hd_bug.path_list import Door, PathList, PathNode
@@ -191,7 +192,6 @@ class Explorer:
                 best = kept
         if doors[best] is not memory.door:
             memory.door, memory.heading_to, memory.is_passing = doors[best], doors[best].outside, False
-            memory.anchor, memory.anchored = scene.view.position, 0
             memory.way = self._way_back(memory.path, doors[best])
         self._skip(scene, memory, doors[best])
 

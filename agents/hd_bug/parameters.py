@@ -50,7 +50,7 @@ class HDBugParameters:
     hysteresis: Weight = 0.0
     """By which share of its cost, and by 0.3 m, another candidate must be better than the one that it heads for."""
     patience: Weight = 10.0
-    """How long it tries candidates without coming nearer to the goal, in distances to it; then it circumnavigates."""
+    """How far it goes by candidates without coming nearer to the goal, as a share of the distance to it; more than 1."""
     horizon: Length = 3.0
     """How far ahead movers are predicted [s]."""
     margin: Length = 0.3

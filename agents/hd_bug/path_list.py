@@ -14,8 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light import HEADINGS, SLACK, are_before_walls, are_in_sight, are_lit, least_ways
+from bug_gym.agents.hd_bug.light import HEADINGS, SLACK, are_before_walls, are_in_sight, are_lit
+from bug_gym.compiling import kernel
 from bug_gym.geometry import F64, Point
+from bug_gym.kernels.layout import Flags, Floats
 
 SAME = 0.2
 """Nearer than this to a node no new one is made [m]: the list grows with the ground, not with time."""
@@ -175,3 +177,35 @@ class PathList:
         while way[-1] != start:
             way.append(int(before[way[-1]]))
         return way[::-1]
+
+
+@kernel
+def least_ways(places: Floats, links: Flags, start: int, done: Flags, length: Floats, before: Floats) -> None:
+    """Least ways from one place to all over links: Dijkstra's, over arrays.
+
+    Args:
+        places: (n, 2) [m].
+        links: (m, m) of at least n; which places one can go between straight.
+        start: where from.
+        done: (n,) False; is written.
+        length: (n,) [m] is written; infinite where there is no way.
+        before: (n,) number of the place before each on its way, -1: none; is written.
+    """
+    count = len(places)
+    length[:] = np.inf
+    before[:] = -1.0
+    length[start] = 0.0
+    for _ in range(count):
+        best, least = -1, np.inf
+        for j in range(count):
+            if not done[j] and length[j] < least:
+                best, least = j, length[j]
+        if best < 0:
+            break
+        done[best] = True
+        for j in range(count):
+            if done[j] or not links[best, j]:
+                continue
+            way = least + math.hypot(places[j, 0] - places[best, 0], places[j, 1] - places[best, 1])
+            if way < length[j]:
+                length[j], before[j] = way, best

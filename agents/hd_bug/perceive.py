@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.frames import in_odometry
 from bug_gym.agents.hd_bug.ladder import density
@@ -18,7 +17,6 @@ from bug_gym.agents.tracking.tracker import Tracker, Tracks
 from bug_gym.agents.walls.tangent_graph import GROWTH
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors, View
-
 
 SPACING = 0.15
 """Largest distance between the points of one wall [m]."""
@@ -88,5 +86,5 @@ class Perception:
         return light, Walls(x, y, still)
 
     def _detection_radius(self, memory: HDBugMemory) -> float:
-        """r' of eq. (6) [m]."""
+        """R' of eq. (6) [m]."""
         return min(self.parameters.r_base * 2.0**memory.ladder.k, self.sensors.range)

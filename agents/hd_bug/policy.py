@@ -19,7 +19,7 @@ Where the paper contradicts itself or is silent, this package decides:
    node of the list keeps its own. Shadow is what no node has lit. (light)
 2. Candidates (eq. 7, Procedure 3, Table 1). Doors: from a place v in the light to q in the shadow beside it, where the
    light jumps behind the end of an obstacle ("vertices") and where the beams end ("end point at r_max"). They are looked
-   for every pace. A door is closed when q is lit, or when it leads into an obstacle. (light, explore)
+   for every pace. A door is closed when q is lit, or when it leads into an obstacle. (doors, explore)
 3. Cost (eq. 8 and Table 1). J = alpha (C(s, v) + D(v, g)) + beta risk(v): C is the way over the list, D goes over q and
    on straight, risk is narrowness and movers. The least J over the whole list is chosen, and kept until it is closed or
    another is better by far. (explore)
@@ -53,11 +53,11 @@ from bug_gym.agents.hd_bug.avoid import Avoidance
 from bug_gym.agents.hd_bug.circumnavigate import Circumnavigation
 from bug_gym.agents.hd_bug.drive import TURNING, Motion
 from bug_gym.agents.hd_bug.explore import Explorer
-from bug_gym.agents.hd_bug.light import ANGLES
 from bug_gym.agents.hd_bug.memory import HDBugMemory
 from bug_gym.agents.hd_bug.parameters import HDBugParameters
 from bug_gym.agents.hd_bug.perceive import Perception, Scene
-from bug_gym.geometry import F64, Point, velocity_along
+from bug_gym.agents.hd_bug.shown import labelled, light_ring
+from bug_gym.geometry import Point, velocity_along
 from bug_gym.kinematics import differential_action
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -210,22 +210,3 @@ class HDBug(ScriptedPolicy):
                 (*a, *b, "forecast") for a, b in zip(future[:-1:4].tolist(), future[4::4].tolist(), strict=False)
             ]
         return Drawing(points=[*points, *followed.points], segments=segments, areas=areas)
-
-
-def light_ring(place: F64, light: F64) -> F64:
-    """Outline (K, 2) of a light area (K,) about a place (2,) [m]."""
-    ring: F64 = place + light[:, None] * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
-    return ring
-
-
-def labelled(candidates: F64, costs: F64) -> list[tuple[float, float, str]]:
-    """Candidates (m, 2) with a label for their costs (m,): the share of the way from the least to the highest."""
-    finite = costs[np.isfinite(costs)]
-    if len(finite) == 0:
-        return []
-    low, high = float(finite.min()), float(finite.max())
-    points = []
-    for (px, py), cost in zip(candidates.tolist(), costs.tolist(), strict=True):
-        share = (cost - low) / (high - low) if high > low and math.isfinite(cost) else 1.0
-        points.append((px, py, "cheap" if share < 0.25 else "candidate" if share < 0.6 else "dear"))
-    return points

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
+from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.perceive import Scene
 
 GOAL_STANDS = 0.02

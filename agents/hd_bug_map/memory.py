@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bug_gym.agents.hd_bug.ladder import Ladder
-from bug_gym.agents.hd_bug_map.light_area import LightArea
 from bug_gym.agents.hd_bug.moving_goal import MovingGoal
+from bug_gym.agents.hd_bug_map.light_area import LightArea
 from bug_gym.agents.hd_bug_map.poses import Turns
 from bug_gym.agents.mapping.point_map import PointMap
 from bug_gym.agents.mapping.way import Way

@@ -5,7 +5,6 @@ The detection radius and its ladder are told in hd_bug/ladder.py.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np

@@ -36,10 +36,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.agents.hd_bug.frames import in_odometry
+from bug_gym.agents.hd_bug.shown import labelled
 from bug_gym.agents.hd_bug_map.aim import aim
 from bug_gym.agents.hd_bug_map.avoid import Avoidance
 from bug_gym.agents.hd_bug_map.follow_way import follow_way
-from bug_gym.agents.hd_bug.frames import in_odometry
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, measures_of
 from bug_gym.agents.hd_bug_map.perceive import Perception, Scene
@@ -48,7 +49,7 @@ from bug_gym.agents.mapping.way import Way
 from bug_gym.agents.prediction import make_predictor
 from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.agents.tracking.tracker import Tracker
-from bug_gym.geometry import F64, velocity_along
+from bug_gym.geometry import velocity_along
 from bug_gym.kinematics import differential_action
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -142,16 +143,3 @@ class HDBugMap(ScriptedPolicy):
                 (*a, *b, "forecast") for a, b in zip(future[:-1:4].tolist(), future[4::4].tolist(), strict=False)
             ]
         return Drawing(points=points, segments=segments, areas=areas)
-
-
-def labelled(candidates: F64, costs: F64) -> list[tuple[float, float, str]]:
-    """Candidates (m, 2) with a label for their costs (m,): the share of the way from the least to the highest."""
-    finite = costs[np.isfinite(costs)]
-    if len(finite) == 0:
-        return []
-    low, high = float(finite.min()), float(finite.max())
-    points = []
-    for (px, py), cost in zip(candidates.tolist(), costs.tolist(), strict=True):
-        share = (cost - low) / (high - low) if high > low and math.isfinite(cost) else 1.0
-        points.append((px, py, "cheap" if share < 0.25 else "candidate" if share < 0.6 else "dear"))
-    return points

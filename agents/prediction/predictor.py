@@ -1,4 +1,4 @@
-"""What a predictor is and what it answers: the interface that HD-BUG and the map planner ask, and that plain and learned ones have.
+"""What a predictor is and what it answers: what HD-BUG and the map planner ask, and plain and learned ones have.
 
 It knows the tracks of one robot and nothing else; what it says is a place and a spread for each track and time.
 """

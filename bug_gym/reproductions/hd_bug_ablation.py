@@ -14,11 +14,11 @@ from bug_gym.reproductions.result import Reproduction, Settings, Table
 WHOLE = "whole"
 PARTS: tuple[str, ...] = tuple(part for part in get_args(Part) if part)
 WORLDS: dict[str, dict[str, Any]] = {
-    "500 still obstacles": {"scenario": hd_bug_tables.field(500, 10.0)},
+    "500 still obstacles": {"scenario": hd_bug_tables.field(500, 10.0), "overrides": {"time.limit": 400.0}},
     "u_trap": {"scenario": "u_trap", "overrides": {"world.rotation": "random", "time.limit": 300.0}},
     "hook": {"scenario": "hook", "overrides": {"world.rotation": "random", "time.limit": 300.0}},
     "rooms": {"scenario": "rooms", "overrides": {"time.limit": 300.0}},
-    "maze": {"scenario": "maze", "overrides": {"time.limit": 600.0}},
+    "maze": {"scenario": "maze", "overrides": {"time.limit": 300.0}},
     "dynamic": {"scenario": "dynamic"},
     "rush": {"scenario": "rush"},
 }
@@ -66,7 +66,7 @@ def worth(mine: list[EpisodeRow], whole: list[EpisodeRow]) -> dict[str, Any]:
     return {
         "success_minus_whole": [success.mean, success.low, success.high],
         "p_value": success.p_value,
-        "path_minus_whole": [path.mean, path.low, path.high] if path.n else None,
+        "path_minus_whole": [path.mean, path.low, path.high] if path.n > 1 else None,
         "changed": sum(ends[row.scenario, row.seed] != (row.outcome, row.path_length) for row in mine),
     }
 

@@ -84,7 +84,15 @@ def reproduce(settings: Settings) -> Reproduction:
                     [label, predictor, f"{100 * gap.mean:+.1f} [{100 * gap.low:+.1f}, {100 * gap.high:+.1f}]",
                      f"{gap.p_value:.3g}", f"{slower.mean:+.2f} [{slower.low:+.2f}, {slower.high:+.2f}]"]
                 )  # fmt: skip
-    header = ["movers", "hd_bug, or hd_bug_map with", "reached [%]", "collisions", "of them avoidable", "neither", "time [s]"]
+    header = [
+        "movers",
+        "hd_bug, or hd_bug_map with",
+        "reached [%]",
+        "collisions",
+        "of them avoidable",
+        "neither",
+        "time [s]",
+    ]
     paired = ["movers", "line", "success minus kalman's [%]", "p (McNemar)", "time minus kalman's [s]"]
     tables = [Table(f"{seeds} worlds a line, 20 of 40 obstacles moving", header, lines)]
     if pairs:

@@ -226,7 +226,7 @@ def side_by_side(found: Record) -> Page:
         f"{says('hd_bug_map', 'rush', 'denser', 'faster')} (and more with a learned predictor, see "
         "[hd-bug-dynamic](hd-bug-dynamic.md)). In mazes, rooms and traps, where one has to remember, the networks "
         f"fail: the best of those above reaches {listed(f'{percent(value)} % of `{place}`' for place, value in best.items())}. "
-        f"`hd_bug_map` reaches {says('hd_bug_map', *best)} within the time limit. The networks do well on the map that looks like "
-        f"what they learnt on (`ppo_mixed`: {says('ppo_mixed', 'map depot')}) and worse in the narrow one "
+        f"`hd_bug_map` reaches {says('hd_bug_map', *best)} within the time limit. The networks do well on the map that looks "
+        f"like what they learnt on (`ppo_mixed`: {says('ppo_mixed', 'map depot')}) and worse in the narrow one "
         f"({says('ppo_mixed', 'map tb3_sandbox')}). They also are bound to the robot and scanner of their training.",
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bug_gym.agents.hd_bug.ladder import Ladder, density
+from bug_gym.agents.hd_bug.ladder import Ladder
 
 
 def test_three_dense_steps_enlarge_the_detection_radius_and_two_do_not() -> None:

@@ -9,16 +9,8 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light import (
-    ANGLES,
-    HEADINGS,
-    MOST_DOORS,
-    are_before_walls,
-    fill_walls,
-    find_doors,
-    light_toward,
-    measure_light,
-)
+from bug_gym.agents.hd_bug.doors import MOST_DOORS, find_doors
+from bug_gym.agents.hd_bug.light import ANGLES, HEADINGS, are_before_walls, fill_walls, light_toward, measure_light
 
 F64 = NDArray[np.float64]
 REACH, RADIUS, BEAMS = 5.0, 0.27, 360
