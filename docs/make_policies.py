@@ -35,7 +35,8 @@ KINDS = {
 HEAD = """# Policies
 
 All policies have stable-baselines3's `predict`: `make_policy(name, env, **parameters)` makes one for the robot of any env,
-`bug-gym list policies` names them. Each sees its observation and its own memory, never the world.
+`bug-gym list policies` names them. Each sees its observation and its own memory, never the world; but for the planners
+that are privileged: they read the map of a live env as an episode begins, and what moves as it is now.
 
 "Arrives always" is the guarantee in its docstring. It holds in still worlds without gaps between twice the body's radius
 and twice the clearance. An algorithm that finds its goal shut in says so (`memory.verdict`: "unreachable"), one that finds
@@ -67,6 +68,7 @@ class Entry(NamedTuple):
     module: Any
     """Its module."""
     policy_class: type
+    is_privileged: bool
 
 
 def entries() -> list[Entry]:
@@ -81,7 +83,8 @@ def entries() -> list[Entry]:
             continue
         module_name, class_name = agent.entry_point.split(":")
         module = importlib.import_module(f"bug_gym.agents.{module_name}")
-        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, getattr(module, class_name))
+        policy_class = getattr(module, class_name)
+        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, policy_class, agent.privileged)
     return list(found.values())
 
 
@@ -89,7 +92,7 @@ def summary(entry: Entry) -> str:
     """The first sentence of the docstring, without the name it begins with."""
     first = " ".join(str(entry.module.__doc__).split("\n\n")[0].split()).rstrip(".")
     name, colon, rest = first.partition(": ")
-    return rest if colon and entry.family == "bug" else first
+    return rest if colon and entry.family in ("bug", "planner") else first
 
 
 def arrives_always(entry: Entry) -> str:
@@ -134,6 +137,8 @@ def section(entry: Entry) -> str:
         f"arrives always: {arrives_always(entry)}",
         f"file: [{path}](../{path})",
     ]
+    if entry.is_privileged:
+        facts.append("privileged: is given the map")
     own = [f"`{name}`" for name in parameter_names(entry.policy_class) if name != "model" or entry.family != "learned"]
     if own:
         facts.insert(3, f"parameters: {', '.join(own)}")
