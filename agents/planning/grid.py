@@ -315,7 +315,7 @@ def links_of(blocked: Bytes, row: int, column: int, diagonal: bool, cut: bool) -
         return 0
     east, north = 1 - blocked[row, column + 1], 1 - blocked[row + 1, column]
     west, south = 1 - blocked[row, column - 1], 1 - blocked[row - 1, column]
-    steps = east | north << 2 | west << 4 | south << 6
+    steps: int = east | north << 2 | west << 4 | south << 6
     if diagonal:
         steps |= (corner(east, north, cut) & 1 - blocked[row + 1, column + 1]) << 1
         steps |= (corner(north, west, cut) & 1 - blocked[row + 1, column - 1]) << 3

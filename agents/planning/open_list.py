@@ -68,7 +68,7 @@ def take(heap: OpenList, node: int) -> None:
 @called
 def spend_first(heap: OpenList) -> int:
     """The first node, which counts as not in the list any more; its entry stays until put_next or drop_spent."""
-    node = heap.entries[0, 2]
+    node: int = heap.entries[0, 2]
     heap.place[node] = 0
     heap.entries[0, 0] = -1  # nothing rises above it
     return node

@@ -162,7 +162,9 @@ def interval(values: Sequence[float]) -> tuple[float, float, float]:
 
 def told(values: tuple[float, float, float]) -> str:
     """A mean with its interval as text."""
-    return "-" if math.isnan(values[0]) else f"{values[0]:.3f} [{values[1]:.3f}, {values[2]:.3f}]"
+    if math.isnan(values[0]):
+        return "-"
+    return f"{values[0]:.3f}" if math.isnan(values[1]) else f"{values[0]:.3f} [{values[1]:.3f}, {values[2]:.3f}]"
 
 
 def price_table(label: str, rows: Sequence[EpisodeRow], policies: Sequence[str]) -> Table:

@@ -17,6 +17,8 @@ def test_d2t_eaco_holds_on_its_first_runs() -> None:
     titles = [table.title for table in result.tables]
     assert any(title.startswith("Table 2, S1") for title in titles) and len(result.curves) == 1
     for name in ("S1", "S2"):
-        lengths = {planner: one["length"] for planner, one in result.data["table_2"][name].items() if isinstance(one, dict)}
+        lengths = {
+            planner: one["length"] for planner, one in result.data["table_2"][name].items() if isinstance(one, dict)
+        }
         assert lengths["shortest way (ours)"] <= min(lengths.values()) + 1e-6
         assert lengths["d2t_eaco, funnel"] <= lengths["d2t_eaco, refined"] + 1e-9
