@@ -219,6 +219,13 @@ def in_frame(places: F64, pose: Pose) -> F64:
     return turned
 
 
+def inverse(pose: Pose) -> Pose:
+    """The pose of a frame's origin in the frame of a pose: `in_frame` with it leads back."""
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    return -cos * x - sin * y, sin * x - cos * y, -heading
+
+
 def moved_discs(discs: F64, pose: Pose) -> F64:
     """Discs (n, 3) x, y, radius in the frame of a pose [m]."""
     return np.column_stack([in_frame(discs[:, :2], pose), discs[:, 2]])

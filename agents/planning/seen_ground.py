@@ -14,11 +14,14 @@ from bug_gym.agents.mapping.point_map import PointMap
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.grid import Grid, Lattice, Nodes, make_grid, relink_nodes
 from bug_gym.agents.planning.grid_planner import GridParameters
+from bug_gym.agents.planning.map import in_frame, inverse
 from bug_gym.agents.planning.planner import Room
 from bug_gym.agents.planning.route import Route
 from bug_gym.agents.planning.smoothing import Solids
 from bug_gym.geometry import Point
 from bug_gym.view import Sensors, View
+
+NO_EDGES = np.zeros((0, 4))
 
 SPAN = 10.0
 """Half of the side of the grid at first [m]; it grows by itself."""
@@ -37,33 +40,37 @@ class SeenGround:
         self.room = self._rooms.pop(0)
         self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self._clearance, Search())
         self.grid = self._grid()
-        self.solids = self._solids()
+        self._solids: Solids | None = None
+        self._hits = np.zeros((0, 3))
 
     def look(self, view: View, goal: Point) -> bool:
         """Remember what a scan shows. Returns whether ground has turned out free, or the grid has grown."""
         before = self.points.removed
+        self._hits = np.column_stack([*view.points, np.zeros(len(view.points[0]))])
+        self._hits[:, :2] = in_frame(self._hits[:, :2], inverse(view.pose))
         sensors = view.sensors
         still = np.ones(len(view.ranges), dtype=bool)
         self.points.cover(*goal, sensors.range)
         added = self.points.add_scan(
             view.position, view.heading, sensors.angles, view.ranges, sensors.range, sensors.range_noise, still
         )
+        if self.points.cells.blocked.shape != (self.grid.lattice.rows - 2, self.grid.lattice.columns - 2):
+            self.grid, self._solids = self._grid(), None
+            return True
         if added == 0 and self.points.removed == before:
             return False
-        self.solids = self._solids()
+        self._solids = None
         return self._renew()
 
     def _renew(self) -> bool:
+        """Take over which cells are blocked now. Returns whether one has turned out free."""
         cells = self.points.cells
-        if cells.blocked.shape != (self.grid.lattice.rows - 2, self.grid.lattice.columns - 2):
-            self.grid = self._grid()
-            return True
         inner = self.grid.blocked[1:-1, 1:-1]
         now = cells.blocked > 0
-        changed = now != inner
-        if not changed.any():
+        changed = np.flatnonzero(now != inner)
+        if len(changed) == 0:
             return False
-        rows, columns = np.nonzero(changed)
+        rows, columns = np.divmod(changed, now.shape[1])
         # A new grid, so that a search can tell what has changed since it was asked last.
         self.grid = self.grid._replace(blocked=self.grid.blocked.copy(), links=self.grid.links.copy())
         self.grid.blocked[1:-1, 1:-1] = now
@@ -77,7 +84,7 @@ class SeenGround:
             return False
         self.room = self._rooms.pop(0)
         self.points.set_clearance(self._clearance)
-        self.grid, self.solids = self._grid(), self._solids()
+        self.grid, self._solids = self._grid(), None
         return True
 
     def ends(self, scene: Scene, sensors: Sensors) -> tuple[int, int] | None:
@@ -93,10 +100,18 @@ class SeenGround:
         return (start, goal) if self.solids.with_growth(body).is_clear(scene.pose[:2], (place[0], place[1])) else None
 
     def is_route_open(self, route: Route, here: Point) -> bool:
-        """Whether the rest of a way keeps half its margin."""
-        solids = self.solids.with_growth(self._growth - 0.5 * self.room.margin)
+        """Whether the rest of a way keeps half its margin from what the last scan has hit; the rest was known before."""
+        solids = Solids(self._hits, NO_EDGES, self.room.radius + 0.5 * self.room.margin)
         chain = [here, *((x, y) for x, y in route.ahead(math.inf)[1:].tolist())]
         return all(map(solids.is_clear, chain[:-1], chain[1:]))
+
+    @property
+    def solids(self) -> Solids:
+        """What has been seen, point by point."""
+        if self._solids is None:
+            points = self.points.points()
+            self._solids = Solids(np.column_stack([points, np.zeros(len(points))]), NO_EDGES, self._growth)
+        return self._solids
 
     @property
     def _growth(self) -> float:
@@ -107,10 +122,6 @@ class SeenGround:
     def _clearance(self) -> float:
         """From how near to a point on the centre of a cell is blocked [m], see GridPlanner.clearance_of."""
         return math.hypot(self._growth, math.sqrt(0.5) * self._parameters.resolution)
-
-    def _solids(self) -> Solids:
-        points = self.points.points()
-        return Solids(np.column_stack([points, np.zeros(len(points))]), np.zeros((0, 4)), self._growth)
 
     def _grid(self) -> Grid:
         cells = self.points.cells

@@ -115,6 +115,9 @@ def test_each_rule_of_the_colony_works() -> None:
     plain = eaco(sleeve, seed=5)
     for change in ({"alpha": 3.0}, {"beta": 0.0}, {"q0": 0.0}, {"levy_rate": 1.0, "levy_scale": 5.0}, {"ants": 3}):
         assert not np.array_equal(eaco(sleeve, replace(Colony(), **change), seed=5).gamma, plain.gamma), change
+    # The same numbers are drawn; what the flights add to the weights is what differs.
+    still, flying = (Colony(levy_rate=1.0, levy_scale=scale) for scale in (0.0, 5.0))
+    assert not np.array_equal(eaco(sleeve, still, seed=5).gamma, eaco(sleeve, flying, seed=5).gamma)
     # Pheromone is what is learnt: without it, and without greed, the best of as many ways is longer.
     by_lot = Colony(alpha=0.0, beta=0.0, q0=0.0, levy_rate=0.0, patience=50)
     assert eaco(sleeve, by_lot, seed=5).length > eaco(sleeve, Colony(patience=50), seed=5).length

@@ -261,6 +261,12 @@ def test_in_unknown_terrain_d_star_lite_sees_the_map_of_no_one() -> None:
     assert given.full_length < episode.full_length
 
 
+def test_in_unknown_terrain_nothing_seen_is_the_straight_way_however_far() -> None:
+    world = {"family": "empty", "bounds": [-5, -5, 60, 60], "start": [0, 0, 0], "goal": [40, 30]}
+    episode = run_episode("d_star_lite", {"world": world, "lidar": {"range": 3.0}}, known=False)
+    assert episode.outcome == "success" and episode.full_length == pytest.approx(50.0, rel=0.005)
+
+
 def test_in_unknown_terrain_a_shut_in_goal_is_found_out() -> None:
     episode = run_episode("d_star_lite", {"world": walled(0.3)}, known=False)
     assert episode.verdict == "unreachable" and "what has been seen leaves no way" in episode.memory.reason
