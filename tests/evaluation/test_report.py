@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bug_gym.agents import policy_names
+from bug_gym.agents import policy_names, reads_map
 from bug_gym.agents.learning.folder import trained_names
 from bug_gym.evaluation.report import print_differences, print_table, write_summary
 from bug_gym.evaluation.rows import EpisodeRow
@@ -77,7 +77,9 @@ def test_percents_have_a_decimal_where_rounding_would_hide_an_episode() -> None:
 
 
 def test_the_longest_name_of_a_policy_fits_a_screen_of_80_columns() -> None:
-    name = max((*policy_names(), *trained_names()), key=len)
+    # Those that read the map are marked in brackets, so theirs are folded at the blank.
+    unmarked = [name for name in policy_names() if not reads_map(name, {})]
+    name = max((*unmarked, *trained_names()), key=len)
     rows = [replace(row, policy=name, time_ratio=0.5) for row in ROWS[:2]]
     assert f"\n {name} " in printed(summarise(rows), width=80)
 
