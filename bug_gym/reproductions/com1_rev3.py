@@ -11,7 +11,7 @@ manner, on maps of our own: the paper's are not printed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -142,7 +142,7 @@ def _route(job: tuple[str, float]) -> dict[str, Any]:
     """One route."""
     route, hold = job
     places = {"world.start": route[0], "world.goal": route[1]}
-    rules = {"sides": "left", "partner_rule": "ghost", "hold_distance": hold, "clearance": CLEARANCE}
+    rules: dict[str, Any] = {"sides": "left", "partner_rule": "ghost", "hold_distance": hold, "clearance": CLEARANCE}
     run = run_team("com1_rev3", "oni_wang", {**PAPER, **places}, ghosts=True, **rules)
     assert run.winner is not None
     return {
@@ -173,7 +173,7 @@ def formulas(settings: Settings) -> Part:
     """Totals of both algorithms on rectangles and discs of random sizes."""
     obstacles = obstacles_across(settings.seeds or 50)
     runs = list(each(_totals, obstacles, settings.workers, in_order=True))
-    kinds = {
+    kinds: dict[str, Callable[[Across], bool]] = {
         "rectangle": lambda one: not one.is_disc and not one.offset,
         "rectangle, off the axis": lambda one: one.offset > 0.0,
         "disc": lambda one: one.is_disc,
@@ -255,11 +255,11 @@ def claim(settings: Settings) -> Part:
     return Part([Table("Ways of both robots together: com1_rev3 and bug1_pair", header, rows)], data, True, [note])
 
 
-def _compared(job: tuple[int, int]) -> dict[str, float | None]:
+def _compared(job: tuple[int, int]) -> dict[str, Any]:
     """Both ways together in one world; None where no robot arrived."""
     seed, most = job
     scenario = random_world(seed, most=most)
-    found: dict[str, float | None] = {"length": across(scenario)}
+    found: dict[str, Any] = {"length": across(scenario)}
     for name in ("com1_rev3", "bug1_pair"):
         run = run_team(name, scenario, seed=seed, clearance=CLEARANCE)
         found[name] = float(run.lengths.sum()) if "success" in run.outcomes else None
@@ -376,11 +376,9 @@ def table_2(settings: Settings) -> Part:
             whole = f"{total:.1f}" if reached == len(lengths) else "infinite"
             rows.append([label, name, *cells, whole, f"{reached / len(lengths):.2f}"])
     header = ["map", "policy", "AB", "AC", "BA", "BC", "CA", "CB", "total [m]", "effectiveness"]
-    same = all(
-        found["rev3", *route] is not None and _near(found["rev3", *route], found["rev2", *route])
-        for route in {job[1:] for job in jobs}
-        if found["rev2", *route] is not None
-    )
+    routes = {job[1:] for job in jobs}
+    pairs = [(found["rev2", *route], found["rev3", *route]) for route in routes]
+    same = all(after is not None and _near(after, before) for before, after in pairs if before is not None)
     note = (
         "Effectiveness is the share of routes on which the goal is reached; who fails on one has no efficiency, its "
         f"total is infinite. Rev3 drives about as far as Rev2 wherever that arrives: {'yes' if same else 'no'}."

@@ -153,7 +153,7 @@ def test_a_winner_that_has_arrived_keeps_the_others_standing() -> None:
     env = bug_gym.parallel_env({**scenario, "mission": "all"})
     policy: Any = make_policy("com1_rev3", env)
     seen, _ = env.reset(seed=0)
-    state = None
+    state: Any = None
     for _ in range(120):
         actions, state = policy.predict({agent: seen[agent] for agent in env.agents}, state)
         seen, *_ = env.step(actions)

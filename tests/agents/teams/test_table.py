@@ -62,7 +62,8 @@ def test_differential_robots_with_noise_never_touch(name: str) -> None:
     env = bug_gym.parallel_env(random_world(4), overrides=noisy)
     team: Any = make_policy(name, env, clearance=1.0)
     seen, _ = env.reset(seed=0)
-    state, infos = None, {}
+    state: Any = None
+    infos: dict[str, Any] = {}
     while env.agents:
         actions, state = team.predict({agent: seen[agent] for agent in env.agents}, state)
         seen, _, _, _, infos = env.step(actions)
@@ -73,7 +74,8 @@ def test_differential_robots_with_noise_never_touch(name: str) -> None:
 def test_what_it_shows_of_a_robot_can_be_drawn(name: str) -> None:
     simulation = Simulation(random_world(3))
     team: Any = make_policy(name, simulation)
-    flat, state = simulation.reset(seeds=[0])[0], None
+    flat = simulation.reset(seeds=[0])[0]
+    state: Any = None
     for _ in range(80):
         actions, state = team.predict(flat, state)
         flat = simulation.step(actions[None]).observation[0]
