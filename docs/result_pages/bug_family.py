@@ -104,6 +104,7 @@ def com1_rev3(found: Record) -> Page:
                 paying,
             ),
         ],
+        f"Of worlds and sizes this record has the first {crowds['2']['n']} (`--seeds`); the whole has 500 and 50.\n\n"
         "s*: way of the winner when it is known to win, on the contour with rounded corners. A run is measured against the "
         "formula of the rounded contour; the pair that meets lacks at most twice the gap at which its robots meet. The "
         f"paper's (20), a quarter of the circumference on a disc, is more than the difference on {quarter['below']} of "
