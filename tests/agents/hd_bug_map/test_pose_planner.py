@@ -40,12 +40,12 @@ def wall_with_gap(gap: float, heading: float) -> dict[str, Any]:
 
 @pytest.mark.parametrize("heading", [0.0, 1.2])
 def test_a_long_robot_turns_and_goes_lengthwise_through_a_passage_narrower_than_its_length(heading: float) -> None:
-    episode = run_episode("hd_bug", wall_with_gap(0.8, heading))
+    episode = run_episode("hd_bug_map", wall_with_gap(0.8, heading))
     assert episode.outcome == "success"
 
 
 def test_a_passage_narrower_than_the_body_is_no_way() -> None:
-    episode = run_episode("hd_bug", wall_with_gap(0.4, 0.0))
+    episode = run_episode("hd_bug_map", wall_with_gap(0.4, 0.0))
     assert episode.verdict == "unreachable"
 
 
