@@ -1,7 +1,8 @@
 """Velocity obstacle: head for the goal with the velocity nearest to the straight one that leads to no contact.
 
 Source: Fiorini and Shiller (1998), as in Sellers et al. (2026), section 5, with its goal as the sub-goal. Sensing
-assumed: the scan; movers through the tracker (agents/tracking). Memory kept: the tracks. States: navigating. Guarantee: none; a wall across the way holds it for ever. Length: no bound.
+assumed: the scan; movers through the tracker (agents/tracking). Memory kept: the tracks. States: navigating. Guarantee:
+none; a wall across the way holds it for ever. Length: no bound.
 """
 
 from __future__ import annotations
