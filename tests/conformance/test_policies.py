@@ -15,6 +15,7 @@ from bug_gym import observation
 from bug_gym.agents import AGENTS, make_policy, policy_names
 from bug_gym.policy import Drawing, ScriptedPolicy
 from bug_gym.simulation import Simulation
+from bug_gym.team_policy import EachAlone
 
 SCRIPTED = [name for name, agent in AGENTS.items() if agent.family != "learned"]
 CAREFUL = [name for name in SCRIPTED if name != "random"]
@@ -227,8 +228,10 @@ def test_a_policy_is_made_from_any_face(source: str) -> None:
         "parallel": lambda: bug_gym.parallel_env("static", robots=2),
         "aec": lambda: bug_gym.env("static", robots=2),
     }
-    policy = make_policy("bug2", makers[source]())
-    assert isinstance(policy, ScriptedPolicy) and len(policy.sensors.angles) == 64
+    policy: Any = make_policy("bug2", makers[source]())
+    single = policy.policy if isinstance(policy, EachAlone) else policy  # several robots, each by itself
+    assert isinstance(single, ScriptedPolicy) and len(policy.sensors.angles) == 64
+    assert isinstance(policy, EachAlone) == (source in ("parallel", "aec"))
 
 
 def test_sb3s_evaluate_policy_runs_a_scripted_policy_as_it_stands() -> None:

@@ -22,7 +22,7 @@ from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
 
 PLANNERS = [name for name, line in AGENTS.items() if line.entry_point.startswith("planning.")]
-GRID = [name for name in PLANNERS if name not in ("visibility_graph", "rrt_star", "d2t_eaco")]
+GRID = [name for name in PLANNERS if name not in ("visibility_graph", "rrt_star", "d2t_eaco", "d2t_dijkstra")]
 BODY, MARGIN = 0.2, 0.05
 
 
