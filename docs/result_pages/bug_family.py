@@ -125,7 +125,7 @@ def bounds(found: Record) -> Page:
     """Guarantees and length bounds."""
     policies = found["policies"]
     header = list(next(iter(policies.values())))
-    complete = [policies[name] for name in bug_bounds.COMPLETE]
+    complete = [one for name, one in policies.items() if name in bug_bounds.COMPLETE]
     arrived = {name: float(one["success [%]"].split()[0]) for name, one in policies.items()}
     return Page(
         [
