@@ -12,6 +12,7 @@ import shapely
 from episodes import Episode, run_episode, tolerance
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.bugs.k_bug import KBug
 from bug_gym.agents.walls.vertex_chain import chain_past, tangent
 from bug_gym.geometry import F64, Point
 
@@ -179,5 +180,7 @@ def first_steps(polygon: Polygon, start: Point) -> Episode:
 
 def test_it_draws_the_chain_that_it_chose() -> None:
     episode = first_steps(BAG, INSIDE)
-    segments = make_policy("k_bug", episode.simulation).draw(episode.memory).segments
+    policy = make_policy("k_bug", episode.simulation)
+    assert isinstance(policy, KBug)
+    segments = policy.draw(episode.memory).segments
     assert len(episode.memory.chain) >= 2 and len(segments) == len(episode.memory.chain) - 1
