@@ -261,7 +261,7 @@ def lidar_density(found: Record) -> Page:
             picture("lidar-density", "Success against the number of beams and against range noise"),
             *sweep_tables(found, ["LIDAR density", "Range noise"]),
         ],
-        f"With {fewest} beams the policies arrive in {percent(min(few.values()))} to {percent(max(few.values()))} % of the runs, "
+        f"With {fewest} beams the policies arrive in {percent(min(few.values()))} to {percent(max(few.values()))} % of runs, "
         f"with {plenty} in at least {percent(min(enough.values()))} %. Range noise of {slight:g} m leaves all at "
         f"{percent(min(before.values()))} % or more; at {most:g} m `{best}` is left with "
         f"{percent(last[best])} %, the others with {percent(min(last.values()))} to "
