@@ -57,6 +57,14 @@ This page is made by `python docs/make_policies.py` from the table in `agents/__
 modules.
 """
 
+REPORTS = """## What papers report, and what was found
+
+"""
+"""What stands above the table of reports."""
+
+REPORT = re.compile(r"Reported(?:, (?P<by>[^:]*))?: (?P<reported>.*?) Found: (?P<found>.*)")
+"""A paragraph of a docstring that says what a paper reports and what was found."""
+
 
 class Entry(NamedTuple):
     """One algorithm of the table."""
@@ -127,6 +135,19 @@ def overview() -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
 
 
+def reports() -> str:
+    """The table of what papers report and what was found, of the modules whose docstrings say so."""
+    rows = []
+    for entry in entries():
+        for paragraph in str(entry.module.__doc__).split("\n\n"):
+            told = REPORT.fullmatch(" ".join(paragraph.split()))
+            if told:
+                by = f" ({told['by']})" if told["by"] else ""
+                rows.append([names_of(entry), told["reported"].rstrip(".") + by, told["found"]])
+    lines = [["name", "reported", "found here, and what was repaired"], ["---"] * 3, *rows]
+    return REPORTS + "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
+
+
 def section(entry: Entry) -> str:
     """What the page says of an algorithm."""
     text = str(entry.module.__doc__).strip()
@@ -147,7 +168,7 @@ def section(entry: Entry) -> str:
 
 def page() -> str:
     """The text of policies.md."""
-    return "\n".join([HEAD, overview(), *map(section, entries())])
+    return "\n".join([HEAD, overview(), reports(), *map(section, entries())])
 
 
 def readme(text: str) -> str:

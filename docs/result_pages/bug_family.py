@@ -125,7 +125,7 @@ def bounds(found: Record) -> Page:
     """Guarantees and length bounds."""
     policies = found["policies"]
     header = list(next(iter(policies.values())))
-    complete = [policies[name] for name in bug_bounds.COMPLETE]
+    complete = [one for name, one in policies.items() if name in bug_bounds.COMPLETE]
     arrived = {name: float(one["success [%]"].split()[0]) for name, one in policies.items()}
     return Page(
         [
@@ -261,7 +261,7 @@ def lidar_density(found: Record) -> Page:
             picture("lidar-density", "Success against the number of beams and against range noise"),
             *sweep_tables(found, ["LIDAR density", "Range noise"]),
         ],
-        f"With {fewest} beams the bugs arrive in {percent(min(few.values()))} to {percent(max(few.values()))} % of the runs, "
+        f"With {fewest} beams the policies arrive in {percent(min(few.values()))} to {percent(max(few.values()))} % of runs, "
         f"with {plenty} in at least {percent(min(enough.values()))} %. Range noise of {slight:g} m leaves all at "
         f"{percent(min(before.values()))} % or more; at {most:g} m `{best}` is left with "
         f"{percent(last[best])} %, the others with {percent(min(last.values()))} to "
@@ -293,7 +293,7 @@ def drift(found: Record) -> Page:
             picture("odometry-drift", "Success against odometry drift"),
             *sweep_tables(found, [one.title for one in odometry_drift.SWEEPS]),
         ],
-        f"With a beacon at the goal {len(surviving)} of {len(beacon['policies'])} bugs survive odometry noise of {most:g} "
+        f"With a beacon at the goal {len(surviving)} of {len(beacon['policies'])} policies survive odometry noise of {most:g} "
         f"m/sqrt(m), which is to say that at least {percent(survives)} % arrive"
         + (f", though {listed(dips)}" if dips else "")
         + f". Where the goal itself is computed from odometry "
