@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from episodes import run_episode
+from episodes import CANONICAL_POLYGONS, run_episode
 
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
@@ -105,18 +105,17 @@ def test_a_node_as_its_goal_is_to_the_network_a_goal_that_stands_there() -> None
     assert steered > 10
 
 
-def test_between_walls_the_network_is_led_by_the_way() -> None:
-    # A wall between start and goal, and a mover on the near side: heading for the goal leads into the wall.
-    world = {
-        "family": "explicit",
-        "bounds": [-10, -10, 20, 10],
-        "polygons": [[[5.0, -4.0], [5.4, -4.0], [5.4, 8.0], [5.0, 8.0]]],
-        "movers": [{"shape": {"circle": 0.3}, "at": [3.0, 3.0], "motion": {"law": "bounce", "velocity": [-0.3, 0.3]}}],
-        "start": [0.0, 0.0, 0.0],
-        "goal": [9.0, 0.0],
-    }
-    episode = run_episode("navigator", {"world": world, "time": {"limit": 60.0}}, ROBOT)
-    assert episode.outcome == "success" and episode.modes.count("network") > 30
+def test_out_of_a_trap_the_network_is_led_by_the_way() -> None:
+    # A U between start and goal, and movers that are nearly always in sight; alone the network stays in the U.
+    beside = [[-2.0, 6.0], [16.0, 6.0]], [[16.0, -6.0], [-2.0, -6.0]], [[2.0, -3.0], [2.0, 3.0]]
+    movers = [
+        {"shape": {"circle": 0.3}, "at": ends[0], "motion": {"law": "waypoints", "points": ends, "speed": 0.5}}
+        for ends in beside
+    ]
+    world = {"family": "explicit", "bounds": [-20, -20, 30, 20], "polygons": [CANONICAL_POLYGONS["u_trap"]]}
+    world |= {"movers": movers, "start": [6.0, 0.0, 0.0], "goal": [14.0, 0.0]}
+    episode = run_episode("navigator", {"world": world, "time": {"limit": 90.0}}, ROBOT)
+    assert episode.outcome == "success" and episode.modes.count("network") > 0.6 * len(episode.modes)
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0])
