@@ -60,8 +60,8 @@ class Switch:
             step: time since the last call [s].
         """
         self.left = max(self.left - step, 0.0)
-        surely = {int(tracks.id[index]): index for index in np.flatnonzero(tracks.moving) if is_fast(tracks, index)}
-        self.sightings = {number: self.sightings.get(number) or begin(tracks, surely[number]) for number in surely}
+        surely = {int(tracks.id[k]): k for k in np.flatnonzero(tracks.moving).tolist() if is_fast(tracks, k)}
+        self.sightings = {number: self.sightings.get(number) or begin(tracks, k) for number, k in surely.items()}
         for number, index in surely.items():
             sighting = self.sightings[number]
             sighting.scans += bool(tracks.unseen[index] <= 0.0)
