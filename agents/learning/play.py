@@ -7,6 +7,7 @@ and one scanner, and is refused for any other.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -65,6 +66,10 @@ class LearnedPolicy:
         width = self.robot.width + history_width(self.robot, self._lags)
         require_answers(self._session, folder / GRAPH, width, [(2,), ()])
         self._table = discrete_actions(sensors.drive)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without its graph, which is opened again."""
+        return partial(type(self), discrete=self.discrete, model=self.parameters.model), (self.sensors,)
 
     def predict(
         self,
