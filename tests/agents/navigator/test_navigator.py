@@ -57,11 +57,9 @@ def both(scenario: Any, overrides: dict[str, Any], seed: int, steps: int) -> Any
 # ---------------------------------------------------------------------------------------------------------- who drives
 
 
-@pytest.mark.parametrize(
-    ("scenario", "seed"), [("static", 0), ("static", 3), ("rooms", 1), ("rooms", 2), ("u_trap", 1)]
-)
+@pytest.mark.parametrize(("scenario", "seed"), [("static", 0), ("rooms", 1), ("rooms", 104), ("u_trap", 1)])
 def test_in_a_still_world_its_actions_are_those_of_the_map_planner(scenario: str, seed: int) -> None:
-    # In both worlds of rooms the tracker takes something for a mover for some scans.
+    # In both worlds of rooms the tracker takes something for a mover for some scans, in the second for 1.5 s.
     for _, action, memory, others in both(scenario, {}, seed, 200):
         np.testing.assert_array_equal(action, others["hd_bug_map"])
         assert memory.mode != "network"
