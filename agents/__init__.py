@@ -32,7 +32,7 @@ class Agent(NamedTuple):
     privileged: bool = False
     """Whether it reads the world's map."""
     model: str = ""
-    """Folder of agents/trained that it plays, of a learned one."""
+    """Folder of agents/trained that it plays, of one that does."""
 
 
 AGENTS: dict[str, Agent] = {
@@ -59,6 +59,7 @@ AGENTS: dict[str, Agent] = {
     "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
     "hd_bug_map": Agent("hd_bug_map.policy:HDBugMap", "mapper", "this package"),
+    "navigator": Agent("navigator.policy:Navigator", "mapper", "this package", model="ppo_mixed"),
     "bfs": Agent("planning.bfs:BFS", "planner", "Moore 1959", privileged=True),
     "dijkstra": Agent("planning.dijkstra:Dijkstra", "planner", "Dijkstra 1959", privileged=True),
     "a_star": Agent("planning.a_star:AStar", "planner", "Hart, Nilsson and Raphael 1968", privileged=True),

@@ -56,7 +56,7 @@ COMPILED = {"kernel", "called", "inlined"}
 COMPOSED = {
     *(f"agents.bugs.{name}" for name in ("rev1", "rev2", "modified_critical_point_bug")),
     *("agents.teams.bug1_pair", "agents.teams.com1_rev3", "agents.teams.swarm", "agents.reciprocal.orca"),
-    "agents.hd_bug.circumnavigate",
+    *("agents.hd_bug.circumnavigate", "agents.navigator.policy"),
 }
 """Defined by another algorithm: as a change of it, as what drives a team's robots, or with it as a fall-back."""
 LEARNING = ("agents.sb3", "agents.learning") + tuple(

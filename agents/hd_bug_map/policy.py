@@ -86,9 +86,7 @@ class HDBugMap(ScriptedPolicy):
 
     def act(self, view: View, memory: HDBugMapMemory) -> Velocity:
         """One decision."""
-        memory.is_backing = False
-        scene = self.perception.perceive(view, memory)
-        aim(scene, memory, self.measures.top, leads=self.parameters.lead)
+        scene = self.look(view, memory)
         if memory.turns is not None:
             velocity = self.planner.turn_through(scene, memory, memory.turns)
             if velocity is not None:
@@ -98,13 +96,24 @@ class HDBugMap(ScriptedPolicy):
             return self._wait(scene, memory)
         if memory.turns is not None:
             return self.planner.turn_through(scene, memory, memory.turns) or (0.0, 0.0)
+        return self.drive(scene, memory, way)
+
+    def look(self, view: View, memory: HDBugMapMemory) -> Scene:
+        """What is there, and where to."""
+        memory.is_backing = False
+        scene = self.perception.perceive(view, memory)
+        aim(scene, memory, self.measures.top, leads=self.parameters.lead)
+        return scene
+
+    def drive(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocity:
+        """Along the way, or among movers what costs least."""
         movers = self.avoidance.near_movers(scene, self.predictor)
         if movers is not None:
             direction, speed = self.avoidance.avoid(scene, memory, way, movers)
         else:
             direction, speed = follow_way(scene, memory, way, self.measures)
         memory.direction = direction
-        return velocity_along(direction - view.heading, speed)
+        return velocity_along(direction - scene.view.heading, speed)
 
     def _wait(self, scene: Scene, memory: HDBugMapMemory) -> Velocity:
         """Stand, but for movers that come near: there is no way now."""
