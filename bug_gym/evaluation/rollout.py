@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Protocol, runtime_checkable
@@ -20,7 +20,7 @@ from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_a
 from bug_gym.geometry import F32
 from bug_gym.observation import Field as ObservationField
 from bug_gym.observation import as_dict
-from bug_gym.policy import Drawing, Policy
+from bug_gym.policy import Drawing, Policy, ScriptedPolicy
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 from bug_gym.team_policy import TeamPolicy
@@ -132,6 +132,36 @@ class _Together:
         return np.stack([actions[robot] for robot in robots.tolist()]), [seconds[robot] for robot in robots.tolist()]
 
 
+Driver = _OneByOne | _AllAtOnce | _Together
+
+
+def prepared(
+    make: Callable[[Simulation], Policy], scenario: ScenarioEntry, slots: int, *, at_once: bool = False
+) -> tuple[Simulation, Policy, Driver]:
+    """Worlds, a policy for their robots, and who asks it.
+
+    Args:
+        make: gives the policy for the robots of a simulation.
+        scenario: the scenario.
+        slots: how many worlds. A policy that reads the map, and has no `begin`, gets one: it has to know whose map it
+            reads.
+        at_once: whether to ask one that is not scripted for all robots in one call, where no decision's time is asked for.
+    """
+    simulation = Simulation(scenario.scenario, slots)
+    policy = make(simulation)
+    is_told = not is_privileged(policy) or isinstance(policy, Planner)
+    if not is_told and simulation.count > 1:
+        simulation = Simulation(scenario.scenario)
+        policy = make(simulation)
+    robots = simulation.count * simulation.robots
+    if isinstance(policy, TeamPolicy):
+        return simulation, policy, _Together(policy, simulation.count)
+    one_by_one = getattr(policy, "one_by_one", False) and (isinstance(policy, ScriptedPolicy) or not at_once)
+    if one_by_one and is_told:
+        return simulation, policy, _OneByOne(policy, robots)
+    return simulation, policy, _AllAtOnce(policy, robots, simulation.fields)
+
+
 @dataclass
 class _Trace:
     """What is kept of one robot's episode while it runs."""
@@ -172,21 +202,8 @@ class Rollout:
     ) -> None:
         self.entry, self.scenario = entry, scenario
         self._lengths = lengths or {}
-        self.simulation = Simulation(scenario.scenario, min(slots, len(seeds)))
-        self.policy = entry.make(self.simulation)
-        is_told = not is_privileged(self.policy) or isinstance(self.policy, Planner)
-        if not is_told and self.simulation.count > 1:
-            self.simulation = Simulation(scenario.scenario)
-            self.policy = entry.make(self.simulation)
+        self.simulation, self.policy, self._driver = prepared(entry.make, scenario, min(slots, len(seeds)))
         count, robots = self.simulation.count, self.simulation.robots
-        one_by_one = getattr(self.policy, "one_by_one", False) and is_told
-        self._driver: _OneByOne | _AllAtOnce | _Together
-        if isinstance(self.policy, TeamPolicy):
-            self._driver = _Together(self.policy, count)
-        elif one_by_one:
-            self._driver = _OneByOne(self.policy, count * robots)
-        else:
-            self._driver = _AllAtOnce(self.policy, count * robots, self.simulation.fields)
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
