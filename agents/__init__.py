@@ -159,7 +159,7 @@ REGISTERED: dict[str, Agent] = {}
 """Policies from outside that this process has registered."""
 
 
-def register(name: str, reference: str, *, family: str = "outside") -> None:
+def register(name: str, reference: str, *, family: str = "from outside") -> None:
     """Give a policy from outside a name that `make_policy`, evaluations and the lists know.
 
     It holds for this process, and for the workers of its evaluations. A package that is installed offers its policies to
@@ -194,7 +194,7 @@ def _installed() -> dict[str, Agent]:
             reason = "names no module:Class" if not is_reference(point.value) else "has a name that is taken"
             logger.warning("policy %r of package %s is left out: %r %s", point.name, package, point.value, reason)
         else:
-            found[point.name] = Agent(point.value, "outside", f"package {package}")
+            found[point.name] = Agent(point.value, "from outside", f"package {package}")
     return found
 
 

@@ -165,7 +165,7 @@ def test_an_installed_package_offers_policies(
     assert type(make_policy("bug2", OPEN)).__name__ == "Bug2"
     assert [record.args[0] for record in caplog.records if record.args] == ["bug2", "odd"]  # type: ignore[index]
     assert main(["list", "policies"]) == 0
-    assert "outside; package their-package" in capsys.readouterr().out
+    assert "from outside; package their-package" in capsys.readouterr().out
 
 
 def test_options_stand_in_lists_as_on_the_command_line() -> None:
