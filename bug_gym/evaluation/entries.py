@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from bug_gym.agents import Spec, make_policy, outside_reference, reads_map
@@ -64,6 +65,8 @@ class PolicyEntry:
     def _labelled(cls, label: str, source: Any, parameters: Mapping[str, Any] | None = None) -> PolicyEntry:
         """An entry; without a label it gets its name, and the options that tell it from others."""
         spec = Spec.of(source)
+        if not isinstance(parameters, (Mapping, NoneType)):
+            raise ValueError(f"got {parameters!r} as a policy's parameters, expected a dict of values by name")
         name, options = spec.name, {**spec.options, **(parameters or {})}
         if is_object(name):
             if options:

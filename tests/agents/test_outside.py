@@ -303,6 +303,8 @@ def test_an_object_takes_no_parameters() -> None:
         make_policy(made, OPEN, speed=1.0)
     with pytest.raises(ValueError, match="made already takes no parameters, got speed"):
         evaluate([("mine", made, {"speed": 1.0})], OPEN)
+    with pytest.raises(ValueError, match="got 5 as a policy's parameters, expected a dict"):
+        evaluate([("mine", Straight, 5)], OPEN)
 
 
 @pytest.mark.parametrize(
