@@ -62,7 +62,7 @@ def begin_worker(parent: int, path: Sequence[str]) -> None:
 
     Args:
         parent: its number.
-        path: its `sys.path`. Workers that wait for jobs were started with an older one.
+        path: its `sys.path`, with what callers named since; where it is another one, waiting workers are started anew.
     """
     sys.path[:] = path
     end_with(parent)

@@ -202,7 +202,7 @@ def test_workers_find_them_all(place: Path) -> None:
     (folder / "my_second_module.py").write_text(CODE, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        assert evaluate("my_second_module:MyBug", OPEN, episodes=2, workers=2)[0].success
+        assert evaluate("my_second_module:MyBug", OPEN, episodes=9, workers=2)[0].success  # of two jobs
 
 
 def test_a_run_of_policies_from_outside_goes_on_by_name(place: Path) -> None:
