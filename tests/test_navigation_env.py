@@ -646,7 +646,8 @@ def test_an_id_gives_the_worlds_that_it_always_gave(name: str) -> None:
 @pytest.mark.parametrize("form", [form for form in bug_gym.FORMS if form])
 def test_a_further_id_is_the_env_in_another_form(name: str, form: str) -> None:
     further = name.replace("-v0", f"{form}-v0")
-    named, plain = gym.make(further), gym.make(name, **bug_gym.FORMS[form])
+    keywords: dict[str, Any] = dict(bug_gym.FORMS[form])
+    named, plain = gym.make(further), gym.make(name, **keywords)
     assert named.observation_space == plain.observation_space and named.action_space == plain.action_space
     assert isinstance(named.observation_space, gym.spaces.Box)
     assert isinstance(named.action_space, gym.spaces.Discrete) == (form == "Discrete")
