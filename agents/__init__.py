@@ -1,30 +1,66 @@
 """The table of agents, and `make_policy`.
 
 To add a scripted policy: one file in the folder of its kind with a ScriptedPolicy and its `Parameters`, one line in
-AGENTS; the tests that run over the table cover it then.
+AGENTS; the tests that run over the table cover it then. Policies from outside need neither: see bug_gym.agents.outside.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib
+import importlib.metadata
 import importlib.util
+import inspect
+import logging
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bug_gym.agents.outside import (
+    GROUP,
+    Spec,
+    from_anywhere,
+    imported_class,
+    is_object,
+    is_reference,
+    reference_of,
+    require_constructor,
+    required_policy,
+)
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.naming import nearest_hint
 from bug_gym.policy import MisfitError, Policy, is_discrete, source_scenario
 from bug_gym.team_policy import EachAlone, PeersAsMovers, TeamPolicy, agents_of, without_peers
 from bug_gym.view import Sensors
 
+__all__ = [
+    "AGENTS",
+    "TEAMS",
+    "Agent",
+    "Spec",
+    "agent",
+    "known_agents",
+    "make_policy",
+    "outside_reference",
+    "parameter_names",
+    "parameters_table",
+    "playable_names",
+    "policy_names",
+    "reads_map",
+    "register",
+    "team_names",
+]
+
+logger = logging.getLogger("bug_gym")
+
 
 class Agent(NamedTuple):
     """One line of the table."""
 
     entry_point: str
-    """ "module:Class", the module in this folder."""
+    """ "module:Class", the module in this folder; of one from outside, as `register` takes it."""
     family: str
     """What kind of algorithm it is."""
     reference: str
@@ -120,9 +156,57 @@ TEAMS: dict[str, Agent] = {
 """Teams, which drive several robots of one world."""
 
 
+REGISTERED: dict[str, Agent] = {}
+"""Policies from outside that this process has registered."""
+
+
+def register(name: str, reference: str, *, family: str = "from outside") -> None:
+    """Give a policy from outside a name that `make_policy`, evaluations and the lists know.
+
+    It holds for this process, and for the workers of its evaluations. A package that is installed offers its policies to
+    all by entry points of the group `bug_gym.policies`. Registering the same again changes nothing.
+
+    Args:
+        name: letters, digits, `_` and `-`.
+        reference: "module:Class", or "file.py:Class"; imported when it is first made.
+        family: what kind of algorithm lists call it.
+
+    Raises:
+        ValueError: the name cannot be one or is taken, or the reference is none.
+    """
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][\w-]*", name):
+        raise ValueError(f"got {name!r} as the name of a policy, expected letters, digits, _ and -, such as 'my_bug'")
+    if not isinstance(reference, str) or not is_reference(reference):
+        raise ValueError(f"policy {name!r}: got {reference!r}, expected text such as 'my_module:MyBug'")
+    line = Agent(from_anywhere(reference), family, "-")
+    taken = known_agents().get(name)
+    if taken is not None and REGISTERED.get(name) != line:
+        raise ValueError(f"the name {name!r} is taken, by {taken.entry_point}: choose another one")
+    REGISTERED[name] = line
+
+
+@functools.cache
+def _installed() -> dict[str, Agent]:
+    """Policies of installed packages, by their entry points; one whose name is taken is left out with a word."""
+    found: dict[str, Agent] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        package = point.dist.name if point.dist else "?"
+        if point.name in AGENTS | TEAMS | found or not is_reference(point.value):
+            reason = "names no module:Class" if not is_reference(point.value) else "has a name that is taken"
+            logger.warning("policy %r of package %s is left out: %r %s", point.name, package, point.value, reason)
+        else:
+            found[point.name] = Agent(point.value, "from outside", f"package {package}")
+    return found
+
+
+def known_agents() -> dict[str, Agent]:
+    """All lines by name: the package's, its teams, those of installed packages and those that are registered."""
+    return AGENTS | TEAMS | _installed() | REGISTERED
+
+
 def policy_names() -> list[str]:
     """Names of single robots' policies that `make_policy` takes; those of teams are `team_names()`."""
-    return list(AGENTS)
+    return [name for name in known_agents() if name not in TEAMS]
 
 
 def team_names() -> list[str]:
@@ -133,7 +217,7 @@ def team_names() -> list[str]:
 def playable_names() -> list[str]:
     """Names of `policy_names()` whose packages are installed: learned ones need onnxruntime, of the extra `play`."""
     can_play = importlib.util.find_spec("onnxruntime") is not None
-    return [name for name, line in AGENTS.items() if can_play or not line.model]
+    return [name for name in policy_names() if can_play or not agent(name).model]
 
 
 def agent(name: str) -> Agent:
@@ -142,20 +226,30 @@ def agent(name: str) -> Agent:
     Raises:
         ValueError: no such policy; the message offers the nearest names.
     """
-    known = AGENTS | TEAMS
+    known = known_agents()
     if name not in known:
         hint = nearest_hint(name, known, count=3, cutoff=0.4, separator=";")
         raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(known)})")
     return known[name]
 
 
-def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
+def outside_reference(name: str) -> str:
+    """Where the class of a policy from outside is found, as any process can; "" for the package's own."""
+    if is_reference(name):
+        return from_anywhere(name)
+    lines = _installed() | REGISTERED
+    return lines[name].entry_point if name in lines else ""
+
+
+def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
     """Make a policy for a robot, or for several robots of one world.
 
     Args:
-        name: one of `policy_names()`, or of `team_names()` for several robots; or the path of a folder that
-            `bug-gym train` wrote, or of a zip that stable-baselines3 wrote, which takes `trust=True`: it is a pickle
-            and can run any code.
+        name: one of `policy_names()`, or of `team_names()` for several robots, each also with its parameters as the
+            command line has them (`bug2:turn=right`); a class of policies, or "module:Class" or "file.py:Class", which is
+            imported; a policy that is made already; or the path of a folder that `bug-gym train` wrote, or of a zip
+            that stable-baselines3 wrote, which takes `trust=True`: it is a pickle and can run any code. A Spec holds
+            any of them with its parameters.
         source: an env of any face, a Simulation, or a Scenario (or its name, path or dict). The policy learns what a
             driver of that robot would know (kinematics, body, limits, beams, range, step), never the world. For
             PettingZoo's envs, and Scenarios, of several robots it takes and gives what is by agent, too; a single
@@ -165,28 +259,53 @@ def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
 
     Raises:
         ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy that was made
-            for another robot, or a privileged one and no live env.
+            for another robot, or a privileged one and no live env; what is named from outside is not there, or no policy.
         ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """
-    policy_class, fixed = _entry(name)
-    known = [key for key in parameter_names(policy_class) if key not in fixed]
-    for key in parameters:
-        if key not in known:
-            hint = nearest_hint(key, known, cutoff=0.6)
-            raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
+    spec = Spec.of(name)
+    parameters = spec.options | parameters
+    if is_object(spec.name):
+        return _made_already(spec.name, source, parameters)
+    policy_class, fixed = _entry(spec.name)
+    told = f"policy {_told(spec.name)!r}"
+    _require_known(parameters, [key for key in parameter_names(policy_class) if key not in fixed], told)
     scenario = source_scenario(source)
     sensors, agents = Sensors.of(scenario), agents_of(source)
-    own = checked_parameters(policy_class, parameters, f"policy {name!r}: ")
-    if issubclass(policy_class, TeamPolicy):
+    own = checked_parameters(policy_class, parameters, f"{told}: ")
+    is_team = issubclass(policy_class, TeamPolicy)
+    require_constructor(policy_class, told, ["discrete", *fixed, *own, *(["agents"] if is_team else [])])
+    if is_team:
         robots = agents or tuple(f"robot_{number}" for number in range(scenario.robots.count))
         team: Policy = policy_class(sensors, agents=robots, discrete=is_discrete(source), **own)
         return team
-    if reads_map(name, own):
+    if _takes_maps(policy_class, spec.name, own):
         from bug_gym.agents.planning.live import Maps  # SciPy and shapely, slow to load
 
-        fixed = {**fixed, "maps": Maps.of(source, name)}
+        fixed = {**fixed, "maps": Maps.of(source, _told(spec.name))}
     policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
     return EachAlone(policy, agents) if agents else policy
+
+
+def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Policy:
+    """A policy that somebody has made, for each robot of a source."""
+    if parameters:
+        raise ValueError(f"a policy that is made already takes no parameters, got {', '.join(parameters)}")
+    agents = agents_of(source)
+    made: Policy = EachAlone(policy, agents) if agents and not isinstance(policy, (EachAlone, TeamPolicy)) else policy
+    return made
+
+
+def _require_known(parameters: Mapping[str, Any], known: Sequence[str], told: str) -> None:
+    """Refuse parameters that a policy does not have."""
+    for key in parameters:
+        if key not in known:
+            hint = nearest_hint(key, known, cutoff=0.6)
+            raise ValueError(f"{told} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
+
+
+def _told(name: Any) -> str:
+    """What an error calls a policy."""
+    return reference_of(name) if isinstance(name, type) else str(name)
 
 
 def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> Policy:
@@ -201,9 +320,18 @@ def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> 
     return policy
 
 
-def reads_map(name: str, parameters: Mapping[str, Any]) -> bool:
-    """Whether a policy of the table reads the world's map; with `known=False` one that can do without does not."""
-    return name in AGENTS and AGENTS[name].privileged and bool(parameters.get("known", True))
+def reads_map(name: Any, parameters: Mapping[str, Any]) -> bool:
+    """Whether a policy reads the world's map; with `known=False` one that can do without does not."""
+    if isinstance(name, str) and name in AGENTS:
+        return AGENTS[name].privileged and bool(parameters.get("known", True))
+    if isinstance(name, type) or (isinstance(name, str) and outside_reference(name)):
+        return bool(getattr(_entry(name)[0], "privileged", False)) and bool(parameters.get("known", True))
+    return False
+
+
+def _takes_maps(policy_class: type[Any], name: Any, parameters: Mapping[str, Any]) -> bool:
+    """Whether a policy is given the maps of its env: map planners are, others that read a world find their own way."""
+    return reads_map(name, parameters) and "maps" in inspect.signature(policy_class).parameters
 
 
 def parameters_table() -> list[tuple[str, Parameter]]:
@@ -215,15 +343,22 @@ def parameters_table() -> list[tuple[str, Parameter]]:
     return rows
 
 
-def _entry(name: str) -> tuple[type[Any], dict[str, Any]]:
-    """The class behind a name or path, and the parameters that are fixed by it."""
-    if not isinstance(name, str):
+def _entry(name: Any) -> tuple[type[Any], dict[str, Any]]:
+    """The class behind a name, a path or a class, and the parameters that are fixed by it."""
+    if isinstance(name, type):
+        return required_policy(name, reference_of(name)), {}
+    if not isinstance(name, (str, Path)):
         raise ValueError(f"a policy is named by text such as 'bug2', got {name!r} (known: {', '.join(AGENTS)})")
-    if name.endswith(".zip"):
+    text = str(name)
+    if text.endswith(".zip"):
         return _imported("learning.play:ZipPolicy"), {"path": Path(name).expanduser()}
-    if "/" in name or os.sep in name:
+    if reference := outside_reference(text):
+        return imported_class(reference), {}
+    if text.endswith(".py"):
+        raise ValueError(f"got {text!r} as a policy, expected its class, too, such as {text}:MyBug")
+    if isinstance(name, Path) or "/" in text or os.sep in text:
         return _imported("learning.play:LearnedPolicy"), {"model": Path(name).expanduser()}
-    line = agent(name)
+    line = agent(text)
     return _imported(line.entry_point), {"model": line.model} if line.model else {}
 
 

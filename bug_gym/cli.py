@@ -20,6 +20,7 @@ from importlib import import_module
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO, cast
 
+from bug_gym import __version__
 from bug_gym.commands import COMMANDS
 
 if TYPE_CHECKING:
@@ -201,6 +202,7 @@ def _ended_by_signals() -> Iterator[None]:
 def make_parser() -> Parser:
     """The parser of all commands."""
     parser = Parser(prog="bug-gym", description="2D navigation among unknown obstacles: worlds, policies, evaluations.")
+    parser.add_argument("--version", action="version", version=f"bug-gym {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", parser_class=Parser)
     for name, command in COMMANDS.items():
         added = commands.add_parser(

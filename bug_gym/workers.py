@@ -7,6 +7,7 @@ with its last one for nobody.
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
@@ -41,7 +42,7 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: int, *, in_orde
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    settings = {"initializer": end_with, "initargs": (os.getpid(),)}
+    settings = {"initializer": begin_worker, "initargs": (os.getpid(), tuple(sys.path))}
     with parallel_config(backend="loky", inner_max_num_threads=1, **settings):
         parallel = Parallel(n_jobs=workers, return_as="generator" if in_order else "generator_unordered")
         try:
@@ -54,6 +55,17 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: int, *, in_orde
 def starred(function: Callable[..., R], arguments: Sequence[Any]) -> R:
     """A function of several arguments as one of a sequence of them; with `functools.partial`, for `each`."""
     return function(*arguments)
+
+
+def begin_worker(parent: int, path: Sequence[str]) -> None:
+    """Ready this process for jobs of its parent: it imports from where that does, and ends with it.
+
+    Args:
+        parent: its number.
+        path: its `sys.path`, with what callers named since; where it is another one, waiting workers are started anew.
+    """
+    sys.path[:] = path
+    end_with(parent)
 
 
 def end_with(parent: int) -> None:

@@ -29,7 +29,7 @@ LAYERS = (
         "checks",
         "workers",
     ),
-    ("schema", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
+    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
     ("worlds",),
     ("config",),
     ("world", "scenarios", "floor_plans", "maps"),

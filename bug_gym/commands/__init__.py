@@ -51,6 +51,11 @@ COMMANDS: dict[str, Command] = {
         "bug-gym train ppo_dynamic --out results/ppo_dynamic",
         goes_on=True,
     ),
+    "new": Command(
+        "bug_gym.commands.new",
+        "Begin a policy of one's own: its file, a test of it, and the line that runs it.",
+        "bug-gym new policy my_bug",
+    ),
     "render": Command(
         "bug_gym.commands.render",
         "Draw an episode of a policy, or of several side by side: a film, or one picture of the whole path.",

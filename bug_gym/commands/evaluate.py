@@ -13,7 +13,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     task = parser.add_mutually_exclusive_group(required=True)
     task.add_argument("--suite", help="name or path of a suite")
     task.add_argument("--scenario", action="append", help="name or path of a scenario; may come several times")
-    parser.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: the suite's, or all)")
+    parser.add_argument(
+        "--policies",
+        help="NAME[:PARAMETER=VALUE...],..., a NAME also my_module:MyBug or my_bug.py:MyBug (default: the suite's, or all)",
+    )
     parser.add_argument("--episodes", type=int, help="worlds of each scenario (default: the suite's, or 50)")
     parser.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")

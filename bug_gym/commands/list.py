@@ -33,9 +33,9 @@ def _scenarios() -> list[tuple[str, str]]:
 
 
 def _policies() -> list[tuple[str, str]]:
-    from bug_gym.agents import AGENTS, TEAMS  # loads the compiler
+    from bug_gym.agents import known_agents  # loads the compiler
 
-    known = AGENTS | TEAMS
+    known = known_agents()
     marks = {name: " (privileged: reads the map)" if agent.privileged else "" for name, agent in known.items()}
     return [(name, f"{agent.family}; {agent.reference}{marks[name]}") for name, agent in known.items()]
 

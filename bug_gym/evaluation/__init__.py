@@ -42,8 +42,9 @@ def evaluate(
     """Drive policies through the same worlds and measure each episode.
 
     Args:
-        policies: a list of names, (label, name, parameters), dicts with those keys, or objects with `predict`; one
-            of them; or None for those of the suite, or all that are registered.
+        policies: a list of names with or without options (`bug2:turn=right`), Specs, paths of models, classes, "module:Class"
+            or "file.py:Class", (label, one of those, parameters), dicts with label, name and parameters, or objects with
+            `predict`; one of them; or None for those of the suite, or all that are registered.
         scenario_or_suite: a scenario or a list of them, each a name, path, dict or Scenario; or a suite, likewise.
         episodes: worlds of each scenario; None: as many as the suite says, 50 without one.
         seed: of the first world, the others count up; None: as the suite says, 0 without one.

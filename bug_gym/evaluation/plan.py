@@ -10,12 +10,13 @@ import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import bug_gym
-from bug_gym.agents import playable_names
+from bug_gym.agents import Spec, playable_names
 from bug_gym.config import ScenarioError, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
@@ -57,7 +58,14 @@ class Plan:
             }
             for entry in self.scenarios
         }
-        policies = {entry.label: {"name": entry.name, "parameters": dict(entry.parameters)} for entry in self.policies}
+        policies = {
+            entry.label: {
+                "name": entry.name,
+                "parameters": dict(entry.parameters),
+                **({"code": code} if (code := entry.code) else {}),
+            }
+            for entry in self.policies
+        }
         versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
         versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
         manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions}
@@ -103,7 +111,7 @@ def make_plan(
         policies = playable_names()
     elif policies is None:
         policies = suite.policies
-    elif isinstance(policies, (str, Mapping)) or hasattr(policies, "predict"):
+    elif isinstance(policies, (str, Path, Mapping, Spec)) or hasattr(policies, "predict"):
         policies = [policies]
     entries = [PolicyEntry.of(policy) for policy in policies]
     if not entries:

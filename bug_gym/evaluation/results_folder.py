@@ -117,7 +117,7 @@ class ResultFolder:
         changes = list(differences(there, manifest))
         if changes:
             raise ValueError(f"{self.path} holds another run: {'; '.join(changes[:3])}")
-        objects = [policy.label for policy in self._plan.policies if policy.policy is not None]
+        objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
             raise ValueError(f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object")
 
