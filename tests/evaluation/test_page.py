@@ -109,7 +109,7 @@ def kept(text: str) -> dict[str, Any]:
 
 
 def script_of(text: str) -> str:
-    return re.findall(r"<script>(.*?)</script>", text, re.DOTALL)[-1]
+    return str(re.findall(r"<script>(.*?)</script>", text, re.DOTALL)[-1])
 
 
 def test_the_page_begins_with_the_matrix_the_most_successful_policy_first() -> None:
