@@ -105,6 +105,7 @@ def page_of(rows: list[EpisodeRow], title: str = "box and maze", baseline: str |
 def kept(text: str) -> dict[str, Any]:
     """The rows that a page holds as JSON."""
     (found,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)
+    assert not set("<>&") & set(found)  # whatever a browser makes of them within a script
     return dict(json.loads(found))
 
 
