@@ -86,13 +86,13 @@ def _print_details(rows: list[EpisodeRow], summaries: list[Summary], baseline: s
 
 
 def _tell_files(options: argparse.Namespace) -> None:
-    """Where the files lie, and how to see more."""
+    """How to see more, and where the files lie."""
     from bug_gym.evaluation.page import PAGE  # loads the compiler
 
+    if not options.details:
+        files = "" if options.out else "; rows, summary and a report: --out FOLDER"
+        print(f"all tables and the differences between policies: --details{files}")
     if options.out:
         has_pictures = any(options.out.glob("pictures/*.png"))
         print(f"report: {options.out / PAGE}")
         print(f"{'rows, summary and pictures' if has_pictures else 'rows and summary'}: {options.out}")
-    if not options.details:
-        files = "" if options.out else "; rows, summary and a report: --out FOLDER"
-        print(f"all tables and the differences between policies: --details{files}")

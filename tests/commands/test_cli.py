@@ -134,7 +134,7 @@ def test_evaluate_prints_the_matrix_and_the_files_first_and_the_rest_when_asked(
     assert len(short.splitlines()) <= 10
     assert main(["evaluate", *arguments, "--details"]) == 0
     long = capsys.readouterr().out
-    assert long.startswith(short.partition("report: ")[0]) and "difference to go_to_goal in the same worlds" in long
+    assert long.startswith(short.partition("all tables")[0]) and "difference to go_to_goal in the same worlds" in long
     assert "difference to go_to_goal" in (out / "summary.md").read_text(encoding="utf-8")
 
 
