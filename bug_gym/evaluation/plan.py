@@ -21,6 +21,7 @@ from bug_gym.config import ScenarioError, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
+from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.policy import MisfitError
 
@@ -165,7 +166,7 @@ def _try_out(
                 continue
             rollout.advance()
             if is_privileged(rollout.policy):
-                labelled[number] = replace(entry, label=f"{entry.label} (privileged)")
+                labelled[number] = replace(entry, label=f"{entry.label}{PRIVILEGED}")
         if misfits := [policy for policy, label in left_out if label == scenario.label]:
             logger.warning("%s is not for the robot of: %s", scenario.label, ", ".join(misfits))
     return labelled, left_out

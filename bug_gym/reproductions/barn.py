@@ -8,6 +8,7 @@ benchmark's own figures come from Gazebo's physics: context, not a rival.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from bug_gym.evaluation import evaluate
@@ -82,12 +83,15 @@ def reproduce(settings: Settings) -> Reproduction:
     worlds = sorted(maps)[: settings.seeds]
     references = {f"world {number}": maps[number].reference_length for number in worlds}
     policies = settings.policies or POLICIES
-    lines, data, holds = [], {}, True
+    lines, data, episodes, holds = [], {}, [], True
     for robot in ROBOTS:
         scenarios = [scenario(robot, str(settings.data), number) for number in worlds]
         suite = {"name": f"barn-{robot}", "scenarios": scenarios, "seeds": {"count": 1}}
         entries = [{"name": name, "parameters": PARAMETERS[robot]} for name in policies]
         rows = evaluate(entries, suite, workers=settings.workers, progress=settings.progress)
+        # A page shows robots beside one another; the number of the world stands where a seed does.
+        numbers = {f"world {number}": number for number in worlds}
+        episodes += [replace(row, scenario=robot, seed=numbers[row.scenario]) for row in rows]
         for policy in policies:
             mine = [row for row in rows if row.policy == policy]
             reached = [row for row in mine if row.success]
@@ -127,4 +131,4 @@ def reproduce(settings: Settings) -> Reproduction:
         f"A run of over {SCORED:g} s is a failure in the benchmark, and scores nothing here; it goes on to its end.",
         "holonomic: radius 0.2 m, 1 m/s. jackal: the benchmark's robot as a disc of 0.25 m, differential, 2 m/s.",
     ]
-    return Reproduction("barn", [Table(title, header, lines)], notes, {"results": data}, holds)
+    return Reproduction("barn", [Table(title, header, lines)], notes, {"results": data}, holds, rows=episodes)

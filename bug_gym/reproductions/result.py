@@ -8,7 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bug_gym.evaluation.rows import EpisodeRow
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,8 @@ class Reproduction:
     """Whether every claim that was checked holds; None: it claims nothing."""
     curves: Sequence[Curves] = ()
     """What is drawn beside the JSON."""
+    rows: Sequence[EpisodeRow] = ()
+    """The episodes behind it, where one set of policies drove in one set of scenarios; a page is made of them."""
 
     def as_json(self, commit: str) -> str:
         """The numbers with what they were made by, as JSON text."""

@@ -103,6 +103,7 @@ def reproduce(settings: Settings) -> Reproduction:
             "collisions": hits,
             "differences": differences,
         },
+        rows=rows,
     )
 
 

@@ -36,6 +36,8 @@ def test_the_json_says_what_made_it(tmp_path: Path) -> None:
     assert main(["reproduce", "oni-wang-table-1", "--out", str(out)]) == 0
     record = json.loads(out.read_text(encoding="utf-8"))
     assert record["name"] == "oni-wang-table-1" and len(record["commit"]) in (7, 40)
+    page = out.with_suffix(".html").read_text(encoding="utf-8")
+    assert "oni-wang-table-1" in page and all(policy in page for policy in record["cells"])
 
 
 def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
