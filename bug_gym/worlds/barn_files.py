@@ -100,7 +100,18 @@ def _from_json(data: dict[str, Any]) -> BarnMap:
         raise ValueError(f"got the cylinder_radius {radius:g}, expected at least {SMALL:g}")
     if radius <= 0.0:
         raise ValueError(f"got the cylinder_radius {radius:g}, expected a number above 0")
-    return BarnMap((x, y, heading), (goal_x, goal_y), np.column_stack([centres, np.full(len(centres), radius)]))
+    circles = np.column_stack([centres, np.full(len(centres), radius)])
+    return BarnMap((x, y, heading), (goal_x, goal_y), circles, _reference_length(data))
+
+
+def _reference_length(data: dict[str, Any]) -> float | None:
+    """The length of the benchmark's own path [m], where a line tells it."""
+    if data.get("reference_length") is None:
+        return None
+    length = float(data["reference_length"])
+    if not SMALL <= length <= FAR:
+        raise ValueError(f"got the reference_length {length:g}, expected a number from {SMALL:g} to {FAR:g}")
+    return length
 
 
 def _load_folder(folder: Path) -> dict[int, BarnMap]:

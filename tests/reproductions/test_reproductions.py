@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from episodes import run_episode
 
 from bug_gym.cli import main
 from bug_gym.evaluation.report import draw_curves
+from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout
@@ -91,8 +94,46 @@ def test_barn_is_passed_on_its_first_worlds(shared_data: Path) -> None:
     results = reproduction("barn")(settings).data["results"]
     for name in ("holonomic bug2", "holonomic com1"):
         assert results[name]["success"] == 1.0 and results[name]["collisions"] == 0
-    # The score is at most 0.25 by its definition.
-    assert all(0.0 < one["score"] <= 0.25 for one in results.values())
+    # At most 0.5 and 0.25 by definition; the old score is the lesser one, and nobody here takes as much as 4 OT less.
+    for one in results.values():
+        assert 0.0 < one["score_2022"] <= 0.25 and one["score_2022"] <= one["score_2024"] <= 0.5
+
+
+BLANK = EpisodeRow("a", "s", 0, 0, "success", "", True, 1.0, 10, 1.0, 0.1, 8.0, nan, nan, 0.5, 0, 0.0, 0.0, 0.0, 0.0)
+
+
+# A reference path of 10 m: OT is 5 s.
+@pytest.mark.parametrize(
+    ("time", "new", "old"),
+    [
+        (5.0, 0.5, 0.25),
+        (10.0, 0.5, 0.25),
+        (12.5, 0.4, 0.25),
+        (20.0, 0.25, 0.25),
+        (25.0, 0.2, 0.2),
+        (40.0, 0.125, 0.125),
+        (100.0, 0.125, 0.125),
+        (100.1, 0.0, 0.0),
+    ],
+)
+def test_barns_scores_are_those_of_their_formulas(time: float, new: float, old: float) -> None:
+    run = replace(BLANK, time=time)
+    assert barn.score(run, 10.0) == barn.score(run, 10.0, "score_2024") == pytest.approx(new)
+    assert barn.score(run, 10.0, "score_2022") == pytest.approx(old)
+
+
+def test_barns_score_is_nothing_for_a_failure_and_takes_the_shortest_path_for_want_of_a_reference() -> None:
+    assert barn.score(replace(BLANK, outcome="collision", success=False, time=5.0), 10.0) == 0.0
+    run = replace(BLANK, time=16.0)
+    assert barn.score(run, None) == pytest.approx(4.0 / 16.0) and barn.score(run, 10.0) == pytest.approx(5.0 / 16.0)
+
+
+def test_barns_table_takes_the_reference_paths_of_its_file_and_says_where_there_are_none() -> None:
+    rows = [replace(BLANK, scenario=name, time=20.0) for name in ("world 1", "world 2")]
+    found = barn.summed_up(rows, {"world 1": 12.0, "world 2": None})
+    assert found["score_2024"] == pytest.approx((6.0 / 20.0 + 4.0 / 20.0) / 2.0)
+    assert any("OT of 1 worlds" in note for note in barn.notes({"world 1": 12.0, "world 2": None}))
+    assert not any("OT of" in note for note in barn.notes({"world 1": 12.0}))
 
 
 # What once defeated them: a gap that counted as one or not by the side from which it was come to; a robot that braked
