@@ -31,14 +31,33 @@ POLICIES = (
     "vis_bug_22",
     "rev3",
 )
-PARAMETERS: dict[str, dict[str, Any]] = {"holonomic": {"clearance": 0.295}, "jackal": {"clearance": 0.345}}
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "holonomic": {"clearance": 0.295},
+    "jackal": {"clearance": 0.345},
+    "faithful": {"clearance": 0.345},
+}
 """All of the worlds are open at a clearance of 0.35 m, not all at 0.40. Cylinders of 0.075 m on a grid of 0.15 m leave
 gaps of 0.52, 0.60, 0.61, 0.66 and 0.70 m and none between. A gap of a little less than twice the clearance may count
-either way: none is of that kind for the holonomic robot; for the other one, which needs more room to brake, 0.66 is."""
+either way: none is of that kind for the holonomic robot; for the others, which need more room to brake, 0.66 is."""
 
 COMMON = {"lidar.beams": 720, "lidar.range": 10.0, "goal.radius": 1.0, "time.limit": 1000.0}
 SCORED = 100.0
-"""A run that takes longer scores nothing in the benchmark; here it goes on, to see whether it arrives [s]."""
+"""A run that takes longer scores nothing in the benchmark; here it goes on, to see whether it arrives, but for the faithful
+robot [s]."""
+HALF_LENGTH, HALF_WIDTH = 0.229, 0.208
+"""Of the rectangle that holds the Jackal's chassis and wheels, about the middle of its axles [m]."""
+PARTS = 4
+"""Into how many parts each side of the rectangle is cut; each cell at its rim is covered by a circle."""
+
+
+def rectangle() -> list[list[float]]:
+    """The Jackal's rectangle as circles x, y, radius [m]: they hold all of its rim, and stick out by at most 0.026 m."""
+    radius = math.hypot(HALF_LENGTH, HALF_WIDTH) / PARTS
+    middles = [(2 * part + 1) / PARTS - 1.0 for part in range(PARTS)]
+    outer = {middles[0], middles[-1]}
+    return [[HALF_LENGTH * a, HALF_WIDTH * b, radius] for a in middles for b in middles if {a, b} & outer]
+
+
 ROBOTS: dict[str, dict[str, Any]] = {
     "holonomic": {"kinematics": "holonomic", "radius": 0.2, "max_speed": 1.0},
     "jackal": {
@@ -48,10 +67,29 @@ ROBOTS: dict[str, dict[str, Any]] = {
         "max_reverse": 0.5,
         "max_turn_rate": 3.0,
     },
+    "faithful": {
+        "kinematics": "differential",
+        "circles": rectangle(),
+        "max_speed": 2.0,
+        "max_reverse": 2.0,
+        "max_turn_rate": 4.0,
+        "max_acceleration": 20.0,
+    },
 }
-STEPS = {"holonomic": 0.1, "jackal": 0.05}
+"""The last is the benchmark's, by its own files: jackal_urdf, jackal_control's control.yaml."""
+STEPS = {"holonomic": 0.1, "jackal": 0.05, "faithful": 0.05}
+OWN: dict[str, dict[str, Any]] = {
+    "faithful": {
+        "lidar.range": 30.0,
+        "lidar.min_range": 0.1,
+        "lidar.fov": 4.71238,
+        "lidar.noise": 0.001,
+        "time.limit": SCORED,
+    }
+}
+"""What is not COMMON for a robot; the benchmark's scanner is a Hokuyo UST-10."""
 
-SUCCESS_ASKED = {"holonomic": 1.0, "jackal": 0.95}
+SUCCESS_ASKED = {"holonomic": 1.0, "jackal": 0.95, "faithful": 0.95}
 BEST_SPEED = 2.0
 """At which the benchmark takes its reference path [m/s]."""
 LEAST_TIMES = {"score_2024": 2.0, "score_2022": 4.0}
@@ -79,7 +117,7 @@ def scenario(robot: str, path: str, world: int) -> dict[str, Any]:
     """One of the benchmark's worlds for a robot of ROBOTS, as a suite's scenario."""
     return {
         "scenario": {"robot": ROBOTS[robot], "world": {"family": "barn", "path": path, "world": world}},
-        "overrides": {**COMMON, "time.step": STEPS[robot]},
+        "overrides": {**COMMON, **OWN.get(robot, {}), "time.step": STEPS[robot]},
         "label": f"world {world}",
     }
 
@@ -162,6 +200,10 @@ def notes(references: Mapping[str, float | None]) -> list[str]:
             [f"OT of {unknown} worlds, whose file tells no reference path, is that of our shortest path."]
             * (unknown > 0)
         ),
-        f"A run of over {SCORED:g} s is a failure in the benchmark, and scores nothing here; it goes on to its end.",
+        f"A run of over {SCORED:g} s is a failure in the benchmark, and scores nothing here; it goes on to its end, but for the "
+        "faithful robot.",
         "holonomic: radius 0.2 m, 1 m/s. jackal: the benchmark's robot as a disc of 0.25 m, differential, 2 m/s.",
+        "faithful: its limits (2 m/s, 4 rad/s, 20 m/s^2), its rectangle of 0.458 m x 0.416 m, its scanner (270 degrees, 30 m, "
+        "noise of 1 mm). Not modelled: latency, a limit of angular acceleration, slip, the scanner's place 0.055 m ahead.",
+        "AT is counted from the start of the episode; the benchmark's clock starts 0.1 m later.",
     ]

@@ -222,12 +222,20 @@ def barn_worlds(found: Record) -> Page:
          all(one["success"] >= barn.SUCCESS_ASKED[robot] for one in mine.values()))
         for robot, mine in robots.items()
     ]  # fmt: skip
+    faithful = ""
+    if "faithful" in fewest:
+        faithful = (
+            "The faithful robot has the benchmark's rectangle, its limits of speed, turn rate and acceleration and its "
+            "scanner of 270 degrees with noise, but no latency, no limit of angular acceleration and no slip; every bug "
+            f"reaches at least {fewest['faithful']}. "
+        )
     still = all(one["collisions"] == 0 for one in robots["holonomic"].values())
     return Page(
         [table("Worlds of the BARN benchmark", header, rows)],
         f"Of {worlds} worlds every bug reaches at least {fewest['holonomic']} as a holonomic robot, and at least "
         f"{fewest['jackal']} as the benchmark's, a disc of {barn.ROBOTS['jackal']['radius']} m that drives at up to "
-        f"{barn.ROBOTS['jackal']['max_speed']:g} m/s. A run of over {barn.SCORED:g} s is a failure in the benchmark and "
+        f"{barn.ROBOTS['jackal']['max_speed']:g} m/s. {faithful}"
+        f"A run of over {barn.SCORED:g} s is a failure in the benchmark and "
         f"scores nothing here; it goes on to its end. For context: {barn.DWA}",
         [*claims, ("none collides as the holonomic robot", still)],
     )

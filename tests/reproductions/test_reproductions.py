@@ -7,17 +7,21 @@ from dataclasses import replace
 from math import nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 from episodes import run_episode
 
 from bug_gym.cli import main
+from bug_gym.config import load
 from bug_gym.evaluation.report import draw_curves
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import free_space
+from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 
 def test_all_72_cells_of_oni_and_wangs_table_come_out_as_they_should() -> None:
@@ -149,6 +153,40 @@ def test_worlds_of_barn_that_defeated_a_bug_are_passed(
     overrides = {**barn.COMMON, "time.step": barn.STEPS[robot], "time.limit": 200.0}
     episode = run_episode(policy, {"robot": barn.ROBOTS[robot], "world": places}, overrides, clearance=clearance)
     assert episode.outcome == "success"
+
+
+def test_the_faithful_robot_of_barn_holds_the_rectangle_and_hardly_more() -> None:
+    body = shapely.union_all([shapely.Point(x, y).buffer(radius) for x, y, radius in barn.rectangle()])
+    rectangle = shapely.box(-barn.HALF_LENGTH, -barn.HALF_WIDTH, barn.HALF_LENGTH, barn.HALF_WIDTH)
+    # A circle's buffer is a polygon within it, by less than 0.5 mm here.
+    assert body.buffer(5e-4).covers(rectangle.exterior)
+    assert rectangle.buffer(0.026).covers(body)
+    # The wheels reach so far: nothing of them is left out.
+    assert rectangle.covers(shapely.box(-0.229, -0.2078, 0.229, 0.2078))
+
+
+def test_the_faithful_robot_of_barn_has_the_benchmarks_limits_and_scanner() -> None:
+    described = barn.scenario("faithful", "worlds.jsonl", 0)
+    robot = load({"robot": described["scenario"]["robot"]}, described["overrides"])
+    assert (robot.robot.max_speed, robot.robot.max_reverse, robot.robot.max_turn_rate) == (2.0, 2.0, 4.0)
+    assert robot.robot.max_acceleration == 20.0 and robot.robot.kinematics == "differential"
+    angles = Sensors.of(robot).angles
+    assert len(angles) == 720 and not robot.lidar.is_full_circle
+    assert angles[0] == pytest.approx(-2.35619) and angles[-1] == pytest.approx(2.35619)
+    assert (robot.lidar.min_range, robot.lidar.range, robot.lidar.noise) == (0.1, 30.0, 0.001)
+
+
+def test_the_faithful_robot_of_barn_cannot_stop_at_once() -> None:
+    """20 m/s^2 for a step of 0.05 s: 1 m/s, so half of the way from standing to the top speed."""
+    described = barn.scenario("faithful", "worlds.jsonl", 0)
+    world = {"family": "empty", "start": [-8.0, 0.0, 0.0], "goal": [8.0, 0.0]}
+    simulation = Simulation(load({**described["scenario"], "world": world}, described["overrides"]))
+    simulation.reset(seeds=[0])
+    speeds = []
+    for ahead in (1.0, 1.0, -1.0):
+        simulation.step(np.array([[[ahead, 0.0]]], dtype=np.float32))
+        speeds.append(float(simulation.world.array("velocity")[0, 0]))
+    assert speeds == pytest.approx([1.0, 2.0, 1.0])
 
 
 def test_barn_without_its_worlds_says_what_is_missing() -> None:
