@@ -190,7 +190,7 @@ def no_way(found: Record) -> Page:
 
 
 def barn_worlds(found: Record) -> Page:
-    """The BARN benchmark for both robots."""
+    """The BARN benchmark for all robots."""
     results = found["results"]
     robots: dict[str, dict[str, Record]] = {}
     for key, one in results.items():
@@ -221,6 +221,7 @@ def barn_worlds(found: Record) -> Page:
         (f"as the {robot} robot every bug reaches at least {percent(barn.SUCCESS_ASKED[robot])} % of the worlds",
          all(one["success"] >= barn.SUCCESS_ASKED[robot] for one in mine.values()))
         for robot, mine in robots.items()
+        if robot in barn.SUCCESS_ASKED
     ]  # fmt: skip
     faithful = ""
     if "faithful" in fewest:
