@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.limits import DATA, FAR, MOST_OBSTACLES, SMALL, STEEP, read_file
 from bug_gym.schema.errors import shortened
+
+Map = TypeVar("Map")
+"""One world of a benchmark."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ def load_barn(path: str) -> dict[int, BarnMap]:
         ValueError: a line or a file that is no such world (its number is in the message), or none at all.
     """
     source = Path(path)
-    worlds = _load_folder(source) if source.is_dir() else _load_lines(source)
+    worlds = _load_folder(source) if source.is_dir() else load_lines(source, "BARN", _from_json)
     if not worlds:
         raise ValueError(f"{path}: no BARN world found (expected a .jsonl, or a folder with world_N.world files)")
     return worlds
@@ -56,8 +60,13 @@ def _read(file: Path) -> bytes:
         raise ValueError(f"{file}: {error.strerror}") from None
 
 
-def _load_lines(source: Path) -> dict[int, BarnMap]:
-    worlds: dict[int, BarnMap] = {}
+def load_lines(source: Path, kind: str, from_json: Callable[[dict[str, Any]], Map]) -> dict[int, Map]:
+    """Worlds by number, from a file with one world of a benchmark (`kind`) a line.
+
+    Raises:
+        ValueError: a line that is no such world; its number is in the message.
+    """
+    worlds: dict[int, Map] = {}
     for number, line in enumerate(_read(source).split(b"\n"), start=1):
         if not line.strip():
             continue
@@ -66,7 +75,7 @@ def _load_lines(source: Path) -> dict[int, BarnMap]:
             world = data["world"]
             if not isinstance(world, int) or world in worlds:
                 raise ValueError(f"got world {shortened(world)} {'twice' if world in worlds else 'for its number'}")
-            worlds[world] = _from_json(data)
+            worlds[world] = from_json(data)
         except UnicodeDecodeError as error:
             raise ValueError(f"{source}, line {number}: not UTF-8 ({error.reason})") from None
         except json.JSONDecodeError as error:
@@ -74,9 +83,9 @@ def _load_lines(source: Path) -> dict[int, BarnMap]:
         except KeyError as error:
             raise ValueError(f"{source}, line {number}: the world lacks the key {error}") from None
         except RecursionError:
-            raise ValueError(f"{source}, line {number}: not a BARN world (nested too deep)") from None
+            raise ValueError(f"{source}, line {number}: not a {kind} world (nested too deep)") from None
         except (TypeError, ValueError, OverflowError) as error:
-            raise ValueError(f"{source}, line {number}: not a BARN world ({error})") from None
+            raise ValueError(f"{source}, line {number}: not a {kind} world ({error})") from None
     return worlds
 
 
