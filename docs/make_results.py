@@ -39,6 +39,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "bug-no-way": bug_family.no_way,
     "com1-rev3": bug_family.com1_rev3,
     "barn": bug_family.barn_worlds,
+    "dynabarn": bug_family.dynabarn_worlds,
     "lidar-density": bug_family.lidar_density,
     "odometry-drift": bug_family.drift,
     "operative-critical-points": bug_family.critical_points,
@@ -63,7 +64,9 @@ PAGES: dict[str, Callable[[Record], Page]] = {
 CHECKS = {"soak": Path(__file__).parents[1] / "tests" / "soak.py"}
 """Name of a check that `make` runs -> the script that it is."""
 
-WITH_DATA = ("barn", "hd-bug-real", "predictors", "scripted-and-learned", "price-of-not-knowing", "d2t-eaco")
+WITH_DATA = (
+    *("barn", "dynabarn", "hd-bug-real", "predictors", "scripted-and-learned", "price-of-not-knowing", "d2t-eaco"),
+)
 """Reproductions that were given somebody else's data."""
 
 MADE = "by `python docs/make_results.py`; its sentences stand in docs/result_pages."

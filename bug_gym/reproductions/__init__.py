@@ -18,6 +18,7 @@ REPRODUCTIONS: dict[str, str] = {
     "bug-no-way": "bug_no_way",
     "com1-rev3": "com1_rev3",
     "barn": "barn",
+    "dynabarn": "dynabarn",
     "lidar-density": "lidar_density",
     "odometry-drift": "odometry_drift",
     "operative-critical-points": "operative_critical_points",

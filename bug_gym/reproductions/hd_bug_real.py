@@ -20,6 +20,7 @@ SCENES = ("pedestrians_eth.csv", "pedestrians_hotel.csv")
 CROSSINGS = 100
 """Of each scene."""
 SUCCESS_ASKED, SCORE_ASKED, FAULTLESS_ASKED = 0.98, 0.24, 0.98
+"""Shares of the worlds, of BARN's score by the metric of 2022 (at most 0.25), and of the crossings."""
 PREDICTORS = ("kalman",)
 
 
@@ -85,10 +86,16 @@ def drive_barn(settings: Settings, path: Path) -> tuple[Table, dict[str, Any]]:
     numbered = sorted(maps)[: settings.seeds]
     scenarios = [barn.scenario("jackal", str(path), number) for number in numbered]
     rows = run(["hd_bug_map"], scenarios, 1, settings, name="hd-bug-barn", first=0)
-    total = mean([barn.score(row, maps[number].reference_length) for row, number in zip(rows, numbered, strict=True)])
+    scores = {
+        metric: mean(
+            [barn.score(row, maps[number].reference_length, metric) for row, number in zip(rows, numbered, strict=True)]
+        )
+        for metric in barn.LEAST_TIMES
+    }
     hits = sum(row.outcome == "collision" for row in rows)
-    header = ["policy", "reached [%]", "collisions", "score", "time [s]"]
+    header = ["policy", "reached [%]", "collisions", "score", "score of 2022", "time [s]"]
     time = f"{mean([row.time for row in rows if row.success]):.2f}"
     table = Table(f"{len(rows)} worlds of the BARN benchmark, the differential robot", header,
-                  [["hd_bug_map", as_percent(rows), str(hits), f"{total:.4f}", time]])  # fmt: skip
-    return table, {**numbers(rows), "score": total}
+                  [["hd_bug_map", as_percent(rows), str(hits), *(f"{one:.4f}" for one in scores.values()), time]])  # fmt: skip
+    # The claim about `score` was made by the metric of 2022, and is kept.
+    return table, {**numbers(rows), "score": scores["score_2022"], "score_2024": scores["score_2024"]}

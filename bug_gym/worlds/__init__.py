@@ -15,6 +15,7 @@ from bug_gym.worlds.beach import BeachWorld
 from bug_gym.worlds.circle_swap import CircleSwapWorld
 from bug_gym.worlds.corridor import CorridorWorld
 from bug_gym.worlds.crossing import CrossingWorld
+from bug_gym.worlds.dynabarn import DynaBarnWorld
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.explicit import ExplicitWorld
 from bug_gym.worlds.field import FieldWorld
@@ -50,6 +51,7 @@ WorldFamily = Annotated[
     | BeachWorld
     | OniWangWorld
     | BarnWorld
+    | DynaBarnWorld
     | ReplayWorld
     | RosMapWorld,
     Field(discriminator="family"),

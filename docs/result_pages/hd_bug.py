@@ -202,18 +202,25 @@ def real(found: Record) -> Page:
     avoidable = sum(one["avoidable_collisions"] for one in results.values())
     sudden = sum(one["of_them_sudden"] for one in results.values())
     faults = avoidable - sudden
+    metrics = {"score": "score_2024", "score of 2022": "score"}
+    scores = {title: key for title, key in metrics.items() if key in barn_one}
     return Page(
         [
-            table("BARN, the differential robot", [*RUN_HEADER, "score"], [[*run(barn_one), number(barn_one["score"], 4)]]),
+            table(
+                "BARN, the differential robot",
+                [*RUN_HEADER, *scores],
+                [[*run(barn_one), *(number(barn_one[key], 4) for key in scores.values())]],
+            ),
             table(
                 "Crossings of recorded pedestrians",
                 ["scene", "predictor", *RUN_HEADER, "avoidable collisions", "of them sudden"],
                 rows,
             ),
         ],
-        f"{RUN_NOTE} BARN's score is at most 0.25. For context: {barn.DWA}\n\n"
+        f"{RUN_NOTE} BARN's score is at most 0.5 since 2024, and was at most 0.25. For context: {barn.DWA}\n\n"
         f"{barn_one['outcomes'].get('success', 0)} of {barn_one['n']} worlds of BARN are reached, with a score of "
-        f"{barn_one['score']:.4f}. Recorded pedestrians make no way: {untouched} of {crossings} crossings touch nobody. "
+        f"{barn_one['score']:.4f} by the metric of 2022. Recorded pedestrians make no way: "
+        f"{untouched} of {crossings} crossings touch nobody. "
         f"Of the {hits} collisions {avoidable} could have been avoided by somebody who knows the future; in {sudden} of "
         f"these somebody had come into the recording less than {avoidable_rule.SUDDEN:g} s before, on top of the robot. So "
         f"{crossings - faults} of {crossings} are without its fault. (That rule was made after an earlier run had been "
@@ -221,7 +228,7 @@ def real(found: Record) -> Page:
         [
             (f"at least {percent(hd_bug_real.SUCCESS_ASKED)} % of the BARN worlds are reached",
              barn_one["success"] >= hd_bug_real.SUCCESS_ASKED),
-            (f"the score there is at least {hd_bug_real.SCORE_ASKED:g}", barn_one["score"] >= hd_bug_real.SCORE_ASKED),
+            (f"the score of 2022 there is at least {hd_bug_real.SCORE_ASKED:g}", barn_one["score"] >= hd_bug_real.SCORE_ASKED),
             (f"at least {percent(hd_bug_real.FAULTLESS_ASKED)} % of the crossings are without the robot's fault",
              faults <= (1.0 - hd_bug_real.FAULTLESS_ASKED) * crossings),
         ],

@@ -220,6 +220,7 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
     },
     "oni_wang": {"bounds": [-20, -30, 50, 30], "start": "C", "goal": "B"},
     "barn": {"bounds": [-7, -1, 3, 15], "path": BARN_FILE, "world": 3},
+    "dynabarn": {"bounds": [-11, -11, 12, 11], "path": BARN_FILE, "world": 3, "since": 2.5},
     "replay": {
         "bounds": [-6, -5, 6, 5],
         "path": RECORDING_FILE,
