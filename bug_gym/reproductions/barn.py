@@ -192,7 +192,9 @@ def reproduce(settings: Settings) -> Reproduction:
             data[f"{robot} {policy}"] = found
             lines.append(line(policy, robot, found))
     title = f"{len(worlds)} worlds of the BARN benchmark"
-    return Reproduction("barn", [Table(title, HEADER, lines)], notes(references), {"results": data}, holds, rows=episodes)
+    return Reproduction(
+        "barn", [Table(title, HEADER, lines)], notes(references), {"results": data}, holds, rows=episodes
+    )
 
 
 def notes(references: Mapping[str, float | None]) -> list[str]:
