@@ -8,6 +8,8 @@ import os
 import re
 from pathlib import Path
 
+from bug_gym.files import replaced_when_done
+
 POLICY = '''"""NAME: toward the goal, or as near to that direction as there is room.
 
 Change `act`. What a policy sees of the robot and its scan: bug_gym.view.View; what it knows of the robot itself:
@@ -117,7 +119,8 @@ def run(options: argparse.Namespace) -> None:
             raise ValueError(f"{path} exists already: choose another name or --folder")
     options.folder.mkdir(parents=True, exist_ok=True)
     for path, text in files.items():
-        path.write_text(text.replace("NAME", name).replace("CLASS", class_name), encoding="utf-8")
+        with replaced_when_done(path) as partial:
+            partial.write_text(text.replace("NAME", name).replace("CLASS", class_name), encoding="utf-8")
     policy, test = files
     print(f"wrote {policy} and {test}")
     print(f"run it:  bug-gym evaluate --scenario static --policies bug2,{policy}:{class_name}")

@@ -171,7 +171,7 @@ def collect(
     workers = checked_count("workers", workers)
     if unknown := [form for form in forms if form not in FORMS] or ([] if forms else ["none"]):
         raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {unknown[0]!r}")
-    root = Path(out)
+    root = Path(out).absolute()  # Minari joins a relative one to itself
     extras = extras or Extras()
     _required(scenario, overrides, extras)
     plan = _planned(scenario, policies, episodes, seed, overrides)
