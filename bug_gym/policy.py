@@ -157,8 +157,8 @@ class ScriptedPolicy(ABC):
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 
-    room: float = 0.0
-    """What it keeps about the body where inertia carries it nearer to walls than it wants [m]."""
+    room: float | None = 0.0
+    """What it keeps about the body where inertia carries it nearer to walls than it wants [m]; None: it takes no care."""
 
     parameters: Any
     """Those of this policy; an algorithm with parameters of its own gives the type."""
@@ -253,7 +253,7 @@ def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[A
 
 
 def action_of(
-    sensors: Sensors, view: View | None, velocity: Velocity, discrete: NDArray[np.float64] | None, room: float
+    sensors: Sensors, view: View | None, velocity: Velocity, discrete: NDArray[np.float64] | None, room: float | None
 ) -> NDArray[Any]:
     """The action that drives a robot at a velocity of its frame [m/s], as it can.
 
@@ -262,14 +262,14 @@ def action_of(
         view: what it sees, before which it brakes; None: it is to stand.
         velocity: the desired one.
         discrete: the velocities (m, 2) of discrete actions, where actions are numbers of them.
-        room: what is kept about the body where the robot cannot stop at once [m].
+        room: what is kept about the body where the robot cannot stop at once [m]; None: nothing is cut for that.
     """
     if discrete is not None:
         return nearest_discrete(discrete, velocity)
     if view is None:
         return kinematics.steering(sensors.drive, velocity)
     velocity = brake(view, velocity)
-    if needs_care(sensors):
+    if room is not None and needs_care(sensors):
         return stoppable_action(view, velocity, room)
     return kinematics.steering(sensors.drive, velocity)
 
