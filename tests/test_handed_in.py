@@ -73,9 +73,10 @@ def test_anything_is_a_count_or_a_value_error(value: Any) -> None:
 @given(anything)
 @example(1e300)
 @example(10**400)
+@example(2**53 + 1)
 def test_anything_is_a_time_or_a_value_error(value: Any) -> None:
     if type(value) in (int, float) and 0.0 < value <= sys.float_info.max:
-        assert checked_time("minutes", value) == value
+        assert checked_time("minutes", value) == float(value)
     else:
         with pytest.raises(ValueError, match="^minutes must be a number above 0, got"):
             checked_time("minutes", value)
