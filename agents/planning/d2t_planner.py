@@ -6,6 +6,7 @@ Source: Sellers, Lei, Luo, Bi and Jan (2026), section 4.4. The whole is in trian
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -123,9 +124,9 @@ class D2TPlanner(MapPlanner):
             colony=self._colony(),
         )
 
+    @abstractmethod
     def _optimiser(self) -> Optimiser:
         """How the way is pulled taut."""
-        raise NotImplementedError
 
     def _colony(self) -> Colony:
         """The ants, where there are any."""
