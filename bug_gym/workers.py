@@ -1,4 +1,4 @@
-"""Who does the jobs of a command: this process, or several processes of this machine (joblib's loky).
+"""Who does the jobs of a command: this process, several processes of this machine (joblib's loky), or a crew elsewhere.
 
 A worker ends with its parent, however that ends. Otherwise it would wait some minutes for jobs that nobody sends, or go on
 with its last one for nobody.
@@ -10,7 +10,9 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeVar, runtime_checkable
+
+from bug_gym.checks import checked_count
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -24,18 +26,56 @@ GLANCE = 0.5
 """How often a worker looks whether its parent is still there [s]."""
 
 
-def each(function: Callable[[J], R], jobs: Sequence[J], workers: int, *, in_order: bool = False) -> Iterator[R]:
+@runtime_checkable
+class Crew(Protocol):
+    """Those who do jobs somewhere else, such as a `bug_gym.cluster.Cluster`."""
+
+    @property
+    def size(self) -> int:
+        """How many jobs are done at a time."""
+
+    def each(self, function: Callable[[J], R], jobs: Sequence[J], *, in_order: bool = False) -> Iterator[R]:
+        """As `each` here."""
+
+
+Workers: TypeAlias = int | Crew
+"""So many processes of this machine, or a crew."""
+
+
+def checked_workers(value: object) -> Workers:
+    """Workers that callers hand in.
+
+    Raises:
+        ValueError: neither an integer from 1 on nor a crew.
+    """
+    return value if isinstance(value, Crew) else checked_count("workers", value)
+
+
+def are_several(workers: Workers) -> bool:
+    """Whether jobs are done in other processes than this one."""
+    return not isinstance(workers, int) or workers > 1
+
+
+def on_this_machine(workers: Workers) -> int:
+    """How many processes do jobs that write files here: a crew may have other disks."""
+    return workers if isinstance(workers, int) else 1
+
+
+def each(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, *, in_order: bool = False) -> Iterator[R]:
     """What a function makes of each job.
 
     Args:
         function: importable from a module.
         jobs: its arguments.
-        workers: how many processes; with one, this process does them, each when its result is asked for.
+        workers: how many processes; with one, this process does them, each when its result is asked for. Or a crew.
         in_order: whether results come in the order of their jobs, else in order of arrival.
 
     Raises:
         WorkerLostError: a worker was ended from outside; the results before it have been given.
     """
+    if not isinstance(workers, int):
+        yield from workers.each(function, jobs, in_order=in_order)
+        return
     if workers == 1 or len(jobs) < 2:
         yield from map(function, jobs)
         return
@@ -55,6 +95,11 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: int, *, in_orde
 def starred(function: Callable[..., R], arguments: Sequence[Any]) -> R:
     """A function of several arguments as one of a sequence of them; with `functools.partial`, for `each`."""
     return function(*arguments)
+
+
+def add_to_path(path: Sequence[str]) -> None:
+    """Import also from where another process does, after this one's own places."""
+    sys.path.extend(place for place in path if place not in sys.path)
 
 
 def begin_worker(parent: int, path: Sequence[str]) -> None:

@@ -37,7 +37,7 @@ LAYERS = (
     ("simulation", "policy", "team_policy"),
     ("drawing", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
     ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name
-    ("evaluation",),
+    ("evaluation", "cluster"),
     ("reproductions", "benchmark"),
     ("commands", "cli", "__main__"),
 )

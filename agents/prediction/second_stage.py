@@ -32,7 +32,7 @@ from bug_gym.geometry import F64
 from bug_gym.held_out import TRAINING_SEEDS, VALIDATION_SEEDS
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
-from bug_gym.workers import each, starred
+from bug_gym.workers import Workers, each, starred
 
 LAWS = ("bounce", "random_walk", "crowd")
 """Of the movers in the worlds that it drives in, unless it is told others."""
@@ -113,7 +113,7 @@ def drive(folder: Path, change: F64, world: str, seed: int) -> Run:
     return Run(1.0 if is_there else 1.0 - left, last.info["outcome"] == "collision", last.info["time"])
 
 
-def search(folder: Path, settings: NavigationSettings, *, workers: int = 1) -> tuple[F64, list[float]]:
+def search(folder: Path, settings: NavigationSettings, *, workers: Workers = 1) -> tuple[F64, list[float]]:
     """The change (NUMBERS,) that the rounds lead to, and the mean return of each round."""
     rng = np.random.default_rng(settings.seed)
     change, means, worlds = np.zeros(NUMBERS), [], settings.worlds
@@ -134,7 +134,7 @@ def search(folder: Path, settings: NavigationSettings, *, workers: int = 1) -> t
     return change, means
 
 
-def compare(folder: Path, change: F64, settings: NavigationSettings, *, workers: int = 1) -> dict[str, Any]:
+def compare(folder: Path, change: F64, settings: NavigationSettings, *, workers: Workers = 1) -> dict[str, Any]:
     """How the change does in the validation worlds, beside the predictor as it was."""
     seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.validation_worlds)
     asked = [(world, seed) for seed in seeds for world in settings.worlds]

@@ -28,13 +28,13 @@ from bug_gym.agents.prediction.ppo import train_ppo
 from bug_gym.agents.prediction.samples import Samples, samples_of, world_of
 from bug_gym.agents.prediction.settings import PredictorSettings
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
-from bug_gym.workers import each
+from bug_gym.workers import Workers, each
 
 TRAININGS = {"ppo": train_ppo, "reinforce": train_reinforce, "supervised": train_supervised}
 """What trains by `kind`."""
 
 
-def gather(sources: Sequence[str | Path], seeds: Sequence[int], *, workers: int = 1) -> Samples:
+def gather(sources: Sequence[str | Path], seeds: Sequence[int], *, workers: Workers = 1) -> Samples:
     """The samples of a world of each source (see samples.world_of) and seed.
 
     Raises:
@@ -52,7 +52,7 @@ def _samples(asked: tuple[str | Path, int]) -> Samples:
     return samples_of(world_of(source, seed), seed)
 
 
-def gather_for(settings: PredictorSettings, *, workers: int = 1) -> tuple[Samples, Samples]:
+def gather_for(settings: PredictorSettings, *, workers: Workers = 1) -> tuple[Samples, Samples]:
     """The samples of a training and of its validation."""
     training = range(TRAINING_SEEDS, TRAINING_SEEDS + settings.worlds)
     validation = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.validation_worlds)
@@ -62,7 +62,7 @@ def gather_for(settings: PredictorSettings, *, workers: int = 1) -> tuple[Sample
     )
 
 
-def gather_held_out(settings: PredictorSettings, *, workers: int = 1) -> dict[str, Samples]:
+def gather_held_out(settings: PredictorSettings, *, workers: Workers = 1) -> dict[str, Samples]:
     """The samples of worlds that neither training nor validation saw, by motion law; of a recording none are left."""
     if settings.real is not None:
         return {}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from bug_gym.assignments import assignments as assignments  # for the commands
@@ -10,6 +12,7 @@ from bug_gym.checks import checked_time
 
 if TYPE_CHECKING:
     from bug_gym.evaluation.entries import PolicyEntry
+    from bug_gym.workers import Workers
 
 
 def at_least_one(text: str) -> int:
@@ -43,6 +46,32 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="replace a value of the scenario, such as lidar.beams=180; may come several times",
     )
+
+
+def add_workers(parser: argparse.ArgumentParser, number: Callable[[str], int] = int) -> None:
+    """`--workers N`, or `--cluster ADDRESS` in its place."""
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument("--workers", type=number, default=1, help="processes (default: 1)")
+    group.add_argument(
+        "--cluster", metavar="ADDRESS", help="have a Ray cluster do the work: HOST:PORT of its head, or auto"
+    )
+
+
+@contextmanager
+def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
+    """Who does the work that these options speak of.
+
+    Raises:
+        ImportError: Ray is not installed.
+        ValueError: there is no such cluster.
+    """
+    if options.cluster is None:
+        yield options.workers
+        return
+    from bug_gym.cluster import connected  # only where it is asked for
+
+    with connected(options.cluster) as cluster:
+        yield cluster
 
 
 def policy_entry(text: str) -> PolicyEntry:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_overrides, assignments, policy_entry
+from bug_gym.commands.arguments import add_overrides, add_workers, assignments, policy_entry, workers_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--episodes", type=int, help="worlds of each scenario (default: the suite's, or 50)")
     parser.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
-    parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
+    add_workers(parser)
     parser.add_argument(
         "--baseline",
         help="policy that the others are compared with (default: the most successful one that does not read the map)",
@@ -54,20 +54,21 @@ def run(options: argparse.Namespace) -> None:
     from bug_gym.evaluation.suites import load_suite  # loads the compiler
     from bug_gym.evaluation.summary import summarise  # loads the compiler
 
-    rows = evaluate(
-        [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
-        load_suite(options.suite) if options.suite else options.scenario,
-        episodes=options.episodes,
-        seed=options.seed,
-        workers=options.workers,
-        out=options.out,
-        overrides=assignments(options.overrides),
-        progress=True,
-        data=options.data,
-        baseline=options.baseline,
-        repair=options.repair,
-        privileged=options.privileged,
-    )
+    with workers_of(options) as workers:
+        rows = evaluate(
+            [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
+            load_suite(options.suite) if options.suite else options.scenario,
+            episodes=options.episodes,
+            seed=options.seed,
+            workers=workers,
+            out=options.out,
+            overrides=assignments(options.overrides),
+            progress=True,
+            data=options.data,
+            baseline=options.baseline,
+            repair=options.repair,
+            privileged=options.privileged,
+        )
     console, summaries = Console(), summarise(rows)
     print_matrix(summaries, console)
     if options.details:

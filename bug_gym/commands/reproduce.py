@@ -6,7 +6,7 @@ import argparse
 import subprocess
 from pathlib import Path
 
-from bug_gym.commands.arguments import at_least_one
+from bug_gym.commands.arguments import add_workers, at_least_one, workers_of
 from bug_gym.files import replaced_when_done, writable
 from bug_gym.reproductions import reproduction
 from bug_gym.reproductions.result import Reproduction, Settings
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=at_least_one, help="seeds of each claim (default: all of them)")
     parser.add_argument("--policies", help="NAME,... where a reproduction leaves the choice")
     parser.add_argument("--data", type=Path, help="somebody else's data that a reproduction needs")
-    parser.add_argument("--workers", type=at_least_one, default=1, help="processes (default: 1)")
+    add_workers(parser, at_least_one)
     parser.add_argument(
         "--out",
         type=Path,
@@ -39,7 +39,8 @@ def run(options: argparse.Namespace) -> None:
         writable(out.with_suffix(".html"))
     reproduce = reproduction(options.name)
     policies = tuple(options.policies.split(",")) if options.policies else ()
-    result = reproduce(Settings(options.seeds, options.workers, options.data, progress=True, policies=policies))
+    with workers_of(options) as workers:
+        result = reproduce(Settings(options.seeds, workers, options.data, progress=True, policies=policies))
     console = Console()
     for table in result.tables:
         print_text_table(table.title, table.header, table.rows, console)

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from bug_gym.checks import checked_count
 from bug_gym.evaluation.page import PAGE, write_page
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
@@ -22,6 +21,7 @@ from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import compare, default_baseline, summarise
 from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds
+from bug_gym.workers import Workers, checked_workers, on_this_machine
 
 __all__ = ["evaluate", "make_plan"]
 
@@ -31,7 +31,7 @@ def evaluate(
     scenario_or_suite: Any,
     episodes: int | None = None,
     seed: int | None = None,
-    workers: int = 1,
+    workers: Workers = 1,
     out: str | os.PathLike[str] | None = None,
     overrides: Mapping[str, Any] | None = None,
     progress: bool = False,
@@ -49,7 +49,8 @@ def evaluate(
         scenario_or_suite: a scenario or a list of them, each a name, path, dict or Scenario; or a suite, likewise.
         episodes: worlds of each scenario; None: as many as the suite says, 50 without one.
         seed: of the first world, the others count up; None: as the suite says, 0 without one.
-        workers: processes that share the work. Times of decisions are fair where each has a core of its own.
+        workers: processes that share the work, or a cluster that does (`bug_gym.cluster.connected`). Times of decisions
+            are fair where each process has a core of its own.
         out: a folder for the rows as they come, the summary and pictures. A run that was cut off goes on from it; one
             process at a time writes there.
         overrides: values by dotted key that replace those of every scenario.
@@ -66,7 +67,7 @@ def evaluate(
     Raises:
         ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
     """
-    workers = checked_count("workers", workers)
+    workers = checked_workers(workers)
     if repair and out is None:
         raise ValueError("got nothing to repair, expected a folder `out`")
     plan = make_plan(
@@ -97,7 +98,7 @@ def evaluate(
             write_summary(folder.path, rows, summaries, differences)
             title = plan.suite or ", ".join(entry.label for entry in plan.scenarios)
             write_page(folder.path / PAGE, title, rows, summaries, differences)
-            draw_typical(plan, rows, folder.path / "pictures", workers, track)
+            draw_typical(plan, rows, folder.path / "pictures", on_this_machine(workers), track)
     return rows
 
 

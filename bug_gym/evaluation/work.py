@@ -13,7 +13,7 @@ from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.results_folder import ResultFolder
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.workers import each
+from bug_gym.workers import Workers, are_several, each
 
 CHUNK = 8
 """Seeds of a job: what a kill can cost a worker, and how finely workers share the work."""
@@ -44,7 +44,7 @@ def missing_worlds(plan: Plan, rows: Sequence[EpisodeRow]) -> list[tuple[PolicyE
 def known_lengths(
     missing: Sequence[tuple[PolicyEntry, ScenarioEntry, Sequence[int]]],
     folder: ResultFolder | None,
-    workers: int,
+    workers: Workers,
     track: Track[Any],
 ) -> Lengths:
     """Shortest paths of all worlds to drive in, once a world; a moving target has none."""
@@ -71,20 +71,20 @@ def _shortest_length(job: tuple[ScenarioEntry, int]) -> tuple[World, list[float]
 def drive_missing(
     missing: Sequence[tuple[PolicyEntry, ScenarioEntry, Sequence[int]]],
     lengths: Lengths,
-    workers: int,
+    workers: Workers,
     track: Track[Any],
 ) -> Iterable[list[EpisodeRow]]:
     """The rows of each missing world."""
     numbered = []
     for policy, scenario, seeds in missing:
-        chunk = CHUNK if workers > 1 else len(seeds)
+        chunk = CHUNK if are_several(workers) else len(seeds)
         for first in range(0, len(seeds), max(chunk, 1)):
             some = tuple(seeds[first : first + chunk])
             mine = {world: lengths[world] for seed in some if (world := (scenario.label, seed)) in lengths}
             numbered.append((first, _Job(policy, scenario, some, mine)))
     # The first seeds of all policies come first, so that what an interrupted run leaves can be compared.
     jobs = [job for _, job in sorted(numbered, key=lambda item: item[0])]
-    worlds = itertools.chain.from_iterable(each(_drive_lazily if workers == 1 else _drive, jobs, workers))
+    worlds = itertools.chain.from_iterable(each(_drive if are_several(workers) else _drive_lazily, jobs, workers))
     return track(worlds, "episodes", sum(len(job.seeds) for job in jobs))
 
 

@@ -10,6 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bug_gym.workers import Workers
+
 if TYPE_CHECKING:
     from bug_gym.evaluation.rows import EpisodeRow
 
@@ -20,8 +22,8 @@ class Settings:
 
     seeds: int | None = None
     """Seeds of each claim; None: all of them."""
-    workers: int = 1
-    """Processes that share the work."""
+    workers: Workers = 1
+    """Processes that share the work, or a cluster."""
     data: Path | None = None
     """File or folder of somebody else's data that some reproductions need."""
     progress: bool = False

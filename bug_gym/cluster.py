@@ -1,0 +1,228 @@
+"""Who does the jobs of a command on more than one machine: the nodes of a Ray cluster, in place of worker processes.
+
+Of Ray only the core is used: a remote task a job, its result taken as it comes. A task whose process or node is lost is
+done again elsewhere, and each job gives one result. What a job gives is a function of the job, so where it was done does
+not matter. Each node needs this package, of the same source, and what jobs name by path (models, maps) at the same place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import pickle
+import socket
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from bug_gym.checks import needed_from
+from bug_gym.workers import WorkerLostError, add_to_path
+
+if TYPE_CHECKING:
+    import ray
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+RETRIES = 5
+"""How often a job is tried again whose process or node was lost: nodes may go, but a job that ends its process must end."""
+AHEAD = 2
+"""Jobs handed in for each core: one that runs, and one that waits for its end."""
+GLANCE = 2.0
+"""How often the cores of the cluster are counted [s]; nodes come and go."""
+PATIENCE = 60.0
+"""How long a cluster may be without any core [s]: one that grows on demand takes a while."""
+REACHABLE = 5.0
+"""Time in which the head of a cluster has to answer [s]."""
+
+
+class OtherSourceError(ValueError):
+    """A node has this package of another source."""
+
+
+class Cluster:
+    """The cores of the Ray cluster that this process is connected to, as workers; made by `connected`."""
+
+    def __init__(self) -> None:
+        self._warm: set[str] = set()
+        """Nodes on which a job has ended, so that what jobs compile lies on their disks."""
+        self._cores = 0
+        self._counted = -GLANCE
+
+    @property
+    def size(self) -> int:
+        """How many jobs are done at a time."""
+        import ray
+
+        if monotonic() >= self._counted + GLANCE:
+            resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
+            self._cores, self._counted = int(resources.get("CPU", 0.0)), monotonic()
+        return self._cores
+
+    def each(self, function: Callable[[J], R], jobs: Sequence[J], *, in_order: bool = False) -> Iterator[R]:
+        """What a function makes of each job, as `bug_gym.workers.each` has it.
+
+        A node that is new here gets one job at first, and more when that has ended: what jobs compile is compiled once a
+        node then, and not by all of its processes at the same time.
+
+        Raises:
+            WorkerLostError: there is no node any more, or a job has lost its process again and again.
+            OtherSourceError: a node has another source of this package.
+            ImportError: a node has none.
+        """
+        arriving = self._arriving(function, jobs)
+        if not in_order:
+            yield from (result for _, result in arriving)
+            return
+        held: dict[int, R] = {}
+        due = 0
+        for number, result in arriving:
+            held[number] = result
+            while due in held:
+                yield held.pop(due)
+                due += 1
+
+    def _arriving(self, function: Callable[[J], R], jobs: Sequence[J]) -> Iterator[tuple[int, R]]:
+        """The number and the result of each job, in order of arrival."""
+        import ray
+        from ray import cloudpickle
+        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+        task: Any = ray.remote(num_cpus=1, max_retries=RETRIES)(_do)
+        written: Callable[[Any], bytes] = cloudpickle.dumps
+        given = (source_digest(), tuple(sys.path))
+        waiting = iter(enumerate(jobs))
+        running: dict[ray.ObjectRef[Any], int] = {}
+        try:
+            cold = self._nodes() - self._warm
+            for node, (number, job) in zip(sorted(cold), waiting, strict=False):
+                there = task.options(scheduling_strategy=NodeAffinitySchedulingStrategy(node, soft=True))
+                running[there.remote(*given, written((function, job)))] = number
+            while running:
+                yield self._next(running)
+            self._warm |= cold
+            while True:
+                room = max(AHEAD * self.size, 1) - len(running)
+                for number, job in islice(waiting, max(room, 0)):
+                    running[task.remote(*given, written((function, job)))] = number
+                if not running:
+                    return
+                yield self._next(running)
+        finally:
+            for asked in running:  # nobody waits for them any more
+                ray.cancel(asked, force=True)
+
+    def _next(self, running: dict[ray.ObjectRef[Any], int]) -> tuple[int, Any]:
+        """Wait for one of the running jobs, and take it out."""
+        import ray
+
+        since = monotonic()
+        while True:
+            ended, _ = ray.wait(list(running), num_returns=1, timeout=GLANCE)
+            if ended:
+                return running.pop(ended[0]), _result(ended[0])
+            if self.size:
+                since = monotonic()
+            elif monotonic() > since + PATIENCE:
+                raise WorkerLostError(f"the cluster has had no core for {PATIENCE:.0f} s")
+
+    @staticmethod
+    def _nodes() -> set[str]:
+        """The nodes that are there and have cores, by their numbers."""
+        import ray
+
+        nodes = ray.nodes()  # type: ignore[no-untyped-call]
+        return {node["NodeID"] for node in nodes if node["Alive"] and node["Resources"].get("CPU", 0.0) >= 1.0}
+
+
+def _do(source: str, path: Sequence[str], asked: bytes) -> Any:
+    """Do a job on a node: a function and its argument, which are read when they can be imported."""
+    if source != source_digest():
+        raise OtherSourceError(f"node {socket.gethostname()} has another source of bug_gym than the machine that asks")
+    add_to_path(path)
+    function, job = pickle.loads(asked)
+    return function(job)
+
+
+def _result(asked: ray.ObjectRef[R]) -> R:
+    """The result of a job that has ended.
+
+    Raises:
+        WorkerLostError: it lost its process too often.
+        ImportError: this package is not to be imported on the node.
+        Exception: what the job itself has raised.
+    """
+    import ray
+    from ray.exceptions import RayError, RaySystemError, RayTaskError
+
+    try:
+        return ray.get(asked)
+    except RayTaskError as error:
+        if isinstance(error.cause, RaySystemError):  # before the job began
+            reason = str(error.cause).partition("\n")[0]
+            raise ImportError(f"a node cannot begin a job: {reason}") from None
+        raise error.cause from None
+    except RayError as error:
+        lost = f"a job lost its process or node {RETRIES + 1} times"
+        raise WorkerLostError(f"{lost}, last by {type(error).__name__}; is there memory enough?") from None
+
+
+@cache
+def source_digest() -> str:
+    """SHA-256 of all Python files of this package, as hexadecimal digits."""
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for folder, inner, names in os.walk(package, followlinks=True):
+        inner.sort()
+        for name in sorted(names):
+            if name.endswith(".py"):
+                file = Path(folder, name)
+                digest.update(f"{file.relative_to(package).as_posix()}\n".encode())
+                digest.update(file.read_bytes().replace(b"\r\n", b"\n"))
+    return digest.hexdigest()
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Cluster]:
+    """Be connected to a Ray cluster; a connection that was there before is used, and stays.
+
+    Args:
+        address: `host:port` of its head, or "auto": the one that this machine is a node of, or RAY_ADDRESS names.
+
+    Raises:
+        ImportError: Ray is not installed; the message names the extra.
+        ValueError: no cluster is there, or one of another version of Ray or Python.
+    """
+    with needed_from("cluster", "a cluster"):
+        import ray
+    if ray.is_initialized():
+        yield Cluster()
+        return
+    if address != "auto":
+        _require_answer(address)
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        reason = str(error).strip().partition("\n")[0]
+        raise ValueError(f"no cluster to be used at {address!r}: {reason}") from None
+    try:
+        yield Cluster()
+    finally:
+        ray.shutdown()
+
+
+def _require_answer(address: str) -> None:
+    """Refuse at once what Ray itself would wait for a minute or longer."""
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or "/" in host:
+        raise ValueError(f"got {address!r} as the address of a cluster, expected auto or HOST:PORT")
+    try:
+        socket.create_connection((host, int(port)), REACHABLE).close()
+    except (OSError, OverflowError) as error:
+        raise ValueError(f"no cluster answers at {address}: {error}") from None

@@ -1,0 +1,193 @@
+"""A cluster of two nodes on this machine does what one process does, and loses nothing when a node goes."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bug_gym import cluster as cluster_module
+from bug_gym.cli import main
+from bug_gym.cluster import Cluster, OtherSourceError, connected
+from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.workers import Crew, WorkerLostError, each
+
+ray = pytest.importorskip("ray", reason="of the extra `cluster`")
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="Ray's local clusters are of POSIX systems")
+
+
+class Nodes:
+    """A cluster whose head has no core, and whose nodes have one each."""
+
+    def __init__(self) -> None:
+        from ray.cluster_utils import Cluster as LocalCluster
+
+        self.local = LocalCluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
+        self.nodes = [self.local.add_node(num_cpus=1) for _ in range(2)]
+
+    @property
+    def address(self) -> str:
+        """Of its head."""
+        return str(self.local.address)
+
+    def kill(self) -> None:
+        """End a node as a power cut does."""
+        self.local.remove_node(self.nodes.pop(), allow_graceful=False)
+
+    def mend(self) -> None:
+        """Have two nodes again."""
+        while len(self.nodes) < 2:
+            self.nodes.append(self.local.add_node(num_cpus=1))
+
+
+@pytest.fixture(scope="module")
+def nodes() -> Iterator[Nodes]:
+    made = Nodes()
+    yield made
+    made.local.shutdown()  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture(scope="module")
+def connection(nodes: Nodes) -> Iterator[Cluster]:
+    with connected(nodes.address) as made:
+        yield made
+
+
+@pytest.fixture
+def cluster(connection: Cluster, nodes: Nodes) -> Cluster:
+    nodes.mend()
+    return connection
+
+
+def half(number: int) -> float:
+    """A job."""
+    return number / 2
+
+
+def slowly(number: int) -> int:
+    """A job of some time."""
+    time.sleep(0.05)
+    return number
+
+
+def refuse(number: int) -> int:
+    """A job that is asked for nonsense."""
+    raise ValueError(f"got {number}, expected better")
+
+
+def die(number: int) -> int:
+    """A job that ends its process."""
+    os._exit(1)
+
+
+def test_results_are_those_of_a_loop(cluster: Cluster) -> None:
+    assert isinstance(cluster, Crew) and cluster.size == 2
+    assert list(each(half, range(30), cluster, in_order=True)) == [number / 2 for number in range(30)]
+    assert sorted(each(half, range(30), cluster)) == [number / 2 for number in range(30)]
+    assert list(each(half, [], cluster)) == []
+
+
+def test_a_job_says_itself_what_is_wrong(cluster: Cluster) -> None:
+    with pytest.raises(ValueError, match=r"^got 0, expected better$"):
+        list(each(refuse, [0], cluster))
+    assert list(each(half, [3], cluster)) == [1.5]
+
+
+def test_a_job_that_ends_its_process_ends(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_module, "RETRIES", 1)
+    with pytest.raises(WorkerLostError, match="a job lost its process or node 2 times"):
+        list(each(die, [0], cluster))
+
+
+def test_a_node_of_another_source_is_refused(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_module, "source_digest", lambda: "another")
+    with pytest.raises(OtherSourceError, match="has another source of bug_gym"):
+        list(each(half, [0], cluster))
+
+
+class Watched:
+    """A cluster of which a node is killed once some results have come."""
+
+    def __init__(self, cluster: Cluster, kill: Callable[[], None], after: int) -> None:
+        self.cluster, self.kill, self.left = cluster, kill, after
+
+    @property
+    def size(self) -> int:
+        return self.cluster.size
+
+    def each(self, function: Callable[[Any], Any], jobs: Sequence[Any], *, in_order: bool = False) -> Iterator[Any]:
+        for result in self.cluster.each(function, jobs, in_order=in_order):
+            yield result
+            self.left -= 1
+            if not self.left:
+                self.kill()
+
+
+def without_times(rows: Sequence[EpisodeRow]) -> list[str]:
+    """What rows say, but for what a clock has measured."""
+    names = [name for name in EpisodeRow.__annotations__ if not name.startswith("decision_time")]
+    return [repr([getattr(row, name) for name in names]) for row in rows]
+
+
+def test_nothing_is_lost_and_nothing_comes_twice_when_a_node_goes(cluster: Cluster, nodes: Nodes) -> None:
+    watched = Watched(cluster, nodes.kill, after=10)
+    assert sorted(each(slowly, range(60), watched)) == list(range(60))
+
+
+def test_an_evaluation_with_a_lost_node_gives_the_rows_of_one_process(
+    cluster: Cluster, nodes: Nodes, tmp_path: Path
+) -> None:
+    policies, scenarios = ["bug2", "go_to_goal"], ["moving_target", "static"]
+    # 2 x 2 x 3 blocks of worlds after the two blocks of shortest paths
+    watched = Watched(cluster, nodes.kill, after=24 + 5)
+    rows = evaluate(policies, scenarios, episodes=24, workers=watched, out=tmp_path / "out")
+    assert watched.left <= 0 and len(nodes.nodes) == 1
+    assert without_times(rows) == without_times(evaluate(policies, scenarios, episodes=24))
+    assert len((tmp_path / "out" / "rows.jsonl").read_text().splitlines()) == len(rows) == 96
+
+
+def test_a_cluster_without_cores_is_waited_for_in_vain(
+    cluster: Cluster, nodes: Nodes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_module, "PATIENCE", 0.5)
+    nodes.kill()
+    nodes.kill()
+    with pytest.raises(WorkerLostError, match="the cluster has had no core"):
+        list(each(half, range(3), cluster))
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("nowhere", "got 'nowhere' as the address of a cluster, expected auto or HOST:PORT"),
+        ("ray://host:1", "got 'ray://host:1' as the address of a cluster, expected auto or HOST:PORT"),
+        ("127.0.0.1:1", "no cluster answers at 127.0.0.1:1: "),
+        ("127.0.0.1:99999", "no cluster answers at 127.0.0.1:99999: "),
+    ],
+)
+def test_a_cluster_that_is_not_there_is_told_in_one_line(
+    address: str, told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    arguments = ["evaluate", "--scenario", "static", "--policies", "bug2", "--episodes", "1", "--cluster", address]
+    assert main(arguments) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"bug-gym: error: {told}") and said.count("\n") == 1
+
+
+def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "ray", None)
+    assert main(["reproduce", "oni-wang-table-1", "--cluster", "auto"]) == 2
+    assert "a cluster needs ray, of the extra `cluster`" in capsys.readouterr().err
+
+
+def test_workers_and_a_cluster_exclude_one_another(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["evaluate", "--scenario", "static", "--workers", "2", "--cluster", "auto"])
+    assert left.value.code == 2
+    assert "not allowed with argument" in capsys.readouterr().err
