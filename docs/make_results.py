@@ -58,11 +58,13 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "price-of-not-knowing": planners.price_of_not_knowing,
     "d2t-eaco": triangulation.d2t_eaco,
     "soak": long_checks.soak,
+    "cluster": long_checks.cluster,
 }
 """Name of a reproduction or a check -> what its page says."""
 
-CHECKS = {"soak": Path(__file__).parents[1] / "tests" / "soak.py"}
-"""Name of a check that `make` runs -> the script that it is."""
+ROOT = Path(__file__).parents[1]
+CHECKS = {"soak": ROOT / "tests" / "soak.py", "cluster": ROOT / "docs" / "measure_cluster.py"}
+"""Name of a check -> the script that it is."""
 
 WITH_DATA = (
     *("barn", "dynabarn", "hd-bug-real", "predictors", "scripted-and-learned", "price-of-not-knowing", "d2t-eaco"),
@@ -75,7 +77,7 @@ MADE = "by `python docs/make_results.py`; its sentences stand in docs/result_pag
 def command(name: str) -> str:
     """What runs a reproduction or a check."""
     if name in CHECKS:
-        return f"make {name}"
+        return "make soak" if name == "soak" else f"python docs/measure_{name}.py --out docs/results/{name}.json"
     return f"bug-gym reproduce {name}{' --data PATH' if name in WITH_DATA else ''} --out docs/results/{name}.json"
 
 

@@ -66,3 +66,58 @@ def soak(found: Record) -> Page:
             (f"memory of the vector env rises by at most {percent(found['most_rise'])} %", env["rise"] <= found["most_rise"]),
         ],
     )  # fmt: skip
+
+
+CORES = (1, 16, 256)
+"""Sizes of machines and clusters that the costs are told for."""
+
+
+def cluster(found: Record) -> Page:
+    """A cluster beside the processes of one machine, and what many episodes and rows cost."""
+    both, rows, made_on = found["side_by_side"], found["rows"], found["machine"]
+    seconds = [[f"{one:.1f}" for one in both[f"{name}_seconds"]] for name in ("joblib", "ray")]
+    costs = [
+        [
+            f"`{rate['policy']}`", rate["scenario"], number(rate["episodes_per_second"]),
+            *(number(1e6 / rate["episodes_per_second"] / cores / 3600.0) for cores in CORES),
+        ]
+        for rate in found["rates"]
+    ]  # fmt: skip
+    slowest = min(rate["episodes_per_second"] for rate in found["rates"])
+    fastest = max(rate["episodes_per_second"] for rate in found["rates"])
+    limit = found["jobs_per_second"] * JOB / fastest
+    return Page(
+        [
+            table(
+                f"{both['episodes']:,} episodes of `bug2` in static worlds, {both['cores']} cores, in turn",
+                ["who", *(f"round {one + 1} [s]" for one in range(len(seconds[0])))],
+                [["joblib's processes", *seconds[0]], [f"Ray {found['ray']}", *seconds[1]]],
+            ),
+            table(
+                "A million episodes: measured on one core, divided by the cores",
+                ["policy", "worlds", "episodes a second and core", *(f"{cores} cores [h]" for cores in CORES)],
+                costs,
+            ),
+            table(
+                f"{rows['rows']:,} rows in Parquet, DuckDB {rows['duckdb']}",
+                ["written [s]", "summary by policy and scenario [s]", "file [MB]"],
+                [[number(rows["write_seconds"]), number(rows["summary_seconds"]), number(rows["megabytes"])]],
+            ),
+        ],
+        f"On {made_on['cores']} cores of {made_on['cpu']}. One process deals {number(found['jobs_per_second'], 0)} jobs a "
+        f"second, each a block of {JOB} worlds. The fastest pair of the table ({number(fastest)} episodes a second and core) "
+        f"so keeps at most {number(limit, 0)} cores busy; the slowest ({number(slowest)}) "
+        f"{number(found['jobs_per_second'] * JOB / slowest, 0)}. Behind that lies the file of rows: one process writes each "
+        "line to the disk, and waits for it. Beyond some ten million rows keep several folders, each of its own seeds, and "
+        "read them together as Parquet. The hours on more cores than one are divided, not measured.",
+        [
+            (f"Ray takes at most {percent(MOST - 1.0)} % longer than joblib", both["ratio"] <= MOST),
+            (f"the summary of all rows takes at most {SOON:g} s", rows["summary_seconds"] <= SOON),
+        ],
+    )
+
+
+JOB = 8
+"""Worlds of a job: CHUNK of bug_gym.evaluation.work."""
+MOST, SOON = 1.1, 10.0
+"""What is claimed: Ray's time over joblib's, and the time of a summary [s]."""
