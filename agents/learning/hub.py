@@ -76,7 +76,11 @@ def talking(failed: str) -> Iterator[None]:
     with needed_from("hub", "a model on the hub"):
         from huggingface_hub.errors import HfHubHTTPError, LocalEntryNotFoundError, LocalTokenNotFoundError
     # Its bases are the errors of the HTTP library that the hub's client uses, which differs by its version.
-    refused = (HfHubHTTPError, *HfHubHTTPError.__bases__, LocalEntryNotFoundError, LocalTokenNotFoundError, OSError)
+    refused: tuple[type[BaseException], ...] = (
+        *HfHubHTTPError.__bases__,
+        LocalEntryNotFoundError,
+        LocalTokenNotFoundError,
+    )
     try:
         yield
     except refused as error:
