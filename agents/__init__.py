@@ -247,9 +247,9 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
     Args:
         name: one of `policy_names()`, or of `team_names()` for several robots, each also with its parameters as the
             command line has them (`bug2:turn=right`); a class of policies, or "module:Class" or "file.py:Class", which is
-            imported; a policy that is made already; or the path of a folder that `bug-gym train` wrote, or of a zip
-            that stable-baselines3 wrote, which takes `trust=True`: it is a pickle and can run any code. A Spec holds
-            any of them with its parameters.
+            imported; a policy that is made already; or the path of a folder that `bug-gym train` wrote, or
+            `hf://user/name` for one on the Hugging Face Hub; or of a zip that stable-baselines3 wrote, which takes
+            `trust=True`: it is a pickle and can run any code. A Spec holds any of them with its parameters.
         source: an env of any face, a Simulation, or a Scenario (or its name, path or dict). The policy learns what a
             driver of that robot would know (kinematics, body, limits, beams, range, step), never the world. For
             PettingZoo's envs, and Scenarios, of several robots it takes and gives what is by agent, too; a single
@@ -356,6 +356,8 @@ def _entry(name: Any) -> tuple[type[Any], dict[str, Any]]:
         return imported_class(reference), {}
     if text.endswith(".py"):
         raise ValueError(f"got {text!r} as a policy, expected its class, too, such as {text}:MyBug")
+    if text.startswith("hf://"):
+        return _imported("learning.play:LearnedPolicy"), {"model": text}
     if isinstance(name, Path) or "/" in text or os.sep in text:
         return _imported("learning.play:LearnedPolicy"), {"model": Path(name).expanduser()}
     line = agent(text)

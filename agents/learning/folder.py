@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from bug_gym.agents.learning.hub import HUB, fetched
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import Lags
 from bug_gym.config import checked
@@ -112,11 +113,13 @@ class ModelRecord(Part):
 
 
 def model_folder(model: str | Path) -> Path:
-    """The folder of a model: a name of `trained_names()`, or its path.
+    """The folder of a model: a name of `trained_names()`, its path, or `hf://user/name`, which is fetched.
 
     Raises:
         ValueError: no such name; the message offers the nearest ones.
     """
+    if isinstance(model, str) and model.startswith(HUB):
+        return fetched(model, (GRAPH, WEIGHTS, CONFIG))
     if isinstance(model, Path) or "/" in model or os.sep in model:
         return Path(model).expanduser()
     known = trained_names()

@@ -30,7 +30,7 @@ class LearnedParameters:
     """Parameters of a learned policy."""
 
     model: str | Path
-    """Name of a shipped model, or a folder."""
+    """Name of a shipped model, a folder, or `hf://user/name`."""
 
 
 class LearnedPolicy:

@@ -51,6 +51,11 @@ COMMANDS: dict[str, Command] = {
         "bug-gym train ppo_dynamic --out results/ppo_dynamic",
         goes_on=True,
     ),
+    "push": Command(
+        "bug_gym.commands.push",
+        "Put a trained model onto the Hugging Face Hub; `hf://user/name` then is a policy anywhere.",
+        "bug-gym push results/ppo_dynamic/ hf://user/ppo_dynamic",
+    ),
     "new": Command(
         "bug_gym.commands.new",
         "Begin a policy of one's own: its file, a test of it, and the line that runs it.",
