@@ -18,6 +18,8 @@ from bug_gym.schema.errors import ScenarioError, shortened
 from bug_gym.schema.values import Part
 from bug_gym.schema.yaml_text import parse_yaml, told_fault
 
+MAP_KEYS = {"image", "resolution"}
+"""What tells a map of ROS's map_server from a scenario."""
 SCENARIO_FOLDER = Path(__file__).parents[1] / "configs" / "scenarios"
 
 
@@ -93,6 +95,8 @@ def expanded(source: str | Path) -> Path:
 def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file, paths in it starting from its folder and `name` its stem where it gives none.
 
+    The YAML of a map as ROS's map_server has it means a world with that map.
+
     Raises:
         ScenarioError: no such file, or no mapping in it.
     """
@@ -113,6 +117,8 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ScenarioError(f"{path}: {error.strerror}{nearest_hint(path.name, known)}") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{path}: got {shortened(data)}, expected a mapping such as `world: {{family: empty}}`")
+    if data.keys() >= MAP_KEYS:
+        data = {"world": {"family": "ros_map", "path": path.name}}
     data = _plain(data, str(path))  # what two aliases share comes apart, so that each can change alone
     _resolve_paths(data, path.parent)
     return {"name": path.stem, **data}

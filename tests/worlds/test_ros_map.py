@@ -506,3 +506,11 @@ def test_a_missing_map_is_told_by_its_key(tmp_path: Path) -> None:
 def test_a_map_without_free_cells_says_so(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no free cell"):
         layouts_on(write_map(tmp_path, np.full((30, 30), OCCUPIED)), 1)
+
+
+def test_the_yaml_of_a_map_is_a_world_with_that_map(tmp_path: Path) -> None:
+    path = write_map(tmp_path, np.zeros((240, 320), dtype=int), name="floor")
+    scenario = load(path)
+    assert (scenario.name, scenario.world.family) == ("floor", "ros_map")
+    assert scenario == load({"name": "floor", "world": {"family": "ros_map", "path": path}})
+    assert load(path, {"lidar.beams": 90}).lidar.beams == 90

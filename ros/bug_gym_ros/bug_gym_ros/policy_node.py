@@ -1,0 +1,106 @@
+"""A node that drives a robot with a policy of bug_gym: /scan, /odom and /goal_pose in, /cmd_vel out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import LaserScan
+
+from bug_gym.agents import make_policy
+from bug_gym.config import load
+from bug_gym_ros.translation import MessageError, Robot
+
+
+class PolicyNode(Node):
+    """Asks a policy at each step of its scenario, and stands where there is no goal or nothing fresh to see.
+
+    Parameters: `policy` and `scenario` as bug_gym's command line has them (the scenario's robot, scanner and step are those of
+    the real robot; its world does not matter), `mount` of the scanner (x, y [m], heading [rad]), `clearance` [m],
+    `patience` [s], `moving_goal`: whether a goal that comes on the way is the same one, which has moved.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("bug_gym_policy")
+        scenario = load(self.declare_parameter("scenario", "static").value)
+        self.policy = make_policy(self.declare_parameter("policy", "tangent_bug").value, scenario)
+        mount = tuple(self.declare_parameter("mount", [0.0, 0.0, 0.0]).value)
+        clearance = self.declare_parameter("clearance", 0.02).value
+        patience = self.declare_parameter("patience", 0.5).value
+        self.robot = Robot(scenario, mount, clearance, patience)
+        self.moving_goal = bool(self.declare_parameter("moving_goal", False).value)
+        self.state: Any = None
+        self.told = ""
+        self.commands = self.create_publisher(Twist, "cmd_vel", 10)
+        self.create_subscription(LaserScan, "scan", self.on_scan, qos_profile_sensor_data)
+        self.create_subscription(Odometry, "odom", self.on_odometry, qos_profile_sensor_data)
+        self.create_subscription(PoseStamped, "goal_pose", self.on_goal, 10)
+        self.timer = self.create_timer(scenario.time.step, self.on_step)
+
+    def now(self) -> float:
+        """The node's clock [s]; simulated time where the system has it."""
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    def on_scan(self, scan: LaserScan) -> None:
+        """A scan has come."""
+        try:
+            self.robot.hear_scan(scan, self.now())
+        except MessageError as error:
+            self.tell(str(error))
+
+    def on_odometry(self, odometry: Odometry) -> None:
+        """Odometry has come."""
+        self.robot.hear_odometry(odometry, self.now())
+
+    def on_goal(self, goal: PoseStamped) -> None:
+        """A goal has come: the policy begins anew."""
+        try:
+            is_new = self.robot.hear_goal(goal, moves=self.moving_goal)
+        except MessageError as error:
+            self.tell(str(error))
+            return
+        if is_new:
+            self.state = None
+            self.tell(f"going to {goal.pose.position.x:.2f}, {goal.pose.position.y:.2f}")
+
+    def on_step(self) -> None:
+        """One decision."""
+        command = Twist()
+        silent = self.robot.silent(self.now())
+        if self.robot.has_goal and silent:
+            self.tell(f"standing: no {silent} for {self.robot.patience} s")
+        elif self.robot.is_there:
+            self.robot.forget_goal()
+            self.tell("arrived")
+        elif self.robot.has_goal:
+            action, self.state = self.policy.predict(self.robot.observation(), self.state)
+            if verdict := getattr(self.state[0] if self.state else None, "verdict", ""):
+                self.robot.forget_goal()
+                self.tell(f"given up: {verdict}")
+            else:
+                command.linear.x, command.linear.y, command.angular.z = self.robot.command(action)
+        self.commands.publish(command)
+
+    def tell(self, text: str) -> None:
+        """Log something once, not at each step."""
+        if text != self.told:
+            self.told = text
+            self.get_logger().info(text)
+
+
+def main() -> None:
+    """Run the node until it is shut down."""
+    rclpy.init()
+    node = PolicyNode()
+    try:
+        rclpy.spin(node)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        node.commands.publish(Twist())  # the robot stands
+        node.destroy_node()
+        rclpy.try_shutdown()
