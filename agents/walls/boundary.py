@@ -345,7 +345,10 @@ class Boundary:
             return STANDING
         contour.waited = 0.0
         if contour.heading is not None:
-            contour.sweep = swept(travel, bearing, heading, contour.side)
+            # A robot that turns on the spot asks again and again before it moves, its hand on one wall after another.
+            since = travel if contour.asked is None else contour.asked - view.heading
+            contour.sweep += swept(since, bearing, heading, contour.side)
+            contour.asked = heading + view.heading
         self._move_hand(view, contour, heading)
         return velocity_along(heading, self.pace)
 

@@ -79,6 +79,8 @@ class Contour:
     """Direction of the step before the last, odometry frame [rad]."""
     sweep: float = 0.0
     """Turning that the next step will add, more than half a turn in a narrow wedge [rad]."""
+    asked: float | None = None
+    """Direction asked for at the last decision, odometry frame [rad]; None where the robot has moved since."""
     odometer: float = 0.0
     """Length walked along the boundary [m]."""
     turned: float = 0.0

@@ -42,7 +42,7 @@ class Laps:
         heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
         contour.heading_before = heading if contour.heading is None else contour.heading
         change = contour.sweep + wrap(heading - contour.heading_before - contour.sweep)
-        contour.sweep = 0.0
+        contour.sweep, contour.asked = 0.0, None
         contour.turned += change
         contour.odometer += length
         contour.position = view.position
