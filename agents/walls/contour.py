@@ -95,6 +95,10 @@ class Contour:
     """Whether the last step passed the gate, after a lap among still obstacles."""
     is_disturbed: bool = False
     """Whether something near has been seen to move in this lap, which proves nothing then."""
+    has_grazed: bool = False
+    """Whether it came by an M-line where it could have left, without meeting it."""
+    may_graze: bool = False
+    """Whether that is enough to leave, because a whole lap met the line nowhere."""
     waited: float = 0.0
     """Time without an open heading [s]."""
 

@@ -20,6 +20,9 @@ from bug_gym.view import View
 ON_LINE = 0.1
 """How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
 
+BESIDE_LINE = 1.0
+"""How near to the M-line is beside it, in steps: how far a robot can be off the contour of a wall that it follows."""
+
 
 @dataclass(frozen=True)
 class MLine:
@@ -73,14 +76,36 @@ def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:
 
 
 def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLine, limit: float) -> float | None:
-    """Distance to the goal [m] where the last step met the M-line, or None where it did not nearer than `limit` [m]."""
+    """Distance to the goal [m] where the last step met the M-line, or None where it did not nearer than `limit` [m].
+
+    A wall along the line may be met on it and left beside it, as far off its contour as a robot steers. On a lap after one
+    that met the line nowhere, but came by it, being beside it is enough (`is_proof`).
+    """
     crossing = line.crossing(contour.before, contour.position)
-    if crossing is None and abs(line.offset(view.position)) <= ON_LINE * boundary.step:
+    reach = ON_LINE if not contour.may_graze else BESIDE_LINE
+    if crossing is None and abs(line.offset(view.position)) <= reach * boundary.step:
         crossing = view.position  # it grazes the line without crossing it
-    if crossing is None:
+    distance = math.dist(view.position if crossing is None else crossing, line.goal)
+    if distance > limit - ON_LINE * boundary.step:
         return None
-    distance = math.dist(crossing, line.goal)
-    return distance if distance <= limit - ON_LINE * boundary.step else None
+    if crossing is not None:
+        return distance
+    if not contour.has_grazed and abs(line.offset(view.position)) <= BESIDE_LINE * boundary.step:
+        contour.has_grazed = boundary.may_go_on(view, contour)
+    return None
+
+
+def is_proof(contour: Contour) -> bool:
+    """Whether a lap of a bug with an M-line proves that there is no way: it is closed, and came by the line nowhere.
+
+    After one that did, the robot goes round once more, and then leaves beside the line too.
+    """
+    if not contour.is_lap_closed:
+        return False
+    if contour.has_grazed and not contour.may_graze:
+        contour.may_graze = True
+        return False
+    return True
 
 
 @dataclass(frozen=True)
