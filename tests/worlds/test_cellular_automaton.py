@@ -125,5 +125,7 @@ def test_what_makes_no_field_is_refused_in_one_line(world: dict[str, Any], says:
 
 def test_a_field_that_cannot_be_found_says_so() -> None:
     scenario = load(scenario_of(fill=[1.0, 1.0], columns=10, rows=3, start=[-3.75, 3, 0], rounds=[0, 0]))
-    with pytest.raises(ValueError, match="none of 10000 fields of cylinders is one with a way at a clearance of 0.35 m"):
+    with pytest.raises(
+        ValueError, match="none of 10000 fields of cylinders is one with a way at a clearance of 0.35 m"
+    ):
         draw_layout(scenario, 0, 0)
