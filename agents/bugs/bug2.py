@@ -12,7 +12,8 @@ import math
 from dataclasses import dataclass
 
 from bug_gym.agents.walls.contour import Contour
-from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, is_proof, nearer_crossing
+from bug_gym.agents.walls.laps import is_proof
+from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 

@@ -81,6 +81,8 @@ class Contour:
     """Turning that the next step will add, more than half a turn in a narrow wedge [rad]."""
     asked: float | None = None
     """Direction asked for at the last decision, odometry frame [rad]; None where the robot has moved since."""
+    asked_for: int = 0
+    """Decisions since the robot moved."""
     odometer: float = 0.0
     """Length walked along the boundary [m]."""
     turned: float = 0.0
@@ -95,10 +97,11 @@ class Contour:
     """Whether the last step passed the gate, after a lap among still obstacles."""
     is_disturbed: bool = False
     """Whether something near has been seen to move in this lap, which proves nothing then."""
-    has_grazed: bool = False
-    """Whether it came by an M-line where it could have left, without meeting it."""
-    may_graze: bool = False
-    """Whether that is enough to leave, because a whole lap met the line nowhere."""
+    way_out: float = math.inf
+    """Smallest distance to the goal of the places on it where the bug did not leave, but would have with less asked of it:
+    a way that is free, if only as far as the next obstacle, or an M-line beside it [m]."""
+    takes_less: bool = False
+    """Whether less is asked, because a whole lap had no better place to leave than such ones."""
     waited: float = 0.0
     """Time without an open heading [s]."""
 

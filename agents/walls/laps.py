@@ -17,6 +17,20 @@ LONGEST_ALIGNING = 10
 """Steps after which a lap begins where the robot is, aligned with the wall or not."""
 
 
+def is_proof(contour: Contour) -> bool:
+    """Whether the last step ended a lap that proves that there is no way.
+
+    One that came by places where a bug would have left if less were asked (`Contour.way_out`) proves nothing yet: the robot
+    goes round once more, and leaves there.
+    """
+    if not contour.is_lap_closed:
+        return False
+    if contour.takes_less or math.isinf(contour.way_out):
+        return True
+    contour.takes_less = True
+    return False
+
+
 @dataclass(frozen=True)
 class Laps:
     """How far a robot has come along boundaries, and whether it has been there before."""
@@ -42,7 +56,7 @@ class Laps:
         heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
         contour.heading_before = heading if contour.heading is None else contour.heading
         change = contour.sweep + wrap(heading - contour.heading_before - contour.sweep)
-        contour.sweep, contour.asked = 0.0, None
+        contour.sweep, contour.asked, contour.asked_for = 0.0, None, 0
         contour.turned += change
         contour.odometer += length
         contour.position = view.position

@@ -79,10 +79,10 @@ def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLin
     """Distance to the goal [m] where the last step met the M-line, or None where it did not nearer than `limit` [m].
 
     A wall along the line may be met on it and left beside it, as far off its contour as a robot steers. On a lap after one
-    that met the line nowhere, but came by it, being beside it is enough (`is_proof`).
+    that met the line nowhere, but came by it, being beside it is enough (`laps.is_proof`).
     """
     crossing = line.crossing(contour.before, contour.position)
-    reach = ON_LINE if not contour.may_graze else BESIDE_LINE
+    reach = BESIDE_LINE if contour.takes_less else ON_LINE
     if crossing is None and abs(line.offset(view.position)) <= reach * boundary.step:
         crossing = view.position  # it grazes the line without crossing it
     distance = math.dist(view.position if crossing is None else crossing, line.goal)
@@ -90,22 +90,10 @@ def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLin
         return None
     if crossing is not None:
         return distance
-    if not contour.has_grazed and abs(line.offset(view.position)) <= BESIDE_LINE * boundary.step:
-        contour.has_grazed = boundary.may_go_on(view, contour)
+    is_beside = abs(line.offset(view.position)) <= BESIDE_LINE * boundary.step
+    if is_beside and distance < contour.way_out and boundary.may_go_on(view, contour):
+        contour.way_out = distance
     return None
-
-
-def is_proof(contour: Contour) -> bool:
-    """Whether a lap of a bug with an M-line proves that there is no way: it is closed, and came by the line nowhere.
-
-    After one that did, the robot goes round once more, and then leaves beside the line too.
-    """
-    if not contour.is_lap_closed:
-        return False
-    if contour.has_grazed and not contour.may_graze:
-        contour.may_graze = True
-        return False
-    return True
 
 
 @dataclass(frozen=True)

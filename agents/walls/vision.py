@@ -16,13 +16,13 @@ from typing import Any
 
 from bug_gym.agents.walls.boundary import STANDING, Boundary, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.m_line import (
     ON_LINE,
     MLine,
     MLineMemory,
     MLineParameters,
     go_along,
-    is_proof,
     nearer_crossing,
 )
 from bug_gym.agents.walls.visibility import NEAR, Scan
