@@ -2,11 +2,15 @@
 
 import pytest
 
+from bug_gym.config import load
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.rollout import Rollout
 from bug_gym.reproductions import cylinder_claims, reproduction
 from bug_gym.reproductions.bug_no_way import PROVEN
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import reachable
+from bug_gym.worlds.cellular_automaton import has_way_through
 
 NAMED = ("com1", "class1", "alg2", "rev3", "bug0_plus", "rev1", "bug2")
 
@@ -32,6 +36,30 @@ def test_a_world_has_a_way_exactly_where_its_answer_says_so(robot: str, seed: in
             layout.circles, layout.polygons, layout.border, layout.starts[0, :2], layout.goals[0], radius=radius
         )
         assert way is not shut
+
+
+WRONG_ONCE = {
+    "closer together than the length for which a way must be free": (5037, {}, NAMED[:6], "success"),
+    "two narrow ways, seen by turns": (5058, {}, ("com1", "class1", "rev3"), "success"),
+    "an M-line along a wall": (5, {"solvable": None}, ("rev1", "bug2"), "success"),
+    "a lap with turns on the spot": (46, {"solvable": None}, ("com1", "class1"), "gave_up"),
+}
+"""Seed, the world's keys, policies and the right end, by what was in the way of it, all with the differential robot."""
+
+
+@pytest.mark.parametrize("name", WRONG_ONCE)
+def test_what_was_claimed_wrongly_once_is_told_rightly(name: str) -> None:
+    seed, world, policies, outcome = WRONG_ONCE[name]
+    one = cylinder_claims.scenario("jackal", shut=False)
+    scenario = load(one, {f"world.{key}": value for key, value in world.items()})
+    layout = draw_layout(scenario, seed, 0)
+    field = layout.circles[layout.circles[:, 1] > 5.1, :2]
+    assert has_way_through(field, 0.075, 0.345) is (outcome == "success")
+    for policy in policies:
+        entry = PolicyEntry(policy, policy, {"clearance": 0.345})
+        ((row,),) = Rollout(entry, ScenarioEntry(name, scenario, [seed]), [seed], slots=1).worlds()
+        expected = (outcome, "" if outcome == "success" else "unreachable")
+        assert (row.outcome, row.verdict) == expected, policy
 
 
 def test_seeds_are_driven_once_each() -> None:
