@@ -295,11 +295,14 @@ class Boundary:
         return False
 
     def begins_free(self, view: View, contour: Contour) -> bool:
-        """Whether the way to the goal is free of the followed wall, if only as far as the next obstacle."""
+        """Whether the way to the goal is free of the followed wall, if only as far as the next obstacle, a step or more away.
+
+        Less than a step is a corner of the same wall.
+        """
         bearing = view.goal_bearing
         if not self.may_head(contour, bearing + view.heading) or not self.points_away(view, bearing, contour):
             return False
-        return self.free_way(view, bearing, view.goal_distance) > 0.0
+        return self.free_way(view, bearing, view.goal_distance) >= self.step
 
     def may_go_on(self, view: View, contour: Contour) -> bool:
         """Whether a bug that may leave here does: toward the goal the way is free, or by the rule "any" begins to be."""
