@@ -82,7 +82,8 @@ class Laps:
             return
         contour.is_lap_closed = is_closed
         is_missed = abs(contour.turned - contour.gate.turned) > MISSED * 2.0**contour.moved_gates
-        if is_missed and not is_closed and self._is_aligned(view, contour, change):
+        # Among things that move laps are no laps, and a gate that is missed says nothing.
+        if is_missed and not (is_closed or contour.is_disturbed) and self._is_aligned(view, contour, change):
             contour.gate = gate  # it stands in a dead end, deeper than later laps lead
             contour.moved_gates += 1
 
