@@ -49,7 +49,7 @@ def answers(policy: str, robot: str, seeds: Sequence[int]) -> list[Answer]:
     """What a policy makes of the worlds of some seeds, all shut or all with a way."""
     shut = is_shut(seeds[0])
     entry = PolicyEntry(policy, policy, PARAMETERS[robot])
-    world = ScenarioEntry(robot, scenario(robot, shut=shut), seeds)
+    world = ScenarioEntry(robot, scenario(robot, shut=shut), range(seeds[0], seeds[-1] + 1))
     rows = [row for (row,) in Rollout(entry, world, list(seeds), slots=1).worlds()]
     return [Answer(policy, robot, row.seed, not shut, row.outcome, row.verdict) for row in rows]
 

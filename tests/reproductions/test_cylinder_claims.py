@@ -57,7 +57,7 @@ def test_what_was_claimed_wrongly_once_is_told_rightly(name: str) -> None:
     assert has_way_through(field, 0.075, 0.345) is (outcome == "success")
     for policy in policies:
         entry = PolicyEntry(policy, policy, {"clearance": 0.345})
-        ((row,),) = Rollout(entry, ScenarioEntry(name, scenario, [seed]), [seed], slots=1).worlds()
+        ((row,),) = Rollout(entry, ScenarioEntry(name, scenario, range(seed, seed + 1)), [seed], slots=1).worlds()
         expected = (outcome, "" if outcome == "success" else "unreachable")
         assert (row.outcome, row.verdict) == expected, policy
 
