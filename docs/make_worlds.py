@@ -43,6 +43,7 @@ EXAMPLES: dict[str, tuple[Any, int]] = {
     "urban": ("urban", 1),
     "beach": ("beach", 1),
     "oni_wang": ("oni_wang", 0),
+    "cellular_automaton": ("cellular_automaton", 1),
 }
 """A scenario and a seed for the picture of each family that needs no file."""
 

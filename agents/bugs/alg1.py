@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 from bug_gym.agents.walls.contour import Contour
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
 from bug_gym.agents.walls.turning_round import (
     TurningMemory,
@@ -66,7 +67,7 @@ class Alg1(MLineBug):
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
         if self._may_leave(view, memory, contour, line):
             leave_and_mark(self.boundary, view, memory)
-        elif contour.is_lap_closed:
+        elif is_proof(contour):
             memory.verdict = "unreachable"
         else:
             trace_contour(self.boundary, view, memory)

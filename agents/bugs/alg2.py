@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import TARGET_MOVED, Contour
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.turning_round import (
     TurningMemory,
     forget_marks,
@@ -83,10 +84,9 @@ class Alg2(BoundaryBug):
 
     def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
-        distance = view.goal_distance
-        if distance < memory.nearest and self.boundary.is_free(view, view.goal_bearing, distance, contour):
+        if self.boundary.may_leave(view, contour, is_nearer=view.goal_distance < memory.nearest):
             leave_and_mark(self.boundary, view, memory)
-        elif contour.is_lap_closed:
+        elif is_proof(contour):
             memory.verdict = "unreachable"
         else:
             trace_contour(self.boundary, view, memory)

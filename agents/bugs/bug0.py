@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import BugMemory
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 
@@ -28,10 +29,10 @@ class Bug0(BoundaryBug):
         bearing, distance = view.goal_bearing, view.goal_distance
         contour = memory.contour
         if contour is not None:
-            if boundary.is_free(view, bearing, distance, contour):
+            if boundary.may_leave(view, contour, is_nearer=True):
                 boundary.leave(view, memory)
                 memory.mode = "motion_to_goal"
-            elif contour.is_lap_closed:
+            elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
             velocity = boundary.go(view, bearing, distance)

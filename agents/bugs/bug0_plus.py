@@ -14,6 +14,7 @@ from typing import Any
 
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -111,7 +112,7 @@ class Bug0Plus(BoundaryBug):
         """Whether the heading to the goal is free and, on the way to a better place, this is one."""
         distance = view.goal_distance
         if not self.boundary.is_free(view, view.goal_bearing, distance, contour):
-            return False
+            return self.boundary.may_leave(view, contour, is_nearer=distance <= memory.saved[-1].distance - self.closer)
         if memory.mode == "boundary_following":
             return True
         memory.is_free_nearer |= distance <= memory.saved[-1].distance - self.closer
@@ -122,11 +123,15 @@ class Bug0Plus(BoundaryBug):
         *before, last = memory.saved
         last.gate = contour.gate
         if contour.is_lap_closed:
+            is_proven = is_proof(contour)
             if memory.mode == "wall_following_to_better_take_off":
                 # A lap without a free heading nearer than its own hit point is proof; without one nearer than a hit
                 # point on another obstacle it is not.
-                memory.verdict = "looping" if memory.is_free_nearer else "unreachable"
-            elif self.parameters.early_stop:
+                if memory.is_free_nearer:
+                    memory.verdict = "looping"
+                elif is_proven:
+                    memory.verdict = "unreachable"
+            elif self.parameters.early_stop and is_proven:
                 memory.verdict = "unreachable"
             memory.mode = "wall_following_to_better_take_off"
         elif contour.odometer > self.boundary.arming_length and any(self._passes(contour, hit.gate) for hit in before):

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 from bug_gym.agents.walls.contour import Contour
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
 from bug_gym.policy import Velocity
 from bug_gym.view import View
@@ -42,7 +43,7 @@ class Bug2(MLineBug):
             if self._may_leave(view, memory, contour, line):
                 boundary.leave(view, memory)
                 memory.mode = "motion_to_goal"
-            elif contour.is_lap_closed:
+            elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
             velocity = go_along(boundary, view, line)

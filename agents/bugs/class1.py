@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import View
@@ -42,10 +43,10 @@ class Class1(BoundaryBug):
         is_nearer = self._is_nearer(view, memory)
         contour = memory.contour
         if contour is not None:
-            if is_nearer and boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
+            if boundary.may_leave(view, contour, is_nearer=is_nearer):
                 boundary.leave(view, memory)
                 memory.mode = "motion_to_goal"
-            elif contour.is_lap_closed:
+            elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
             velocity = boundary.go(view, view.goal_bearing, view.goal_distance)

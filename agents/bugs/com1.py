@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import View
@@ -46,7 +47,7 @@ class Com1(BoundaryBug):
             if self._may_leave(view, memory, contour):
                 boundary.leave(view, memory)
                 memory.mode = "motion_to_goal"
-            elif contour.is_lap_closed:
+            elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
             velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
@@ -64,6 +65,5 @@ class Com1(BoundaryBug):
 
     def _may_leave(self, view: View, memory: Com1Memory, contour: Contour) -> bool:
         """Whether it is nearer to the goal than at the hit point, with a free way on."""
-        if view.goal_distance > memory.hit_distance - CLOSER * self.boundary.step:
-            return False
-        return self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour)
+        is_nearer = view.goal_distance <= memory.hit_distance - CLOSER * self.boundary.step
+        return self.boundary.may_leave(view, contour, is_nearer=is_nearer)

@@ -21,6 +21,7 @@ from typing import Any, Literal
 from bug_gym.agents.bugs.alg2 import Alg2, Alg2Memory
 from bug_gym.agents.walls.boundary_bug import BoundaryParameters, alternating_side
 from bug_gym.agents.walls.contour import Contour
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.turning_round import hit_and_trace
 from bug_gym.view import Sensors, View
 
@@ -64,7 +65,7 @@ class Rev2(Alg2):
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""
         if self.remembers:
             super().watch(view, memory, contour)
-        elif self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
+        elif self.boundary.may_leave(view, contour, is_nearer=True):
             self.boundary.leave(view, memory)
-        elif contour.is_lap_closed:
+        elif is_proof(contour):
             memory.verdict = "unreachable"

@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters, alternating_side
 from bug_gym.agents.walls.contour import BugMemory, Contour
+from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.marks import Mark, is_at, passes
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
@@ -138,10 +139,15 @@ class Rev3(BoundaryBug):
                 memory.progress_hits = len(memory.hits)
             boundary.leave(view, memory)
             return
+        if memory.is_searching and boundary.may_leave(
+            view, contour, is_nearer=view.goal_distance < self._demand(view, memory)
+        ):
+            boundary.leave(view, memory)
+            return
         if is_free:
             self._note_free(view, memory)
         if contour.is_lap_closed:
-            self._close_lap(memory)
+            self._close_lap(memory, contour)
         elif memory.hit_before is not None and passes(boundary, contour, memory.hit_before):
             memory.is_searching = True
 
@@ -165,14 +171,17 @@ class Rev3(BoundaryBug):
         if view.goal_distance < math.dist(best, view.goal_position):
             memory.nearest_free = view.position
 
-    def _close_lap(self, memory: Rev3Memory) -> None:
+    def _close_lap(self, memory: Rev3Memory, contour: Contour) -> None:
         """The last hit point is met again."""
         if not memory.is_searching:
             memory.is_searching = True
             if self.parameters.early_stop:
                 memory.verdict = "unreachable"
-        elif memory.nearest_free is None or self.parameters.literal:
+        elif self.parameters.literal:
             memory.verdict = "unreachable"
+        elif memory.nearest_free is None:
+            if is_proof(contour):
+                memory.verdict = "unreachable"
         elif memory.is_lowered:
             memory.verdict = "looping"
         else:

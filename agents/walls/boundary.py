@@ -133,6 +133,9 @@ class Boundary:
         """Angle between two neighbouring beams [rad]."""
         self.touch = max(0.05 * step, 2.0 * sensors.range_noise)
         """Remaining way at which a wall counts as reached [m]."""
+        turn = sensors.drive.max_turn_rate * sensors.drive.step
+        self.turn_decisions = math.ceil(math.pi / turn) if turn > 0.0 else 0
+        """Decisions in which a robot makes half a turn."""
         self.headings = OpenHeadings(
             step=step,
             clearance=clearance,
@@ -276,6 +279,31 @@ class Boundary:
         x, y = view.to_robot(*contour.wall)
         return math.cos(bearing - math.atan2(y, x)) < -0.1
 
+    def may_leave(self, view: View, contour: Contour, *, is_nearer: bool) -> bool:
+        """Whether a bug that leaves where it is nearer to the goal than it was may leave here.
+
+        The way to the goal must be free for `leave_length`, else each ripple of a wall would end a lap. Where obstacles stand
+        closer together than that no place may do on a whole lap; then the nearest one will, from which the way is free as
+        far as the next obstacle.
+        """
+        if is_nearer and self.is_free(view, view.goal_bearing, view.goal_distance, contour):
+            return True
+        if contour.takes_less:
+            return view.goal_distance <= contour.way_out + self.progress and self.begins_free(view, contour)
+        if is_nearer and view.goal_distance < contour.way_out and self.begins_free(view, contour):
+            contour.way_out = view.goal_distance
+        return False
+
+    def begins_free(self, view: View, contour: Contour) -> bool:
+        """Whether the way to the goal is free of the followed wall, if only as far as the next obstacle, a step or more away.
+
+        Less than a step is a corner of the same wall.
+        """
+        bearing = view.goal_bearing
+        if not self.may_head(contour, bearing + view.heading) or not self.points_away(view, bearing, contour):
+            return False
+        return self.free_way(view, bearing, view.goal_distance) >= self.step
+
     def may_go_on(self, view: View, contour: Contour) -> bool:
         """Whether a bug that may leave here does: toward the goal the way is free, or by the rule "any" begins to be."""
         if self.is_free(view, view.goal_bearing, view.goal_distance, contour):
@@ -344,10 +372,26 @@ class Boundary:
                 memory.verdict = "stuck"
             return STANDING
         contour.waited = 0.0
+        heading = self._resolved(view, contour, heading)
         if contour.heading is not None:
-            contour.sweep = swept(travel, bearing, heading, contour.side)
+            # A robot that turns on the spot asks again and again before it moves, its hand on one wall after another.
+            since = travel if contour.asked is None else contour.asked - view.heading
+            contour.sweep += swept(since, bearing, heading, contour.side)
+            contour.asked = heading + view.heading
+            contour.asked_for += 1
         self._move_hand(view, contour, heading)
         return velocity_along(heading, self.pace)
+
+    def _resolved(self, view: View, contour: Contour, heading: float) -> float:
+        """A heading [rad], or the last one where the robot has turned to and fro on the spot for more than half a turn.
+
+        Each turn shows it the wall by other beams, so that between two narrow ways it may change its mind for ever.
+        """
+        if contour.asked is None or contour.asked_for <= self.turn_decisions:
+            return heading
+        asked = contour.asked - view.heading
+        is_open = view.free_distance(asked, self.safe_radius) >= self.step
+        return asked if is_open else heading
 
     def _wall_bearing(self, view: View, contour: Contour) -> float:
         """Bearing of the wall that the hand is on, looked up in the present scan."""

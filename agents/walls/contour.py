@@ -79,6 +79,10 @@ class Contour:
     """Direction of the step before the last, odometry frame [rad]."""
     sweep: float = 0.0
     """Turning that the next step will add, more than half a turn in a narrow wedge [rad]."""
+    asked: float | None = None
+    """Direction asked for at the last decision, odometry frame [rad]; None where the robot has moved since."""
+    asked_for: int = 0
+    """Decisions since the robot moved."""
     odometer: float = 0.0
     """Length walked along the boundary [m]."""
     turned: float = 0.0
@@ -89,10 +93,17 @@ class Contour:
     """Steps in a row on the contour without turning away from the wall."""
     gate: Gate | None = None
     """Door where the lap began; None until the robot goes along the wall."""
+    moved_gates: int = 0
+    """How often the gate was moved because laps did not pass it."""
     is_lap_closed: bool = False
     """Whether the last step passed the gate, after a lap among still obstacles."""
     is_disturbed: bool = False
     """Whether something near has been seen to move in this lap, which proves nothing then."""
+    way_out: float = math.inf
+    """Smallest distance to the goal of the places on it where the bug did not leave, but would have with less asked of it:
+    a way that is free, if only as far as the next obstacle, or an M-line beside it [m]."""
+    takes_less: bool = False
+    """Whether less is asked, because a whole lap had no better place to leave than such ones."""
     waited: float = 0.0
     """Time without an open heading [s]."""
 

@@ -13,8 +13,26 @@ from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import wrap
 from bug_gym.view import View
 
+MISSED = 4.0 * math.pi
+"""Turning after which a gate counts as one that laps do not pass, and is moved; twice as much each time: a spiral may turn as
+much [rad]."""
+
 LONGEST_ALIGNING = 10
 """Steps after which a lap begins where the robot is, aligned with the wall or not."""
+
+
+def is_proof(contour: Contour) -> bool:
+    """Whether the last step ended a lap that proves that there is no way.
+
+    One that came by places where a bug would have left if less were asked (`Contour.way_out`) proves nothing yet: the robot
+    goes round once more, and leaves there.
+    """
+    if not contour.is_lap_closed:
+        return False
+    if contour.takes_less or math.isinf(contour.way_out):
+        return True
+    contour.takes_less = True
+    return False
 
 
 @dataclass(frozen=True)
@@ -42,7 +60,7 @@ class Laps:
         heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
         contour.heading_before = heading if contour.heading is None else contour.heading
         change = contour.sweep + wrap(heading - contour.heading_before - contour.sweep)
-        contour.sweep = 0.0
+        contour.sweep, contour.asked, contour.asked_for = 0.0, None, 0
         contour.turned += change
         contour.odometer += length
         contour.position = view.position
@@ -51,10 +69,7 @@ class Laps:
         # Where the step began: the next lap may turn back in a dead end up to a step before where it ended.
         gate = Gate(contour.before, heading, contour.odometer - length, contour.turned)
         if contour.gate is None:
-            # In a wedge the hit point lies deeper than a lap will lead, and next to a corner the way comes from behind.
-            is_lap = view.nearest()[0] >= self.clearance - self.touch
-            is_turning = contour.side * change > math.radians(10.0)
-            contour.aligned = contour.aligned + 1 if is_lap and not is_turning else 0
+            contour.aligned = contour.aligned + 1 if self._is_aligned(view, contour, change) else 0
             if contour.aligned > 2 or contour.steps > LONGEST_ALIGNING:
                 contour.gate = gate
             return
@@ -66,6 +81,17 @@ class Laps:
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
+        is_missed = abs(contour.turned - contour.gate.turned) > MISSED * 2.0**contour.moved_gates
+        # Among things that move laps are no laps, and a gate that is missed says nothing.
+        if is_missed and not (is_closed or contour.is_disturbed) and self._is_aligned(view, contour, change):
+            contour.gate = gate  # it stands in a dead end, deeper than later laps lead
+            contour.moved_gates += 1
+
+    def _is_aligned(self, view: View, contour: Contour, change: float) -> bool:
+        """Whether a robot whose course has just changed by an angle [rad] goes along the wall, as it will on each lap."""
+        # In a wedge the hit point lies deeper than a lap will lead, and next to a corner the way comes from behind.
+        is_on_contour = view.nearest()[0] >= self.clearance - self.touch
+        return is_on_contour and contour.side * change <= math.radians(10.0)
 
     def closes(self, contour: Contour, gate: Gate) -> bool:
         """Whether the last step passed a gate after a lap: far enough, in its direction, with a full turn made."""

@@ -20,6 +20,9 @@ from bug_gym.view import View
 ON_LINE = 0.1
 """How near to the M-line is on it, and how much nearer to the goal is nearer, in steps: the line is known exactly."""
 
+BESIDE_LINE = 1.0
+"""How near to the M-line is beside it, in steps: how far a robot can be off the contour of a wall that it follows."""
+
 
 @dataclass(frozen=True)
 class MLine:
@@ -73,14 +76,24 @@ def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:
 
 
 def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLine, limit: float) -> float | None:
-    """Distance to the goal [m] where the last step met the M-line, or None where it did not nearer than `limit` [m]."""
+    """Distance to the goal [m] where the last step met the M-line, or None where it did not nearer than `limit` [m].
+
+    A wall along the line may be met on it and left beside it, as far off its contour as a robot steers. On a lap after one
+    that met the line nowhere, but came by it, being beside it is enough (`laps.is_proof`).
+    """
     crossing = line.crossing(contour.before, contour.position)
-    if crossing is None and abs(line.offset(view.position)) <= ON_LINE * boundary.step:
+    reach = BESIDE_LINE if contour.takes_less else ON_LINE
+    if crossing is None and abs(line.offset(view.position)) <= reach * boundary.step:
         crossing = view.position  # it grazes the line without crossing it
-    if crossing is None:
+    distance = math.dist(view.position if crossing is None else crossing, line.goal)
+    if distance > limit - ON_LINE * boundary.step:
         return None
-    distance = math.dist(crossing, line.goal)
-    return distance if distance <= limit - ON_LINE * boundary.step else None
+    if crossing is not None:
+        return distance
+    is_beside = abs(line.offset(view.position)) <= BESIDE_LINE * boundary.step
+    if is_beside and distance < contour.way_out and boundary.may_go_on(view, contour):
+        contour.way_out = distance
+    return None
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,15 @@ from typing import Any
 
 from bug_gym.agents.walls.boundary import STANDING, Boundary, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
-from bug_gym.agents.walls.m_line import ON_LINE, MLine, MLineMemory, MLineParameters, go_along, nearer_crossing
+from bug_gym.agents.walls.laps import is_proof
+from bug_gym.agents.walls.m_line import (
+    ON_LINE,
+    MLine,
+    MLineMemory,
+    MLineParameters,
+    go_along,
+    nearer_crossing,
+)
 from bug_gym.agents.walls.visibility import NEAR, Scan
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
@@ -250,7 +258,7 @@ class Vision:
         if contour is not None:
             if self._may_leave(view, ahead, contour):
                 boundary.leave(view, ahead)
-            elif contour.is_lap_closed:
+            elif is_proof(contour):
                 ahead.verdict = "unreachable"
                 return ahead
         velocity = go_along(boundary, view, ahead.m_line) if ahead.contour is None else None

@@ -16,6 +16,7 @@ REPRODUCTIONS: dict[str, str] = {
     "oni-wang-table-1": "oni_wang_table_1",
     "bug-bounds": "bug_bounds",
     "bug-no-way": "bug_no_way",
+    "cylinder-claims": "cylinder_claims",
     "com1-rev3": "com1_rev3",
     "barn": "barn",
     "dynabarn": "dynabarn",

@@ -235,6 +235,12 @@ AtLeastThree = Annotated[
 ]
 CornerCounts = Annotated[tuple[AtLeastThree, AtLeastThree], _sequence("least, most"), AfterValidator(_increasing)]
 Sizes = Annotated[tuple[Positive, Positive], _sequence("least, most"), AfterValidator(_increasing)]
+Shares = Annotated[tuple[Share, Share], _sequence("least, most"), AfterValidator(_increasing)]
+Rounds = Annotated[int, Strict(), Field(ge=0, le=100)]
+"""How often something is done over in making a world."""
+RoundCounts = Annotated[tuple[Rounds, Rounds], _sequence("least, most"), AfterValidator(_increasing)]
+Neighbours = Annotated[int, Strict(), Field(ge=0, le=9)]
+"""How many of the eight cells about a cell are full; 9: never so many."""
 Window = Annotated[tuple[Moment, Moment], _sequence("first, last"), AfterValidator(_increasing)]
 
 

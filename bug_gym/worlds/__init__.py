@@ -12,6 +12,7 @@ from pydantic import Field
 from bug_gym.schema.values import tags
 from bug_gym.worlds.barn import BarnWorld
 from bug_gym.worlds.beach import BeachWorld
+from bug_gym.worlds.cellular_automaton import CellularAutomatonWorld
 from bug_gym.worlds.circle_swap import CircleSwapWorld
 from bug_gym.worlds.corridor import CorridorWorld
 from bug_gym.worlds.crossing import CrossingWorld
@@ -51,6 +52,7 @@ WorldFamily = Annotated[
     | BeachWorld
     | OniWangWorld
     | BarnWorld
+    | CellularAutomatonWorld
     | DynaBarnWorld
     | ReplayWorld
     | RosMapWorld,

@@ -77,6 +77,7 @@ DRAWN: dict[str, tuple[Any, int, float]] = {
     "all courtyards": (scenario_of("urban", courtyards=1.0, squares=0.0, street=1.0, gateways=1.0), 30, 0.2),
     "beach": (scenario_of("beach"), 200, 0.5),
     "hexagon": ("hexagon", 200, 0.3),
+    "cellular_automaton": (scenario_of("cellular_automaton"), 100, 0.35),
     "beach in an L": (scenario_of("beach", bounds=ELL, obstacles=6, sizes=[0.5, 1.0], separation=10.0), 20, 0.5),
 }
 """Scenario, seeds, and a radius of a robot that has to get through, by name."""

@@ -1,0 +1,118 @@
+"""Whether bugs tell rightly that there is no way among thin cylinders close together, as in the BARN benchmark.
+
+The worlds are those of the family `cellular_automaton` (Perille et al. 2020): every fourth is shut for the body itself, the
+others have a way at the clearance that the policies keep. The family asks that of the configuration space: a disc is stopped
+where a chain of cylinders, none farther from the next than the disc is wide, leads from side to side, and only there.
+Policies must not call an open goal unreachable; a complete one must arrive there, and must say so where there is no way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Any
+
+from bug_gym.agents import make_policy
+from bug_gym.config import Scenario, load
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.progress import progress_bar
+from bug_gym.evaluation.rollout import Rollout
+from bug_gym.reproductions import bug_no_way
+from bug_gym.reproductions.barn import COMMON, PARAMETERS, ROBOTS, STEPS
+from bug_gym.reproductions.bug_no_way import Answer, counts
+from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.workers import each, starred
+
+SEEDS = 2000
+BLOCK = 20
+"""Worlds of a policy that one process drives at a time."""
+SHUT_EACH = 4
+"""One world in so many has no way."""
+DRIVEN = ("holonomic", "jackal")
+"""Robots of the reproduction `barn`, with its clearances."""
+POLICIES = (
+    *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
+    *("bug0", "bug0_plus", "rev2", "rev3"),
+)
+"""All bugs that keep a clearance and may say "unreachable"."""
+
+
+def scenario(robot: str, *, shut: bool) -> Scenario:
+    """Worlds with a way at the clearance for a robot of DRIVEN, or without one."""
+    world: dict[str, Any] = {"family": "cellular_automaton", "solvable": PARAMETERS[robot]["clearance"]}
+    if shut:
+        world |= {"solvable": None, "is_shut": True}
+    return load({"robot": ROBOTS[robot], "world": world}, {**COMMON, "time.step": STEPS[robot]})
+
+
+def answers(policy: str, robot: str, seeds: Sequence[int]) -> list[Answer]:
+    """What a policy makes of the worlds of some seeds, all shut or all with a way."""
+    shut = is_shut(seeds[0])
+    entry = PolicyEntry(policy, policy, PARAMETERS[robot])
+    world = ScenarioEntry(robot, scenario(robot, shut=shut), range(seeds[0], seeds[-1] + 1))
+    rows = [row for (row,) in Rollout(entry, world, list(seeds), slots=1).worlds()]
+    return [Answer(policy, robot, row.seed, not shut, row.outcome, row.verdict) for row in rows]
+
+
+def is_shut(seed: int) -> bool:
+    """Whether the world of a seed has no way."""
+    return seed % SHUT_EACH == SHUT_EACH - 1
+
+
+def blocks(seeds: int) -> Iterator[Sequence[int]]:
+    """Seeds in blocks, those of shut worlds by themselves."""
+    for shut in (False, True):
+        kind = [seed for seed in range(seeds) if is_shut(seed) is shut]
+        yield from (kind[first : first + BLOCK] for first in range(0, len(kind), BLOCK))
+
+
+def is_wrong_claim(one: Answer) -> bool:
+    """Whether it calls a goal unreachable that is not."""
+    return one.has_way and one.verdict == "unreachable"
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Drive every policy and both robots through every world, and compare what is said with the configuration space."""
+    seeds = settings.seeds or SEEDS
+    policies = settings.policies or POLICIES
+    for policy in policies:
+        make_policy(policy, scenario("holonomic", shut=False), **PARAMETERS["holonomic"])  # an unknown one ends it here
+    jobs = [(policy, robot, block) for block in blocks(seeds) for robot in DRIVEN for policy in policies]
+    with progress_bar(shown=settings.progress) as track:
+        work = each(partial(starred, answers), jobs, settings.workers)
+        found = sorted(answer for chunk in track(work, "blocks of worlds", len(jobs)) for answer in chunk)
+    counted = {
+        f"{policy} {robot}": numbers([one for one in found if (one.policy, one.kind) == (policy, robot)])
+        for policy in policies
+        for robot in DRIVEN
+    }
+    wrong = [one for one in found if not one.is_right]
+    header = ["policy and robot", *next(iter(counted.values()))]
+    lines = [[name, *map(str, line.values())] for name, line in counted.items()]
+    notes = [
+        "wrong claims: 'unreachable' where a way is open at the clearance.",
+        f"wrong: a wrong claim, a collision, no end within {COMMON['time.limit']:g} s, or, of a complete algorithm, any end "
+        "that is not as the configuration space says.",
+        f"complete: {', '.join(policy for policy in policies if policy in bug_no_way.PROVEN)}.",
+        *(f"{one.policy}, {one.kind}, seed {one.seed}: {one.outcome} {one.verdict}" for one in wrong[:40]),
+    ]
+    data = {
+        "seeds": seeds,
+        "clearances": {robot: PARAMETERS[robot]["clearance"] for robot in DRIVEN},
+        "policies": counted,
+        "wrong": [one._asdict() for one in wrong],
+    }
+    title = f"Ways and no ways among thin cylinders in {seeds} worlds"
+    return Reproduction("cylinder-claims", [Table(title, header, lines)], notes, data, not wrong)
+
+
+def numbers(found: Sequence[Answer]) -> dict[str, Any]:
+    """How often one policy with one robot ended in which way, and what it claimed wrongly."""
+    line = counts(found)
+    claims = sum(is_wrong_claim(one) for one in found)
+    return {**line, "wrong claims": claims, "wrong claims [%]": share(claims, line["with a way"])}
+
+
+def share(part: int, whole: int) -> float | None:
+    """In percent, to a hundredth; None of nothing."""
+    return round(100.0 * part / whole, 2) if whole else None

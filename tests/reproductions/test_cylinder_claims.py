@@ -1,0 +1,68 @@
+"""Claims among thin cylinders: right on the first seeds, and on those that were wrong once."""
+
+import pytest
+
+from bug_gym.config import load
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.rollout import Rollout
+from bug_gym.reproductions import cylinder_claims, reproduction
+from bug_gym.reproductions.bug_no_way import PROVEN
+from bug_gym.reproductions.result import Settings
+from bug_gym.scenarios import draw_layout
+from bug_gym.shortest_path import reachable
+from bug_gym.worlds.cellular_automaton import has_way_through
+
+NAMED = ("com1", "class1", "alg2", "rev3", "bug0_plus", "rev1", "bug2")
+
+
+def test_bugs_claim_rightly_among_thin_cylinders_on_the_first_seeds() -> None:
+    result = reproduction("cylinder-claims")(Settings(seeds=8, policies=NAMED))
+    assert result.data["wrong"] == [] and result.holds
+    for name, found in result.data["policies"].items():
+        assert (found["with a way"], found["without"], found["wrong claims"]) == (6, 2, 0), name
+        if name.split()[0] in PROVEN:
+            assert (found["reached"], found["unreachable"]) == (6, 2), name
+
+
+@pytest.mark.parametrize("robot", cylinder_claims.DRIVEN)
+@pytest.mark.parametrize("seed", range(8))
+def test_a_world_has_a_way_exactly_where_its_answer_says_so(robot: str, seed: int) -> None:
+    """The same question, put to the free space in which shortest paths are searched."""
+    shut = cylinder_claims.is_shut(seed)
+    one = cylinder_claims.scenario(robot, shut=shut)
+    layout = draw_layout(one, seed, 0)
+    for radius in (one.robot.reach, cylinder_claims.PARAMETERS[robot]["clearance"]):
+        way = reachable(
+            layout.circles, layout.polygons, layout.border, layout.starts[0, :2], layout.goals[0], radius=radius
+        )
+        assert way is not shut
+
+
+WRONG_ONCE = {
+    "closer together than the length for which a way must be free": (5037, {}, NAMED[:6], "success"),
+    "two narrow ways, seen by turns": (5058, {}, ("com1", "class1", "rev3"), "success"),
+    "an M-line along a wall": (5, {"solvable": None}, ("rev1", "bug2"), "success"),
+    "a lap with turns on the spot": (46, {"solvable": None}, ("com1", "class1"), "gave_up"),
+}
+"""Seed, the world's keys, policies and the right end, by what was in the way of it, all with the differential robot."""
+
+
+@pytest.mark.parametrize("name", WRONG_ONCE)
+def test_what_was_claimed_wrongly_once_is_told_rightly(name: str) -> None:
+    seed, world, policies, outcome = WRONG_ONCE[name]
+    one = cylinder_claims.scenario("jackal", shut=False)
+    scenario = load(one, {f"world.{key}": value for key, value in world.items()})
+    layout = draw_layout(scenario, seed, 0)
+    field = layout.circles[layout.circles[:, 1] > 5.1, :2]
+    assert has_way_through(field, 0.075, 0.345) is (outcome == "success")
+    for policy in policies:
+        entry = PolicyEntry(policy, policy, {"clearance": 0.345})
+        ((row,),) = Rollout(entry, ScenarioEntry(name, scenario, range(seed, seed + 1)), [seed], slots=1).worlds()
+        expected = (outcome, "" if outcome == "success" else "unreachable")
+        assert (row.outcome, row.verdict) == expected, policy
+
+
+def test_seeds_are_driven_once_each() -> None:
+    found = [seed for block in cylinder_claims.blocks(101) for seed in block]
+    assert sorted(found) == list(range(101))
+    assert all(len({cylinder_claims.is_shut(seed) for seed in block}) == 1 for block in cylinder_claims.blocks(101))
