@@ -6,6 +6,7 @@ The view of a still thing may change so that its disc shifts, but it does neithe
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from bug_gym.agents.tracking.clusters import JUMP
 from bug_gym.agents.tracking.filter import GATE, mahalanobis
@@ -32,6 +33,7 @@ from bug_gym.agents.tracking.layout import (
     VXY,
     VY,
     VYY,
+    WHOLE,
     Memory,
     Scan,
 )
@@ -40,9 +42,34 @@ from bug_gym.kernels.geometry import wrap
 from bug_gym.kernels.layout import Floats, Integers
 
 LEAST_SPEED = 0.1  # of a mover [m/s]
-EVIDENT_SHARE = 0.2  # of a thing's hits that show motion when it moves
-LAGS = (0.3, 0.6, 1.2)  # ages of the scans that say what was free [s]
+SURE = 0.02  # how sure a place is across the line of sight it was seen along [m]
+CLOSE = 0.06  # a beam that went on for less behind a thing may have met it [m]
+NOISES = 4.0  # and this many standard deviations of a range
+SURELY = 2.0  # and where it is one beam alone this many more
+SAG = 0.5  # how far one surface may bend back between two hits, over their distance
+ASLANT = 2.0  # a surface seen more aslant than this, in range over distance across, may be two
+LONGEST = 0.6  # hits farther from one another may be of two things [m]
+MOST_AT_ONCE = 1.5  # evidence
+NEEDED = 2.0  # evidence
+MOST = 4.0
+WHOLE_FOR, SOME, SURE_SPEED = 3, 0.5, 25.0
+NEAR_HIT = 0.12  # between two hits on one surface there may be a gap, farther from both than this [m]
+LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
+
+
+class Surface(NamedTuple):
+    """A scan, as what it saw and as the beams that saw it."""
+
+    ranges: Floats
+    """(B,) [m]."""
+    x: Floats
+    """Places of the hits, x (B,) and y (B,), odometry frame [m]."""
+    y: Floats
+    owner: Integers
+    """Place of the track that a hit belongs to (B,), -1 none."""
+    pose: Floats
+    """Where and when it was taken (PAST_POSE,)."""
 
 
 @inlined
@@ -52,26 +79,6 @@ def beam_toward(x: float, y: float, pose: Floats, settings: Floats) -> float:
     if settings[IS_FULL_CIRCLE] > 0.0 and bearing < 0.0:
         bearing += 2.0 * math.pi
     return float(bearing / settings[ANGLE_STEP])
-
-
-@inlined
-def is_free(x: float, y: float, ranges: Floats, pose: Floats, settings: Floats) -> bool:
-    """Whether a scan saw past a place of the odometry frame, with both beams beside it and by a margin.
-
-    The margin grows with the distance between the beams: a corner may have stood out between them.
-    """
-    beams = len(ranges)
-    distance = math.hypot(x - pose[POSE_X], y - pose[POSE_Y])
-    far = distance + JUMP + 3.0 * settings[NOISE] + 0.5 * distance * settings[ANGLE_STEP]
-    if far >= settings[RANGE]:
-        return False
-    low = int(math.floor(beam_toward(x, y, pose, settings)))
-    high = low + 1
-    if settings[IS_FULL_CIRCLE] > 0.0:
-        low, high = low % beams, high % beams
-    elif low < 0 or high >= beams:
-        return False
-    return bool(ranges[low] > far and ranges[high] > far)
 
 
 @inlined
@@ -86,48 +93,129 @@ def scan_of_age(poses: Floats, now: float, age: float) -> int:
 
 
 @called
-def weigh_evidence(memory: Memory, scan: Scan, counts: Integers, hits: Integers) -> None:
-    """Count for each track its hits in space that was free, and its old hits in space that is free now.
+def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integers) -> None:
+    """Count for each track the beams that passed where it is now, and those that pass now where it was.
 
-    A still thing has neither, but for some at its corners. EVIDENCE rises by one in an update that shows motion and
-    falls where none does.
+    A still thing has neither. EVIDENCE rises by one in an update that shows motion and falls where none does.
 
     Args:
         memory: of the tracks and past scans.
         scan: of now.
-        counts, hits: scratch, of TRACKS or more.
+        owners, counts: scratch, of as many as beams, and of TRACKS or more.
     """
     counts[:] = 0
-    hits[:] = 0
-    for i in range(len(scan.owner)):
-        if scan.owner[i] >= 0:
-            hits[scan.owner[i]] += 1
+    now = Surface(scan.ranges, scan.place_x, scan.place_y, scan.owner, scan.pose)
     for lag in range(len(LAGS)):
         k = scan_of_age(memory.scan_poses, scan.pose[NOW], LAGS[lag])
         if k < 0:
             break
-        count_signs(memory, scan, k, counts)
+        points = memory.scan_points[k]
+        for i in range(len(scan.owner)):
+            mark = memory.scan_owners[k, i]
+            m = mark % TRACKS
+            owners[i] = m if mark > 0 and memory.numbers[m, ID] == mark // TRACKS else -1
+        past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
+        count_passes(now, past, scan.settings, counts)
+        count_passes(past, now, scan.settings, counts)
     for m in range(TRACKS):
         if memory.numbers[m, ID] > 0:
-            change = 1.0 if counts[m] >= max(1.0, EVIDENT_SHARE * hits[m]) else -0.5
-            memory.state[m, EVIDENCE] = min(max(memory.state[m, EVIDENCE] + change, 0.0), 5.0)
+            change = min(0.5 * counts[m], MOST_AT_ONCE) if counts[m] > 1 else -0.5
+            memory.state[m, EVIDENCE] = min(max(memory.state[m, EVIDENCE] + change, 0.0), MOST)
+
+
+@called
+def count_passes(surface: Surface, other: Surface, settings: Floats, counts: Integers) -> None:
+    """Count for each track the beams of another scan that went through what one scan saw of it."""
+    beams = len(surface.ranges)
+    begin = 0
+    while begin < beams:
+        end = begin + 1
+        m = surface.owner[begin]
+        if m < 0:
+            begin = end
+            continue
+        while end < beams and surface.owner[end] == m and is_joined(surface, end, settings):
+            end += 1
+        counts[m] += passes_of(surface, begin, end, other, settings)
+        begin = end
 
 
 @inlined
-def count_signs(memory: Memory, scan: Scan, k: int, counts: Integers) -> None:
-    """Add what past scan k says of motion to the tracks' counts."""
-    for i in range(len(scan.owner)):
-        m = scan.owner[i]
-        if m >= 0 and is_free(scan.place_x[i], scan.place_y[i], memory.scans[k], memory.scan_poses[k], scan.settings):
-            counts[m] += 1
-        mark = memory.scan_owners[k, i]
-        if mark <= 0:
+def is_joined(surface: Surface, i: int, settings: Floats) -> bool:
+    """Whether beam i and the one before it met one surface, as far as it can be told, and one seen not too aslant."""
+    one, other = surface.ranges[i], surface.ranges[i - 1]
+    spacing = min(one, other) * settings[ANGLE_STEP]
+    if abs(one - other) > ASLANT * spacing + 3.0 * settings[NOISE]:
+        return False
+    return math.hypot(surface.x[i] - surface.x[i - 1], surface.y[i] - surface.y[i - 1]) < LONGEST
+
+
+@called
+def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: Floats) -> int:
+    """How many beams of `other` went through the run of hits begin:end of a surface."""
+    x, y, pose, step, noise = surface.x, surface.y, other.pose, settings[ANGLE_STEP], settings[NOISE]
+    full = 2.0 * math.pi / step
+    low, high, b = math.inf, -math.inf, 0.0
+    for i in range(begin, end):
+        toward = beam_toward(x[i], y[i], pose, settings)
+        b = unwrapped(toward, b, full) if i > begin else toward
+        low, high = min(low, b), max(high, b)
+    baseline = math.hypot(surface.pose[POSE_X] - pose[POSE_X], surface.pose[POSE_Y] - pose[POSE_Y])
+    count = 0
+    b = beam_toward(x[begin], y[begin], pose, settings)
+    tb = math.hypot(x[begin] - pose[POSE_X], y[begin] - pose[POSE_Y])
+    for i in range(begin, max(end - 1, begin + 1)):
+        j = min(i + 1, end - 1)
+        a, ta = b, tb
+        b = unwrapped(beam_toward(x[j], y[j], pose, settings), a, full)
+        tb = math.hypot(x[j] - pose[POSE_X], y[j] - pose[POSE_Y])
+        near = min(ta, tb)
+        if near < 0.05:
             continue
-        m = mark % TRACKS
-        if memory.numbers[m, ID] != mark // TRACKS:
-            continue
-        if is_free(memory.scan_points[k, 0, i], memory.scan_points[k, 1, i], scan.ranges, scan.pose, scan.settings):
-            counts[m] += 1
+        length = math.hypot(x[i] - x[j], y[i] - y[j])
+        # a place is as sure as its range across the line of sight
+        unsure = baseline / near * (SURE + 3.0 * noise)
+        side = unsure / (near * step) - 1e-3
+        slope = abs(ta - tb) / max(abs(a - b) * step * near, 1e-3)
+        margin = CLOSE + NOISES * noise + SAG * length + slope * unsure
+        ray = int(math.ceil(max(min(a, b), low + side) - 1e-3))
+        last = min(max(a, b), high - side) + 1e-3
+        while ray <= last:
+            f = min(max((ray - a) / (b - a), 0.0), 1.0) if abs(b - a) > 1e-6 else 0.0
+            if min(f, 1.0 - f) * length <= NEAR_HIT:
+                away = 1.0 / ((1.0 - f) / ta + f / tb)
+                if goes_beyond(other.ranges, ray, away + margin, settings):
+                    count += 1
+                    if goes_beyond(other.ranges, ray, away + margin + SURELY * noise, settings):
+                        count += 1
+            ray += 1
+    return count
+
+
+@inlined
+def unwrapped(beam: float, first: float, full: float) -> float:
+    """A bearing in beams, by whole turns nearest to `first`."""
+    if beam - first > 0.5 * full:
+        return beam - full
+    if first - beam > 0.5 * full:
+        return beam + full
+    return beam
+
+
+@inlined
+def goes_beyond(ranges: Floats, ray: int, distance: float, settings: Floats) -> bool:
+    """Whether a beam, and where it met nothing one beside it too, went farther than a distance."""
+    beams = len(ranges)
+    is_full = settings[IS_FULL_CIRCLE] > 0.0
+    i = ray % beams if is_full else ray
+    if i < 0 or i >= beams or distance >= settings[RANGE] or ranges[i] <= distance:
+        return False
+    if ranges[i] < settings[RANGE]:
+        return True
+    h, j = i - 1, i + 1
+    if is_full:
+        h, j = h % beams, j % beams
+    return bool((h >= 0 and ranges[h] > distance) or (j < beams and ranges[j] > distance))
 
 
 @inlined
@@ -137,9 +225,11 @@ def is_mover(s: Floats, n: Integers) -> bool:
     if n[IS_MOVING] > 0:
         return s[EVIDENCE] > 0.0 and speed > 0.5 * LEAST_SPEED
     significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
+    if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
+        return True
     # the more there is of the one, the less is needed of the other
-    needed = GATE - s[EVIDENCE] + 1.0
-    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significance > needed and s[EVIDENCE] >= 1.0
+    needed = GATE - 2.0 * s[EVIDENCE] + 1.0
+    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significance > needed and s[EVIDENCE] >= NEEDED
 
 
 @inlined

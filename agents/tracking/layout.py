@@ -19,9 +19,10 @@ X, Y, VX, VY, PXX, PXY, PYY, CXX, CXY, CYX, CYY, VXX, VXY, VYY = range(14)
 RADIUS, RADIUS_VARIANCE, EVIDENCE, BORN, SEEN, INNOVATION = range(14, 20)
 STATE = 20
 
-# Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest.
-ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER = range(6)
-NUMBERS = 6
+# Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest. WHOLE: at how many of
+# its last measurements without a break both its ends were seen.
+ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE = range(7)
+NUMBERS = 7
 
 # Columns of a memory's counters: number of the last track, and how many scans were kept.
 LAST_ID, SCANS_KEPT = range(2)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.prediction.samples import frame_of, match, movers_of
+from bug_gym.agents.prediction.samples import NEAR, frame_of, movers_of
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
 from bug_gym.config import Scenario
 from bug_gym.geometry import F64
@@ -33,7 +33,9 @@ SECONDS = 45.0
 LEAST_SPEED = 0.2
 """Of what is to be known as a mover [m/s]."""
 LEAST_HITS = 3
-"""Beams that meet a thing in sight."""
+"""Beams that meet a thing in sight; they are at least half of those toward it too: it is not hidden for the most part."""
+WHOLE_WITHIN = 0.9
+"""Of the LIDAR's range: a thing in sight has its middle within it, farther off its ends are out of range."""
 CONFIRMED_IN = 0.6
 """In this time after it came into sight a mover is to be known [s]."""
 SETTLED = 1.0
@@ -120,17 +122,38 @@ def inner_radii(simulation: Simulation) -> F64:
     return np.array(found, dtype=np.float64)
 
 
-def hits_on(frame: Frame) -> NDArray[np.int64]:
-    """How many beams met each of what moves (M,)."""
+def is_in_sight(frame: Frame) -> NDArray[np.bool_]:
+    """Whether enough beams meet each of what moves (M,)."""
     view = frame.view
-    is_hit = view.ranges < view.sensors.range
     x, y, heading = view.pose
-    bearings = heading + view.sensors.angles[is_hit]
-    points = np.array([x, y]) + view.ranges[is_hit, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    bearings = heading + view.sensors.angles
+    points = np.array([x, y]) + view.ranges[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
     away = np.hypot(*(points[:, None] - frame.places).transpose(2, 0, 1))
     slack = ON_OUTLINE + 3.0 * view.sensors.range_noise
-    counts: NDArray[np.int64] = ((away > frame.inner - slack) & (away < frame.radii + slack)).sum(axis=0)
-    return counts
+    is_hit = (view.ranges < view.sensors.range)[:, None]
+    hits = (is_hit & (away > frame.inner - slack) & (away < frame.radii + slack)).sum(axis=0)
+    dx, dy = (frame.places - [x, y]).T
+    aside = np.abs(np.remainder(np.arctan2(dy, dx) - bearings[:, None] + math.pi, 2.0 * math.pi) - math.pi)
+    toward = (aside < np.arcsin(np.minimum(frame.inner / np.maximum(np.hypot(dx, dy), 1e-9), 1.0))).sum(axis=0)
+    enough: NDArray[np.bool_] = (hits >= LEAST_HITS) & (2 * hits >= toward) & (np.hypot(dx, dy) < WHOLE_WITHIN * view.sensors.range)
+    return enough
+
+
+def pairs(tracks: Tracks, frame: Frame) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of moving tracks seen now (T,) and of the movers (T,) within whose outlines they lie.
+
+    Each has at most one of the other, the nearest; about a small mover NEAR will do.
+    """
+    chosen = np.flatnonzero(tracks.moving & (tracks.unseen == 0.0))
+    gaps = np.hypot(*(tracks.position[chosen, None] - frame.places).transpose(2, 0, 1))
+    gaps = np.where(gaps < np.maximum(NEAR, frame.radii), gaps, np.inf)
+    found: list[tuple[int, int]] = []
+    while gaps.size and np.isfinite(gaps.min()):
+        row, mover = np.unravel_index(gaps.argmin(), gaps.shape)
+        found.append((int(chosen[row]), int(mover)))
+        gaps[row], gaps[:, mover] = np.inf, np.inf
+    both = np.array(found, dtype=np.int64).reshape(-1, 2)
+    return both[:, 0], both[:, 1]
 
 
 class Judge:
@@ -151,7 +174,7 @@ class Judge:
     def take(self, frame: Frame, tracks: Tracks, step: float) -> None:
         """Count what holds at one time."""
         moving = tracks.moving & (tracks.unseen == 0.0)
-        chosen, movers = match(tracks, frame.places, frame.radii)
+        chosen, movers = pairs(tracks, frame)
         is_someones = np.zeros(len(tracks.id), dtype=np.bool_)
         is_someones[chosen] = True
         self._count_false(frame, tracks, moving & ~is_someones)
@@ -180,7 +203,7 @@ class Judge:
         before = frame.places if self._before is None else self._before
         speeds = np.hypot(*(frame.places - before).T) / step
         self._before = frame.places
-        in_sight = (hits_on(frame) >= LEAST_HITS) & (speeds >= LEAST_SPEED)
+        in_sight = is_in_sight(frame) & (speeds >= LEAST_SPEED)
         is_known = np.zeros(len(in_sight), dtype=np.bool_)
         is_known[known] = True
         is_new = in_sight & ~np.isfinite(self._since)
