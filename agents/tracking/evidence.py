@@ -27,6 +27,7 @@ from bug_gym.agents.tracking.layout import (
     RANGE,
     SCANS,
     SCANS_KEPT,
+    STOOD,
     TRACKS,
     VX,
     VXX,
@@ -50,9 +51,10 @@ SAG = 0.5  # how far one surface may bend back between two hits, over their dist
 ASLANT = 2.0  # a surface seen more aslant than this, in range over distance across, may be two
 LONGEST = 0.6  # hits farther from one another may be of two things [m]
 MOST_AT_ONCE = 1.5  # evidence
+PLACE, ELSEWHERE, STOOD_SHARE = 0.05, 2.5, 0.6
 NEEDED = 2.0  # evidence
 MOST = 4.0
-WHOLE_FOR, SOME, SURE_SPEED = 3, 0.5, 25.0
+WHOLE_FOR, SOME, SURE_SPEED = 3, 0.5, 16.0
 NEAR_HIT = 0.12  # between two hits on one surface there may be a gap, farther from both than this [m]
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
@@ -96,7 +98,8 @@ def scan_of_age(poses: Floats, now: float, age: float) -> int:
 def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integers) -> None:
     """Count for each track the beams that passed where it is now, and those that pass now where it was.
 
-    A still thing has neither. EVIDENCE rises by one in an update that shows motion and falls where none does.
+    A still thing has neither, and its hits lie where there were hits before. EVIDENCE rises in an update that shows
+    motion and falls where none does.
 
     Args:
         memory: of the tracks and past scans.
@@ -105,6 +108,8 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
     """
     counts[:] = 0
     now = Surface(scan.ranges, scan.place_x, scan.place_y, scan.owner, scan.pose)
+    for m in range(TRACKS):
+        memory.numbers[m, STOOD] = 0
     for lag in range(len(LAGS)):
         k = scan_of_age(memory.scan_poses, scan.pose[NOW], LAGS[lag])
         if k < 0:
@@ -117,10 +122,59 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
         past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
         count_passes(now, past, scan.settings, counts)
         count_passes(past, now, scan.settings, counts)
+        tell_still(memory, now, past, scan.settings)
     for m in range(TRACKS):
-        if memory.numbers[m, ID] > 0:
+        n = memory.numbers[m]
+        if n[ID] > 0:
             change = min(0.5 * counts[m], MOST_AT_ONCE) if counts[m] > 1 else -0.5
+            if n[STOOD] > 0:
+                change = -1.0
             memory.state[m, EVIDENCE] = min(max(memory.state[m, EVIDENCE] + change, 0.0), MOST)
+
+
+@called
+def tell_still(memory: Memory, now: Surface, past: Surface, settings: Floats) -> None:
+    """Mark tracks whose hits lie where the past scan had hits, though by their speed they were elsewhere then."""
+    beams, room = len(now.ranges), PLACE + 2.0 * settings[NOISE]
+    age = now.pose[NOW] - past.pose[NOW]
+    begin = 0
+    while begin < beams:
+        m, end = now.owner[begin], begin + 1
+        while end < beams and now.owner[end] == m:
+            end += 1
+        if m >= 0 and math.hypot(memory.state[m, VX], memory.state[m, VY]) * age > ELSEWHERE * room:
+            explained = 0
+            for i in range(begin, end):
+                explained += was_there(memory, now.x[i], now.y[i], past, room, settings)
+            if explained >= STOOD_SHARE * (end - begin):
+                memory.numbers[m, STOOD] = 1
+        begin = end
+
+
+@inlined
+def was_there(memory: Memory, x: float, y: float, past: Surface, room: float, settings: Floats) -> int:
+    """Whether a past scan met something still at a place: 1 or 0."""
+    beams = len(past.ranges)
+    middle = int(round(beam_toward(x, y, past.pose, settings)))
+    for ray in range(middle - 1, middle + 1):
+        h, i = ray % beams, (ray + 1) % beams
+        if past.ranges[h] >= settings[RANGE] or past.ranges[i] >= settings[RANGE]:
+            h = i = h if past.ranges[h] < settings[RANGE] else i
+        if past.ranges[i] >= settings[RANGE]:
+            continue
+        m = past.owner[i]
+        if m >= 0 and memory.numbers[m, IS_MOVING] > 0:
+            continue
+        sx, sy = past.x[i] - past.x[h], past.y[i] - past.y[h]
+        square = sx * sx + sy * sy
+        dx, dy = x - past.x[h], y - past.y[h]
+        along = min(max((dx * sx + dy * sy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        if square > LONGEST * LONGEST:
+            along = round(along)
+        dx, dy = dx - along * sx, dy - along * sy
+        if dx * dx + dy * dy < room * room:
+            return 1
+    return 0
 
 
 @called
@@ -224,6 +278,8 @@ def is_mover(s: Floats, n: Integers) -> bool:
     speed = math.hypot(s[VX], s[VY])
     if n[IS_MOVING] > 0:
         return s[EVIDENCE] > 0.0 and speed > 0.5 * LEAST_SPEED
+    if n[STOOD] > 0:
+        return False
     significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
     if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
         return True
