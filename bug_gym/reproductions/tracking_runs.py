@@ -10,9 +10,8 @@ Source: Bernardin and Stiefelhagen 2008, Evaluating Multiple Object Tracking Per
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,6 +63,8 @@ class Counts:
 
     ghosts: set[int] = field(default_factory=set)
     """Numbers of moving tracks that were nothing that moves, at any time."""
+    scans: int = 0
+    """How many there were."""
     seen: int = 0
     """Times that a mover was in sight, and had been for CONFIRMED_IN."""
     misses: int = 0
@@ -83,7 +84,7 @@ class Counts:
 
 
 def frames(
-    scenario: Scenario | str | Path | Mapping[str, Any],
+    scenario: Scenario | str | Mapping[str, Any],
     seed: int,
     driver: str,
     *,
@@ -171,15 +172,16 @@ class Judge:
         self._waiting = np.zeros(movers, dtype=np.bool_)
         self._numbers: dict[int, int] = {}
 
-    def take(self, frame: Frame, tracks: Tracks, step: float) -> None:
+    def take(self, frame: Frame, tracks: Tracks) -> None:
         """Count what holds at one time."""
+        self.counts.scans += 1
         moving = tracks.moving & (tracks.unseen == 0.0)
         chosen, movers = pairs(tracks, frame)
         is_someones = np.zeros(len(tracks.id), dtype=np.bool_)
         is_someones[chosen] = True
         self._count_false(frame, tracks, moving & ~is_someones)
         self._count_switches(tracks.id[chosen], movers)
-        self._count_known(frame, movers, step)
+        self._count_known(frame, movers)
         gaps = frame.places[movers] - tracks.position[chosen]
         self.counts.gaps += np.hypot(*gaps.T).tolist()
         settled = (tracks.age[chosen] > SETTLED) & (tracks.unseen[chosen] == 0.0)
@@ -199,7 +201,8 @@ class Judge:
             self.counts.switches += self._numbers.get(mover, number) != number
             self._numbers[mover] = number
 
-    def _count_known(self, frame: Frame, known: NDArray[np.int64], step: float) -> None:
+    def _count_known(self, frame: Frame, known: NDArray[np.int64]) -> None:
+        step = frame.view.sensors.drive.step
         before = frame.places if self._before is None else self._before
         speeds = np.hypot(*(frame.places - before).T) / step
         self._before = frame.places
@@ -222,7 +225,7 @@ class Judge:
         self.counts.misses += int((asked & ~is_known).sum())
 
 
-def judge(seen: Iterator[Frame], step: float) -> Counts:
+def judge(seen: Iterable[Frame]) -> Counts:
     """Track what is seen, and count."""
     found: Judge | None = None
     for frame in seen:
@@ -230,5 +233,5 @@ def judge(seen: Iterator[Frame], step: float) -> Counts:
             found = Judge(len(frame.radii))
             tracker = Tracker(frame.view.sensors)
             memory = tracker.start()
-        found.take(frame, tracker.update(memory, frame.view, frame.time), step)
+        found.take(frame, tracker.update(memory, frame.view, frame.time))
     return found.counts if found is not None else Counts()
