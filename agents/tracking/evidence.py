@@ -15,6 +15,7 @@ from bug_gym.agents.tracking.layout import (
     EVIDENCE,
     FIRST_ANGLE,
     HEADING,
+    HITS,
     ID,
     IS_CONFIRMED,
     IS_FULL_CIRCLE,
@@ -55,7 +56,8 @@ PLACE, ELSEWHERE, STOOD_SHARE = 0.05, 2.5, 0.6
 NEEDED = 2.0  # evidence
 MOST = 4.0
 WHOLE_FOR, SOME, SURE_SPEED = 3, 0.5, 16.0
-NEAR_HIT = 0.12  # between two hits on one surface there may be a gap, farther from both than this [m]
+TOO_FAR_ASIDE = 0.5  # a view from farther aside than this share of the distance is another view
+NEAR_HIT = 0.06  # between two hits on one surface there may be a gap, farther from both than this [m]
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
 
@@ -224,7 +226,7 @@ def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: 
         b = unwrapped(beam_toward(x[j], y[j], pose, settings), a, full)
         tb = math.hypot(x[j] - pose[POSE_X], y[j] - pose[POSE_Y])
         near = min(ta, tb)
-        if near < 0.05:
+        if baseline > TOO_FAR_ASIDE * near:
             continue
         length = math.hypot(x[i] - x[j], y[i] - y[j])
         # a place is as sure as its range across the line of sight
@@ -278,7 +280,7 @@ def is_mover(s: Floats, n: Integers) -> bool:
     speed = math.hypot(s[VX], s[VY])
     if n[IS_MOVING] > 0:
         return s[EVIDENCE] > 0.0 and speed > 0.5 * LEAST_SPEED
-    if n[STOOD] > 0:
+    if n[STOOD] > 0 or (n[HITS] & 1) == 0:
         return False
     significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
     if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
