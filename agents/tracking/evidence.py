@@ -57,7 +57,7 @@ NEEDED = 2.0  # evidence
 MOST = 4.0
 WHOLE_FOR, SOME, SURE_SPEED = 3, 0.5, 16.0
 TOO_FAR_ASIDE = 0.5  # a view from farther aside than this share of the distance is another view
-NEAR_HIT = 0.06  # between two hits on one surface there may be a gap, farther from both than this [m]
+NEAR_HIT = 0.1  # between two hits on one surface there may be a gap, farther from both than this [m]
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
 
@@ -278,11 +278,11 @@ def goes_beyond(ranges: Floats, ray: int, distance: float, settings: Floats) -> 
 def is_mover(s: Floats, n: Integers) -> bool:
     """Whether a track moves: its speed is significant and the space it takes and leaves says so too."""
     speed = math.hypot(s[VX], s[VY])
+    significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
     if n[IS_MOVING] > 0:
-        return s[EVIDENCE] > 0.0 and speed > 0.5 * LEAST_SPEED
+        return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance > SURE_SPEED))
     if n[STOOD] > 0 or (n[HITS] & 1) == 0:
         return False
-    significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
     if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
         return True
     # the more there is of the one, the less is needed of the other
