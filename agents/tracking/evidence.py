@@ -45,10 +45,10 @@ from bug_gym.kernels.layout import Floats, Integers
 
 LEAST_SPEED = 0.1  # of a mover [m/s]
 SURE = 0.02  # how sure a place is across the line of sight it was seen along [m]
-CLOSE = 0.06  # a beam that went on for less behind a thing may have met it [m]
+CLOSE = 0.04  # a beam that went on for less behind a thing may have met it [m]
 NOISES = 4.0  # and this many standard deviations of a range
 SURELY = 2.0  # and where it is one beam alone this many more
-SAG = 0.5  # how far one surface may bend back between two hits, over their distance
+SAG = 1.0  # how far one surface may bend back between two hits, over the distance from the nearer
 ASLANT = 2.0  # a surface seen more aslant than this, in range over distance across, may be two
 LONGEST = 0.6  # hits farther from one another may be of two things [m]
 MOST_AT_ONCE = 1.5  # evidence
@@ -131,6 +131,8 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
             change = min(0.5 * counts[m], MOST_AT_ONCE) if counts[m] > 1 else -0.5
             if n[STOOD] > 0:
                 change = -1.0
+            elif change < 0.0 and (n[HITS] & 1) == 0:
+                change = 0.0  # nothing is seen of it
             memory.state[m, EVIDENCE] = min(max(memory.state[m, EVIDENCE] + change, 0.0), MOST)
 
 
@@ -233,16 +235,17 @@ def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: 
         unsure = baseline / near * (SURE + 3.0 * noise)
         side = unsure / (near * step) - 1e-3
         slope = abs(ta - tb) / max(abs(a - b) * step * near, 1e-3)
-        margin = CLOSE + NOISES * noise + SAG * length + slope * unsure
+        margin = CLOSE + NOISES * noise + slope * unsure
         ray = int(math.ceil(max(min(a, b), low + side) - 1e-3))
         last = min(max(a, b), high - side) + 1e-3
         while ray <= last:
             f = min(max((ray - a) / (b - a), 0.0), 1.0) if abs(b - a) > 1e-6 else 0.0
-            if min(f, 1.0 - f) * length <= NEAR_HIT:
-                away = 1.0 / ((1.0 - f) / ta + f / tb)
-                if goes_beyond(other.ranges, ray, away + margin, settings):
+            off = min(f, 1.0 - f) * length
+            if off <= NEAR_HIT:
+                away = 1.0 / ((1.0 - f) / ta + f / tb) + margin + SAG * off
+                if goes_beyond(other.ranges, ray, away, settings):
                     count += 1
-                    if goes_beyond(other.ranges, ray, away + margin + SURELY * noise, settings):
+                    if goes_beyond(other.ranges, ray, away + SURELY * noise, settings):
                         count += 1
             ray += 1
     return count

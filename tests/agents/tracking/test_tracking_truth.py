@@ -35,7 +35,7 @@ def test_a_robot_that_turns_on_the_spot_between_walls_sees_nothing_move(turn: fl
         assert not tracks.moving.any()
 
 
-@pytest.mark.parametrize(("speed", "heading"), product([0.2, 0.4, 0.8], [0.0, 0.5 * math.pi, math.pi]))
+@pytest.mark.parametrize(("speed", "heading"), [*product([0.2, 0.4, 0.8], [0.0, 0.5 * math.pi, math.pi])])
 def test_a_mover_is_known_within_six_tenths_of_a_second(speed: float, heading: float) -> None:
     velocity = (speed * math.cos(heading), speed * math.sin(heading))
     for seed in range(5):
