@@ -67,7 +67,16 @@ CHECKS = {"soak": Path(__file__).parents[1] / "tests" / "soak.py"}
 """Name of a check that `make` runs -> the script that it is."""
 
 WITH_DATA = (
-    *("barn", "dynabarn", "hd-bug-real", "predictors", "tracking", "scripted-and-learned", "price-of-not-knowing", "d2t-eaco"),
+    *(
+        "barn",
+        "dynabarn",
+        "hd-bug-real",
+        "predictors",
+        "tracking",
+        "scripted-and-learned",
+        "price-of-not-knowing",
+        "d2t-eaco",
+    ),
 )
 """Reproductions that were given somebody else's data."""
 

@@ -1,6 +1,9 @@
-"""What tells a mover from a still thing: it takes space that was seen free, and leaves space that is seen free now.
+"""What tells a mover from a still thing: beams went through where it is, or go now through where it was.
 
-The view of a still thing may change so that its disc shifts, but it does neither. So some past scans are kept.
+Some past scans are kept, and each two are compared both ways: what one saw of a thing is a run of hits, and a beam of the
+other that went between them and on, beyond noise, slant and what the other point of view may change, says that the thing
+came or left. The end of a wall that slides along as the robot moves says nothing: no beam goes through what was seen. And
+hits that lie where something was while the track, by its speed, was elsewhere, say that it stands.
 """
 
 from __future__ import annotations
@@ -8,7 +11,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from bug_gym.agents.tracking.clusters import JUMP
 from bug_gym.agents.tracking.filter import GATE, mahalanobis
 from bug_gym.agents.tracking.layout import (
     ANGLE_STEP,
@@ -51,11 +53,13 @@ SURELY = 2.0  # and where it is one beam alone this many more
 SAG = 1.0  # how far one surface may bend back between two hits, over the distance from the nearer
 ASLANT = 2.0  # a surface seen more aslant than this, in range over distance across, may be two
 LONGEST = 0.6  # hits farther from one another may be of two things [m]
-MOST_AT_ONCE = 1.5  # evidence
-PLACE, ELSEWHERE, STOOD_SHARE = 0.05, 2.5, 0.6
-NEEDED = 2.0  # evidence
-MOST = 4.0
-WHOLE_FOR, SOME, SURE_SPEED = 3, 0.5, 16.0
+# evidence: what one update may add, what a mover needs, the most there is, and what does where the speed is sure
+MOST_AT_ONCE, NEEDED, MOST, SOME = 1.5, 2.0, 4.0, 0.5
+SURE_SPEED = 16.0  # significance of a speed that is sure, of a thing both of whose ends were seen
+WHOLE_FOR = 3  # so many times without a break
+PLACE = 0.05  # a hit as near as this, and twice the noise, to an old one lies where something was [m]
+ELSEWHERE = 2.5  # a track was elsewhere if it went so many times this far
+STOOD_SHARE = 0.6  # of a thing's hits that lie where something was when it stands
 TOO_FAR_ASIDE = 0.5  # a view from farther aside than this share of the distance is another view
 NEAR_HIT = 0.1  # between two hits on one surface there may be a gap, farther from both than this [m]
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]

@@ -160,16 +160,23 @@ def check(ghosts: dict[str, Any], known: dict[str, Any]) -> Iterator[tuple[str, 
 def still_table(ghosts: dict[str, Any]) -> Table:
     """Ghosts by family."""
     rows = [
-        [label, str(one["worlds"]), str(one["with_ghosts"]), f"{100.0 * one['high']:.2f}", str(one["ghosts"]), str(one["scans"])]
+        [
+            label,
+            *(str(one[name]) for name in ("worlds", "with_ghosts", "ghosts", "scans")),
+            f"{100.0 * one['high']:.2f}",
+        ]
         for label, one in ghosts.items()
-    ]  # fmt: skip
-    header = ["worlds", "number", "with a ghost", "at most (95 %) [%]", "ghosts", "scans"]
+    ]
+    header = ["worlds", "number", "with a ghost", "ghosts", "scans", "at most (95 %) [%]"]
     return Table("Still worlds in which something was called moving", header, rows)
 
 
 def mover_table(known: dict[str, Any]) -> Table:
     """Movers by family."""
-    names = ("came_into_sight", "known_in_time", "known_in_twice", "seen", "misses", "false", "switches", "mota", "motp", "ghosts")  # fmt: skip
+    names = (
+        *("came_into_sight", "known_in_time", "known_in_twice", "seen", "misses", "false", "switches"),
+        *("mota", "motp", "ghosts"),
+    )
     rows = [[label, str(one["worlds"]), *(cell(one[name]) for name in names)] for label, one in known.items()]
     header = ["worlds", "number", "came into sight", f"known in {CONFIRMED_IN} s", f"in {2 * CONFIRMED_IN} s", "times in sight",
               "misses", "false", "switches", "MOTA", "MOTP [m]", "still things called moving"]  # fmt: skip

@@ -136,7 +136,9 @@ def is_in_sight(frame: Frame) -> NDArray[np.bool_]:
     dx, dy = (frame.places - [x, y]).T
     aside = np.abs(np.remainder(np.arctan2(dy, dx) - bearings[:, None] + math.pi, 2.0 * math.pi) - math.pi)
     toward = (aside < np.arcsin(np.minimum(frame.inner / np.maximum(np.hypot(dx, dy), 1e-9), 1.0))).sum(axis=0)
-    enough: NDArray[np.bool_] = (hits >= LEAST_HITS) & (2 * hits >= toward) & (np.hypot(dx, dy) < WHOLE_WITHIN * view.sensors.range)
+    enough: NDArray[np.bool_] = (
+        (hits >= LEAST_HITS) & (2 * hits >= toward) & (np.hypot(dx, dy) < WHOLE_WITHIN * view.sensors.range)
+    )
     return enough
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,18 +45,22 @@ def test_a_mover_is_known_within_six_tenths_of_a_second(speed: float, heading: f
         assert known and known[0] <= 0.6 + 1e-6, (seed, known[:1])
 
 
-def test_of_pedestrians_at_least_95_of_100_are_known_in_time() -> None:
-    found = mover_numbers([watch("crowd", seed) for seed in EVERY_VARIANT])
-    assert found["came_into_sight"] > 200
-    assert found["known_in_time"] >= 0.95, found
+@pytest.fixture(scope="module")
+def crowd() -> dict[str, Any]:
+    """What is counted among pedestrians, a world of each variant."""
+    return mover_numbers([watch("crowd", seed) for seed in EVERY_VARIANT])
 
 
-def test_errors_are_as_large_as_the_spread_says() -> None:
-    found = mover_numbers([watch("crowd", seed) for seed in EVERY_VARIANT])
+def test_of_pedestrians_at_least_95_of_100_are_known_in_time(crowd: dict[str, Any]) -> None:
+    assert crowd["came_into_sight"] > 200
+    assert crowd["known_in_time"] >= 0.95, crowd
+
+
+def test_errors_are_as_large_as_the_spread_says(crowd: dict[str, Any]) -> None:
     # A Gaussian in the plane has 0.393 and 0.865 of its mass there; bodies that aren't Gaussian come near.
-    assert found["within_one_sigma"] >= 0.393
-    assert 0.8 <= found["within_two_sigma"] <= 0.97
-    assert 0.9 <= found["nis_below_bound"] <= 1.0
+    assert crowd["within_one_sigma"] >= 0.393
+    assert 0.8 <= crowd["within_two_sigma"] <= 0.97
+    assert 0.9 <= crowd["nis_below_bound"] <= 1.0
 
 
 @pytest.mark.parametrize("beams", [64, 180])
@@ -81,10 +86,10 @@ def test_clusters_that_merge_at_64_beams_come_apart_again() -> None:
         [disc((3.0, -1.5), (0.0, 0.5), 0.25), disc((3.7, 1.5), (0.0, -0.5), 0.25)], beams=64, noise=0.01
     )
     last = np.zeros((0, 2))
-    for simulation, _, tracks in track(scenario, 5.0):
+    for _, _, tracks in track(scenario, 5.0):
         last = tracks.velocity[tracks.moving & (tracks.unseen == 0.0)]
-    assert float(simulation.world.time[0]) == pytest.approx(5.0)
-    assert sorted(np.round(last[:, 1]).tolist()) == sorted(np.round([-0.5 - 0.01, 0.5 + 0.01]).tolist())
+    assert len(last) == 2
+    assert np.abs(np.sort(last[:, 1]) - [-0.5, 0.5]).max() < 0.2
 
 
 def test_the_judge_counts_what_it_is_shown() -> None:
