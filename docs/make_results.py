@@ -25,6 +25,7 @@ from result_pages import (
     long_checks,
     planners,
     potential_field,
+    tracking,
     triangulation,
 )
 from result_pages.words import table
@@ -54,6 +55,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "learned": learning.learned,
     "ppo-curve": learning.ppo_curve,
     "predictors": learning.predictor_errors,
+    "tracking": tracking.tracks,
     "scripted-and-learned": learning.side_by_side,
     "price-of-not-knowing": planners.price_of_not_knowing,
     "d2t-eaco": triangulation.d2t_eaco,
@@ -67,7 +69,16 @@ CHECKS = {"soak": ROOT / "tests" / "soak.py", "cluster": ROOT / "docs" / "measur
 """Name of a check -> the script that it is."""
 
 WITH_DATA = (
-    *("barn", "dynabarn", "hd-bug-real", "predictors", "scripted-and-learned", "price-of-not-knowing", "d2t-eaco"),
+    *(
+        "barn",
+        "dynabarn",
+        "hd-bug-real",
+        "predictors",
+        "tracking",
+        "scripted-and-learned",
+        "price-of-not-knowing",
+        "d2t-eaco",
+    ),
 )
 """Reproductions that were given somebody else's data."""
 

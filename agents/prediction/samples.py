@@ -182,7 +182,7 @@ def moments(
     tracker = Tracker(sensors)
     memory = tracker.start()
     x, y, heading = simulation.world.pose[0, 0].tolist()
-    to_start = _frame_of(x, y, heading)
+    to_start = frame_of(x, y, heading)
     ahead = np.rint(times / step).astype(int)
     limit, running = round(seconds / step), True
     waiting: list[tuple[int, Tracks, NDArray[np.int64]]] = []
@@ -212,7 +212,7 @@ def moments(
             yield Moment(tracks.select(np.flatnonzero(there)), places[there])
 
 
-def _frame_of(x: float, y: float, heading: float) -> Callable[[F64], F64]:
+def frame_of(x: float, y: float, heading: float) -> Callable[[F64], F64]:
     """Takes places (n, 2) of the world into the frame of a pose."""
     cos, sin = math.cos(heading), math.sin(heading)
     turn = np.array([[cos, -sin], [sin, cos]])

@@ -1,19 +1,23 @@
-"""What tells a mover from a still thing: it takes space that was seen free, and leaves space that is seen free now.
+"""What tells a mover from a still thing: beams went through where it is, or go now through where it was.
 
-The view of a still thing may change so that its disc shifts, but it does neither. So some past scans are kept.
+Some past scans are kept, and each two are compared both ways: what one saw of a thing is a run of hits, and a beam of the
+other that went between them and on, beyond noise, slant and what the other point of view may change, says that the thing
+came or left. The end of a wall that slides along as the robot moves says nothing: no beam goes through what was seen. And
+hits that lie where something was while the track, by its speed, was elsewhere, say that it stands.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from bug_gym.agents.tracking.clusters import JUMP
 from bug_gym.agents.tracking.filter import GATE, mahalanobis
 from bug_gym.agents.tracking.layout import (
     ANGLE_STEP,
     EVIDENCE,
     FIRST_ANGLE,
     HEADING,
+    HITS,
     ID,
     IS_CONFIRMED,
     IS_FULL_CIRCLE,
@@ -26,12 +30,14 @@ from bug_gym.agents.tracking.layout import (
     RANGE,
     SCANS,
     SCANS_KEPT,
+    STOOD,
     TRACKS,
     VX,
     VXX,
     VXY,
     VY,
     VYY,
+    WHOLE,
     Memory,
     Scan,
 )
@@ -40,9 +46,38 @@ from bug_gym.kernels.geometry import wrap
 from bug_gym.kernels.layout import Floats, Integers
 
 LEAST_SPEED = 0.1  # of a mover [m/s]
-EVIDENT_SHARE = 0.2  # of a thing's hits that show motion when it moves
-LAGS = (0.3, 0.6, 1.2)  # ages of the scans that say what was free [s]
+SURE = 0.02  # how sure a place is across the line of sight it was seen along [m]
+CLOSE = 0.04  # a beam that went on for less behind a thing may have met it [m]
+NOISES = 4.0  # and this many standard deviations of a range
+SURELY = 2.0  # and where it is one beam alone this many more
+SAG = 1.0  # how far one surface may bend back between two hits, over the distance from the nearer
+ASLANT = 2.0  # a surface seen more aslant than this, in range over distance across, may be two
+LONGEST = 0.6  # hits farther from one another may be of two things [m]
+# evidence: what one update may add, what a mover needs, the most there is, and what does where the speed is sure
+MOST_AT_ONCE, NEEDED, MOST, SOME = 1.5, 2.0, 4.0, 0.5
+SURE_SPEED = 16.0  # significance of a speed that is sure, of a thing both of whose ends were seen
+WHOLE_FOR = 3  # so many times without a break
+PLACE = 0.05  # a hit as near as this, and twice the noise, to an old one lies where something was [m]
+ELSEWHERE = 2.5  # a track was elsewhere if it went so many times this far
+STOOD_SHARE = 0.6  # of a thing's hits that lie where something was when it stands
+TOO_FAR_ASIDE = 0.5  # a view from farther aside than this share of the distance is another view
+NEAR_HIT = 0.1  # between two hits on one surface there may be a gap, farther from both than this [m]
+LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
+
+
+class Surface(NamedTuple):
+    """A scan, as what it saw and as the beams that saw it."""
+
+    ranges: Floats
+    """(B,) [m]."""
+    x: Floats
+    """Places of the hits, x (B,) and y (B,), odometry frame [m]."""
+    y: Floats
+    owner: Integers
+    """Place of the track that a hit belongs to (B,), -1 none."""
+    pose: Floats
+    """Where and when it was taken (PAST_POSE,)."""
 
 
 @inlined
@@ -52,26 +87,6 @@ def beam_toward(x: float, y: float, pose: Floats, settings: Floats) -> float:
     if settings[IS_FULL_CIRCLE] > 0.0 and bearing < 0.0:
         bearing += 2.0 * math.pi
     return float(bearing / settings[ANGLE_STEP])
-
-
-@inlined
-def is_free(x: float, y: float, ranges: Floats, pose: Floats, settings: Floats) -> bool:
-    """Whether a scan saw past a place of the odometry frame, with both beams beside it and by a margin.
-
-    The margin grows with the distance between the beams: a corner may have stood out between them.
-    """
-    beams = len(ranges)
-    distance = math.hypot(x - pose[POSE_X], y - pose[POSE_Y])
-    far = distance + JUMP + 3.0 * settings[NOISE] + 0.5 * distance * settings[ANGLE_STEP]
-    if far >= settings[RANGE]:
-        return False
-    low = int(math.floor(beam_toward(x, y, pose, settings)))
-    high = low + 1
-    if settings[IS_FULL_CIRCLE] > 0.0:
-        low, high = low % beams, high % beams
-    elif low < 0 or high >= beams:
-        return False
-    return bool(ranges[low] > far and ranges[high] > far)
 
 
 @inlined
@@ -86,60 +101,200 @@ def scan_of_age(poses: Floats, now: float, age: float) -> int:
 
 
 @called
-def weigh_evidence(memory: Memory, scan: Scan, counts: Integers, hits: Integers) -> None:
-    """Count for each track its hits in space that was free, and its old hits in space that is free now.
+def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integers) -> None:
+    """Count for each track the beams that passed where it is now, and those that pass now where it was.
 
-    A still thing has neither, but for some at its corners. EVIDENCE rises by one in an update that shows motion and
-    falls where none does.
+    A still thing has neither, and its hits lie where there were hits before. EVIDENCE rises in an update that shows
+    motion and falls where none does.
 
     Args:
         memory: of the tracks and past scans.
         scan: of now.
-        counts, hits: scratch, of TRACKS or more.
+        owners, counts: scratch, of as many as beams, and of TRACKS or more.
     """
     counts[:] = 0
-    hits[:] = 0
-    for i in range(len(scan.owner)):
-        if scan.owner[i] >= 0:
-            hits[scan.owner[i]] += 1
+    now = Surface(scan.ranges, scan.place_x, scan.place_y, scan.owner, scan.pose)
+    for m in range(TRACKS):
+        memory.numbers[m, STOOD] = 0
     for lag in range(len(LAGS)):
         k = scan_of_age(memory.scan_poses, scan.pose[NOW], LAGS[lag])
         if k < 0:
             break
-        count_signs(memory, scan, k, counts)
+        points = memory.scan_points[k]
+        for i in range(len(scan.owner)):
+            mark = memory.scan_owners[k, i]
+            m = mark % TRACKS
+            owners[i] = m if mark > 0 and memory.numbers[m, ID] == mark // TRACKS else -1
+        past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
+        count_passes(now, past, scan.settings, counts)
+        count_passes(past, now, scan.settings, counts)
+        tell_still(memory, now, past, scan.settings)
     for m in range(TRACKS):
-        if memory.numbers[m, ID] > 0:
-            change = 1.0 if counts[m] >= max(1.0, EVIDENT_SHARE * hits[m]) else -0.5
-            memory.state[m, EVIDENCE] = min(max(memory.state[m, EVIDENCE] + change, 0.0), 5.0)
+        n = memory.numbers[m]
+        if n[ID] > 0:
+            change = min(0.5 * counts[m], MOST_AT_ONCE) if counts[m] > 1 else -0.5
+            if n[STOOD] > 0:
+                change = -1.0
+            elif change < 0.0 and (n[HITS] & 1) == 0:
+                change = 0.0  # nothing is seen of it
+            memory.state[m, EVIDENCE] = min(max(memory.state[m, EVIDENCE] + change, 0.0), MOST)
+
+
+@called
+def tell_still(memory: Memory, now: Surface, past: Surface, settings: Floats) -> None:
+    """Mark tracks whose hits lie where the past scan had hits, though by their speed they were elsewhere then."""
+    beams, room = len(now.ranges), PLACE + 2.0 * settings[NOISE]
+    age = now.pose[NOW] - past.pose[NOW]
+    begin = 0
+    while begin < beams:
+        m, end = now.owner[begin], begin + 1
+        while end < beams and now.owner[end] == m:
+            end += 1
+        if m >= 0 and math.hypot(memory.state[m, VX], memory.state[m, VY]) * age > ELSEWHERE * room:
+            explained = 0
+            for i in range(begin, end):
+                explained += was_there(memory, now.x[i], now.y[i], past, room, settings)
+            if explained >= STOOD_SHARE * (end - begin):
+                memory.numbers[m, STOOD] = 1
+        begin = end
 
 
 @inlined
-def count_signs(memory: Memory, scan: Scan, k: int, counts: Integers) -> None:
-    """Add what past scan k says of motion to the tracks' counts."""
-    for i in range(len(scan.owner)):
-        m = scan.owner[i]
-        if m >= 0 and is_free(scan.place_x[i], scan.place_y[i], memory.scans[k], memory.scan_poses[k], scan.settings):
-            counts[m] += 1
-        mark = memory.scan_owners[k, i]
-        if mark <= 0:
+def was_there(memory: Memory, x: float, y: float, past: Surface, room: float, settings: Floats) -> int:
+    """Whether a past scan met something still at a place: 1 or 0."""
+    beams = len(past.ranges)
+    middle = int(round(beam_toward(x, y, past.pose, settings)))
+    for ray in range(middle - 1, middle + 1):
+        h, i = ray % beams, (ray + 1) % beams
+        if past.ranges[h] >= settings[RANGE] or past.ranges[i] >= settings[RANGE]:
+            h = i = h if past.ranges[h] < settings[RANGE] else i
+        if past.ranges[i] >= settings[RANGE]:
             continue
-        m = mark % TRACKS
-        if memory.numbers[m, ID] != mark // TRACKS:
+        m = past.owner[i]
+        if m >= 0 and memory.numbers[m, IS_MOVING] > 0:
             continue
-        if is_free(memory.scan_points[k, 0, i], memory.scan_points[k, 1, i], scan.ranges, scan.pose, scan.settings):
-            counts[m] += 1
+        sx, sy = past.x[i] - past.x[h], past.y[i] - past.y[h]
+        square = sx * sx + sy * sy
+        dx, dy = x - past.x[h], y - past.y[h]
+        along = min(max((dx * sx + dy * sy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        if square > LONGEST * LONGEST:
+            along = round(along)
+        dx, dy = dx - along * sx, dy - along * sy
+        if dx * dx + dy * dy < room * room:
+            return 1
+    return 0
+
+
+@called
+def count_passes(surface: Surface, other: Surface, settings: Floats, counts: Integers) -> None:
+    """Count for each track the beams of another scan that went through what one scan saw of it."""
+    beams = len(surface.ranges)
+    begin = 0
+    while begin < beams:
+        end = begin + 1
+        m = surface.owner[begin]
+        if m < 0:
+            begin = end
+            continue
+        while end < beams and surface.owner[end] == m and is_joined(surface, end, settings):
+            end += 1
+        counts[m] += passes_of(surface, begin, end, other, settings)
+        begin = end
+
+
+@inlined
+def is_joined(surface: Surface, i: int, settings: Floats) -> bool:
+    """Whether beam i and the one before it met one surface, as far as it can be told, and one seen not too aslant."""
+    one, other = surface.ranges[i], surface.ranges[i - 1]
+    spacing = min(one, other) * settings[ANGLE_STEP]
+    if abs(one - other) > ASLANT * spacing + 3.0 * settings[NOISE]:
+        return False
+    return math.hypot(surface.x[i] - surface.x[i - 1], surface.y[i] - surface.y[i - 1]) < LONGEST
+
+
+@called
+def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: Floats) -> int:
+    """How many beams of `other` went through the run of hits begin:end of a surface."""
+    x, y, pose, step, noise = surface.x, surface.y, other.pose, settings[ANGLE_STEP], settings[NOISE]
+    full = 2.0 * math.pi / step
+    low, high, b = math.inf, -math.inf, 0.0
+    for i in range(begin, end):
+        toward = beam_toward(x[i], y[i], pose, settings)
+        b = unwrapped(toward, b, full) if i > begin else toward
+        low, high = min(low, b), max(high, b)
+    baseline = math.hypot(surface.pose[POSE_X] - pose[POSE_X], surface.pose[POSE_Y] - pose[POSE_Y])
+    count = 0
+    b = beam_toward(x[begin], y[begin], pose, settings)
+    tb = math.hypot(x[begin] - pose[POSE_X], y[begin] - pose[POSE_Y])
+    for i in range(begin, max(end - 1, begin + 1)):
+        j = min(i + 1, end - 1)
+        a, ta = b, tb
+        b = unwrapped(beam_toward(x[j], y[j], pose, settings), a, full)
+        tb = math.hypot(x[j] - pose[POSE_X], y[j] - pose[POSE_Y])
+        near = min(ta, tb)
+        if baseline > TOO_FAR_ASIDE * near:
+            continue
+        length = math.hypot(x[i] - x[j], y[i] - y[j])
+        # a place is as sure as its range across the line of sight
+        unsure = baseline / near * (SURE + 3.0 * noise)
+        side = unsure / (near * step) - 1e-3
+        slope = abs(ta - tb) / max(abs(a - b) * step * near, 1e-3)
+        margin = CLOSE + NOISES * noise + slope * unsure
+        ray = int(math.ceil(max(min(a, b), low + side) - 1e-3))
+        last = min(max(a, b), high - side) + 1e-3
+        while ray <= last:
+            f = min(max((ray - a) / (b - a), 0.0), 1.0) if abs(b - a) > 1e-6 else 0.0
+            off = min(f, 1.0 - f) * length
+            if off <= NEAR_HIT:
+                away = 1.0 / ((1.0 - f) / ta + f / tb) + margin + SAG * off
+                if goes_beyond(other.ranges, ray, away, settings):
+                    count += 1
+                    if goes_beyond(other.ranges, ray, away + SURELY * noise, settings):
+                        count += 1
+            ray += 1
+    return count
+
+
+@inlined
+def unwrapped(beam: float, first: float, full: float) -> float:
+    """A bearing in beams, by whole turns nearest to `first`."""
+    if beam - first > 0.5 * full:
+        return beam - full
+    if first - beam > 0.5 * full:
+        return beam + full
+    return beam
+
+
+@inlined
+def goes_beyond(ranges: Floats, ray: int, distance: float, settings: Floats) -> bool:
+    """Whether a beam, and where it met nothing one beside it too, went farther than a distance."""
+    beams = len(ranges)
+    is_full = settings[IS_FULL_CIRCLE] > 0.0
+    i = ray % beams if is_full else ray
+    if i < 0 or i >= beams or distance >= settings[RANGE] or ranges[i] <= distance:
+        return False
+    if ranges[i] < settings[RANGE]:
+        return True
+    h, j = i - 1, i + 1
+    if is_full:
+        h, j = h % beams, j % beams
+    return bool((h >= 0 and ranges[h] > distance) or (j < beams and ranges[j] > distance))
 
 
 @inlined
 def is_mover(s: Floats, n: Integers) -> bool:
     """Whether a track moves: its speed is significant and the space it takes and leaves says so too."""
     speed = math.hypot(s[VX], s[VY])
-    if n[IS_MOVING] > 0:
-        return s[EVIDENCE] > 0.0 and speed > 0.5 * LEAST_SPEED
     significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
+    if n[IS_MOVING] > 0:
+        return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance > SURE_SPEED))
+    if n[STOOD] > 0 or (n[HITS] & 1) == 0:
+        return False
+    if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
+        return True
     # the more there is of the one, the less is needed of the other
-    needed = GATE - s[EVIDENCE] + 1.0
-    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significance > needed and s[EVIDENCE] >= 1.0
+    needed = GATE - 2.0 * s[EVIDENCE] + 1.0
+    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significance > needed and s[EVIDENCE] >= NEEDED
 
 
 @inlined

@@ -19,9 +19,11 @@ X, Y, VX, VY, PXX, PXY, PYY, CXX, CXY, CYX, CYY, VXX, VXY, VYY = range(14)
 RADIUS, RADIUS_VARIANCE, EVIDENCE, BORN, SEEN, INNOVATION = range(14, 20)
 STATE = 20
 
-# Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest.
-ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER = range(6)
-NUMBERS = 6
+# Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest. WHOLE: at how many of
+# its last measurements without a break both its ends were seen. STOOD: whether most of its hits lie where something was
+# when the track, by its speed, was elsewhere.
+ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, STOOD = range(8)
+NUMBERS = 8
 
 # Columns of a memory's counters: number of the last track, and how many scans were kept.
 LAST_ID, SCANS_KEPT = range(2)

@@ -72,6 +72,9 @@ COVARIANCE = np.array(
     ]
 )
 """Columns of a track's state that make up its covariance (4, 4)."""
+UNROUND = 0.02
+"""How far a thing's middle lies from that of the disc fitted to what is seen of it [m]; it stays so from scan to scan, so
+that the filter can't average it out. Measured: see the reproduction `tracking`."""
 NEWEST = np.arange(-HISTORY, 0)
 """Where a track's last centres lie in its history, counted from the end (HISTORY,)."""
 NOBODY = np.full(TRACKS + 1, -1)
@@ -90,7 +93,7 @@ class Tracks(NamedTuple):
     radius: F64
     """Radii of the discs that the things are taken for (T,) [m]."""
     covariance: F64
-    """Of x, y, and the velocity (T, 4, 4)."""
+    """Of x, y, and the velocity (T, 4, 4), as errors are found to be: the filter's own, and UNROUND."""
     moving: NDArray[np.bool_]
     """Whether it moves (T,)."""
     age: F64
@@ -223,13 +226,15 @@ class Tracker:
         index = NOBODY.copy()
         index[places] = np.arange(len(places))
         centres = chosen[:, CENTRES, None]
+        covariance = state[:, COVARIANCE]
+        covariance[:, (0, 1), (0, 1)] += UNROUND * UNROUND
         kept = memory.history[places[:, None], np.maximum(centres + NEWEST, 0) % HISTORY]
         return Tracks(
             id=chosen[:, ID],
             position=state[:, X : Y + 1],
             velocity=state[:, VX : VY + 1],
             radius=state[:, RADIUS],
-            covariance=state[:, COVARIANCE],
+            covariance=covariance,
             moving=chosen[:, IS_MOVING] > 0,
             age=time - state[:, BORN],
             unseen=time - state[:, SEEN],

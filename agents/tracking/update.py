@@ -45,6 +45,7 @@ from bug_gym.agents.tracking.layout import (
     SQUARES,
     THING_FLAGS,
     TRACKS,
+    WHOLE,
     Clusters,
     Hits,
     Memory,
@@ -99,7 +100,7 @@ def update_tracks(
     fit_things(hits, clusters, count)
     associate(memory, clusters, count, pose)
     take_things(memory, scan, hits, clusters, count)
-    weigh_evidence(memory, scan, counts, nearest)
+    weigh_evidence(memory, scan, nearest, counts)
     close_update(memory, scan)
     keep_scan(memory, scan)
 
@@ -173,6 +174,8 @@ def take_things(memory: Memory, scan: Scan, hits: Hits, clusters: Clusters, coun
         if m >= 0:
             refit(state[m], hits, begin, end, fits[c])
             measure(state[m], numbers[m], fits[c], history[m], px, py, now)
+            left, right = edges_of(hits, begin, end)
+            numbers[m, WHOLE] = numbers[m, WHOLE] + 1 if left == 1 and right == 1 else 0
         else:
             m = worst_track(memory, px, py, math.hypot(fits[c, FX], fits[c, FY]))
             if m < 0:

@@ -34,6 +34,7 @@ REPRODUCTIONS: dict[str, str] = {
     "learned": "learned",
     "ppo-curve": "ppo_curve",
     "predictors": "predictors",
+    "tracking": "tracking",
     "scripted-and-learned": "scripted_and_learned",
     "d2t-eaco": "d2t_eaco",
     "price-of-not-knowing": "price_of_not_knowing",

@@ -1,0 +1,64 @@
+"""What the page of the tracker says: ghosts in still worlds, movers, and the spread of its filter."""
+
+from __future__ import annotations
+
+from bug_gym.reproductions import tracking as made
+from result_pages import Page, Record
+from result_pages.words import number, table
+
+
+def cells(one: Record, *names: str) -> list[str]:
+    """Numbers of a family; "-" where nothing went into one."""
+    return ["-" if one[name] is None else str(one[name]) if isinstance(one[name], int) else number(one[name], 3)
+            for name in names]  # fmt: skip
+
+
+def tracks(found: Record) -> Page:
+    """Ghosts, movers, spread."""
+    still, moving = found["still"], found["moving"]
+    ghosts = [
+        [label, *cells(one, "worlds", "with_ghosts", "ghosts", "scans"), f"{100.0 * one['high']:.2f}"]
+        for label, one in still.items()
+    ]
+    known = [
+        [
+            label,
+            *cells(one, "worlds", "came_into_sight", "known_in_time", "known_in_twice", "seen", "misses", "false"),
+            *cells(one, "switches", "mota", "motp", "ghosts"),
+        ]
+        for label, one in moving.items()
+    ]
+    spread = [
+        [label, *cells(one, "nis", "nis_below_bound", "within_one_sigma", "within_two_sigma")]
+        for label, one in moving.items()
+    ]
+    spread.append(["a Gaussian", "2", "0.950", number(made.ONE_SIGMA, 3), number(made.TWO_SIGMA, 3)])
+    haunted = sum(one["with_ghosts"] for one in still.values())
+    worlds = sum(one["worlds"] for one in still.values())
+    late = [f"{label} ({one['known_in_time']:.3f})" for label, one in moving.items()
+            if one["known_in_time"] is not None and one["known_in_time"] < made.ASKED_SHARE]  # fmt: skip
+    return Page(
+        [
+            table(
+                "Still worlds in which something was called moving",
+                ["worlds", "number", "with a ghost", "ghosts", "scans", "at most (95 %) [% of worlds]"],
+                ghosts,
+            ),
+            table(
+                "Movers",
+                ["worlds", "number", "came into sight", f"known in {made.CONFIRMED_IN} s",
+                 f"in {2.0 * made.CONFIRMED_IN} s", "times in sight", "misses", "false", "switches", "MOTA", "MOTP [m]",
+                 "still things called moving"],
+                known,
+            ),
+            table(
+                "The spread that the filter reports",
+                ["worlds", "NIS", f"NIS below {made.BOUND:.2f}", "centre within 1 sigma", "within 2 sigma"],
+                spread,
+            ),
+        ],
+        f"Something that stands was called moving in {haunted} of {worlds:,} still worlds. "
+        + (f"Below 95 % known in time: {', '.join(late)}; a mover seen by few beams, or slow and coming straight at the "
+           "robot, takes longer to leave the noise." if late else "Movers are known in time in every family."),
+        list(made.check(still, moving)),
+    )  # fmt: skip

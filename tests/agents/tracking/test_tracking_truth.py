@@ -1,0 +1,124 @@
+"""The tracker against the truth: no ghosts in still worlds, movers known in time, followed behind things and past others."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from tracked import disc, track, world_of
+
+from bug_gym.agents.tracking.tracker import Tracker
+from bug_gym.reproductions.tracking import VARIANTS, mover_numbers, watch
+from bug_gym.reproductions.tracking_runs import Counts, Frame, Judge, frames, judge
+
+EVERY_VARIANT = range(len(VARIANTS))
+
+
+@pytest.mark.parametrize("family", ["maze", "rooms", "static"])
+def test_nothing_that_stands_is_called_moving(family: str) -> None:
+    """Both kinematics, noise 0 and 0.03 m, 64 to 360 beams: a world each."""
+    for seed in EVERY_VARIANT:
+        assert not watch(family, seed).ghosts, VARIANTS[seed]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 0.8, 1.2])
+def test_a_robot_that_turns_on_the_spot_between_walls_sees_nothing_move(turn: float) -> None:
+    """A corner, a pole and a slab, seen under all bearings of the beams."""
+    scenario = world_of([], beams=64, noise=0.03, circles=[[2.0, 0.5, 0.1], [-1.5, -2.0, 0.4]])
+    scenario["world"] |= {
+        "start": [0.0, 0.0, turn],
+        "polygons": [[[1.0, 2.0], [4.0, 2.0], [4.0, 2.1], [1.0, 2.1]], [[-3.0, 0.0], [-2.9, 0.0], [-2.9, 3.0], [-3.0, 3.0]]],
+    }  # fmt: skip
+    for _, _, tracks in track(scenario, 10.0, policy="random"):
+        assert not tracks.moving.any()
+
+
+@pytest.mark.parametrize(("speed", "heading"), [*product([0.2, 0.4, 0.8], [0.0, 0.5 * math.pi, math.pi])])
+def test_a_mover_is_known_within_six_tenths_of_a_second(speed: float, heading: float) -> None:
+    velocity = (speed * math.cos(heading), speed * math.sin(heading))
+    for seed in range(5):
+        steps = track(world_of([disc((2.5, 0.0), velocity)], beams=180, noise=0.01), 1.0, seed=seed)
+        known = [float(simulation.world.time[0]) for simulation, _, tracks in steps if tracks.moving.any()]
+        assert known and known[0] <= 0.6 + 1e-6, (seed, known[:1])
+
+
+@pytest.fixture(scope="module")
+def crowd() -> dict[str, Any]:
+    """What is counted among pedestrians, a world of each variant."""
+    return mover_numbers([watch("crowd", seed) for seed in EVERY_VARIANT])
+
+
+def test_of_pedestrians_at_least_95_of_100_are_known_in_time(crowd: dict[str, Any]) -> None:
+    assert crowd["came_into_sight"] > 200
+    assert crowd["known_in_time"] >= 0.95, crowd
+
+
+def test_errors_are_as_large_as_the_spread_says(crowd: dict[str, Any]) -> None:
+    # A Gaussian in the plane has 0.393 and 0.865 of its mass there; bodies that aren't Gaussian come near.
+    assert crowd["within_one_sigma"] >= 0.393
+    assert 0.8 <= crowd["within_two_sigma"] <= 0.97
+    assert 0.9 <= crowd["nis_below_bound"] <= 1.0
+
+
+@pytest.mark.parametrize("beams", [64, 180])
+def test_a_mover_lives_on_behind_a_pillar(beams: int) -> None:
+    scenario = world_of([disc((3.5, -2.5), (0.0, 0.8))], beams=beams, noise=0.01, circles=[[1.8, 0.0, 0.5]])
+    numbers, hidden = set(), 0
+    for simulation, _, tracks in track(scenario, 6.0):
+        time = float(simulation.world.time[0])
+        if time < 1.0:
+            continue
+        moving = np.flatnonzero(tracks.moving)
+        near = moving[np.hypot(*(tracks.position[moving] - (3.5, -2.5 + 0.8 * time)).T) < 0.5]
+        assert len(near) == 1, time
+        numbers.add(int(tracks.id[near[0]]))
+        hidden += bool(tracks.unseen[near[0]] > 0.0)
+    assert len(numbers) == 1
+    assert hidden > 3
+
+
+def test_clusters_that_merge_at_64_beams_come_apart_again() -> None:
+    """Two pedestrians pass one another; for a while the beams can't part them."""
+    scenario = world_of(
+        [disc((3.0, -1.5), (0.0, 0.5), 0.25), disc((3.7, 1.5), (0.0, -0.5), 0.25)], beams=64, noise=0.01
+    )
+    for _, _, tracks in track(scenario, 5.0):
+        seen = tracks.moving & (tracks.unseen == 0.0)
+        places, velocities = tracks.position[seen], tracks.velocity[seen]
+    assert len(places) == 2
+    for place, speed in (((3.0, 1.0), 0.5), ((3.7, -1.0), -0.5)):  # where each then is, and how it goes
+        near = int(np.hypot(*(places - place).T).argmin())
+        assert math.dist(places[near], place) < 0.3
+        assert velocities[near, 1] * speed > 0.0
+
+
+def test_the_judge_counts_what_it_is_shown() -> None:
+    """One mover that the tracks have, then lose, then have under another number; and a track of nobody."""
+    seen = list(frames(world_of([disc((3.0, -1.0), (0.0, 0.5))], noise=0.01), 0, "go_to_goal", seconds=2.5))
+    counts = judge(seen)
+    assert counts.scans == len(seen) == 25
+    assert counts.waits and counts.waits[0] <= 0.6 + 1e-6
+    assert (counts.misses, counts.false, counts.switches, counts.ghosts) == (0, 0, 0, set())
+    tracker = Tracker(seen[0].view.sensors)
+    memory = tracker.start()
+    blind = Judge(1)
+    for number, frame in enumerate(seen):
+        tracks = tracker.update(memory, frame.view, frame.time)
+        if number >= 15:
+            tracks = tracks._replace(id=tracks.id + 100)
+        if 10 <= number < 13:
+            tracks = tracks._replace(moving=np.zeros_like(tracks.moving))
+        if number == 20:
+            tracks = tracks._replace(position=tracks.position + 3.0)
+        blind.take(frame, tracks)
+    assert (blind.counts.misses, blind.counts.switches, blind.counts.false) == (3 + 1, 1, 1)
+    assert len(blind.counts.ghosts) == 1
+
+
+def test_a_frame_of_nothing_is_no_error() -> None:
+    assert judge([]) == Counts()
+    frame = next(frames("empty", 0, "bug2"))
+    assert isinstance(frame, Frame) and judge([frame]).scans == 1
