@@ -49,7 +49,7 @@ from bug_gym.agents.mapping.way import Way
 from bug_gym.agents.prediction import make_predictor
 from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.agents.tracking.tracker import Tracker
-from bug_gym.geometry import velocity_along
+from bug_gym.geometry import F64, velocity_along
 from bug_gym.kinematics import differential_action
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -128,6 +128,17 @@ class HDBugMap(ScriptedPolicy):
         direction, speed = self.avoidance.avoid(scene, memory, straight, movers)
         memory.mode = "waiting"
         return velocity_along(direction - view.heading, speed)
+
+    def course(self, view: View, memory: Any, velocity: Velocity) -> F64 | None:
+        """The planned way, where nothing moves and no step is turned aside from it."""
+        way = memory.way
+        if way is None or memory.mode not in ("direct", "following") or memory.is_backing:
+            return None
+        places = np.array([view.to_robot(x, y) for x, y in way.places[:6].tolist()])
+        x, y = places[1]
+        if abs(x * velocity[1] - y * velocity[0]) > 0.05 * math.hypot(x, y) * math.hypot(*velocity):
+            return None
+        return places
 
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         action = super()._action(flat, memory)

@@ -1,0 +1,134 @@
+"""How a scripted policy's differential robot is driven: on arcs that are free, and on the spot only where none is.
+
+A policy says where to go now (a velocity), and may say what comes then (its course, a chain of places). The robot pursues
+its course on an arc (pure pursuit, Coulter 1992): the farthest place of it to which the body, swept along the arc, keeps
+clear of the scan and the arc close to the course. Without a course, or where no such arc is free, it turns toward the
+velocity and goes ahead meanwhile as fast as that brings it little off its line.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels, kinematics
+from bug_gym.inertia import needs_care, stoppable_arc
+from bug_gym.kinematics import Drive, differential_action
+from bug_gym.view import Sensors, View
+
+Velocity = tuple[float, float]
+
+SPACING = 0.1
+"""Between the places of a course that are tried [m]."""
+
+OFF_LINE = float(os.environ.get("OFF", "0.1"))
+"""How far off its line a turn toward a velocity may bring a robot that goes ahead meanwhile [m]."""
+
+ASIDE = float(os.environ.get("ASIDE", "0.41"))
+"""How far an arc may cut the corners of a course, in radii of the arc at full speed: a right angle."""
+
+GOES_ON = math.radians(150.0)
+"""Heading error [rad] beyond which a robot that turns goes on turning as it does: both ways round are as long."""
+
+SHARES = 8
+"""In how many parts a speed is cut."""
+
+
+def steered_action(
+    view: View, velocity: Velocity, course: NDArray[np.float64] | None, radius: float, room: float | None
+) -> NDArray[np.float32]:
+    """The action (2,) of a differential robot with a round body.
+
+    Args:
+        view: what it sees.
+        velocity: desired now, robot's frame [m/s].
+        course: places (k, 2) to come, its own first, robot's frame [m]; None: nothing is known beyond the velocity.
+        radius: of the disc that must not meet anything [m].
+        room: what it keeps about the body where it cannot stop at once [m]; None: nothing is cut for that.
+    """
+    drive = view.sensors.drive
+    speed, rate = _pursuing(view, velocity, course, radius + float(os.environ.get("MORE","0.02")))
+    if speed <= 0.0 and course is not None:
+        speed, rate = _pursuing(view, velocity, course, radius)
+    if speed <= 0.0:
+        speed, rate = turning_toward(view, velocity, radius)
+    if room is not None and needs_care(view.sensors):
+        speed, rate = stoppable_arc(view, (speed, rate), room)
+    return differential_action(drive, speed, rate)
+
+
+def _pursuing(
+    view: View, velocity: Velocity, course: NDArray[np.float64] | None, radius: float
+) -> tuple[float, float]:
+    """Speed [m/s] and turn rate [rad/s] along a course; 0, 0: no arc is free."""
+    drive, speed = view.sensors.drive, math.hypot(*velocity)
+    if course is None or speed < 1e-3 or drive.max_turn_rate <= 0.0:
+        return 0.0, 0.0
+    sharpest = drive.max_speed / drive.max_turn_rate
+    x, y = view.points
+    samples = _room_for(sharpest)
+    speed, bend = kernels.pursue(
+        x, y, course, SPACING, samples, min(speed, drive.max_speed), drive.max_turn_rate, radius, ASIDE * sharpest
+    )
+    return speed, speed / bend
+
+
+@functools.cache
+def _room_for(sharpest: float) -> NDArray[np.float64]:
+    """Places up to where a turn at full speed through a right angle would end."""
+    return np.empty((math.ceil((2.0 * sharpest + 0.2) / SPACING), 2))
+
+
+def turning_toward(view: View, velocity: Velocity, radius: float) -> tuple[float, float]:
+    """Speed [m/s] and turn rate [rad/s] toward a velocity [m/s] of the robot's frame, on an arc that is free."""
+    drive, speed = view.sensors.drive, math.hypot(*velocity)
+    error = heading_error(velocity, view.velocity[1])
+    rate = kinematics.turn_rate(drive, error)
+    if speed == 0.0:
+        return 0.0, rate
+    speed = min(speed, drive.max_speed, speed_off_line(rate, error))
+    if abs(error) <= kinematics.TURN_IN_PLACE:
+        return _braked(view, speed * math.cos(error), radius), rate
+    return _on_a_free_arc(view, speed, rate, abs(error), radius), rate
+
+
+def heading_error(velocity: Velocity, rate: float) -> float:
+    """How far to turn toward a velocity [rad]; a robot that turns already at a rate [rad/s] does not turn round."""
+    error = math.atan2(velocity[1], velocity[0]) if velocity != (0.0, 0.0) else 0.0
+    if abs(error) > GOES_ON and error * rate < 0.0:
+        error += math.copysign(2.0 * math.pi, rate)
+    return error
+
+
+def speed_off_line(rate: float, error: float) -> float:
+    """The speed at which a robot that turns by a heading error [rad] gets OFF_LINE from the line that it wants [m/s].
+
+    On an arc of radius r that is r (1 - cos e).
+    """
+    return OFF_LINE * abs(rate) / max(1.0 - math.cos(error), 1e-9)
+
+
+def _on_a_free_arc(view: View, speed: float, rate: float, turn: float, radius: float) -> float:
+    """The greatest share of a speed [m/s] at which the whole turn [rad] is free; 0: on the spot."""
+    x, y = view.points
+    side = 1 if rate > 0.0 else -1
+    if abs(turn) > math.pi: turn = math.pi
+    for part in range(SHARES, 0, -1):
+        bend = speed * part / SHARES / abs(rate)
+        if kernels.free_turn(x, y, bend, side, radius, turn) >= turn:
+            return speed * part / SHARES
+    return 0.0
+
+
+def _braked(view: View, speed: float, radius: float) -> float:
+    """A speed [m/s] straight ahead, cut so that a step ends before what is seen."""
+    drive = view.sensors.drive
+    free = max(view.free_distance(0.0, radius) - (radius - view.sensors.radius), 0.0)
+    limit = free / drive.step
+    if math.isfinite(drive.max_acceleration):
+        limit = min(limit, math.sqrt(2.0 * drive.max_acceleration * free))
+    return min(speed, limit)
