@@ -23,7 +23,7 @@ from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
 from bug_gym.inertia import needs_care, stoppable_action
 from bug_gym.observation import as_flat, width
-from bug_gym.steering import steered_action
+from bug_gym.steering import Course, steered_action
 from bug_gym.view import Sensors, View
 
 Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
@@ -183,11 +183,8 @@ class ScriptedPolicy(ABC):
     def act(self, view: View, memory: Any) -> Velocity:
         """Desired velocity in the robot's frame [m/s], x ahead, y left; `memory` is changed in place."""
 
-    def course(self, view: View, memory: Any, velocity: Velocity) -> NDArray[np.float64] | None:
-        """Where the velocity just desired leads on: places (k, 2), the robot's own first, in its frame [m].
-
-        A differential robot rounds the corners of it. None: nothing is known beyond the velocity.
-        """
+    def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
+        """Where the velocity just desired leads on: a differential robot rounds its corners. None: nobody knows."""
         return None
 
     def draw(self, memory: Any) -> Drawing:
@@ -268,7 +265,7 @@ def action_of(
     velocity: Velocity,
     discrete: NDArray[np.float64] | None,
     room: float | None,
-    course: NDArray[np.float64] | None = None,
+    course: Course | None = None,
 ) -> NDArray[Any]:
     """The action that drives a robot at a velocity of its frame [m/s], as it can.
 
@@ -278,7 +275,7 @@ def action_of(
         velocity: the desired one.
         discrete: the velocities (m, 2) of discrete actions, where actions are numbers of them.
         room: what is kept about the body where the robot cannot stop at once [m]; None: nothing is cut for that.
-        course: places (k, 2) to come, see ScriptedPolicy.course; None: none are known.
+        course: where it leads on; None: nobody knows.
     """
     if discrete is not None:
         return nearest_discrete(discrete, velocity)

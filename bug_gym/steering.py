@@ -8,9 +8,8 @@ velocity and goes ahead meanwhile as fast as that brings it little off its line.
 
 from __future__ import annotations
 
-import functools
 import math
-import os
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,69 +17,95 @@ from numpy.typing import NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.inertia import needs_care, stoppable_arc
 from bug_gym.kinematics import Drive, differential_action
-from bug_gym.view import Sensors, View
+from bug_gym.view import View
 
 Velocity = tuple[float, float]
 
 SPACING = 0.1
 """Between the places of a course that are tried [m]."""
 
-OFF_LINE = float(os.environ.get("OFF", "0.1"))
+OFF_LINE = 0.1
 """How far off its line a turn toward a velocity may bring a robot that goes ahead meanwhile [m]."""
 
-ASIDE = float(os.environ.get("ASIDE", "0.41"))
-"""How far an arc may cut the corners of a course, in radii of the arc at full speed: a right angle."""
+WIDER = 0.03
+"""How much farther from things than where it brakes an arc along a course keeps at first [m]: else the robot comes so near
+to them that it stands."""
 
 GOES_ON = math.radians(150.0)
 """Heading error [rad] beyond which a robot that turns goes on turning as it does: both ways round are as long."""
+
+LEAST_SPEED = 1e-3
+"""A velocity below this share of the top speed only says where to turn."""
 
 SHARES = 8
 """In how many parts a speed is cut."""
 
 
+class Course(NamedTuple):
+    """Where a desired velocity leads on."""
+
+    places: NDArray[np.float64]
+    """(k, 2) the robot's own place first, in its frame [m]."""
+    aside: float
+    """How far an arc may lie beside them [m]."""
+
+
 def steered_action(
-    view: View, velocity: Velocity, course: NDArray[np.float64] | None, radius: float, room: float | None
+    view: View, velocity: Velocity, course: Course | None, radius: float, room: float | None
 ) -> NDArray[np.float32]:
     """The action (2,) of a differential robot with a round body.
 
     Args:
         view: what it sees.
         velocity: desired now, robot's frame [m/s].
-        course: places (k, 2) to come, its own first, robot's frame [m]; None: nothing is known beyond the velocity.
+        course: where that leads on; None: nothing is known beyond the velocity.
         radius: of the disc that must not meet anything [m].
         room: what it keeps about the body where it cannot stop at once [m]; None: nothing is cut for that.
     """
-    drive = view.sensors.drive
-    speed, rate = _pursuing(view, velocity, course, radius + float(os.environ.get("MORE","0.02")))
-    if speed <= 0.0 and course is not None:
-        speed, rate = _pursuing(view, velocity, course, radius)
+    speed, rate = 0.0, 0.0
+    for disc in (radius + WIDER, radius):
+        if course is not None and speed <= 0.0:
+            speed, rate = pursuing(view, math.hypot(*velocity), course, disc)
     if speed <= 0.0:
         speed, rate = turning_toward(view, velocity, radius)
     if room is not None and needs_care(view.sensors):
         speed, rate = stoppable_arc(view, (speed, rate), room)
-    return differential_action(drive, speed, rate)
+    return differential_action(view.sensors.drive, speed, rate)
 
 
-def _pursuing(
-    view: View, velocity: Velocity, course: NDArray[np.float64] | None, radius: float
-) -> tuple[float, float]:
-    """Speed [m/s] and turn rate [rad/s] along a course; 0, 0: no arc is free."""
-    drive, speed = view.sensors.drive, math.hypot(*velocity)
-    if course is None or speed < 1e-3 or drive.max_turn_rate <= 0.0:
+def pursuing(view: View, speed: float, course: Course, radius: float) -> tuple[float, float]:
+    """Speed [m/s], at most the given one, and turn rate [rad/s] along a course; 0, 0: no arc to it is free."""
+    drive = view.sensors.drive
+    if speed < LEAST_SPEED * drive.max_speed or drive.max_turn_rate <= 0.0:
         return 0.0, 0.0
-    sharpest = drive.max_speed / drive.max_turn_rate
     x, y = view.points
-    samples = _room_for(sharpest)
     speed, bend = kernels.pursue(
-        x, y, course, SPACING, samples, min(speed, drive.max_speed), drive.max_turn_rate, radius, ASIDE * sharpest
+        x,
+        y,
+        course.places,
+        SPACING,
+        np.empty((math.ceil(look_ahead(drive) / SPACING), 2)),
+        min(speed, drive.max_speed),
+        drive.max_turn_rate,
+        radius,
+        course.aside,
     )
     return speed, speed / bend
 
 
-@functools.cache
-def _room_for(sharpest: float) -> NDArray[np.float64]:
-    """Places up to where a turn at full speed through a right angle would end."""
-    return np.empty((math.ceil((2.0 * sharpest + 0.2) / SPACING), 2))
+def look_ahead(drive: Drive) -> float:
+    """How far along its course a robot looks [m]: up to where a turn at full speed through a right angle would end."""
+    return 2.0 * sharpest_bend(drive) + SPACING
+
+
+def sharpest_bend(drive: Drive) -> float:
+    """Radius of the sharpest arc at full speed [m]."""
+    return drive.max_speed / max(drive.max_turn_rate, 1e-3)
+
+
+def corner_cut(drive: Drive) -> float:
+    """How far the sharpest arc at full speed passes from the right-angled corner that it rounds [m]."""
+    return (math.sqrt(2.0) - 1.0) * sharpest_bend(drive)
 
 
 def turning_toward(view: View, velocity: Velocity, radius: float) -> tuple[float, float]:
@@ -90,9 +115,10 @@ def turning_toward(view: View, velocity: Velocity, radius: float) -> tuple[float
     rate = kinematics.turn_rate(drive, error)
     if speed == 0.0:
         return 0.0, rate
-    speed = min(speed, drive.max_speed, speed_off_line(rate, error))
+    speed = min(speed, drive.max_speed)
     if abs(error) <= kinematics.TURN_IN_PLACE:
         return _braked(view, speed * math.cos(error), radius), rate
+    speed = min(speed, speed_off_line(rate, error))
     return _on_a_free_arc(view, speed, rate, abs(error), radius), rate
 
 
@@ -109,14 +135,13 @@ def speed_off_line(rate: float, error: float) -> float:
 
     On an arc of radius r that is r (1 - cos e).
     """
-    return OFF_LINE * abs(rate) / max(1.0 - math.cos(error), 1e-9)
+    return OFF_LINE * abs(rate) / (1.0 - math.cos(error))
 
 
 def _on_a_free_arc(view: View, speed: float, rate: float, turn: float, radius: float) -> float:
     """The greatest share of a speed [m/s] at which the whole turn [rad] is free; 0: on the spot."""
     x, y = view.points
     side = 1 if rate > 0.0 else -1
-    if abs(turn) > math.pi: turn = math.pi
     for part in range(SHARES, 0, -1):
         bend = speed * part / SHARES / abs(rate)
         if kernels.free_turn(x, y, bend, side, radius, turn) >= turn:

@@ -8,8 +8,10 @@ from typing import Any, ClassVar
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.contour import BugMemory
-from bug_gym.policy import Drawing, ScriptedPolicy
-from bug_gym.view import Sensors
+from bug_gym.agents.walls.course import course_along
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.steering import Course
+from bug_gym.view import Sensors, View
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,10 @@ class BoundaryBug(ScriptedPolicy):
         self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
+
+    def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
+        """The contour ahead, while it follows one; else straight on."""
+        return course_along(self.boundary, view, memory.contour, velocity)
 
     def draw(self, memory: Any) -> Drawing:
         """Hit and leave points, and the wall that the hand is on."""
