@@ -31,8 +31,9 @@ WIDER = 0.03
 """How much farther from things than where it brakes an arc along a course keeps at first [m]: else the robot comes so near
 to them that it stands."""
 
-GOES_ON = math.radians(150.0)
-"""Heading error [rad] beyond which a robot that turns goes on turning as it does: both ways round are as long."""
+GOES_ON = math.radians(120.0)
+"""Heading error [rad] beyond which a robot turns on the spot, and one that turns already does not turn round: both ways round
+are about as long, and to and fro would be the longest."""
 
 LEAST_SPEED = 1e-3
 """A velocity below this share of the top speed only says where to turn."""
@@ -47,7 +48,7 @@ class Course(NamedTuple):
     places: NDArray[np.float64]
     """(k, 2) the robot's own place first, in its frame [m]."""
     aside: float
-    """How far an arc may lie beside them [m]."""
+    """How far an arc may lie beside them [m]; 0: it keeps exactly to them, and turns on the spot at corners."""
 
 
 def steered_action(
@@ -64,10 +65,11 @@ def steered_action(
     """
     speed, rate = 0.0, 0.0
     for disc in (radius + WIDER, radius):
-        if course is not None and speed <= 0.0:
+        if course is not None and course.aside > 0.0 and speed <= 0.0:
             speed, rate = pursuing(view, math.hypot(*velocity), course, disc)
     if speed <= 0.0:
-        speed, rate = turning_toward(view, velocity, radius)
+        off_line = OFF_LINE if course is None else min(course.aside, OFF_LINE)
+        speed, rate = turning_toward(view, velocity, radius, off_line)
     if room is not None and needs_care(view.sensors):
         speed, rate = stoppable_arc(view, (speed, rate), room)
     return differential_action(view.sensors.drive, speed, rate)
@@ -108,8 +110,15 @@ def corner_cut(drive: Drive) -> float:
     return (math.sqrt(2.0) - 1.0) * sharpest_bend(drive)
 
 
-def turning_toward(view: View, velocity: Velocity, radius: float) -> tuple[float, float]:
-    """Speed [m/s] and turn rate [rad/s] toward a velocity [m/s] of the robot's frame, on an arc that is free."""
+def turning_toward(view: View, velocity: Velocity, radius: float, off_line: float) -> tuple[float, float]:
+    """Speed [m/s] and turn rate [rad/s] toward a velocity [m/s] of the robot's frame, on an arc that is free.
+
+    Args:
+        view: what it sees.
+        velocity: the desired one [m/s].
+        radius: of the disc that must not meet anything [m].
+        off_line: how far off its line the turn may bring it [m].
+    """
     drive, speed = view.sensors.drive, math.hypot(*velocity)
     error = heading_error(velocity, view.velocity[1])
     rate = kinematics.turn_rate(drive, error)
@@ -118,7 +127,10 @@ def turning_toward(view: View, velocity: Velocity, radius: float) -> tuple[float
     speed = min(speed, drive.max_speed)
     if abs(error) <= kinematics.TURN_IN_PLACE:
         return _braked(view, speed * math.cos(error), radius), rate
-    speed = min(speed, speed_off_line(rate, error))
+    if abs(error) > GOES_ON:
+        return 0.0, rate
+    # On an arc of radius r it gets r (1 - cos e) off its line.
+    speed = min(speed, off_line * abs(rate) / (1.0 - math.cos(error)))
     return _on_a_free_arc(view, speed, rate, abs(error), radius), rate
 
 
@@ -130,19 +142,11 @@ def heading_error(velocity: Velocity, rate: float) -> float:
     return error
 
 
-def speed_off_line(rate: float, error: float) -> float:
-    """The speed at which a robot that turns by a heading error [rad] gets OFF_LINE from the line that it wants [m/s].
-
-    On an arc of radius r that is r (1 - cos e).
-    """
-    return OFF_LINE * abs(rate) / (1.0 - math.cos(error))
-
-
 def _on_a_free_arc(view: View, speed: float, rate: float, turn: float, radius: float) -> float:
     """The greatest share of a speed [m/s] at which the whole turn [rad] is free; 0: on the spot."""
     x, y = view.points
     side = 1 if rate > 0.0 else -1
-    for part in range(SHARES, 0, -1):
+    for part in range(SHARES if speed > 0.0 else 0, 0, -1):
         bend = speed * part / SHARES / abs(rate)
         if kernels.free_turn(x, y, bend, side, radius, turn) >= turn:
             return speed * part / SHARES

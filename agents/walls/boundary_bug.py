@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.contour import BugMemory
-from bug_gym.agents.walls.course import course_along
+from bug_gym.agents.walls.course import straight_on
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.steering import Course
 from bug_gym.view import Sensors, View
@@ -31,6 +31,10 @@ def alternating_side(memory: BugMemory, first: int) -> int:
     return first if len(memory.hits) % 2 == 0 else -first
 
 
+FREE_MODES = ("motion_to_goal", "leaving", "leaving_straight")
+"""Modes in which a bug that follows no wall goes straight to a place farther away."""
+
+
 class BoundaryBug(ScriptedPolicy):
     """What bugs that follow walls with a hand share.
 
@@ -50,8 +54,9 @@ class BoundaryBug(ScriptedPolicy):
         self.side = side_of(own.turn)
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
-        """The contour ahead, while it follows one; else straight on."""
-        return course_along(self.boundary, view, memory.contour, velocity)
+        """Straight on, taken up in an arc; exactly where the velocity leads along walls, and back as it came."""
+        is_bound = memory.contour is not None or memory.mode not in FREE_MODES
+        return straight_on(self.sensors.drive, velocity, is_bound=is_bound)
 
     def draw(self, memory: Any) -> Drawing:
         """Hit and leave points, and the wall that the hand is on."""

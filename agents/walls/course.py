@@ -1,4 +1,4 @@
-"""The course of a robot that follows a wall: the contour ahead, whose corners a differential robot rounds."""
+"""The course of a bug: straight on over free ground, and exactly as the rule says along walls."""
 
 from __future__ import annotations
 
@@ -6,25 +6,22 @@ import math
 
 import numpy as np
 
-from bug_gym.agents.scan.contour_ahead import contour_ahead
-from bug_gym.agents.walls.boundary import Boundary
-from bug_gym.agents.walls.contour import Contour
 from bug_gym.geometry import velocity_along
+from bug_gym.kinematics import Drive
 from bug_gym.policy import Velocity
 from bug_gym.steering import Course, corner_cut, look_ahead
-from bug_gym.view import View
 
 
-def course_along(boundary: Boundary, view: View, contour: Contour | None, velocity: Velocity) -> Course | None:
-    """The contour ahead, or straight on where no wall is followed; None for a robot that stands."""
+def straight_on(drive: Drive, velocity: Velocity, *, is_bound: bool) -> Course | None:
+    """Straight along a velocity [m/s]; None for a robot that stands.
+
+    Args:
+        drive: of the robot.
+        velocity: desired now, robot's frame [m/s].
+        is_bound: whether the robot must go exactly where the velocity leads: a wall's contour, whose laps must close,
+            and a way back. Elsewhere it takes up its line in an arc.
+    """
     if velocity == (0.0, 0.0):
         return None
-    drive, bearing = boundary.sensors.drive, math.atan2(velocity[1], velocity[0])
-    reach = look_ahead(drive)
-    if contour is None:
-        straight = np.array([(0.0, 0.0), velocity_along(bearing, reach)])
-        return Course(straight, corner_cut(drive))
-    places = np.empty((math.ceil(reach / boundary.step) + 2, 2))
-    count = contour_ahead(*view.points, bearing, contour.side, boundary.step, boundary.clearance, places)
-    # The hand would lose a wall that is left farther.
-    return Course(places[:count], boundary.step)
+    end = velocity_along(math.atan2(velocity[1], velocity[0]), look_ahead(drive))
+    return Course(np.array([(0.0, 0.0), end]), 0.0 if is_bound else corner_cut(drive))
