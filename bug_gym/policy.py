@@ -281,7 +281,7 @@ def action_of(
         return nearest_discrete(discrete, velocity)
     if view is None:
         return kinematics.steering(sensors.drive, velocity)
-    if is_steered(sensors):
+    if course is not None and course.aside > 0.0:
         return steered_action(view, velocity, course, braking_radius(sensors), room)
     velocity = brake(view, velocity)
     if room is not None and needs_care(sensors):

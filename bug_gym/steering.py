@@ -2,8 +2,8 @@
 
 A policy says where to go now (a velocity), and may say what comes then (its course, a chain of places). The robot pursues
 its course on an arc (pure pursuit, Coulter 1992): the farthest place of it to which the body, swept along the arc, keeps
-clear of the scan and the arc close to the course. Without a course, or where no such arc is free, it turns toward the
-velocity and goes ahead meanwhile as fast as that brings it little off its line.
+clear of the scan and the arc close to the course. Where no such arc is free, it turns toward the velocity and goes ahead
+meanwhile as fast as that brings it little off its line. Without a course it is steered as kinematics.steering says.
 """
 
 from __future__ import annotations
@@ -52,24 +52,23 @@ class Course(NamedTuple):
 
 
 def steered_action(
-    view: View, velocity: Velocity, course: Course | None, radius: float, room: float | None
+    view: View, velocity: Velocity, course: Course, radius: float, room: float | None
 ) -> NDArray[np.float32]:
     """The action (2,) of a differential robot with a round body.
 
     Args:
         view: what it sees.
         velocity: desired now, robot's frame [m/s].
-        course: where that leads on; None: nothing is known beyond the velocity.
+        course: where that leads on.
         radius: of the disc that must not meet anything [m].
         room: what it keeps about the body where it cannot stop at once [m]; None: nothing is cut for that.
     """
     speed, rate = 0.0, 0.0
     for disc in (radius + WIDER, radius):
-        if course is not None and course.aside > 0.0 and speed <= 0.0:
+        if speed <= 0.0:
             speed, rate = pursuing(view, math.hypot(*velocity), course, disc)
     if speed <= 0.0:
-        off_line = OFF_LINE if course is None else min(course.aside, OFF_LINE)
-        speed, rate = turning_toward(view, velocity, radius, off_line)
+        speed, rate = turning_toward(view, velocity, radius, min(course.aside, OFF_LINE))
     if room is not None and needs_care(view.sensors):
         speed, rate = stoppable_arc(view, (speed, rate), room)
     return differential_action(view.sensors.drive, speed, rate)

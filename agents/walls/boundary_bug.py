@@ -9,6 +9,7 @@ from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.agents.walls.course import straight_on
+from bug_gym.inertia import has_inertia
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.steering import Course
 from bug_gym.view import Sensors, View
@@ -54,8 +55,8 @@ class BoundaryBug(ScriptedPolicy):
         self.side = side_of(own.turn)
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
-        """Straight on, taken up in an arc; exactly where the velocity leads along walls, and back as it came."""
-        is_bound = memory.contour is not None or memory.mode not in FREE_MODES
+        """Straight on, taken up in an arc; exactly where the velocity leads along walls, back as it came, and with inertia."""
+        is_bound = has_inertia(self.sensors.drive) or memory.contour is not None or memory.mode not in FREE_MODES
         return straight_on(self.sensors.drive, velocity, is_bound=is_bound)
 
     def draw(self, memory: Any) -> Drawing:
