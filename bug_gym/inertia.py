@@ -76,11 +76,15 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
             if _is_clear(view, _slide(drive, view.velocity, asked), room):
                 return kinematics.steering(drive, asked)
         return kinematics.steering(drive, (0.0, 0.0))
-    speed, rate = kinematics.turning(drive, velocity)
-    for asked in ((share * speed, rate) for share in (*_shares(), 0.0)):
-        if _is_clear(view, _arc(drive, view.velocity[0], asked), room):
-            return kinematics.differential_action(drive, *asked)
-    return kinematics.differential_action(drive, 0.0, 0.0)
+    return kinematics.differential_action(drive, *stoppable_arc(view, kinematics.turning(drive, velocity), room))
+
+
+def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
+    """The speed [m/s] and turn rate [rad/s] nearest to wished ones from which a differential robot can stop in time."""
+    for asked in ((share * wish[0], wish[1]) for share in (*_shares(), 0.0)):
+        if _is_clear(view, _arc(view.sensors.drive, view.velocity[0], asked), room):
+            return asked
+    return 0.0, 0.0
 
 
 def _shares() -> Iterator[float]:

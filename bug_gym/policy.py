@@ -23,6 +23,7 @@ from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
 from bug_gym.inertia import needs_care, stoppable_action
 from bug_gym.observation import as_flat, width
+from bug_gym.steering import Course, steered_action
 from bug_gym.view import Sensors, View
 
 Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
@@ -167,6 +168,7 @@ class ScriptedPolicy(ABC):
         self.sensors = sensors
         self.discrete = discrete
         self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
+        self._follows_course = not discrete and is_steered(sensors)
         self.parameters = self.Parameters(**parameters)
 
     @abstractmethod
@@ -180,6 +182,10 @@ class ScriptedPolicy(ABC):
     @abstractmethod
     def act(self, view: View, memory: Any) -> Velocity:
         """Desired velocity in the robot's frame [m/s], x ahead, y left; `memory` is changed in place."""
+
+    def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
+        """Where the velocity just desired leads on: a differential robot rounds its corners. None: nobody knows."""
+        return None
 
     def draw(self, memory: Any) -> Drawing:
         """What to show of this memory in a picture."""
@@ -234,7 +240,8 @@ class ScriptedPolicy(ABC):
             raise ValueError("the observation holds a number that is not finite")
         view = View(flat, self.sensors)
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
-        return action_of(self.sensors, view, velocity, self._velocities, self.room)
+        course = self.course(view, memory, velocity) if self._follows_course else None
+        return action_of(self.sensors, view, velocity, self._velocities, self.room, course)
 
 
 def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[Any]:
@@ -253,7 +260,12 @@ def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[A
 
 
 def action_of(
-    sensors: Sensors, view: View | None, velocity: Velocity, discrete: NDArray[np.float64] | None, room: float | None
+    sensors: Sensors,
+    view: View | None,
+    velocity: Velocity,
+    discrete: NDArray[np.float64] | None,
+    room: float | None,
+    course: Course | None = None,
 ) -> NDArray[Any]:
     """The action that drives a robot at a velocity of its frame [m/s], as it can.
 
@@ -263,15 +275,23 @@ def action_of(
         velocity: the desired one.
         discrete: the velocities (m, 2) of discrete actions, where actions are numbers of them.
         room: what is kept about the body where the robot cannot stop at once [m]; None: nothing is cut for that.
+        course: where it leads on; None: nobody knows.
     """
     if discrete is not None:
         return nearest_discrete(discrete, velocity)
     if view is None:
         return kinematics.steering(sensors.drive, velocity)
+    if course is not None and course.aside > 0.0:
+        return steered_action(view, velocity, course, braking_radius(sensors), room)
     velocity = brake(view, velocity)
     if room is not None and needs_care(sensors):
         return stoppable_action(view, velocity, room)
     return kinematics.steering(sensors.drive, velocity)
+
+
+def is_steered(sensors: Sensors) -> bool:
+    """Whether a robot is driven on arcs (steering.py): a differential one with a round body."""
+    return sensors.drive.kinematics == "differential" and len(sensors.footprint) == 1
 
 
 def braking_radius(sensors: Sensors) -> float:

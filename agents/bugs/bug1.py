@@ -196,6 +196,9 @@ class Bug1(BoundaryBug):
             memory.mode = "boundary_following"
             memory.gate, memory.trace, memory.closest = contour.gate, [], None
 
+    def course(self, view: View, memory: Bug1Memory, velocity: Velocity) -> None:
+        """None: its hit points are those of the straight lines from where it leaves."""
+
     def draw(self, memory: Bug1Memory) -> Drawing:
         """Hit and leave points, and the nearest point of the lap."""
         drawing = super().draw(memory)

@@ -14,12 +14,17 @@ from bug_gym.agents.hd_bug_map.poses import TURNING, turn_to
 from bug_gym.agents.mapping.way import Way
 from bug_gym.geometry import F64
 from bug_gym.kinematics import TURN_IN_PLACE
+from bug_gym.policy import is_steered
 
 HEADINGS: F64 = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
 """Headings that are looked at all round [rad]."""
 
 OFFSETS: F64 = np.radians(np.stack([np.arange(3.0, 177.0, 3.0), -np.arange(3.0, 177.0, 3.0)], axis=1).ravel())
 """Turns away from a direction that are tried, the smallest first [rad]."""
+
+
+STANDS = 0.05
+"""A robot slower than this turns on the spot, as a share of its top speed."""
 
 
 def follow_way(scene: Scene, memory: HDBugMapMemory, way: Way, measures: Measures) -> tuple[float, float]:
@@ -41,7 +46,7 @@ def follow_way(scene: Scene, memory: HDBugMapMemory, way: Way, measures: Measure
 def is_turning(scene: Scene, memory: HDBugMapMemory, measures: Measures) -> bool:
     """Whether a differential robot still turns on the spot toward the last direction, which is free."""
     drive = scene.view.sensors.drive
-    if drive.kinematics == "holonomic" or memory.steps == 1:
+    if drive.kinematics == "holonomic" or memory.steps == 1 or abs(scene.view.velocity[0]) > STANDS * drive.max_speed:
         return False
     if abs(turn_to(scene.view.heading, memory.direction)) <= TURN_IN_PLACE:
         return False
@@ -59,7 +64,8 @@ def drive_along(
     if math.isfinite(drive.max_acceleration):
         speed = min(speed, math.sqrt(2.0 * drive.max_acceleration * max(free - speed * drive.step, 0.0)))
     speed = min(speed, free / drive.step)
-    if not is_last:
+    if not is_last and not is_steered(scene.view.sensors):
+        # One that is steered rounds the node.
         speed = min(speed, max(gap, 1e-3) / drive.step)
     return direction, max(speed, TURNING)
 

@@ -52,7 +52,14 @@ from bug_gym.agents.tracking.tracker import Tracker
 from bug_gym.geometry import velocity_along
 from bug_gym.kinematics import differential_action
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
+from bug_gym.steering import Course, corner_cut
 from bug_gym.view import Sensors, View
+
+SEEN_NODES = 6
+"""How many places of the way the robot looks at to round its corners."""
+
+TURNED_ASIDE = math.sin(math.radians(3.0))
+"""Sine of the angle from which on a velocity leads aside from the way."""
 
 
 class HDBugMap(ScriptedPolicy):
@@ -128,6 +135,17 @@ class HDBugMap(ScriptedPolicy):
         direction, speed = self.avoidance.avoid(scene, memory, straight, movers)
         memory.mode = "waiting"
         return velocity_along(direction - view.heading, speed)
+
+    def course(self, view: View, memory: HDBugMapMemory, velocity: Velocity) -> Course | None:
+        """The planned way, where nothing moves and no step is turned aside from it."""
+        way = memory.way
+        if way is None or memory.mode not in ("direct", "following"):
+            return None
+        places = np.array([view.to_robot(x, y) for x, y in way.places[:SEEN_NODES].tolist()])
+        x, y = places[1]
+        if abs(x * velocity[1] - y * velocity[0]) > TURNED_ASIDE * math.hypot(x, y) * math.hypot(*velocity):
+            return None
+        return Course(places, corner_cut(self.sensors.drive))
 
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         action = super()._action(flat, memory)

@@ -8,8 +8,11 @@ from typing import Any, ClassVar
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.contour import BugMemory
-from bug_gym.policy import Drawing, ScriptedPolicy
-from bug_gym.view import Sensors
+from bug_gym.agents.walls.course import straight_on
+from bug_gym.inertia import has_inertia
+from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.steering import Course
+from bug_gym.view import Sensors, View
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,10 @@ def alternating_side(memory: BugMemory, first: int) -> int:
     return first if len(memory.hits) % 2 == 0 else -first
 
 
+FREE_MODES = ("motion_to_goal", "leaving", "leaving_straight")
+"""Modes in which a bug that follows no wall goes straight to a place farther away."""
+
+
 class BoundaryBug(ScriptedPolicy):
     """What bugs that follow walls with a hand share.
 
@@ -46,6 +53,11 @@ class BoundaryBug(ScriptedPolicy):
         self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
+
+    def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
+        """Straight on, taken up in an arc; exactly where the velocity leads along walls, back as it came, and with inertia."""
+        is_bound = has_inertia(self.sensors.drive) or memory.contour is not None or memory.mode not in FREE_MODES
+        return straight_on(self.sensors.drive, velocity, is_bound=is_bound)
 
     def draw(self, memory: Any) -> Drawing:
         """Hit and leave points, and the wall that the hand is on."""

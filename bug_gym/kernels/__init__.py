@@ -7,7 +7,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
 
     layout  geometry  vectors                          what lies where; plane geometry; LLVM written by hand
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
-    stopping                                           whether a robot with inertia can stop before what it sees
+    arcs  stopping                                     the way on an arc; whether a robot with inertia can stop
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
     contact  avoidance                                 who touches what, when; half planes of velocities
     sensing  laws                                      the observation and the clearance; bodies that look
@@ -20,6 +20,7 @@ No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit
 """
 
 from bug_gym.kernels.addresses import HAS_ADDRESSES, address_table
+from bug_gym.kernels.arcs import free_turn, pursue
 from bug_gym.kernels.avoidance import steering_floats
 from bug_gym.kernels.chords import point_wall_distance
 from bug_gym.kernels.free_way import free_distance, free_distances
@@ -131,6 +132,8 @@ __all__ = [
     "beam_table",
     "free_distance",
     "free_distances",
+    "free_turn",
+    "pursue",
     "hash64",
     "is_compiled",
     "keeps_clear",

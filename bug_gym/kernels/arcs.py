@@ -1,0 +1,130 @@
+"""How far a disc can turn along an arc among the points of a scan.
+
+For policies, as `free_way`: `px`, `py` (k,) are the scan's points in the robot's frame. Nothing here sees the world.
+"""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.compiling import called, inlined, kernel
+from bug_gym.kernels.layout import Floats
+
+
+@inlined
+def turn_to_point(along: float, beside: float, bend: float, radius: float) -> float:
+    """How far a disc turns on a left arc about (0, bend) until it touches a point [rad]; infinite: it never does.
+
+    A point that it touches already blocks it unless it goes away from it, as on a straight way (free_way.way_to_point).
+    """
+    if along * along + beside * beside <= radius * radius:
+        return 0.0 if along > 0.0 or beside > bend else math.inf
+    away = math.hypot(along, beside - bend)
+    if abs(away - bend) >= radius or away == 0.0:
+        return math.inf
+    # The arc's centre, the point and the disc's centre at contact: a triangle of sides `away`, `bend` and `radius`.
+    spread = math.acos(min(max((away * away + bend * bend - radius * radius) / (2.0 * away * bend), -1.0), 1.0))
+    place = math.atan2(along, bend - beside)
+    turn = place - spread
+    return turn if turn >= 0.0 else turn + 2.0 * math.pi
+
+
+@kernel
+def free_turn(px: Floats, py: Floats, bend: float, side: int, radius: float, most: float) -> float:
+    """How far a disc can turn on an arc before it touches a scan point, at most `most` [rad].
+
+    Args:
+        px, py: the points (k,) [m]; the disc's centre is at the origin and goes ahead along x.
+        bend: radius of the arc [m], above 0.
+        side: +1 to the left, -1 to the right.
+        radius: of the disc [m].
+        most: the turn that is asked for [rad].
+    """
+    free = most
+    # A point farther from the arc's centre or nearer to it is passed without looking at its bearing.
+    inner, outer = max(bend - radius, 0.0), bend + radius
+    inner, outer = inner * inner, outer * outer
+    for i in range(px.size):
+        beside = side * py[i]
+        square = px[i] * px[i] + (beside - bend) * (beside - bend)
+        if square <= inner or square >= outer:
+            continue
+        free = min(free, turn_to_point(px[i], beside, bend, radius))
+    return free
+
+
+@called
+def sample_chain(chain: Floats, spacing: float, samples: Floats) -> int:
+    """Places every `spacing` metres along a chain of places (k, 2), into `samples` (m, 2); how many there are."""
+    count, left = 0, spacing
+    for i in range(len(chain) - 1):
+        ax, ay = chain[i, 0], chain[i, 1]
+        dx, dy = chain[i + 1, 0] - ax, chain[i + 1, 1] - ay
+        length = math.hypot(dx, dy)
+        while left <= length and count < len(samples):
+            share = left / length
+            samples[count, 0], samples[count, 1] = ax + share * dx, ay + share * dy
+            count += 1
+            left += spacing
+        left -= length
+    if count < len(samples):
+        samples[count, 0], samples[count, 1] = chain[-1, 0], chain[-1, 1]
+        count += 1
+    return count
+
+
+@inlined
+def is_beside(samples: Floats, count: int, bend: float, side: int, aside: float) -> bool:
+    """Whether so many samples lie no farther than `aside` [m] from an arc."""
+    for i in range(count):
+        if abs(math.hypot(samples[i, 0], side * samples[i, 1] - bend) - bend) > aside:
+            return False
+    return True
+
+
+@kernel
+def pursue(
+    px: Floats,
+    py: Floats,
+    chain: Floats,
+    spacing: float,
+    samples: Floats,
+    speed: float,
+    turn_rate: float,
+    radius: float,
+    aside: float,
+) -> tuple[float, float]:
+    """The speed [m/s] and the signed bend [m] of the fastest free arc to a place of the chain; speed 0: there is none.
+
+    Pure pursuit (Coulter 1992), the place looked ahead to chosen anew each time: of those to which the arc is free and
+    close to the chain, the farthest that can be driven to at full speed, else the one that can be fastest.
+
+    Args:
+        px, py: the scan's points (k,) in the robot's frame [m].
+        chain: places (k, 2) to come, the robot's own first [m].
+        spacing: of the places tried along it [m].
+        samples: (m, 2) room for them.
+        speed: the greatest [m/s].
+        turn_rate: the greatest [rad/s].
+        radius: of the disc that must not touch a point [m].
+        aside: how far the chain may lie beside the arc [m].
+    """
+    count = sample_chain(chain, spacing, samples)
+    best, best_bend = 0.0, math.inf
+    for i in range(count - 1, -1, -1):
+        x, y = samples[i, 0], samples[i, 1]
+        square = x * x + y * y
+        if x <= 0.0 or square == 0.0:
+            continue
+        side = 1 if y >= 0.0 else -1
+        bend = 0.5 * square / max(abs(y), 1e-6 * square)
+        fastest = min(speed, turn_rate * bend)
+        if fastest <= best or not is_beside(samples, i, bend, side, aside):
+            continue
+        turn = 2.0 * math.atan2(abs(y), x)
+        if free_turn(px, py, bend, side, radius, turn) < turn:
+            continue
+        best, best_bend = fastest, side * bend
+        if best == speed:
+            break
+    return best, best_bend

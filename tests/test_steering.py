@@ -1,0 +1,132 @@
+"""Differential robots of scripted policies: arcs that are free, no dithering, and the pace of holonomic ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from episodes import run_episode
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bug_gym import kernels
+from bug_gym.config import load
+from bug_gym.geometry import F64
+from bug_gym.steering import heading_error, look_ahead
+from bug_gym.view import Sensors
+
+coordinates = st.floats(-2.0, 2.0)
+points = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=12)
+
+
+def least_gap(px: F64, py: F64, bend: float, side: int, turn: float) -> float:
+    """Least distance of points to a disc's centre on an arc, looked at in many places of it [m]."""
+    angle = np.linspace(0.0, turn, 4000)
+    x, y = bend * np.sin(angle), side * bend * (1.0 - np.cos(angle))
+    return float(np.hypot(px[:, None] - x, py[:, None] - y).min())
+
+
+@settings(max_examples=300, deadline=None)
+@given(points, st.floats(0.02, 3.0), st.sampled_from([-1, 1]), st.floats(0.1, 6.2))
+def test_a_disc_turns_as_far_as_it_touches_nothing(
+    scan: list[tuple[float, float]], bend: float, side: int, most: float
+) -> None:
+    radius = 0.3
+    px, py = np.array([p[0] for p in scan]), np.array([p[1] for p in scan])
+    if np.hypot(px, py).min() <= radius:
+        return  # those it touches already are looked at below
+    free = kernels.free_turn(px, py, bend, side, radius, most)
+    assert 0.0 <= free <= most
+    slip = 1e-5 + (bend * most / 4000) ** 2 / radius
+    assert least_gap(px, py, bend, side, free) >= radius - 1e-9
+    if free < most:
+        assert least_gap(px, py, bend, side, free) <= radius + slip + bend * most / 4000
+
+
+def test_a_point_that_is_touched_already_blocks_only_who_comes_nearer() -> None:
+    def free(x: float, y: float) -> float:
+        return float(kernels.free_turn(np.array([x]), np.array([y]), 0.5, 1, 0.3, 1.0))
+
+    assert free(0.2, 0.0) == 0.0 and free(-0.2, 0.1) == 1.0
+
+
+@settings(max_examples=200, deadline=None)
+@given(points, st.floats(-1.2, 1.2), st.floats(0.05, 0.5))
+def test_the_arc_to_a_course_is_free_and_close_to_it_and_within_the_limits(
+    scan: list[tuple[float, float]], bearing: float, aside: float
+) -> None:
+    px, py = np.array([p[0] for p in scan]), np.array([p[1] for p in scan])
+    if np.hypot(px, py).min() <= 0.3:
+        return
+    line = np.array([(0.0, 0.0), (1.4 * math.cos(bearing), 1.4 * math.sin(bearing))])
+    speed, bend = kernels.pursue(px, py, line, 0.1, np.empty((15, 2)), 1.0, 1.5, 0.3, aside)
+    assert 0.0 <= speed <= 1.0
+    if speed == 0.0:
+        return
+    side = 1 if bend > 0.0 else -1
+    assert speed / abs(bend) <= 1.5 + 1e-9
+    # To the nearest place of the line, 0.1 m away, in any case.
+    assert least_gap(px, py, abs(bend), side, min(0.1 / abs(bend), math.pi)) >= 0.3 - 1e-6
+
+
+def test_the_course_is_followed_at_full_speed_through_a_right_angle_where_there_is_room() -> None:
+    corner = np.array([(0.0, 0.0), (0.7, 0.0), (0.7, 3.0)])
+    none = np.empty(0)
+    speed, bend = kernels.pursue(none, none, corner, 0.1, np.empty((15, 2)), 1.0, 1.5, 0.3, 0.3)
+    assert speed == 1.0 and bend >= 1.0 / 1.5
+
+
+def test_a_robot_that_turns_toward_what_lies_behind_it_does_not_turn_round() -> None:
+    for bearing in np.radians([150.0, 179.0, -179.0, -150.0]):
+        velocity = math.cos(bearing), math.sin(bearing)
+        assert heading_error(velocity, 1.5) > 0.0 and heading_error(velocity, -1.5) < 0.0
+        assert math.cos(heading_error(velocity, 1.5)) == pytest.approx(math.cos(bearing))
+
+
+def test_it_looks_as_far_as_a_turn_at_full_speed_needs() -> None:
+    drive = Sensors.of(load("empty", {"robot.kinematics": "differential"})).drive
+    assert look_ahead(drive) >= 2.0 * drive.max_speed / drive.max_turn_rate
+
+
+def turns_to_and_fro(heading: F64) -> int:
+    """How often a robot that turns by more than 2 degrees a step turns the other way the next time."""
+    change = (np.diff(heading) + math.pi) % (2.0 * math.pi) - math.pi
+    ways = np.sign(change[np.abs(change) > math.radians(2.0)])
+    return int((np.diff(ways) != 0.0).sum())
+
+
+STRAIGHT = {
+    "robot": {"kinematics": "differential"},
+    "lidar": {"beams": 180},
+    "time": {"limit": 60.0},
+    "world": {
+        "family": "explicit",
+        "bounds": [0, 0, 16, 8],
+        "start": [2, 3, math.pi],
+        "goal": [14, 3],
+        "polygons": [[[1, 0], [15, 0], [15, 2.4], [1, 2.4]]],
+    },
+}
+
+
+@pytest.mark.parametrize("name", ["tangent_bug", "hd_bug_map"])
+def test_beside_a_straight_wall_it_does_not_turn_to_and_fro(name: str) -> None:
+    """It starts with its back to the goal."""
+    episode = run_episode(name, STRAIGHT)
+    assert episode.outcome == "success"
+    assert turns_to_and_fro(episode.path[:, 2]) <= 3
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario", "seeds"),
+    [("tangent_bug", "static", 6), ("hd_bug_map", "static", 4), ("hd_bug_map", "rooms", 3)],
+)
+def test_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pace(name: str, scenario: str, seeds: int) -> None:
+    paces: dict[str, list[float]] = {"holonomic": [], "differential": []}
+    for kinematics, pace in paces.items():
+        for seed in range(seeds):
+            episode = run_episode(name, scenario, {"robot.kinematics": kinematics}, seed=seed)
+            assert episode.outcome == "success"
+            pace.append(episode.length / (0.1 * (len(episode.path) - 1)))
+    assert np.mean(paces["differential"]) >= 0.9 * np.mean(paces["holonomic"])
