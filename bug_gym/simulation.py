@@ -319,6 +319,7 @@ class Simulation:
 
     def _do_block(self, task: int, scratch: Scratch, actions: NDArray[np.float64], rows: Rows) -> None:
         world = self.world
+        world.is_behind = True
         if world.capacity.steered and task != kernels.LOOK:
             kernels.steer_rows(task, world.floats, world.ints, world.spec, world.footprint, *scratch, rows)
         kernels.run_rows(task, *self._arrays, *scratch, actions, rows)

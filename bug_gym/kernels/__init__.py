@@ -8,6 +8,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
     layout  geometry  vectors                          what lies where; plane geometry; LLVM written by hand
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
+    neighbours                                         the bodies near the robots, side by side
     contact  avoidance                                 who touches what, when; half planes of velocities
     sensing  laws                                      the observation and the clearance; bodies that look
     step                                               the sentence: run_rows, steer_rows, restart_robots, read_status
@@ -62,6 +63,7 @@ from bug_gym.kernels.layout import (
     places,
     rounded_up,
 )
+from bug_gym.kernels.neighbours import COLUMNS, list_room
 from bug_gym.kernels.one import step_one
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
@@ -72,6 +74,7 @@ from bug_gym.kernels.step import (
     STATUS,
     STEP,
     is_compiled,
+    locate_bodies,
     read_status,
     restart_robots,
     run_rows,
@@ -85,6 +88,7 @@ __all__ = [
     "BOUNCE",
     "BOUNCE_BIT",
     "COLLISION",
+    "COLUMNS",
     "CROWD",
     "CROWD_BIT",
     "DIFFERENTIAL",
@@ -129,6 +133,8 @@ __all__ = [
     "free_distances",
     "hash64",
     "is_compiled",
+    "list_room",
+    "locate_bodies",
     "place_fields",
     "point_wall_distance",
     "read_status",

@@ -8,17 +8,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from bug_gym.compiling import called, inlined, is_ready, kernel
-from bug_gym.kernels.contact import find_near_polygons, settle_robots
+from bug_gym.kernels.contact import settle_robots
 from bug_gym.kernels.drive import apply_motion, drive
 from bug_gym.kernels.geometry import clip, length
 from bug_gym.kernels.laws import begin_steered, steer_bodies
 from bug_gym.kernels.layout import (
     COLLISION,
     CROWD,
-    RANDOM_WALK,
     RUNNING,
     STILL,
     SUCCESS,
@@ -31,9 +28,17 @@ from bug_gym.kernels.layout import (
     Record,
     Regions,
 )
-from bug_gym.kernels.motion import move_bodies, plan_body, take_heading
+from bug_gym.kernels.motion import (
+    UNPLANNED,
+    begin_motion,
+    bring_forward,
+    move_goals,
+    move_looker,
+    set_line,
+)
+from bug_gym.kernels.neighbours import COLUMNS, close_in, list_from_here, list_near, meet_events, near_bodies
 from bug_gym.kernels.sensing import clearance_at, observe
-from bug_gym.kernels.vectors import NEAR, prefetch
+from bug_gym.kernels.vectors import prefetch
 
 
 def is_compiled(types: tuple[Any, ...]) -> bool:
@@ -68,6 +73,14 @@ def judge(f: Floats, k: Integers, s: Record, r: int, verdict: int, first: float,
     f[s.command + 2 * r + 1] = second
 
 
+@called
+def move_lookers(f: Floats, k: Integers, s: Record, start: float, end: float) -> None:
+    """Move the bodies that have taken a velocity for this step."""
+    for b in range(s.bodies):
+        if k[s.body_law + b] >= CROWD and not k[s.disc_count] <= b < s.discs:
+            move_looker(f, s, b, start, end)
+
+
 @inlined
 def step_row(
     f: Floats,
@@ -75,6 +88,7 @@ def step_row(
     s: Record,
     footprint: Footprint,
     regions: Regions,
+    columns: Floats,
     scratch: Floats,
     scratch_int: Integers,
     actions: Floats,
@@ -84,7 +98,9 @@ def step_row(
     start = f[s.time]
     end = k[s.steps] * s.step
     f[s.time] = end
-    move_bodies(f, k, s, start, end)
+    move_goals(f, k, s, end)
+    if k[s.steered_count] > 0:
+        move_lookers(f, k, s, start, end)
     robots = s.robots
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
@@ -92,8 +108,14 @@ def step_row(
         else:
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
+    reach = close_in(f, s)
+    if f[s.closing] > f[s.listed_until] or reach > f[s.listed_reach] or k[s.steered_count] > 0:
+        list_near(f, k, s, end, reach)
+    elif f[s.next_event] <= end:
+        meet_events(f, k, s, end)
+    near = near_bodies(f, k, s, columns)
     stops, verdicts = scratch[:robots], scratch_int[:robots]
-    settle_robots(f, k, s, footprint, stops, verdicts, scratch_int[robots:])
+    settle_robots(f, k, s, footprint, near, stops, verdicts, scratch_int[robots:])
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
             apply_motion(f, k, s, r, stops[r])
@@ -113,20 +135,17 @@ MANY_WALLS, MANY_ROWS = 128, 16
 @inlined
 def fetch_row(f: Floats, k: Integers, s: Record) -> None:
     """Asks for what a step reads of every row."""
-    for line in range(0, s.body_turned, 8):
+    for line in range(0, s.near_x, 8):
         prefetch(f, line)
-    for line in range(0, s.goal_body, 8):
-        prefetch(k, line)
-    for line in range(s.polygon_first, s.border_first, 8):
+    for line in range(0, s.near_number, 8):
         prefetch(k, line)
 
 
 @inlined
-def fetch_near_walls(f: Floats, k: Integers, s: Record, index: Integers) -> None:
-    """Asks for the walls of the polygons near the first robot."""
-    near = find_near_polygons(f, s, k[s.polygon_count], f[s.pose], f[s.pose + 1], s.reach, index)
-    for j in range(near):
-        number = index[np.uint64(NEAR) + j]
+def fetch_near_walls(f: Floats, k: Integers, s: Record) -> None:
+    """Asks for the walls of the listed polygons."""
+    for j in range(k[s.near_polygons]):
+        number = k[s.near_number + s.disc_room + j]
         first = s.wall + 4 * k[s.polygon_first + number]
         for line in range(first, first + 4 * k[s.polygon_walls + number], 8):
             prefetch(f, line)
@@ -162,7 +181,6 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
     k[s.steps] = 0
     fastest, steered = 0.0, 0
     for b in range(s.bodies):
-        f[s.body_turned + b] = -1.0
         law = k[s.body_law + b]
         if law == STILL or (k[s.disc_count] <= b < s.discs):
             f[s.body_event + b] = math.inf
@@ -170,14 +188,35 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
         fastest = max(fastest, f[s.body_speed + b])
         if law >= CROWD:
             steered += 1
-            continue
-        if law == RANDOM_WALK:
-            f[s.body_event + b] = take_heading(f, k, s, b)
-        plan_body(f, k, s, b, 0.0)
+            f[s.body_turned + b] = -1.0
+            set_line(f, s, b, 0.0)
+        else:
+            f[s.body_event + b] = UNPLANNED
     f[s.fastest] = fastest
     k[s.steered_count] = steered
+    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
+        if k[s.body_law + g] < CROWD:
+            begin_motion(f, k, s, g)
     for r in range(s.robots):
         begin_robot(f, k, s, footprint, r)
+    list_from_here(f, k, s)
+
+
+@called
+def bring_all_forward(f: Floats, k: Integers, s: Record) -> None:
+    """Bring all bodies to now."""
+    for b in range(s.discs + s.polygons):
+        is_disc = b < k[s.moving_disc_count]
+        if is_disc or s.discs <= b < s.discs + k[s.moving_polygon_count]:
+            if k[s.body_law + b] < CROWD:
+                bring_forward(f, k, s, b, f[s.time])
+
+
+@kernel
+def locate_bodies(floats: Floats, ints: Integers, spec: Record) -> None:
+    """Bring all bodies of all rows to now, for who reads where they are."""
+    for n in range(len(floats)):
+        bring_all_forward(floats[n], ints[n], spec[0])
 
 
 STEP, BEGIN, LOOK = 0, 1, 2  # what is done with a row before its robots look
@@ -243,22 +282,27 @@ def run_rows(
         rows: numbers of the worlds.
     """
     s = spec[0]
+    columns = scratch[scratch.size - 4 * s.walls - COLUMNS * (s.disc_room + s.polygon_room) :]
     ahead = s.walls >= MANY_WALLS and rows.size >= MANY_ROWS
     for i in range(-2, rows.size):
         if ahead and i + 2 < rows.size:
             fetch_row(floats[rows[i + 2]], ints[rows[i + 2]], s)
         if ahead and 0 <= i + 1 < rows.size:
-            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, scratch_int)
+            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s)
         if i < 0:
             continue
         n = rows[i]
         f, k = floats[n], ints[n]
         if task == STEP:
-            step_row(f, k, s, footprint, regions, scratch, scratch_int, actions[i])
+            step_row(f, k, s, footprint, regions, columns, scratch, scratch_int, actions[i])
         elif task == BEGIN:
             begin_world(f, k, s, footprint)
+        else:
+            list_from_here(f, k, s)
+        if task != STEP:
+            near_bodies(f, k, s, columns)
         for r in range(s.robots):
-            observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
+            observe(f, k, observation[n, r], s, beams, footprint, regions, columns, scratch, scratch_int, r)
 
 
 @kernel
@@ -273,6 +317,7 @@ def restart_robots(
     for i in range(rows.size):
         n = rows[i]
         f, k = floats[n], ints[n]
+        bring_all_forward(f, k, s)
         for r in range(s.robots):
             if k[s.outcome + r] == RUNNING:
                 continue

@@ -1,0 +1,202 @@
+"""The bodies near the robots, side by side: what a step looks at, however many others there are.
+
+A row lists the discs and the polygons that may come within reach of a robot's scan or contact before `closing` has grown
+by the margin. `closing` grows by the robots' ways and the greatest way of a body: no two come nearer by more. Whoever is
+not listed sleeps until `closing` says that it may be near (`body_wake`), and is then brought forward exactly: so bodies far
+off cost nothing, and not even their first event is planned before they are near.
+
+No result depends on what is listed, only the time it takes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bug_gym.compiling import called, inlined
+from bug_gym.kernels.geometry import length
+from bug_gym.kernels.layout import CROWD, Floats, Integers, Record
+from bug_gym.kernels.motion import bring_forward
+from bug_gym.kernels.rays import Discs
+from bug_gym.kernels.vectors import LANES, copy_eight, move_eight
+
+FEW = 32  # up to so many all are listed once an episode: to choose among them would cost more than it saves
+NOWHERE = 1e100  # x and y of what fills up the last eight of a list [m]
+COLUMNS = 3  # of scratch for a listed body: x, y, radius
+
+
+class Near(NamedTuple):
+    """The listed bodies where they are now, lists filled up to a multiple of eight."""
+
+    discs: Discs
+    """Circular obstacles."""
+    polygons: Discs
+    """The discs that hold the polygons."""
+
+
+def list_room(bodies: int) -> int:
+    """Length of a list that holds so many, in eights, and eight more."""
+    return (bodies // LANES + 2) * LANES
+
+
+@inlined
+def in_eights(count: int) -> int:
+    """The multiple of eight that holds so many."""
+    return (count + 7) >> 3 << 3
+
+
+@inlined
+def reach_of(f: Floats, s: Record, r: int, way: float, turn: float) -> float:
+    """From where robot r's step would end, how far the edges of bodies matter to its contacts and its scan [m]."""
+    touch: float = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach * (1.0 + turn) + f[s.fastest] * s.step
+    return max(touch, s.reach) + way
+
+
+@inlined
+def close_in(f: Floats, s: Record) -> float:
+    """Tell `closing` of this step's motions; returns the longest reach of a robot [m]."""
+    farthest, reach = 0.0, 0.0
+    for r in range(s.robots):
+        x, y = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+        farthest = max(farthest, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
+        f[s.seen + 2 * r] = x
+        f[s.seen + 2 * r + 1] = y
+        way = length(x - f[s.pose + 3 * r], y - f[s.pose + 3 * r + 1])
+        turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+        reach = max(reach, reach_of(f, s, r, way, turn))
+    f[s.closing] += farthest + f[s.fastest] * s.step
+    return reach
+
+
+@called
+def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, total: int, at: int, time: float) -> int:
+    """List those of the bodies `first` ... `first + total - 1` that are near, from `at` on; returns how many.
+
+    The first `moving` of them move.
+    """
+    margin: float = f[s.listed_until] - f[s.closing]
+    count = at
+    for b in range(first, first + total):
+        if f[s.body_wake + b] > f[s.closing]:
+            continue
+        moves, looks = b - first < moving, k[s.body_law + b] >= CROWD
+        if moves and not looks and time > 0.0:
+            bring_forward(f, k, s, b, time)
+        x, y = f[s.body_x + b], f[s.body_y + b]
+        gap = math.inf
+        for r in range(s.robots):
+            gap = min(gap, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
+        gap -= f[s.body_radius + b] + f[s.listed_reach] + margin
+        f[s.body_wake + b] = f[s.closing] + max(gap, 0.0)
+        if gap > 0.0:
+            continue
+        if moves and not looks and time == 0.0:
+            bring_forward(f, k, s, b, time)
+        k[s.near_number + count] = b - first
+        list_body(f, s, b, count, moves)
+        count += 1
+    for j in range(count, at + in_eights(count - at)):
+        f[s.near_x + j], f[s.near_y + j] = NOWHERE, NOWHERE
+        f[s.near_vx + j], f[s.near_vy + j] = 0.0, 0.0
+        f[s.near_radius + j] = 0.0
+    return count - at
+
+
+@inlined
+def list_body(f: Floats, s: Record, b: int, j: int, moves: bool) -> None:
+    """Write body b, which has no event left before now, to place j of the lists."""
+    f[s.near_radius + j] = f[s.body_radius + b]
+    if moves:
+        f[s.near_x + j], f[s.near_y + j] = f[s.line_x + b], f[s.line_y + b]
+        f[s.near_vx + j], f[s.near_vy + j] = f[s.body_vx + b], f[s.body_vy + b]
+        f[s.near_event + j] = f[s.body_event + b]
+        f[s.next_event] = min(f[s.next_event], f[s.body_event + b])
+    else:
+        f[s.near_x + j], f[s.near_y + j] = f[s.body_x + b], f[s.body_y + b]
+        f[s.near_vx + j], f[s.near_vy + j] = 0.0, 0.0
+        f[s.near_event + j] = math.inf
+
+
+@called
+def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float) -> None:
+    """List the near bodies anew at a time; all are looked at where `reach` is more than what they were listed for."""
+    margin = s.margin
+    if k[s.steered_count] > 0:
+        margin = 0.0  # what looks may turn at any step: all are looked at in each
+    elif k[s.disc_count] + k[s.polygon_count] <= FEW:
+        margin = math.inf
+    if reach > f[s.listed_reach] or k[s.steered_count] > 0:
+        f[s.listed_reach] = reach + max(s.max_speed, s.max_reverse) * s.step
+        for b in range(s.discs + s.polygons):
+            f[s.body_wake + b] = 0.0
+    f[s.listed_until] = f[s.closing] + margin
+    f[s.next_event] = math.inf
+    k[s.near_discs] = list_bodies(f, k, s, 0, k[s.moving_disc_count], k[s.disc_count], 0, time)
+    k[s.near_polygons] = list_bodies(
+        f, k, s, s.discs, k[s.moving_polygon_count], k[s.polygon_count], s.disc_room, time
+    )
+
+
+@called
+def list_from_here(f: Floats, k: Integers, s: Record) -> None:
+    """List the near bodies where the robots are now, whatever was listed before."""
+    reach = 0.0
+    for r in range(s.robots):
+        f[s.seen + 2 * r] = f[s.pose + 3 * r]
+        f[s.seen + 2 * r + 1] = f[s.pose + 3 * r + 1]
+        reach = max(reach, reach_of(f, s, r, 0.0, s.max_turn_rate * s.step))
+    f[s.closing] = 0.0
+    f[s.listed_reach] = 0.0
+    list_near(f, k, s, f[s.time], reach)
+
+
+@called
+def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
+    """Bring the listed bodies through their events up to `end`."""
+    f[s.next_event] = math.inf
+    for kind in range(2):
+        at, count, first = 0, k[s.near_discs], 0
+        if kind == 1:
+            at, count, first = s.disc_room, k[s.near_polygons], s.discs
+        for j in range(at, at + count):
+            if f[s.near_event + j] <= end:
+                b = first + k[s.near_number + j]
+                bring_forward(f, k, s, b, end)
+                list_body(f, s, b, j, True)
+            else:
+                f[s.next_event] = min(f[s.next_event], f[s.near_event + j])
+
+
+@inlined
+def move_list(f: Floats, s: Record, at: int, count: int, time: float, columns: Floats) -> Discs:
+    """Where the listed bodies `at` ... are at a time, in `columns`."""
+    room = s.disc_room + s.polygon_room
+    padded = np.uint64(in_eights(count))
+    start = np.uint64(at)
+    for j in range(start, start + padded, np.uint64(LANES)):
+        move_eight(columns, j, f, j + np.uint64(s.near_x), j + np.uint64(s.near_vx), time)
+        move_eight(columns, j + np.uint64(room), f, j + np.uint64(s.near_y), j + np.uint64(s.near_vy), time)
+        copy_eight(columns, j + np.uint64(2 * room), f, j + np.uint64(s.near_radius))
+    return listed_discs(s, at, int(padded), columns)
+
+
+@inlined
+def listed_discs(s: Record, at: int, count: int, columns: Floats) -> Discs:
+    """The part of `columns` where `count` listed bodies lie."""
+    room = s.disc_room + s.polygon_room
+    return Discs(
+        columns[at : at + count],
+        columns[room + at : room + at + count],
+        columns[2 * room + at : 2 * room + at + count],
+        count,
+    )
+
+
+@inlined
+def near_bodies(f: Floats, k: Integers, s: Record, columns: Floats) -> Near:
+    """Where the listed bodies are now."""
+    time = f[s.time]
+    discs = move_list(f, s, 0, k[s.near_discs], time, columns)
+    return Near(discs, move_list(f, s, s.disc_room, k[s.near_polygons], time, columns))
