@@ -18,12 +18,11 @@ from bug_gym.kernels.vectors import NEAR
 
 
 @inlined
-def goal_contact(f: Floats, k: Integers, s: Record, r: int) -> float:
+def goal_contact(f: Floats, s: Record, r: int) -> float:
     """Fraction of the step at which robot r's centre comes within the goal radius of its goal, or NEVER."""
-    g = k[s.goal_body + r]
-    mx, my = body_motion(f, s, g)
-    dx = f[s.pose + 3 * r] - (f[s.body_x + g] - mx)
-    dy = f[s.pose + 3 * r + 1] - (f[s.body_y + g] - my)
+    mx, my = f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1]
+    dx = f[s.pose + 3 * r] - (f[s.goal_place + 2 * r] - mx)
+    dy = f[s.pose + 3 * r + 1] - (f[s.goal_place + 2 * r + 1] - my)
     if dx * dx + dy * dy <= s.goal_radius * s.goal_radius:
         return 0.0
     ex = f[s.next_pose + 3 * r] - f[s.pose + 3 * r] - mx
@@ -214,7 +213,7 @@ def settle_robots(
         verdicts[r] = k[s.outcome + r]
         if verdicts[r] != RUNNING:
             continue
-        goal = goal_contact(f, k, s, r)
+        goal = goal_contact(f, s, r)
         end = min(goal, 1.0)
         contact, clearance = obstacle_contact(f, k, s, footprint, near, r, end, index)
         stops[r] = end

@@ -55,11 +55,9 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "reward": (1, "robots"),
     "terms": (TERMS, "robots"),  # of the reward
     "seen": (2, "robots"),  # where the robots were when `closing` was last told [m]
-    "near_x": (1, "listed"),  # the bodies near a robot, side by side: line_x and its neighbours
-    "near_y": (1, "listed"),
-    "near_vx": (1, "listed"),
-    "near_vy": (1, "listed"),
-    "near_radius": (1, "listed"),
+    "goal_place": (2, "robots"),  # of each robot's own [m]
+    "goal_way": (2, "robots"),  # of it in this step [m]
+    "near": (5, "listed"),  # the bodies near a robot, in blocks of eight: line_x, line_y, body_vx, body_vy, body_radius
     "near_event": (1, "listed"),
     "body_x": (1, "bodies"),  # place [m], see `motion` for when
     "body_y": (1, "bodies"),
@@ -101,6 +99,7 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "steered_count": (1, "row"),  # bodies that look before each step
     "near_discs": (1, "row"),  # how many are listed
     "near_polygons": (1, "row"),
+    "moving_goals": (1, "row"),
     "outcome": (1, "robots"),  # RUNNING and its neighbours
     "goal_body": (1, "robots"),  # number of the body that is the robot's goal
     "near_number": (1, "listed"),  # of the disc or polygon
@@ -135,7 +134,7 @@ def places(table: dict[str, tuple[int, str]], counts: dict[str, int]) -> dict[st
     result = {}
     begin = 0
     for name, (numbers, count) in table.items():
-        if name in ("wall", "near_x"):
+        if name in ("wall", "near"):
             begin = rounded_up(begin)
         size = numbers * counts[count]
         result[name] = (begin, size)

@@ -242,18 +242,26 @@ def move_looker(f: Floats, s: Record, b: int, start: float, end: float) -> None:
 
 
 @inlined
-def move_goals(f: Floats, k: Integers, s: Record, end: float) -> None:
-    """Bring the goals to `end`, but for those that look."""
-    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
-        if f[s.body_event + g] <= end:
-            bring_forward(f, k, s, g, end)
-        elif k[s.body_law + g] < CROWD:
-            place_on_line(f, s, g, end)
-
-
-@inlined
 def body_motion(f: Floats, s: Record, b: int) -> tuple[float, float]:
     """The way of a moving body in this step, along its chord [m]."""
     if f[s.body_turned + b] == f[s.time]:
         return f[s.body_x + b] - f[s.last_x + b], f[s.body_y + b] - f[s.last_y + b]
     return f[s.body_vx + b] * s.step, f[s.body_vy + b] * s.step
+
+
+@inlined
+def follow_goal(f: Floats, k: Integers, s: Record, r: int) -> None:
+    """Keep the place of robot r's goal where every step reads it."""
+    g = k[s.goal_body + r]
+    f[s.goal_place + 2 * r], f[s.goal_place + 2 * r + 1] = f[s.body_x + g], f[s.body_y + g]
+
+
+@called
+def move_goals(f: Floats, k: Integers, s: Record, end: float) -> None:
+    """Bring the goals to `end`; those that look have gone there."""
+    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
+        if k[s.body_law + g] < CROWD:
+            bring_forward(f, k, s, g, end)
+    for r in range(s.robots):
+        follow_goal(f, k, s, r)
+        f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1] = body_motion(f, s, k[s.goal_body + r])

@@ -18,12 +18,13 @@ import numpy as np
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import CROWD, Floats, Integers, Record
-from bug_gym.kernels.motion import bring_forward
+from bug_gym.kernels.motion import bring_forward, move_looker
 from bug_gym.kernels.rays import Discs
-from bug_gym.kernels.vectors import LANES, copy_eight, move_eight
+from bug_gym.kernels.vectors import LANES, move_eight
 
-FEW = 32  # up to so many all are listed once an episode: to choose among them would cost more than it saves
+FEW = 128  # up to so many all are listed once an episode: to choose among them would cost more than it saves
 NOWHERE = 1e100  # x and y of what fills up the last eight of a list [m]
+BLOCK = 5 * LANES  # numbers of eight listed bodies that lie together
 COLUMNS = 3  # of scratch for a listed body: x, y, radius
 
 
@@ -88,7 +89,7 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
         gap = math.inf
         for r in range(s.robots):
             gap = min(gap, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
-        gap -= f[s.body_radius + b] + f[s.listed_reach] + margin
+        gap -= f[s.body_radius + b] + f[s.listed_reach] + margin  # minus infinity where all are listed
         f[s.body_wake + b] = f[s.closing] + max(gap, 0.0)
         if gap > 0.0:
             continue
@@ -98,45 +99,66 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
         list_body(f, s, b, count, moves)
         count += 1
     for j in range(count, at + in_eights(count - at)):
-        f[s.near_x + j], f[s.near_y + j] = NOWHERE, NOWHERE
-        f[s.near_vx + j], f[s.near_vy + j] = 0.0, 0.0
-        f[s.near_radius + j] = 0.0
+        write_block(f, s, j, NOWHERE, NOWHERE, 0.0, 0.0, 0.0)
     return count - at
+
+
+@inlined
+def write_block(f: Floats, s: Record, j: int, x: float, y: float, vx: float, vy: float, radius: float) -> None:
+    """Write place j of the lists."""
+    block = s.near + (j >> 3) * BLOCK + (j & 7)
+    f[block] = x
+    f[block + LANES] = y
+    f[block + 2 * LANES] = vx
+    f[block + 3 * LANES] = vy
+    f[block + 4 * LANES] = radius
 
 
 @inlined
 def list_body(f: Floats, s: Record, b: int, j: int, moves: bool) -> None:
     """Write body b, which has no event left before now, to place j of the lists."""
-    f[s.near_radius + j] = f[s.body_radius + b]
     if moves:
-        f[s.near_x + j], f[s.near_y + j] = f[s.line_x + b], f[s.line_y + b]
-        f[s.near_vx + j], f[s.near_vy + j] = f[s.body_vx + b], f[s.body_vy + b]
+        vx, vy = f[s.body_vx + b], f[s.body_vy + b]
+        write_block(f, s, j, f[s.line_x + b], f[s.line_y + b], vx, vy, f[s.body_radius + b])
         f[s.near_event + j] = f[s.body_event + b]
-        f[s.next_event] = min(f[s.next_event], f[s.body_event + b])
     else:
-        f[s.near_x + j], f[s.near_y + j] = f[s.body_x + b], f[s.body_y + b]
-        f[s.near_vx + j], f[s.near_vy + j] = 0.0, 0.0
+        write_block(f, s, j, f[s.body_x + b], f[s.body_y + b], 0.0, 0.0, f[s.body_radius + b])
         f[s.near_event + j] = math.inf
+
+
+@called
+def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
+    """Bring the listed bodies through their events up to `end`."""
+    next_event = math.inf
+    for kind in range(2):
+        at, count, first = 0, k[s.near_discs], 0
+        if kind == 1:
+            at, count, first = s.disc_room, k[s.near_polygons], s.discs
+        for j in range(at, at + count):
+            if f[s.near_event + j] <= end:
+                b = first + k[s.near_number + j]
+                bring_forward(f, k, s, b, end)
+                list_body(f, s, b, j, True)
+            next_event = min(next_event, f[s.near_event + j])
+    f[s.next_event] = next_event
 
 
 @called
 def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float) -> None:
     """List the near bodies anew at a time; all are looked at where `reach` is more than what they were listed for."""
     margin = s.margin
-    if k[s.steered_count] > 0:
-        margin = 0.0  # what looks may turn at any step: all are looked at in each
-    elif k[s.disc_count] + k[s.polygon_count] <= FEW:
-        margin = math.inf
-    if reach > f[s.listed_reach] or k[s.steered_count] > 0:
+    if k[s.steered_count] > 0 or k[s.disc_count] + k[s.polygon_count] <= FEW:
+        margin, reach = math.inf, math.inf  # all, in their order; what looks would go anywhere
+    if reach > f[s.listed_reach]:
         f[s.listed_reach] = reach + max(s.max_speed, s.max_reverse) * s.step
         for b in range(s.discs + s.polygons):
             f[s.body_wake + b] = 0.0
     f[s.listed_until] = f[s.closing] + margin
-    f[s.next_event] = math.inf
     k[s.near_discs] = list_bodies(f, k, s, 0, k[s.moving_disc_count], k[s.disc_count], 0, time)
     k[s.near_polygons] = list_bodies(
         f, k, s, s.discs, k[s.moving_polygon_count], k[s.polygon_count], s.disc_room, time
     )
+    meet_events(f, k, s, time)
 
 
 @called
@@ -153,33 +175,39 @@ def list_from_here(f: Floats, k: Integers, s: Record) -> None:
 
 
 @called
-def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
-    """Bring the listed bodies through their events up to `end`."""
-    f[s.next_event] = math.inf
-    for kind in range(2):
-        at, count, first = 0, k[s.near_discs], 0
-        if kind == 1:
-            at, count, first = s.disc_room, k[s.near_polygons], s.discs
-        for j in range(at, at + count):
-            if f[s.near_event + j] <= end:
-                b = first + k[s.near_number + j]
-                bring_forward(f, k, s, b, end)
-                list_body(f, s, b, j, True)
-            else:
-                f[s.next_event] = min(f[s.next_event], f[s.near_event + j])
+def keep_list(f: Floats, k: Integers, s: Record, end: float) -> None:
+    """Bring the lists to `end`, the robots being about to go to where this step would bring them."""
+    if f[s.listed_until] < math.inf:
+        reach = close_in(f, s)
+        if f[s.closing] > f[s.listed_until] or reach > f[s.listed_reach]:
+            list_near(f, k, s, end, reach)
+    if f[s.next_event] <= end:
+        meet_events(f, k, s, end)
+
+
+@called
+def move_lookers(f: Floats, k: Integers, s: Record, start: float, end: float) -> None:
+    """Move the bodies that have taken a velocity for this step. Where there are any, all bodies are listed in order."""
+    for b in range(s.bodies):
+        if k[s.body_law + b] < CROWD or k[s.disc_count] <= b < s.discs:
+            continue
+        move_looker(f, s, b, start, end)
+        if b < s.discs:
+            list_body(f, s, b, b, True)
+        elif b < s.discs + s.polygons:
+            list_body(f, s, b, s.disc_room + b - s.discs, True)
 
 
 @inlined
 def move_list(f: Floats, s: Record, at: int, count: int, time: float, columns: Floats) -> Discs:
     """Where the listed bodies `at` ... are at a time, in `columns`."""
-    room = s.disc_room + s.polygon_room
-    padded = np.uint64(in_eights(count))
-    start = np.uint64(at)
-    for j in range(start, start + padded, np.uint64(LANES)):
-        move_eight(columns, j, f, j + np.uint64(s.near_x), j + np.uint64(s.near_vx), time)
-        move_eight(columns, j + np.uint64(room), f, j + np.uint64(s.near_y), j + np.uint64(s.near_vy), time)
-        copy_eight(columns, j + np.uint64(2 * room), f, j + np.uint64(s.near_radius))
-    return listed_discs(s, at, int(padded), columns)
+    room = np.uint64(s.disc_room + s.polygon_room)
+    padded = in_eights(count)
+    block = np.uint64(s.near + at // LANES * BLOCK)
+    for j in range(np.uint64(at), np.uint64(at + padded), np.uint64(LANES)):
+        move_eight(columns, j, room, f, block, time)
+        block += np.uint64(BLOCK)
+    return listed_discs(s, at, padded, columns)
 
 
 @inlined

@@ -118,13 +118,13 @@ def scan(
 
 
 @inlined
-def goal_in_frame(f: Floats, k: Integers, s: Record, origin: Origin, r: int) -> tuple[float, float]:
+def goal_in_frame(f: Floats, s: Record, origin: Origin, r: int) -> tuple[float, float]:
     """The goal in robot r's frame [m], sensed as a beacon or computed from odometry."""
-    g = k[s.goal_body + r]
+    goal_x, goal_y = f[s.goal_place + 2 * r], f[s.goal_place + 2 * r + 1]
     goal_sin, goal_cos = origin.sin, origin.cos
-    gx, gy = f[s.body_x + g] - origin.x, f[s.body_y + g] - origin.y
+    gx, gy = goal_x - origin.x, goal_y - origin.y
     if s.goal_by_odometry:
-        wx, wy = f[s.body_x + g] - f[s.origin + 3 * r], f[s.body_y + g] - f[s.origin + 3 * r + 1]
+        wx, wy = goal_x - f[s.origin + 3 * r], goal_y - f[s.origin + 3 * r + 1]
         origin_sin, origin_cos = sin_cos(f[s.origin + 3 * r + 2])
         ex, ey, eh = f[s.odometry + 3 * r], f[s.odometry + 3 * r + 1], f[s.odometry + 3 * r + 2]
         gx, gy = origin_cos * wx + origin_sin * wy - ex, origin_cos * wy - origin_sin * wx - ey
@@ -172,7 +172,7 @@ def observe(
     polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), columns)
     ranges = observation[s.see_ranges : s.see_ranges + s.beams]
     scan(f, k, ranges, s, beams, origin, discs, polygons, scratch, scratch_int, r)
-    ahead, left = goal_in_frame(f, k, s, origin, r)
+    ahead, left = goal_in_frame(f, s, origin, r)
     observation[s.see_goal] = clip(ahead, -s.span, s.span)
     observation[s.see_goal + 1] = clip(left, -s.span, s.span)
     observation[s.see_pose] = clip(f[s.odometry + 3 * r], -2.0 * s.span, 2.0 * s.span)

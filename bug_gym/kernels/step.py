@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from bug_gym.compiling import called, inlined, is_ready, kernel
 from bug_gym.kernels.contact import settle_robots
 from bug_gym.kernels.drive import apply_motion, drive
@@ -32,13 +34,14 @@ from bug_gym.kernels.motion import (
     UNPLANNED,
     begin_motion,
     bring_forward,
+    follow_goal,
     move_goals,
-    move_looker,
     set_line,
 )
-from bug_gym.kernels.neighbours import COLUMNS, close_in, list_from_here, list_near, meet_events, near_bodies
+from bug_gym.kernels.neighbours import BLOCK, COLUMNS, keep_list, list_from_here, move_list, move_lookers, near_bodies
+from bug_gym.kernels.rays import find_near_discs
 from bug_gym.kernels.sensing import clearance_at, observe
-from bug_gym.kernels.vectors import prefetch
+from bug_gym.kernels.vectors import NEAR, prefetch
 
 
 def is_compiled(types: tuple[Any, ...]) -> bool:
@@ -49,8 +52,7 @@ def is_compiled(types: tuple[Any, ...]) -> bool:
 @inlined
 def judge(f: Floats, k: Integers, s: Record, r: int, verdict: int, first: float, second: float) -> None:
     """Outcome, reward terms (in the order of TERMS) and their weighted sum for robot r after its motion."""
-    g = k[s.goal_body + r]
-    distance = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
+    distance = length(f[s.goal_place + 2 * r] - f[s.pose + 3 * r], f[s.goal_place + 2 * r + 1] - f[s.pose + 3 * r + 1])
     clearance = max(f[s.clearance + r], 0.0)
     f[s.min_clearance + r] = min(f[s.min_clearance + r], clearance)
     if verdict == RUNNING and k[s.steps] >= s.limit_steps:
@@ -73,14 +75,6 @@ def judge(f: Floats, k: Integers, s: Record, r: int, verdict: int, first: float,
     f[s.command + 2 * r + 1] = second
 
 
-@called
-def move_lookers(f: Floats, k: Integers, s: Record, start: float, end: float) -> None:
-    """Move the bodies that have taken a velocity for this step."""
-    for b in range(s.bodies):
-        if k[s.body_law + b] >= CROWD and not k[s.disc_count] <= b < s.discs:
-            move_looker(f, s, b, start, end)
-
-
 @inlined
 def step_row(
     f: Floats,
@@ -98,9 +92,10 @@ def step_row(
     start = f[s.time]
     end = k[s.steps] * s.step
     f[s.time] = end
-    move_goals(f, k, s, end)
     if k[s.steered_count] > 0:
         move_lookers(f, k, s, start, end)
+    if k[s.moving_goals] > 0:
+        move_goals(f, k, s, end)
     robots = s.robots
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
@@ -108,11 +103,8 @@ def step_row(
         else:
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
-    reach = close_in(f, s)
-    if f[s.closing] > f[s.listed_until] or reach > f[s.listed_reach] or k[s.steered_count] > 0:
-        list_near(f, k, s, end, reach)
-    elif f[s.next_event] <= end:
-        meet_events(f, k, s, end)
+    if f[s.listed_until] < math.inf or f[s.next_event] <= end:
+        keep_list(f, k, s, end)
     near = near_bodies(f, k, s, columns)
     stops, verdicts = scratch[:robots], scratch_int[:robots]
     settle_robots(f, k, s, footprint, near, stops, verdicts, scratch_int[robots:])
@@ -126,26 +118,39 @@ def step_row(
                 f[s.terms + TERMS * r + i] = 0.0
 
 
-# Rows of many walls don't stay in the processor's cache, and which walls a step needs is known only when the places of
-# the obstacles have come. So the places of the row after next are asked for before a row is worked on, and the near
-# walls of the next one.
+# Many rows don't stay in the processor's cache, and which walls a step needs is known only when the list of the near
+# polygons has come. So a row is asked for while the one before the last is worked on, and its near walls during the last.
 MANY_WALLS, MANY_ROWS = 128, 16
+FETCHED = 4  # blocks of the list; the processor has seen by then that it goes on
 
 
 @inlined
 def fetch_row(f: Floats, k: Integers, s: Record) -> None:
     """Asks for what a step reads of every row."""
-    for line in range(0, s.near_x, 8):
+    for line in range(0, min(s.near + FETCHED * BLOCK, s.near_event), 8):
         prefetch(f, line)
     for line in range(0, s.near_number, 8):
         prefetch(k, line)
 
 
-@inlined
-def fetch_near_walls(f: Floats, k: Integers, s: Record) -> None:
-    """Asks for the walls of the listed polygons."""
-    for j in range(k[s.near_polygons]):
-        number = k[s.near_number + s.disc_room + j]
+@called
+def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
+    """Asks for what a step reads of a row of many polygons before it knows which are near."""
+    for line in range(s.near, s.near + s.polygons // 8 * BLOCK, 8):
+        prefetch(f, line)
+    for line in range(s.near_number, s.body_law, 8):
+        prefetch(k, line)
+    for line in range(s.polygon_first, s.border_first, 8):
+        prefetch(k, line)
+
+
+@called
+def fetch_near_walls(f: Floats, k: Integers, s: Record, columns: Floats, index: Integers) -> None:
+    """Asks for the walls of the polygons near the first robot."""
+    polygons = move_list(f, s, s.disc_room, k[s.near_polygons], f[s.time], columns)
+    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], s.reach, index)
+    for j in range(near):
+        number = k[np.uint64(s.near_number + s.disc_room) + np.uint64(index[np.uint64(NEAR) + j])]
         first = s.wall + 4 * k[s.polygon_first + number]
         for line in range(first, first + 4 * k[s.polygon_walls + number], 8):
             prefetch(f, line)
@@ -154,7 +159,6 @@ def fetch_near_walls(f: Floats, k: Integers, s: Record) -> None:
 @called
 def begin_robot(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int) -> None:
     """Start the run of robot r at the pose that it has."""
-    g = k[s.goal_body + r]
     k[s.outcome + r] = RUNNING
     for i in range(3):
         f[s.origin + 3 * r + i] = f[s.pose + 3 * r + i]
@@ -166,7 +170,8 @@ def begin_robot(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int)
     f[s.reward + r] = 0.0
     for i in range(TERMS):
         f[s.terms + TERMS * r + i] = 0.0
-    f[s.goal_distance + r] = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
+    dx, dy = f[s.goal_place + 2 * r] - f[s.pose + 3 * r], f[s.goal_place + 2 * r + 1] - f[s.pose + 3 * r + 1]
+    f[s.goal_distance + r] = length(dx, dy)
     f[s.clearance + r] = clearance_at(f, k, s, footprint, r)
     f[s.min_clearance + r] = f[s.clearance + r]
 
@@ -194,9 +199,14 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
             f[s.body_event + b] = UNPLANNED
     f[s.fastest] = fastest
     k[s.steered_count] = steered
+    k[s.moving_goals] = 0
     for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
+        k[s.moving_goals] += int(k[s.body_law + g] != STILL)
         if k[s.body_law + g] < CROWD:
             begin_motion(f, k, s, g)
+    for r in range(s.robots):
+        follow_goal(f, k, s, r)
+        f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1] = 0.0, 0.0
     for r in range(s.robots):
         begin_robot(f, k, s, footprint, r)
     list_from_here(f, k, s)
@@ -283,12 +293,15 @@ def run_rows(
     """
     s = spec[0]
     columns = scratch[scratch.size - 4 * s.walls - COLUMNS * (s.disc_room + s.polygon_room) :]
-    ahead = s.walls >= MANY_WALLS and rows.size >= MANY_ROWS
+    many = rows.size >= MANY_ROWS
+    many_walls = many and s.walls >= MANY_WALLS
     for i in range(-2, rows.size):
-        if ahead and i + 2 < rows.size:
+        if many and i + 2 < rows.size:
             fetch_row(floats[rows[i + 2]], ints[rows[i + 2]], s)
-        if ahead and 0 <= i + 1 < rows.size:
-            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s)
+        if many_walls and i + 2 < rows.size:
+            fetch_polygons(floats[rows[i + 2]], ints[rows[i + 2]], s)
+        if many_walls and 0 <= i + 1 < rows.size:
+            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, columns, scratch_int)
         if i < 0:
             continue
         n = rows[i]

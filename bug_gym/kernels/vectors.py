@@ -84,31 +84,27 @@ def prefetch(typingctx: Any, array: Any, start: Any) -> Any:
 
 
 @vectors
-def move_eight(typingctx: Any, target: Any, k: Any, source: Any, place: Any, velocity: Any, time: Any) -> Any:
-    """target[k ... k + 7] = source[place ... place + 7] + source[velocity ... velocity + 7] time."""
+def move_eight(typingctx: Any, columns: Any, j: Any, room: Any, f: Any, block: Any, time: Any) -> Any:
+    """Writes where eight bodies are at a time to columns[j ...], [room + j ...], and their radii to [2 room + j ...].
+
+    The block f[block ...] has x, y at time 0, velocities and radii, each eight numbers.
+    """
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        target, k, source, place, velocity, time = arguments
-        data = _data(context, builder, signature.args[2], source)
-        way = builder.fmul(_load(builder, data, velocity), _splat(builder, time))
-        moved = builder.fadd(_load(builder, data, place), way)
-        _store(builder, moved, _data(context, builder, signature.args[0], target), k)
+        columns, j, room, f, block, time = arguments
+        target = _data(context, builder, signature.args[0], columns)
+        source = _data(context, builder, signature.args[3], f)
+        x, y, vx, vy, radius = (
+            _load(builder, source, builder.add(block, _int64(LANES * number))) for number in range(5)
+        )
+        now = _splat(builder, time)
+        _store(builder, builder.fadd(x, builder.fmul(vx, now)), target, j)
+        j = builder.add(j, room)
+        _store(builder, builder.fadd(y, builder.fmul(vy, now)), target, j)
+        _store(builder, radius, target, builder.add(j, room))
         return context.get_dummy_value()
 
-    return types.void(target, types.uint64, source, types.uint64, types.uint64, types.float64), codegen
-
-
-@vectors
-def copy_eight(typingctx: Any, target: Any, k: Any, source: Any, start: Any) -> Any:
-    """target[k ... k + 7] = source[start ... start + 7]."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        target, k, source, start = arguments
-        copied = _load(builder, _data(context, builder, signature.args[2], source), start)
-        _store(builder, copied, _data(context, builder, signature.args[0], target), k)
-        return context.get_dummy_value()
-
-    return types.void(target, types.uint64, source, types.uint64), codegen
+    return types.void(columns, types.uint64, types.uint64, f, types.uint64, types.float64), codegen
 
 
 def _append(context: Any, builder: Any, index: Any, lanes: Any, j: Any, end: Any) -> Any:
