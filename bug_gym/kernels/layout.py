@@ -100,6 +100,7 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "near_discs": (1, "row"),  # how many are listed
     "near_polygons": (1, "row"),
     "moving_goals": (1, "row"),
+    "next_body": (1, "row"),  # whose event `next_event` is
     "outcome": (1, "robots"),  # RUNNING and its neighbours
     "goal_body": (1, "robots"),  # number of the body that is the robot's goal
     "near_number": (1, "listed"),  # of the disc or polygon

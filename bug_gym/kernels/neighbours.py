@@ -139,7 +139,8 @@ def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
                 b = first + k[s.near_number + j]
                 bring_forward(f, k, s, b, end)
                 list_body(f, s, b, j, True)
-            next_event = min(next_event, f[s.near_event + j])
+            if f[s.near_event + j] < next_event:
+                next_event, k[s.next_body] = f[s.near_event + j], first + k[s.near_number + j]
     f[s.next_event] = next_event
 
 

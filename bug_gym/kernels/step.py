@@ -134,6 +134,18 @@ def fetch_row(f: Floats, k: Integers, s: Record) -> None:
 
 
 @called
+def fetch_next_body(f: Floats, k: Integers, s: Record) -> None:
+    """Asks for what is kept of the body whose event comes next, in as many places as there are arrays of bodies."""
+    b = k[s.next_body]
+    for first in range(s.body_x, s.leg_min, s.bodies):
+        prefetch(f, first + b)
+    for first in range(s.body_law, s.polygon_first, s.bodies):
+        prefetch(k, first + b)
+    for line in range(s.near_event, s.body_x, 8):
+        prefetch(f, line)
+
+
+@called
 def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
     """Asks for what a step reads of a row of many polygons before it knows which are near."""
     for line in range(s.near, s.near + s.polygons // 8 * BLOCK, 8):
@@ -302,6 +314,10 @@ def run_rows(
             fetch_polygons(floats[rows[i + 2]], ints[rows[i + 2]], s)
         if many_walls and 0 <= i + 1 < rows.size:
             fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, columns, scratch_int)
+        if many and 0 <= i + 1 < rows.size:
+            g = floats[rows[i + 1]]
+            if g[s.next_event] <= g[s.time] + s.step:
+                fetch_next_body(g, ints[rows[i + 1]], s)
         if i < 0:
             continue
         n = rows[i]
