@@ -288,6 +288,7 @@ class Simulation:
             return (self._one_observation.copy(), *self.robot_step())
         if self._one_steering:
             kernels.steer_rows(kernels.STEP, *self._one_steering)
+        self.world.is_behind = True
         numbers = kernels.step_one(self._one_address, first, second, *self._one_body_and_ground)
         reward, terminated, truncated, info = robot_step_of(*numbers)
         return self._one_observation.copy(), reward, terminated, truncated, info

@@ -167,7 +167,12 @@ class World:
         counts = {"discs": discs, "polygons": polygons, "bodies": bodies, "walls": walls, "ways": ways}
         for name, value in counts.items():
             self.spec[name] = value
-        counts |= {"row": 1, "robots": robots, "listed": disc_room + polygon_room, "lookers": bodies if capacity.steered else 0}
+        counts |= {
+            "row": 1,
+            "robots": robots,
+            "listed": disc_room + polygon_room,
+            "lookers": bodies if capacity.steered else 0,
+        }
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
         for table in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS):
@@ -177,7 +182,7 @@ class World:
             widths.append(kernels.rounded_up(max(begin + size for begin, size in places.values())))
             self._places |= places
         # A snapshot is as large again, but few take one of very many worlds.
-        self.is_behind = False
+        self.is_behind = False  # whether kernels have gone on since bodies were last brought to now
         memory = self.count * (8 * sum(widths) + 4 * self.robots * int(self.spec["width"][0]))
         if memory > MEMORY:
             what = f"{self.count:,} worlds of {self.scenario.name!r} would take {told_bytes(memory)}"
@@ -443,7 +448,9 @@ MARGIN = 1.0
 """How much farther than they matter bodies are listed [m]: the less, the fewer; the more, the more seldom."""
 
 OF_MOTION = frozenset(
-    name for name in (*kernels.FLOAT_ARRAYS, *kernels.INT_ARRAYS) if name.startswith(("body_", "line_", "last_", "way_next"))
+    name
+    for name in (*kernels.FLOAT_ARRAYS, *kernels.INT_ARRAYS)
+    if name.startswith(("body_", "line_", "last_", "way_next"))
 ) - {"body_radius", "body_speed", "body_law"}
 """Arrays that tell of bodies' motion: those of bodies that nobody was near are brought to now when they are asked for."""
 

@@ -155,7 +155,20 @@ def rounded_up(count: int) -> int:
 
 # The record that describes a row. Fields named like an array of the row hold the index where that array begins, those
 # named see_ and a field of the observation where that begins.
-COUNTS = ("robots", "disc_room", "polygon_room", "discs", "polygons", "goals", "bodies", "walls", "ways", "beams", "footprint", "width")
+COUNTS = (
+    "robots",
+    "disc_room",
+    "polygon_room",
+    "discs",
+    "polygons",
+    "goals",
+    "bodies",
+    "walls",
+    "ways",
+    "beams",
+    "footprint",
+    "width",
+)
 INT_CONSTANTS = ("kinematics", "limit_steps", "goal_by_odometry", "regions")
 FLOAT_CONSTANTS = (
     "step",

@@ -156,9 +156,7 @@ def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float) -> N
             f[s.body_wake + b] = 0.0
     f[s.listed_until] = f[s.closing] + margin
     k[s.near_discs] = list_bodies(f, k, s, 0, k[s.moving_disc_count], k[s.disc_count], 0, time)
-    k[s.near_polygons] = list_bodies(
-        f, k, s, s.discs, k[s.moving_polygon_count], k[s.polygon_count], s.disc_room, time
-    )
+    k[s.near_polygons] = list_bodies(f, k, s, s.discs, k[s.moving_polygon_count], k[s.polygon_count], s.disc_room, time)
     meet_events(f, k, s, time)
 
 

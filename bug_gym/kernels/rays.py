@@ -15,7 +15,18 @@ import numpy as np
 from bug_gym.compiling import inlined
 from bug_gym.kernels.geometry import HALF_PI, TWO_PI
 from bug_gym.kernels.layout import Floats, Integers, Ranges
-from bug_gym.kernels.vectors import BEST, LANES, NEAR, QUEUE, TILE, append_close, append_near, gather, test_disc, test_wall
+from bug_gym.kernels.vectors import (
+    BEST,
+    LANES,
+    NEAR,
+    QUEUE,
+    TILE,
+    append_close,
+    append_near,
+    gather,
+    test_disc,
+    test_wall,
+)
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner

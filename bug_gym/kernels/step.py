@@ -228,10 +228,9 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
 def bring_all_forward(f: Floats, k: Integers, s: Record) -> None:
     """Bring all bodies to now."""
     for b in range(s.discs + s.polygons):
-        is_disc = b < k[s.moving_disc_count]
-        if is_disc or s.discs <= b < s.discs + k[s.moving_polygon_count]:
-            if k[s.body_law + b] < CROWD:
-                bring_forward(f, k, s, b, f[s.time])
+        moves = b < k[s.moving_disc_count] or s.discs <= b < s.discs + k[s.moving_polygon_count]
+        if moves and k[s.body_law + b] < CROWD:
+            bring_forward(f, k, s, b, f[s.time])
 
 
 @kernel

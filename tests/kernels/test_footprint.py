@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 
+from bug_gym.compiling import for_python
 from bug_gym.config import ScenarioError, load
 from bug_gym.kernels import contact, neighbours
 from bug_gym.simulation import Simulation
@@ -21,12 +21,11 @@ EARLY = 1e-5
 """A contact of a circle that swings comes at most so much too early [m], see body.SWING."""
 
 
-
 def contact_of_robot_0(f: Any, k: Any, s: Any, footprint: Any, columns: Any, index: Any) -> float:
     return contact.obstacle_contact(f, k, s, footprint, neighbours.near_bodies(f, k, s, columns), 0, 1.0, index)[0]
 
 
-first_contact = njit(error_model="numpy")(contact_of_robot_0)
+first_contact = for_python(contact_of_robot_0)
 
 
 def make(body: list[list[float]], *, step: float = 0.1, **world: Any) -> Simulation:

@@ -63,7 +63,9 @@ def test_a_world_that_lists_who_is_near_is_the_world_that_lists_all(whole: Any, 
     scenario, all_listed = whole
     listed = run(scenario, margin)
     assert listed["seen"] == all_listed["seen"], "to the last bit"
-    assert (listed["places"] == all_listed["places"]).all(), "wherever they are brought forward, in one stride or in many"
+    assert (listed["places"] == all_listed["places"]).all(), (
+        "wherever they are brought forward, in one stride or in many"
+    )
     assert listed["listed"] < 0.5 * all_listed["listed"], "and it did list fewer"
 
 
@@ -104,7 +106,9 @@ def test_a_body_that_nobody_was_near_is_where_the_closed_form_has_it() -> None:
             "start": [2, 9, 0],
             "goal": [38, 9],
             "circles": [[10.0 + 0.1 * i, 1.0, 0.05] for i in range(neighbours.FEW)],
-            "movers": [{"shape": {"circle": 0.5}, "at": [30, 5], "motion": {"law": "bounce", "velocity": [speed, 0.0]}}],
+            "movers": [
+                {"shape": {"circle": 0.5}, "at": [30, 5], "motion": {"law": "bounce", "velocity": [speed, 0.0]}}
+            ],
         },
     }
     simulation = Simulation(scenario)
@@ -115,3 +119,13 @@ def test_a_body_that_nobody_was_near_is_where_the_closed_form_has_it() -> None:
     along = (30.0 - 0.5 + speed * 0.1 * steps) % (2.0 * between)
     expected = 0.5 + min(along, 2.0 * between - along)
     assert simulation.world.disc_position[0, 0].tolist() == pytest.approx([expected, 5.0], abs=1e-9)
+
+
+def test_the_step_of_one_world_tells_where_bodies_are_too() -> None:
+    one, batch = Simulation(crowded("circles")), Simulation(crowded("circles"))
+    for simulation in (one, batch):
+        simulation.reset(seeds=[7])
+    for _ in range(20):
+        one.step_one(0.1, 0.2)
+        batch.step([[[0.1, 0.2]]])
+        assert (one.world.disc_position == batch.world.disc_position).all()
