@@ -39,7 +39,7 @@ clean:  ## remove .venv, caches and build products; results stay
 	touch $@
 
 .venv/test.stamp: pyproject.toml constraints.txt | $(BIN)/python
-	$(INSTALL) -e '.[dev,render,report,play,train]'
+	$(INSTALL) -e '.[dev,render,report,play,train,data]'
 	touch $@
 
 $(BIN)/python:

@@ -1,28 +1,66 @@
 """The table of agents, and `make_policy`.
 
 To add a scripted policy: one file in the folder of its kind with a ScriptedPolicy and its `Parameters`, one line in
-AGENTS; the tests that run over the table cover it then.
+AGENTS; the tests that run over the table cover it then. Policies from outside need neither: see bug_gym.agents.outside.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib
+import importlib.metadata
 import importlib.util
+import inspect
+import logging
 import os
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bug_gym.agents.outside import (
+    GROUP,
+    Spec,
+    from_anywhere,
+    imported_class,
+    is_object,
+    is_reference,
+    reference_of,
+    require_constructor,
+    required_policy,
+)
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.naming import nearest_hint
-from bug_gym.policy import Policy, is_discrete, source_scenario
+from bug_gym.policy import MisfitError, Policy, is_discrete, source_scenario
+from bug_gym.team_policy import EachAlone, PeersAsMovers, TeamPolicy, agents_of, without_peers
 from bug_gym.view import Sensors
+
+__all__ = [
+    "AGENTS",
+    "TEAMS",
+    "Agent",
+    "Spec",
+    "agent",
+    "known_agents",
+    "make_policy",
+    "outside_reference",
+    "parameter_names",
+    "parameters_table",
+    "playable_names",
+    "policy_names",
+    "reads_map",
+    "register",
+    "team_names",
+]
+
+logger = logging.getLogger("bug_gym")
 
 
 class Agent(NamedTuple):
     """One line of the table."""
 
     entry_point: str
-    """ "module:Class", the module in this folder."""
+    """ "module:Class", the module in this folder; of one from outside, as `register` takes it."""
     family: str
     """What kind of algorithm it is."""
     reference: str
@@ -30,7 +68,7 @@ class Agent(NamedTuple):
     privileged: bool = False
     """Whether it reads the world's map."""
     model: str = ""
-    """Folder of agents/trained that it plays, of a learned one."""
+    """Folder of agents/trained that it plays, of one that does."""
 
 
 AGENTS: dict[str, Agent] = {
@@ -56,7 +94,43 @@ AGENTS: dict[str, Agent] = {
     "k_bug": Agent("bugs.k_bug:KBug", "bug", "Langer et al. 2007"),
     "e_bug": Agent("bugs.e_bug:EBug", "bug", "Meddah and Dib 2015"),
     "hd_bug": Agent("hd_bug.policy:HDBug", "bug", "Hasibuzzaman, Jan and Wu"),
+    "hd_bug_map": Agent("hd_bug_map.policy:HDBugMap", "mapper", "this package"),
+    "navigator": Agent("navigator.policy:Navigator", "mapper", "this package", model="ppo_mixed"),
+    "bfs": Agent("planning.bfs:BFS", "planner", "Moore 1959", privileged=True),
+    "dijkstra": Agent("planning.dijkstra:Dijkstra", "planner", "Dijkstra 1959", privileged=True),
+    "a_star": Agent("planning.a_star:AStar", "planner", "Hart, Nilsson and Raphael 1968", privileged=True),
+    "bidirectional_a_star": Agent(
+        "planning.bidirectional_a_star:BidirectionalAStar", "planner", "Pijls and Post 2009", privileged=True
+    ),
+    "d_star": Agent("planning.d_star:DStarPlanner", "planner", "Stentz 1994", privileged=True),
+    "d_star_lite": Agent(
+        "planning.d_star_lite:DStarLitePlanner", "planner", "Koenig and Likhachev 2005", privileged=True
+    ),
+    "theta_star": Agent(
+        "planning.theta_star:ThetaStar", "planner", "Nash, Daniel, Koenig and Felner 2007", privileged=True
+    ),
+    "rrt_star": Agent(
+        "planning.rrt_star:RRTStar", "planner", "Karaman and Frazzoli 2011; Gammell et al. 2014", privileged=True
+    ),
+    "visibility_graph": Agent(
+        "planning.visibility_graph:VisibilityGraph", "planner", "Lozano-Perez and Wesley 1979", privileged=True
+    ),
+    "velocity_obstacle": Agent("local.velocity_obstacle:VelocityObstacle", "local", "Fiorini and Shiller 1998"),
+    "dwa": Agent("local.dwa:DWA", "local", "Fox, Burgard and Thrun 1997"),
+    "d2t_eaco": Agent("planning.d2t_eaco:D2TEaco", "planner", "Sellers et al. 2026", privileged=True),
+    "d2t_dijkstra": Agent("planning.d2t_dijkstra:D2TDijkstra", "planner", "Sellers et al. 2026", privileged=True),
+    "orca": Agent("reciprocal.orca:Orca", "reciprocal", "van den Berg et al. 2011"),
     "critical_point_bug": Agent("bugs.critical_point_bug:CriticalPointBug", "bug", "Dutta et al. 2016"),
+    "modified_critical_point_bug": Agent(
+        "bugs.modified_critical_point_bug:ModifiedCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
+    ),
+    "operative_critical_point_bug": Agent(
+        "bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"
+    ),
+    "ocpb": Agent("bugs.operative_critical_point_bug:OperativeCriticalPointBug", "bug", "Das, Dutta and Debnath 2020"),
+    "apf": Agent("potential_field.apf:Apf", "field", "Ge and Cui 2002"),
+    "apf_wall_following": Agent("potential_field.apf_wall_following:ApfWallFollowing", "bug", "after Ge and Cui 2002"),
+    "minimum_risk": Agent("potential_field.minimum_risk:MinimumRisk", "field", "Wang and Liu 2008"),
 }
 LEARNED = {
     "ppo_static": "Schulman et al. 2017",
@@ -72,16 +146,78 @@ AGENTS |= {
     name: Agent("learning.play:LearnedPolicy", "learned", source, model=name) for name, source in LEARNED.items()
 }
 
+TEAMS: dict[str, Agent] = {
+    "com1_rev3": Agent("teams.com1_rev3:Com1Rev3", "team", "Oni and Wang"),
+    "bug1_pair": Agent("teams.bug1_pair:Bug1Pair", "team", "Kandathil et al. 2020"),
+    "swarm_com": Agent("teams.swarm:SwarmCom", "team", "Johansson and Markdahl 2023"),
+    "swarm_bug1": Agent("teams.swarm:SwarmBug1", "team", "Johansson and Markdahl 2023"),
+    "swarm_bug2": Agent("teams.swarm:SwarmBug2", "team", "Johansson and Markdahl 2023"),
+}
+"""Teams, which drive several robots of one world."""
+
+
+REGISTERED: dict[str, Agent] = {}
+"""Policies from outside that this process has registered."""
+
+
+def register(name: str, reference: str, *, family: str = "from outside") -> None:
+    """Give a policy from outside a name that `make_policy`, evaluations and the lists know.
+
+    It holds for this process, and for the workers of its evaluations. A package that is installed offers its policies to
+    all by entry points of the group `bug_gym.policies`. Registering the same again changes nothing.
+
+    Args:
+        name: letters, digits, `_` and `-`.
+        reference: "module:Class", or "file.py:Class"; imported when it is first made.
+        family: what kind of algorithm lists call it.
+
+    Raises:
+        ValueError: the name cannot be one or is taken, or the reference is none.
+    """
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][\w-]*", name):
+        raise ValueError(f"got {name!r} as the name of a policy, expected letters, digits, _ and -, such as 'my_bug'")
+    if not isinstance(reference, str) or not is_reference(reference):
+        raise ValueError(f"policy {name!r}: got {reference!r}, expected text such as 'my_module:MyBug'")
+    line = Agent(from_anywhere(reference), family, "-")
+    taken = known_agents().get(name)
+    if taken is not None and REGISTERED.get(name) != line:
+        raise ValueError(f"the name {name!r} is taken, by {taken.entry_point}: choose another one")
+    REGISTERED[name] = line
+
+
+@functools.cache
+def _installed() -> dict[str, Agent]:
+    """Policies of installed packages, by their entry points; one whose name is taken is left out with a word."""
+    found: dict[str, Agent] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        package = point.dist.name if point.dist else "?"
+        if point.name in AGENTS | TEAMS | found or not is_reference(point.value):
+            reason = "names no module:Class" if not is_reference(point.value) else "has a name that is taken"
+            logger.warning("policy %r of package %s is left out: %r %s", point.name, package, point.value, reason)
+        else:
+            found[point.name] = Agent(point.value, "from outside", f"package {package}")
+    return found
+
+
+def known_agents() -> dict[str, Agent]:
+    """All lines by name: the package's, its teams, those of installed packages and those that are registered."""
+    return AGENTS | TEAMS | _installed() | REGISTERED
+
 
 def policy_names() -> list[str]:
-    """Names that `make_policy` takes."""
-    return list(AGENTS)
+    """Names of single robots' policies that `make_policy` takes; those of teams are `team_names()`."""
+    return [name for name in known_agents() if name not in TEAMS]
+
+
+def team_names() -> list[str]:
+    """Names of teams that `make_policy` takes for several robots."""
+    return list(TEAMS)
 
 
 def playable_names() -> list[str]:
     """Names of `policy_names()` whose packages are installed: learned ones need onnxruntime, of the extra `play`."""
     can_play = importlib.util.find_spec("onnxruntime") is not None
-    return [name for name, line in AGENTS.items() if can_play or not line.model]
+    return [name for name in policy_names() if can_play or not agent(name).model]
 
 
 def agent(name: str) -> Agent:
@@ -90,37 +226,112 @@ def agent(name: str) -> Agent:
     Raises:
         ValueError: no such policy; the message offers the nearest names.
     """
-    if name not in AGENTS:
-        hint = nearest_hint(name, AGENTS, count=3, cutoff=0.4, separator=";")
-        raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(AGENTS)})")
-    return AGENTS[name]
+    known = known_agents()
+    if name not in known:
+        hint = nearest_hint(name, known, count=3, cutoff=0.4, separator=";")
+        raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(known)})")
+    return known[name]
 
 
-def make_policy(name: str, source: Any, /, **parameters: Any) -> Policy:
-    """Make a policy for a robot.
+def outside_reference(name: str) -> str:
+    """Where the class of a policy from outside is found, as any process can; "" for the package's own."""
+    if is_reference(name):
+        return from_anywhere(name)
+    lines = _installed() | REGISTERED
+    return lines[name].entry_point if name in lines else ""
+
+
+def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
+    """Make a policy for a robot, or for several robots of one world.
 
     Args:
-        name: one of `policy_names()`; or the path of a folder that `bug-gym train` wrote, or of a zip that
-            stable-baselines3 wrote, which takes `trust=True`: it is a pickle and can run any code.
+        name: one of `policy_names()`, or of `team_names()` for several robots, each also with its parameters as the
+            command line has them (`bug2:turn=right`); a class of policies, or "module:Class" or "file.py:Class", which is
+            imported; a policy that is made already; or the path of a folder that `bug-gym train` wrote, or of a zip
+            that stable-baselines3 wrote, which takes `trust=True`: it is a pickle and can run any code. A Spec holds
+            any of them with its parameters.
         source: an env of any face, a Simulation, or a Scenario (or its name, path or dict). The policy learns what a
-            driver of that robot would know (kinematics, body, limits, beams, range, step), never the world.
+            driver of that robot would know (kinematics, body, limits, beams, range, step), never the world. For
+            PettingZoo's envs, and Scenarios, of several robots it takes and gives what is by agent, too; a single
+            robot's policy then drives each of them by itself. Privileged ones read the world's map as an episode
+            begins: they take an env or a Simulation only.
         **parameters: the algorithm's own, see its class.
 
     Raises:
-        ValueError: an unknown policy or parameter, a parameter's value that cannot be, or a learned policy that was
-            made for another robot.
+        ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy that was made
+            for another robot, or a privileged one and no live env; what is named from outside is not there, or no policy.
         ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """
-    policy_class, fixed = _entry(name)
-    known = [key for key in parameter_names(policy_class) if key not in fixed]
+    spec = Spec.of(name)
+    parameters = spec.options | parameters
+    if is_object(spec.name):
+        return _made_already(spec.name, source, parameters)
+    policy_class, fixed = _entry(spec.name)
+    told = f"policy {_told(spec.name)!r}"
+    _require_known(parameters, [key for key in parameter_names(policy_class) if key not in fixed], told)
+    scenario = source_scenario(source)
+    sensors, agents = Sensors.of(scenario), agents_of(source)
+    own = checked_parameters(policy_class, parameters, f"{told}: ")
+    is_team = issubclass(policy_class, TeamPolicy)
+    require_constructor(policy_class, told, ["discrete", *fixed, *own, *(["agents"] if is_team else [])])
+    if is_team:
+        robots = agents or tuple(f"robot_{number}" for number in range(scenario.robots.count))
+        team: Policy = policy_class(sensors, agents=robots, discrete=is_discrete(source), **own)
+        return team
+    if _takes_maps(policy_class, spec.name, own):
+        from bug_gym.agents.planning.live import Maps  # SciPy and shapely, slow to load
+
+        fixed = {**fixed, "maps": Maps.of(source, _told(spec.name))}
+    policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
+    return EachAlone(policy, agents) if agents else policy
+
+
+def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Policy:
+    """A policy that somebody has made, for each robot of a source."""
+    if parameters:
+        raise ValueError(f"a policy that is made already takes no parameters, got {', '.join(parameters)}")
+    agents = agents_of(source)
+    made: Policy = EachAlone(policy, agents) if agents and not isinstance(policy, (EachAlone, TeamPolicy)) else policy
+    return made
+
+
+def _require_known(parameters: Mapping[str, Any], known: Sequence[str], told: str) -> None:
+    """Refuse parameters that a policy does not have."""
     for key in parameters:
         if key not in known:
             hint = nearest_hint(key, known, cutoff=0.6)
-            raise ValueError(f"policy {name!r} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
-    sensors = Sensors.of(source_scenario(source))
-    own = checked_parameters(policy_class, parameters, f"policy {name!r}: ")
-    policy: Policy = policy_class(sensors, discrete=is_discrete(source), **fixed, **own)
+            raise ValueError(f"{told} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
+
+
+def _told(name: Any) -> str:
+    """What an error calls a policy."""
+    return reference_of(name) if isinstance(name, type) else str(name)
+
+
+def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> Policy:
+    """A single robot's policy; a learned one that knows no peers sees those of several robots as movers only."""
+    try:
+        policy: Policy = policy_class(sensors, **parameters)
+    except MisfitError:
+        alone = without_peers(sensors)
+        if alone is sensors:
+            raise
+        return PeersAsMovers(policy_class(alone, **parameters), sensors)
     return policy
+
+
+def reads_map(name: Any, parameters: Mapping[str, Any]) -> bool:
+    """Whether a policy reads the world's map; with `known=False` one that can do without does not."""
+    if isinstance(name, str) and name in AGENTS:
+        return AGENTS[name].privileged and bool(parameters.get("known", True))
+    if isinstance(name, type) or (isinstance(name, str) and outside_reference(name)):
+        return bool(getattr(_entry(name)[0], "privileged", False)) and bool(parameters.get("known", True))
+    return False
+
+
+def _takes_maps(policy_class: type[Any], name: Any, parameters: Mapping[str, Any]) -> bool:
+    """Whether a policy is given the maps of its env: map planners are, others that read a world find their own way."""
+    return reads_map(name, parameters) and "maps" in inspect.signature(policy_class).parameters
 
 
 def parameters_table() -> list[tuple[str, Parameter]]:
@@ -132,15 +343,22 @@ def parameters_table() -> list[tuple[str, Parameter]]:
     return rows
 
 
-def _entry(name: str) -> tuple[type[Any], dict[str, Any]]:
-    """The class behind a name or path, and the parameters that are fixed by it."""
-    if not isinstance(name, str):
+def _entry(name: Any) -> tuple[type[Any], dict[str, Any]]:
+    """The class behind a name, a path or a class, and the parameters that are fixed by it."""
+    if isinstance(name, type):
+        return required_policy(name, reference_of(name)), {}
+    if not isinstance(name, (str, Path)):
         raise ValueError(f"a policy is named by text such as 'bug2', got {name!r} (known: {', '.join(AGENTS)})")
-    if name.endswith(".zip"):
+    text = str(name)
+    if text.endswith(".zip"):
         return _imported("learning.play:ZipPolicy"), {"path": Path(name).expanduser()}
-    if "/" in name or os.sep in name:
+    if reference := outside_reference(text):
+        return imported_class(reference), {}
+    if text.endswith(".py"):
+        raise ValueError(f"got {text!r} as a policy, expected its class, too, such as {text}:MyBug")
+    if isinstance(name, Path) or "/" in text or os.sep in text:
         return _imported("learning.play:LearnedPolicy"), {"model": Path(name).expanduser()}
-    line = agent(name)
+    line = agent(text)
     return _imported(line.entry_point), {"model": line.model} if line.model else {}
 
 

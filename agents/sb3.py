@@ -1,4 +1,4 @@
-"""N worlds with one robot each as a `VecEnv` of stable-baselines3 (Raffin et al. 2021), which has to be installed.
+"""N worlds as a `VecEnv` of stable-baselines3 (Raffin et al. 2021), which has to be installed; each robot is a row.
 
 SB3 restarts an episode in the step that ends it, and reads infos only there: so they are made only there.
 """
@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.checks import checked_seed
+from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
+from bug_gym.geometry import F32
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
     ActionForm,
@@ -38,6 +40,9 @@ except ModuleNotFoundError as error:
 
 Saved = dict[str, Any]
 """A state of an env as plain numbers and arrays."""
+
+Restart = Literal["world", "robot"]
+"""What starts anew where a robot's run has ended: its world once all its robots' have, or the robot alone, at once."""
 
 
 def make_vec_env(
@@ -70,6 +75,46 @@ def make_vec_env(
         source = bound_scenario(source)
     simulation = Simulation(source, n_envs, overrides=overrides, threads=threads)
     made = NavigationVecEnv(simulation, observation=observation, action=action, render_mode=render_mode)
+    if seed is not None:
+        made.seed(seed)
+    return made
+
+
+def make_robots_vec_env(
+    source: ScenarioSource = "crossing_robots",
+    robots: int | None = None,
+    n_envs: int = 1,
+    *,
+    seed: int | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    observation: ObservationForm = "flat",
+    action: ActionForm = "continuous",
+    restart: Restart = "world",
+    threads: int = 1,
+) -> RobotsVecEnv:
+    """Make a `VecEnv` of stable-baselines3 whose rows are the robots of several worlds, for one policy that drives them all.
+
+    Args:
+        source: a scenario: a name, the path of a YAML file, a dict or a Scenario.
+        robots: how many in each world, R, instead of the scenario's number.
+        n_envs: how many worlds, N; the env has N R rows, row n R + r is robot r of world n.
+        seed: world n gets seed + n; None: from entropy.
+        overrides: values by dotted key that replace the scenario's.
+        observation: "dict" or "flat".
+        action: "continuous" or "discrete".
+        restart: "world": all robots of a world start its next episode when the last one's run has ended; "robot": see
+            RobotsVecEnv.
+        threads: how many threads share the worlds; more pay from some two thousand worlds on.
+
+    Raises:
+        ValueError: a scenario that can't be, or without places for so many robots; another form than these.
+    """
+    scenario = load(source, overrides)
+    if robots is not None:
+        scenario = load(scenario, {"robots.count": robots})
+    made = RobotsVecEnv(
+        Simulation(scenario, n_envs, threads=threads), observation=observation, action=action, restart=restart
+    )
     if seed is not None:
         made.seed(seed)
     return made
@@ -230,3 +275,103 @@ class NavigationVecEnv(SimulationVecEnv):
         """Let the threads and the pictures go."""
         super().close()
         self._pictures.close()
+
+
+class RobotsVecEnv(SimulationVecEnv):
+    """Worlds with several robots each, row n R + r = robot r of world n; `make_robots_vec_env` makes one.
+
+    With `restart="world"` a robot whose run has ended stands where it is, an obstacle to the others, as in PettingZoo's
+    `parallel_env`. Its row tells in each step of an end, with reward 0 and no `episode` in its info; when the last
+    robot's run ends, or the world's time is over, the world starts its next episode in the same step.
+
+    With `restart="robot"` it starts again from its start while the others go on, until the world's time is over; then
+    all start anew in the next episode. Where something stands on its start it waits, and its row tells of an end in
+    each step.
+
+    Infos are as NavigationVecEnv's.
+
+    Args:
+        simulation: the worlds.
+        observation: "dict" or "flat".
+        action: "continuous" or "discrete".
+        restart: "world" or "robot".
+
+    Raises:
+        ValueError: another form or restart than these.
+    """
+
+    def __init__(
+        self, simulation: Simulation, *, observation: ObservationForm, action: ActionForm, restart: Restart
+    ) -> None:
+        require_one_of("restart", restart, ("world", "robot"))
+        super().__init__(simulation, RobotSpaces(simulation, observation, action), None)
+        self.restart = restart
+        self._starts = np.zeros((simulation.count, simulation.robots, 3))
+        self._steps = np.zeros(self.num_envs, dtype=np.int64)
+
+    def reset(self) -> Observation:
+        """Start an episode in each world."""
+        seeds = self._seeds[:: self.simulation.robots]
+        self._begin(self.simulation.all_rows, None if seeds[0] is None else seeds)
+        self._returns[:], self._steps[:] = 0.0, 0
+        self._reset_seeds()
+        self._reset_options()
+        return self.spaces.present_batch(self._flat())
+
+    def _flat(self) -> F32:
+        return self.simulation.observations().reshape(self.num_envs, -1)
+
+    def state(self) -> F32:
+        """What all robots of each world observe (N, R D), whether they are still in play or not: for central critics."""
+        return self.simulation.observations().reshape(self.simulation.count, -1)
+
+    def _begin(self, worlds: NDArray[np.int64], seeds: Sequence[int | None] | None = None) -> None:
+        self.simulation.reset(worlds, seeds)
+        self._starts[worlds] = self.simulation.world.pose[worlds]
+
+    def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Drive for one step in each world, and start anew what its end starts anew."""
+        simulation, world = self.simulation, self.simulation.world
+        drove = world.active.ravel()
+        simulation.advance(self._velocities)
+        observation, reward, _, _ = simulation.transition(simulation.all_rows)
+        flat, rewards = observation.reshape(self.num_envs, -1), reward.ravel()
+        self._returns += rewards
+        self._steps += 1
+        done = ~world.active.ravel()
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for row in np.flatnonzero(done).tolist():
+            last = self.spaces.present(flat[row].copy())
+            infos[row] = {"terminal_observation": last}
+            if drove[row]:
+                infos[row] = self._final_info(row, last, int(self._steps[row]))
+        if self._start_anew(done.reshape(world.outcome.shape)):
+            flat = self._flat()
+        self._returns[done], self._steps[done] = 0.0, 0
+        return self.spaces.present_batch(flat), rewards.astype(np.float32), done, infos
+
+    def _start_anew(self, done: NDArray[np.bool_]) -> bool:
+        """Start worlds, or robots, anew where runs (N, R) are done; returns whether any did."""
+        if self.restart == "world":
+            over = np.flatnonzero(done.all(axis=1))
+            if len(over):
+                self._begin(over)
+            return len(over) > 0
+        worlds = np.flatnonzero(done.any(axis=1))
+        if len(worlds):
+            is_over = self.simulation.world.steps[worlds] >= self.simulation.scenario.time.steps
+            if is_over.any():
+                self._begin(worlds[is_over])
+            self.simulation.restart_robots(worlds[~is_over], self._starts[worlds[~is_over]])
+        return len(worlds) > 0
+
+    def save(self) -> Saved:
+        """Copy all that the future depends on, but for the actions."""
+        own = [self._starts.copy(), self._returns.copy(), self._steps.copy()]
+        return {**self._save_simulation(), "own": own}
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to what `save` gave."""
+        self._restore_simulation(saved)
+        for mine, value in zip((self._starts, self._returns, self._steps), saved["own"], strict=True):
+            mine[:] = value

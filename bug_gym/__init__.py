@@ -7,6 +7,7 @@ loaded when the first one is made.
 from __future__ import annotations
 
 from importlib import import_module
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -30,6 +31,12 @@ SCENARIOS_BY_ID = {
 }
 """The scenario that each of the registered ids binds."""
 
+FORMS: dict[str, dict[str, str]] = {
+    "": {},
+    "Flat": {"observation": "flat"},
+    "Discrete": {"observation": "flat", "action": "discrete"},
+}
+"""What stands before `-v0` in a further id of each -> its forms, for learners that take an id and nothing else."""
 
 PREDICTION_ID = "BugGym/Prediction-v0"
 """The id of the task to say where a tracked mover will be."""
@@ -40,13 +47,14 @@ ROBOTS_ID = "BugGym/Robots-v0"
 
 def register_envs() -> None:
     """Register the environments; those that are registered already stay as they are."""
-    for name, scenario in SCENARIOS_BY_ID.items():
+    for (base, scenario), (form, keywords) in product(SCENARIOS_BY_ID.items(), FORMS.items()):
+        name = base.replace("-v0", f"{form}-v0")
         if name not in gym.registry:
             gym.register(
                 name,
                 entry_point="bug_gym.navigation_env:NavigationEnv",
                 vector_entry_point="bug_gym.vector_env:NavigationVectorEnv",
-                kwargs={"scenario": scenario},
+                kwargs={"scenario": scenario, **keywords},
             )
     if PREDICTION_ID not in gym.registry:
         gym.register(PREDICTION_ID, entry_point="bug_gym.agents.prediction.env:PredictionEnv")

@@ -40,6 +40,8 @@ DENSITY = 0.25
 """Obstacles a square metre in the worlds that grow."""
 GROWING = (20, 100, 500, 2000, 5000)
 """Their obstacles."""
+TEAM = 2
+"""Robots in a world where there are several."""
 BATCHES = 16
 """Batches of random actions, drawn beforehand and taken in turn."""
 
@@ -162,6 +164,10 @@ def speed_tasks(worlds: int, seconds: float) -> Iterator[Task]:
             yield Task(f"VectorEnv: {obstacles} {shapes}, {beams} beams", unit, once)
     if find_spec("stable_baselines3"):
         yield Task("SB3 VecEnv: 20 circles, 64 beams", unit, partial(sb3_speed, worlds, seconds))
+        title = f"SB3 VecEnv, {TEAM} robots a world: 20 circles, 64 beams"
+        yield Task(title, "thousand robot steps/s", partial(robots_speed, worlds, seconds))
+    title = f"parallel_env, {TEAM} robots: 20 circles, 64 beams"
+    yield Task(title, "thousand world steps/s", partial(parallel_speed, seconds))
     for obstacles in (20, 100):
         scenario, title = busy_world("circles", obstacles, 180), f"gym.make: {obstacles} circles, 180 beams"
         yield Task(title, unit, partial(single_speed, scenario, seconds))
@@ -201,6 +207,39 @@ def sb3_speed(worlds: int, seconds: float) -> float:
         number += 1
     env.close()
     return number * worlds / elapsed / 1000.0
+
+
+def robots_speed(worlds: int, seconds: float) -> float:
+    """Thousand steps of robots a second of SB3's VecEnv with several robots in a world, in as many rows as the other's."""
+    from bug_gym.agents.sb3 import make_robots_vec_env  # needs the extra `train`
+
+    worlds = max(worlds // TEAM, 1)
+    env = make_robots_vec_env(busy_world("circles", 20, 64), TEAM, worlds, seed=0)
+    env.reset()
+    actions, number = random_actions(env.num_envs), 0
+    begin = perf_counter()
+    while (elapsed := perf_counter() - begin) < seconds:
+        env.step(actions[number % BATCHES])
+        number += 1
+    env.close()
+    return number * env.num_envs / elapsed / 1000.0
+
+
+def parallel_speed(seconds: float) -> float:
+    """Thousand steps of a world a second through PettingZoo's face, resets included, actions drawn beforehand."""
+    env = bug_gym.parallel_env(busy_world("circles", 20, 64), robots=TEAM)
+    env.reset(seed=0)
+    actions, number = random_actions(TEAM), 0
+    drawn = [dict(zip(env.possible_agents, batch, strict=True)) for batch in actions]
+    begin = perf_counter()
+    while (elapsed := perf_counter() - begin) < seconds:
+        batch = drawn[number % BATCHES]
+        env.step({agent: batch[agent] for agent in env.agents})
+        if not env.agents:
+            env.reset()
+        number += 1
+    env.close()
+    return number / elapsed / 1000.0
 
 
 def single_speed(scenario: dict[str, Any], seconds: float) -> float:

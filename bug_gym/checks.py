@@ -5,9 +5,11 @@ An error says in one line what came and what was expected.
 
 from __future__ import annotations
 
-import math
+import re
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -49,7 +51,7 @@ def checked_time(name: str, value: object) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise ValueError(f"{name} must be a number above 0, got {value!r}")
-    if not (math.isfinite(value) and value > 0.0):
+    if not 0.0 < value <= sys.float_info.max:
         raise ValueError(f"{name} must be a number above 0, got {value!r}")
     return float(value)
 
@@ -94,20 +96,39 @@ def float32_numbers(what: str, values: Any) -> NDArray[np.float32]:
 
 
 @contextmanager
-def needed_from(extra: str, what: str) -> Iterator[None]:
+def needed_from(extra: str, what: str, *, whole: bool = False) -> Iterator[None]:
     """Around imports of what an extra installs.
 
     Args:
         extra: its name.
         what: what needs it.
+        whole: whether all packages of the extra are looked for first, so that none is missed after hours of work.
 
     Raises:
         ImportError: a package is missing; the message names it, the extra, and how to install that.
     """
+    missing = missing_of(extra) if whole else []
+    if missing:
+        raise ImportError(_needed(extra, what, ", ".join(missing)))
     try:
         yield
     except ModuleNotFoundError as error:
         package = str(error.name).partition(".")[0]
         if package == "bug_gym":  # a fault of our own
             raise
-        raise ImportError(f"{what} needs {package}, of the extra `{extra}`: pip install 'bug-gym[{extra}]'") from error
+        raise ImportError(_needed(extra, what, package)) from error
+
+
+def _needed(extra: str, what: str, packages: str) -> str:
+    return f"{what} needs {packages}, of the extra `{extra}`: pip install 'bug-gym[{extra}]'"
+
+
+def missing_of(extra: str) -> list[str]:
+    """The packages of an extra that are not installed, as our own metadata lists them."""
+    try:
+        required = metadata.requires("bug_gym") or []
+    except metadata.PackageNotFoundError:  # run from a folder, not installed
+        return []
+    own = [line for line in required if re.search(rf"extra\s*==\s*['\"]{re.escape(extra)}['\"]", line)]
+    names = [found[0] for line in own if (found := re.match(r"[\w.-]+", line))]
+    return [name for name in names if not any(metadata.distributions(name=name))]

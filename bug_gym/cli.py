@@ -18,8 +18,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO, cast
 
+from bug_gym import __version__
 from bug_gym.commands import COMMANDS
 
 if TYPE_CHECKING:
@@ -81,6 +82,9 @@ def _run(arguments: Sequence[str] | None) -> int:
         _drop_output()
         return BROKEN_PIPE
     except (ValueError, OSError, ImportError) as error:
+        if error is getattr(sys.stdout, "failure", None):
+            _drop_output()
+            return _complain(UNWRITTEN, f"error: standard output: {getattr(error, 'strerror', error)}")
         return _complain(BAD_INPUT, f"error: {error}")
     except KeyboardInterrupt as error:
         out = getattr(options, "out", None)
@@ -99,6 +103,25 @@ def _complain(code: int, message: str) -> int:
 # ---------------------------------------------------------------------------------------------- streams
 
 
+class _Output:
+    """A stream that remembers why it could not be written: such an error is not one of the command's files."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+        self.failure: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """Write to the stream."""
+        try:
+            return self.stream.write(text)
+        except OSError as error:
+            self.failure = error
+            raise
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
 @contextmanager
 def _open_streams() -> Iterator[io.StringIO]:
     """Stand-ins for streams that are closed (`>&-`), which Python has as None; gives that of stdout.
@@ -110,7 +133,7 @@ def _open_streams() -> Iterator[io.StringIO]:
         while (number := os.open(os.devnull, os.O_RDWR)) < 3:
             os.set_inheritable(number, True)  # children print to it
         os.close(number)
-    sys.stdout = unseen if sys.stdout is None else sys.stdout
+    sys.stdout = unseen if sys.stdout is None else cast(TextIO, _Output(sys.stdout))
     sys.stderr = io.StringIO() if sys.stderr is None else sys.stderr
     try:
         yield unseen
@@ -179,6 +202,7 @@ def _ended_by_signals() -> Iterator[None]:
 def make_parser() -> Parser:
     """The parser of all commands."""
     parser = Parser(prog="bug-gym", description="2D navigation among unknown obstacles: worlds, policies, evaluations.")
+    parser.add_argument("--version", action="version", version=f"bug-gym {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", parser_class=Parser)
     for name, command in COMMANDS.items():
         added = commands.add_parser(

@@ -37,6 +37,8 @@ class Episodes:
         """Robots (N, R) whose runs go on."""
         self.observation = np.zeros((count, robots, simulation.world.observation.shape[-1]), dtype=np.float32)
         """What the robots saw last (N, R, D)."""
+        self.reward = np.zeros((count, robots))
+        """What the last step gave the robots (N, R)."""
         self._seeds = seeds
         self._next = 0
 
@@ -65,7 +67,8 @@ class Episodes:
         rows = np.flatnonzero(self.going.any(axis=1))
         if len(rows) == 0:
             return np.zeros((0, 2), dtype=np.int64)
-        self.observation[rows] = self.simulation.step(actions[rows], rows).observation
+        taken = self.simulation.step(actions[rows], rows)
+        self.observation[rows], self.reward[rows] = taken.observation, taken.reward
         ended = np.argwhere(self.going & (self.simulation.world.outcome != kernels.RUNNING))
         if len(ended):
             self.going[tuple(ended.T)] = False

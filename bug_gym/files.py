@@ -1,7 +1,8 @@
 """Files that are written whole or not at all, folders with one writer, strict JSON, and where results come from.
 
-Everything that this package writes goes through `replaced_when_done` or `append`. Both write regular files and new ones
-only: a device, a folder, a pipe is refused, and so is a symbolic link, which is neither replaced nor written through.
+Everything that this package writes goes through `replaced_when_done`, `append`, or for a folder `moved_when_done`. The first
+two write regular files and new ones only: a device, a folder, a pipe is refused, and so is a symbolic link, which is neither
+replaced nor written through.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shutil
 import socket
 import stat
 from collections.abc import Iterator, Sequence
@@ -113,6 +115,33 @@ def _sync(folder: Path) -> None:
                 os.fsync(opened)
             finally:
                 os.close(opened)
+
+
+@contextmanager
+def moved_when_done(stage: Path, path: Path) -> Iterator[Path]:
+    """A folder to fill, which moves to its path once it is whole and on the disk.
+
+    Args:
+        stage: where it is filled, on the disk of `path`; a kill leaves it, and the next try begins it anew.
+        path: where it goes, which nothing may be at; the folders above it are made.
+
+    Raises:
+        ValueError: something is at the path, or the stage is no folder.
+    """
+    if os.path.lexists(path):
+        raise ValueError(f"{path} is there already")
+    if stage.is_symlink() or (stage.exists() and not stage.is_dir()):
+        raise ValueError(f"{stage} is no folder")
+    shutil.rmtree(stage, ignore_errors=True)
+    stage.mkdir(parents=True)
+    yield stage
+    for file in stage.rglob("*"):
+        if file.is_file():
+            with file.open("rb+") as opened:
+                os.fsync(opened.fileno())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stage.rename(path)
+    _sync(path.parent)
 
 
 def append(path: str | Path, data: bytes) -> None:

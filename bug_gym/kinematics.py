@@ -53,10 +53,21 @@ def steering(drive: Drive, velocity: tuple[float, float] | NDArray[np.float64]) 
     if drive.kinematics == "holonomic":
         scale = 1.0 / max(drive.max_speed, speed)
         return np.array([vx * scale, vy * scale], dtype=np.float32)
-    error = math.atan2(vy, vx) if speed > 0.0 else 0.0
-    rate = min(max(min(TURN_GAIN, 1.0 / drive.step) * error, -drive.max_turn_rate), drive.max_turn_rate)
+    return differential_action(drive, *turning(drive, (vx, vy)))
+
+
+def turning(drive: Drive, velocity: tuple[float, float]) -> tuple[float, float]:
+    """Forward speed [m/s] and turn rate [rad/s] of a differential robot that desires a velocity, as `steering` says."""
+    speed = math.hypot(*velocity)
+    error = math.atan2(velocity[1], velocity[0]) if speed > 0.0 else 0.0
+    rate = turn_rate(drive, error)
     ahead = min(speed, drive.max_speed) * math.cos(error) if abs(error) <= TURN_IN_PLACE else 0.0
-    return differential_action(drive, ahead, rate)
+    return ahead, rate
+
+
+def turn_rate(drive: Drive, error: float) -> float:
+    """How fast a differential robot turns at a heading error [rad], in rad/s."""
+    return min(max(min(TURN_GAIN, 1.0 / drive.step) * error, -drive.max_turn_rate), drive.max_turn_rate)
 
 
 def differential_action(drive: Drive, speed: float, turn_rate: float) -> NDArray[np.float32]:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
+from bug_gym.inertia import needs_care, stoppable_action
 from bug_gym.observation import as_flat, width
 from bug_gym.view import Sensors, View
 
@@ -87,6 +88,8 @@ def is_discrete(source: Any) -> bool:
     """Whether the env behind `source` takes discrete actions."""
     for name in ("single_action_space", "action_space"):
         space = getattr(source, name, None)
+        if agents := getattr(source, "possible_agents", ()):
+            space = source.action_space(agents[0])  # PettingZoo's, each robot has its own
         if isinstance(space, gym.Space):
             return isinstance(space, gym.spaces.Discrete)
     return False
@@ -149,10 +152,13 @@ class ScriptedPolicy(ABC):
     Parameters: ClassVar[type[Any]] = NoParameters
     """The algorithm's own parameters: a frozen dataclass with a sentence, and a unit, under each field."""
 
-    privileged: ClassVar[bool] = False
+    privileged: bool = False
     """Whether it reads the world's map (a map planner does, and says so)."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
+
+    room: float | None = 0.0
+    """What it keeps about the body where inertia carries it nearer to walls than it wants [m]; None: it takes no care."""
 
     parameters: Any
     """Those of this policy; an algorithm with parameters of its own gives the type."""
@@ -166,6 +172,10 @@ class ScriptedPolicy(ABC):
     @abstractmethod
     def start(self) -> Memory:
         """Memory of a new episode."""
+
+    def first_memory(self, flat: NDArray[np.float32], number: int) -> Memory:
+        """Memory of the episode that begins with an observation of a batch (n, D); a map planner looks whose it is."""
+        return self.start()
 
     @abstractmethod
     def act(self, view: View, memory: Any) -> Velocity:
@@ -199,10 +209,13 @@ class ScriptedPolicy(ABC):
         """
         flat = flat_observation(observation, self.sensors)
         rows = flat[None] if flat.ndim == 1 else flat
-        memories = [self.start() for _ in rows] if state is None else self._checked(state, len(rows))
+        if state is None:
+            memories = [self.first_memory(rows, row) for row in range(len(rows))]
+        else:
+            memories = self._checked(state, len(rows))
         if episode_start is not None:
-            for row in np.flatnonzero(checked_starts(episode_start, len(rows))):
-                memories[row] = self.start()
+            for row in np.flatnonzero(checked_starts(episode_start, len(rows))).tolist():
+                memories[row] = self.first_memory(rows, row)
         actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
         return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
 
@@ -210,13 +223,7 @@ class ScriptedPolicy(ABC):
         """The memories of a state."""
         if not isinstance(state, (tuple, list)):
             raise ValueError(f"the state is a tuple of memories, got {type(state).__name__}")
-        if len(state) != rows:
-            raise ValueError(f"got {len(state)} memories for {rows} observations")
-        for memory in state:
-            if not isinstance(memory, self._memory_type):
-                came, expected = type(memory).__name__, self._memory_type.__name__
-                raise ValueError(f"got the memory of another policy: {came}, expected {expected}")
-        return list(state)
+        return checked_memories(state, rows, self._memory_type)
 
     @functools.cached_property
     def _memory_type(self) -> type[Memory]:
@@ -227,9 +234,44 @@ class ScriptedPolicy(ABC):
             raise ValueError("the observation holds a number that is not finite")
         view = View(flat, self.sensors)
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
-        if self._velocities is not None:
-            return nearest_discrete(self._velocities, velocity)
-        return kinematics.steering(self.sensors.drive, brake(view, velocity))
+        return action_of(self.sensors, view, velocity, self._velocities, self.room)
+
+
+def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[Any]:
+    """The memories of a state, one a row.
+
+    Raises:
+        ValueError: another number of them, or memories of another kind.
+    """
+    if len(state) != rows:
+        raise ValueError(f"got {len(state)} memories for {rows} observations")
+    for memory in state:
+        if not isinstance(memory, kind):
+            came, expected = type(memory).__name__, kind.__name__
+            raise ValueError(f"got the memory of another policy: {came}, expected {expected}")
+    return list(state)
+
+
+def action_of(
+    sensors: Sensors, view: View | None, velocity: Velocity, discrete: NDArray[np.float64] | None, room: float | None
+) -> NDArray[Any]:
+    """The action that drives a robot at a velocity of its frame [m/s], as it can.
+
+    Args:
+        sensors: of the robot.
+        view: what it sees, before which it brakes; None: it is to stand.
+        velocity: the desired one.
+        discrete: the velocities (m, 2) of discrete actions, where actions are numbers of them.
+        room: what is kept about the body where the robot cannot stop at once [m]; None: nothing is cut for that.
+    """
+    if discrete is not None:
+        return nearest_discrete(discrete, velocity)
+    if view is None:
+        return kinematics.steering(sensors.drive, velocity)
+    velocity = brake(view, velocity)
+    if room is not None and needs_care(sensors):
+        return stoppable_action(view, velocity, room)
+    return kinematics.steering(sensors.drive, velocity)
 
 
 def braking_radius(sensors: Sensors) -> float:

@@ -61,6 +61,7 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         self.simulation = Simulation(scenario)
         robots = self.simulation.robots
         self.possible_agents = [f"robot_{number}" for number in range(robots)]
+        self._numbers = {agent: robot for robot, agent in enumerate(self.possible_agents)}
         self.agents: list[str] = []
         # Spaces of its own for each robot: they carry the generator that samples from them.
         self.spaces = {agent: RobotSpaces(self.simulation, observation, action) for agent in self.possible_agents}
@@ -102,31 +103,29 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         """
         if not actions.keys() <= self.spaces.keys() or not actions.keys() >= set(self.agents):
             raise ValueError(f"got actions for {sorted(actions)}, expected them for {self.agents}")
-        velocities = np.zeros((1, len(self.possible_agents), 2))
-        for robot, agent in enumerate(self.possible_agents):
-            if agent in self.agents:
-                velocities[0, robot] = self.spaces[agent].velocities(actions[agent])
-        self.simulation.advance(velocities)
         moved = self.agents
-        steps = {agent: self.simulation.robot_step(robot=self.possible_agents.index(agent)) for agent in moved}
-        self.agents = [agent for agent, step in steps.items() if not (step.terminated or step.truncated)]
+        velocities = np.zeros((1, len(self.possible_agents), 2))
+        for agent in moved:
+            velocities[0, self._numbers[agent]] = self.spaces[agent].velocity(actions[agent])
+        self.simulation.advance(velocities)
+        reported = self.simulation.robot_steps()
+        rewards: dict[str, float] = {}
+        terminated: dict[str, bool] = {}
+        truncated: dict[str, bool] = {}
+        infos: dict[str, dict[str, Any]] = {}
+        for agent in moved:
+            rewards[agent], terminated[agent], truncated[agent], infos[agent] = reported[self._numbers[agent]]
+        self.agents = [agent for agent in moved if not (terminated[agent] or truncated[agent])]
         self._pictures.record()
-        return (
-            self._observe(moved),
-            {agent: step.reward for agent, step in steps.items()},
-            {agent: step.terminated for agent, step in steps.items()},
-            {agent: step.truncated for agent, step in steps.items()},
-            {agent: step.info for agent, step in steps.items()},
-        )
+        return self._observe(moved), rewards, terminated, truncated, infos
 
     def state(self) -> NDArray[np.float32]:
         """What all robots observe (R * D,), whether they are still in play or not."""
         return self.simulation.observations().ravel()
 
     def _observe(self, agents: list[str]) -> dict[str, Observation]:
-        flat = self.simulation.observations()[0]
-        by_agent = dict(zip(self.possible_agents, flat, strict=True))
-        return {agent: self.spaces[agent].present(by_agent[agent].copy()) for agent in agents}
+        flat = self.simulation.observations()[0]  # a copy, of which each robot gets its own part
+        return {agent: self.spaces[agent].present(flat[self._numbers[agent]]) for agent in agents}
 
     def render(self) -> Any:
         """The picture (H, W, 3) RGB uint8 with "rgb_array"; None with "human", whose window each step updates."""

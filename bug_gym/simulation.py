@@ -47,7 +47,7 @@ class Transition(NamedTuple):
     terminated: NDArray[np.bool_]
     """Goal reached or something touched (n, R)."""
     truncated: NDArray[np.bool_]
-    """Out of time (n, R)."""
+    """Out of time, or another robot has ended the mission (n, R)."""
 
     def of_robot(self, robot: int) -> Transition:
         """The same of one robot, views (n, ...)."""
@@ -173,6 +173,10 @@ class Simulation:
         self._seeded[rows] = True
         self.begin(rows)
         return self.observations(rows)
+
+    def has_episode(self, row: int) -> bool:
+        """Whether a row has been reset."""
+        return bool(self._seeded[row])
 
     def begin(self, rows: Rows) -> None:
         """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
@@ -378,7 +382,7 @@ class Simulation:
         """What the last step gave for the rows."""
         outcome, reward = (status or self.status(rows))[:2]
         terminated = (outcome == kernels.SUCCESS) | (outcome == kernels.COLLISION)
-        return Transition(self.observations(rows), reward, terminated, outcome == kernels.TIMEOUT)
+        return Transition(self.observations(rows), reward, terminated, outcome >= kernels.TIMEOUT)
 
     def info(self, rows: Rows | None = None, status: RobotStatus | None = None) -> dict[str, NDArray[Any]]:
         """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms), as task.REWARD_TERMS."""
@@ -389,10 +393,22 @@ class Simulation:
 
     def robot_step(self, row: int = 0, robot: int = 0) -> RobotStep:
         """What the last step (or reset) gave one robot; the quick way for a face of one world."""
+        return self._robot_step(row, robot, self._reported(row))
+
+    def robot_steps(self, row: int = 0) -> list[RobotStep]:
+        """What the last step (or reset) gave each robot of a row, for a face of one world."""
+        reported = self._reported(row)
+        return [self._robot_step(row, robot, reported) for robot in range(self.world.robots)]
+
+    def _reported(self, row: int) -> list[float]:
+        """The part of a row's numbers that tells how its robots are doing."""
         if self._bound_world is not self.world.floats:
             self._bind()
+        reported: list[float] = self.world.floats[row, : self._report_end].tolist()
+        return reported
+
+    def _robot_step(self, row: int, robot: int, values: list[float]) -> RobotStep:
         begin = self._begins
-        values = self.world.floats[row, : self._report_end].tolist()
         outcome = self.world.ints.item(row, begin["outcome"] + robot)
         terms = begin["terms"] + kernels.TERMS * robot
         return RobotStep(
@@ -474,7 +490,7 @@ def robot_step_of(
     """A RobotStep as a plain tuple, which is made in half the time."""
     name, named = task.OUTCOMES[outcome], task.named_terms(*terms)
     info = info_of(outcome, name, path_length, time, min_clearance, goal_distance, named)
-    return reward, info["is_success"] or info["collision"], outcome == kernels.TIMEOUT, info
+    return reward, info["is_success"] or info["collision"], outcome >= kernels.TIMEOUT, info
 
 
 def info_of(

@@ -39,12 +39,14 @@ REWARD_TERMS = tuple(named_terms(*range(kernels.TERMS)))
 CLEARANCE_SCALE = 0.5
 """Clearance [m] below which the reward's clearance term begins."""
 
-OUTCOMES = ("running", "success", "collision", "timeout")
-"""Outcome of a robot, by the core's code. Success and collision terminate, the time limit truncates."""
+OUTCOMES = ("running", "success", "collision", "timeout", "ended")
+"""Outcome of a robot, by the core's code. Success and collision terminate; the time limit truncates, and so does, where
+the first arrival is the mission, that of another robot ("ended")."""
 
 OUTCOME_NAMES = np.array(OUTCOMES, dtype=object)
 
 assert OUTCOMES.index("success") == kernels.SUCCESS and OUTCOMES.index("timeout") == kernels.TIMEOUT
+assert OUTCOMES.index("ended") == kernels.ENDED
 
 
 def weights(reward: Reward) -> dict[str, float]:

@@ -76,6 +76,16 @@ class Sensors:
         return slice(ranges.begin, ranges.end), slice(first, last), *within
 
     @cached_property
+    def beam_spacing(self) -> float:
+        """Angle between two neighbouring beams [rad]."""
+        return float(self.angles[1] - self.angles[0]) if len(self.angles) > 1 else 2.0 * math.pi
+
+    @cached_property
+    def circles(self) -> NDArray[np.float64]:
+        """The footprint as an array (c, 3)."""
+        return np.array(self.footprint, dtype=np.float64)
+
+    @cached_property
     def beam_directions(self) -> NDArray[np.float64]:
         """Unit vectors (2, B) of the beams in the robot's frame."""
         return np.stack([np.cos(self.angles), np.sin(self.angles)])
@@ -101,6 +111,12 @@ class View:
         self.pose: tuple[float, float, float] = tuple(numbers[pose])
         self.velocity: tuple[float, float] = tuple(numbers[velocity])
         self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
+
+    def with_ranges(self, ranges: NDArray[np.float64]) -> View:
+        """The same observation with other ranges (B,) [m]."""
+        flat = self._flat.copy()
+        flat[self.sensors.always_seen[0]] = ranges
+        return View(flat, self.sensors)
 
     @property
     def terrain(self) -> F32 | None:

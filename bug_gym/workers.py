@@ -7,12 +7,18 @@ with its last one for nobody.
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 J = TypeVar("J")
 R = TypeVar("R")
+
+
+class WorkerLostError(OSError):
+    """A worker is gone, and nobody knows why."""
+
 
 GLANCE = 0.5
 """How often a worker looks whether its parent is still there [s]."""
@@ -26,21 +32,40 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: int, *, in_orde
         jobs: its arguments.
         workers: how many processes; with one, this process does them, each when its result is asked for.
         in_order: whether results come in the order of their jobs, else in order of arrival.
+
+    Raises:
+        WorkerLostError: a worker was ended from outside; the results before it have been given.
     """
     if workers == 1 or len(jobs) < 2:
         yield from map(function, jobs)
         return
     from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    settings = {"initializer": end_with, "initargs": (os.getpid(),)}
+    settings = {"initializer": begin_worker, "initargs": (os.getpid(), tuple(sys.path))}
     with parallel_config(backend="loky", inner_max_num_threads=1, **settings):
         parallel = Parallel(n_jobs=workers, return_as="generator" if in_order else "generator_unordered")
-        yield from parallel(delayed(function)(job) for job in jobs)
+        try:
+            yield from parallel(delayed(function)(job) for job in jobs)
+        except TerminatedWorkerError:
+            reason = "a worker was ended from outside, as systems do that run out of memory"
+            raise WorkerLostError(f"{reason}; with fewer than {workers} workers less is needed") from None
 
 
 def starred(function: Callable[..., R], arguments: Sequence[Any]) -> R:
     """A function of several arguments as one of a sequence of them; with `functools.partial`, for `each`."""
     return function(*arguments)
+
+
+def begin_worker(parent: int, path: Sequence[str]) -> None:
+    """Ready this process for jobs of its parent: it imports from where that does, and ends with it.
+
+    Args:
+        parent: its number.
+        path: its `sys.path`, with what callers named since; where it is another one, waiting workers are started anew.
+    """
+    sys.path[:] = path
+    end_with(parent)
 
 
 def end_with(parent: int) -> None:

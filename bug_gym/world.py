@@ -99,7 +99,8 @@ class World:
         self.scenario = scenario
         self.count = count
         self.robots = scenario.robots.count
-        self.goals = self.robots if any(place.goal for place in scenario.robots.places) else 1
+        has_own = scenario.world.has_own_goals or any(place.goal for place in scenario.robots.places)
+        self.goals = self.robots if has_own else 1
         self.footprint = np.array(scenario.robot.footprint, dtype=np.float64)
         self.regions = region_table(scenario.world.regions)
         angles = beam_angles(scenario)
@@ -121,6 +122,7 @@ class World:
             "width": width,
             "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
             "limit_steps": self.scenario.time.steps,
+            "first_ends": int(self.scenario.mission == "first"),
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
             "regions": len(self.scenario.world.regions),
             "step": self.scenario.time.step,

@@ -1,8 +1,8 @@
-"""Draws what HD-BUG sees and decides, as Figs. 21 to 24 of its paper do: `python docs/make_hd_bug.py` (extra `render`).
+"""Draws what HD-BUG and the map planner see and decide, as Figs. 21 to 24 of the paper do: `python docs/make_hd_bug.py`.
 
-Four moments of four episodes, one picture each: hd_bug_static.png (light and shadow areas, candidates by cost),
-hd_bug_terrain.png, hd_bug_dynamic.png (movers with their predicted ways), hd_bug_moving_target.png; and one episode among
-movers as hd_bug.gif.
+It needs the extra `render`. Four moments of four episodes, one picture each: hd_bug_static.png (the list of light areas,
+candidates by cost), hd_bug_terrain.png (the map planner), hd_bug_dynamic.png (movers with their predicted ways) and
+hd_bug_moving_target.png; and one episode among movers as hd_bug.gif.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ EVERY = 4
 
 
 def rollout_of(scenario: str, overrides: dict[str, object], seed: int) -> tuple[Rollout, Canvas]:
-    """An episode of HD-BUG, and where it is drawn."""
-    # A fixed detection radius of 2 m shows the areas at one size.
-    policy = PolicyEntry.of({"name": "hd_bug", "parameters": {"adapt_radius": False}})
+    """An episode of HD-BUG, over costly ground of the map planner, and where it is drawn."""
+    name = "hd_bug_map" if scenario == "terrain" else "hd_bug"
+    policy = PolicyEntry.of({"name": name})
     rollout = Rollout(policy, ScenarioEntry(scenario, load(scenario, overrides), range(seed, seed + 1)), [seed])
-    return rollout, Canvas(rollout.simulation, size=SIZE, title="HD-BUG")
+    return rollout, Canvas(rollout.simulation, size=SIZE, title=name)
 
 
 def moment(scenario: str, overrides: dict[str, object], seed: int, steps: int) -> Frame:

@@ -12,17 +12,31 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bug_gym.agents import AGENTS, parameter_names
+from bug_gym.agents import AGENTS, TEAMS, parameter_names
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, README = ROOT / "docs" / "policies.md", ROOT / "README.md"
 BEGIN, END = "<!-- policies: made by docs/make_policies.py -->", "<!-- end of policies -->"
 """What the table in the README stands between."""
 
+KINDS = {
+    "floor": "floors: what nothing should do worse than",
+    "bug": "the Bug family",
+    "field": "potential fields",
+    "mapper": "maps what it sees, and plans in it",
+    "local": "local navigators",
+    "reciprocal": "robots that avoid one another",
+    "team": "teams of robots",
+    "planner": "planners that are told the map",
+    "learned": "learned by PPO, SAC and DQN",
+}
+"""What each family of policies is called in the README."""
+
 HEAD = """# Policies
 
 All policies have stable-baselines3's `predict`: `make_policy(name, env, **parameters)` makes one for the robot of any env,
-`bug-gym list policies` names them. Each sees its observation and its own memory, never the world.
+`bug-gym list policies` names them. Each sees its observation and its own memory, never the world; but for the planners
+that are privileged: they read the map of a live env as an episode begins, and what moves as it is now.
 
 "Arrives always" is the guarantee in its docstring. It holds in still worlds without gaps between twice the body's radius
 and twice the clearance. An algorithm that finds its goal shut in says so (`memory.verdict`: "unreachable"), one that finds
@@ -43,6 +57,14 @@ This page is made by `python docs/make_policies.py` from the table in `agents/__
 modules.
 """
 
+REPORTS = """## What papers report, and what was found
+
+"""
+"""What stands above the table of reports."""
+
+REPORT = re.compile(r"Reported(?:, (?P<by>[^:]*))?: (?P<reported>.*?) Found: (?P<found>.*)")
+"""A paragraph of a docstring that says what a paper reports and what was found."""
+
 
 class Entry(NamedTuple):
     """One algorithm of the table."""
@@ -54,12 +76,13 @@ class Entry(NamedTuple):
     module: Any
     """Its module."""
     policy_class: type
+    is_privileged: bool
 
 
 def entries() -> list[Entry]:
     """The algorithms in the order of the table; what plays models comes once, with all of them."""
     found: dict[str, Entry] = {}
-    for name, agent in AGENTS.items():
+    for name, agent in (AGENTS | TEAMS).items():
         if agent.entry_point in found:
             entry = found[agent.entry_point]
             entry.names.append(name)
@@ -68,7 +91,8 @@ def entries() -> list[Entry]:
             continue
         module_name, class_name = agent.entry_point.split(":")
         module = importlib.import_module(f"bug_gym.agents.{module_name}")
-        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, getattr(module, class_name))
+        policy_class = getattr(module, class_name)
+        found[agent.entry_point] = Entry([name], agent.family, agent.reference, module, policy_class, agent.privileged)
     return list(found.values())
 
 
@@ -76,7 +100,7 @@ def summary(entry: Entry) -> str:
     """The first sentence of the docstring, without the name it begins with."""
     first = " ".join(str(entry.module.__doc__).split("\n\n")[0].split()).rstrip(".")
     name, colon, rest = first.partition(": ")
-    return rest if colon and entry.family == "bug" else first
+    return rest if colon and entry.family in ("bug", "planner") else first
 
 
 def arrives_always(entry: Entry) -> str:
@@ -94,10 +118,34 @@ def names_of(entry: Entry) -> str:
 
 
 def table() -> str:
-    """The table in the README."""
+    """The table in the README: a kind a row."""
+    kinds: dict[str, tuple[list[str], list[str]]] = {}
+    for entry in entries():
+        sure, others = kinds.setdefault(entry.family, ([], []))
+        (sure if arrives_always(entry) == "yes" else others).append(names_of(entry))
+    rows = [[KINDS[kind], ", ".join(sure) or "-", ", ".join(others) or "-"] for kind, (sure, others) in kinds.items()]
+    lines = [["kind", "arrive always, or tell that there is no way", "the others"], ["---"] * 3, *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def overview() -> str:
+    """The table at the top of the page: a policy a row."""
     rows = [[names_of(entry), summary(entry), arrives_always(entry), entry.reference] for entry in entries()]
     lines = [["name", "what it does", "arrives always", "source"], ["---"] * 4, *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
+
+
+def reports() -> str:
+    """The table of what papers report and what was found, of the modules whose docstrings say so."""
+    rows = []
+    for entry in entries():
+        for paragraph in str(entry.module.__doc__).split("\n\n"):
+            told = REPORT.fullmatch(" ".join(paragraph.split()))
+            if told:
+                by = f" ({told['by']})" if told["by"] else ""
+                rows.append([names_of(entry), told["reported"].rstrip(".") + by, told["found"]])
+    lines = [["name", "reported", "found here, and what was repaired"], ["---"] * 3, *rows]
+    return REPORTS + "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
 
 
 def section(entry: Entry) -> str:
@@ -110,6 +158,8 @@ def section(entry: Entry) -> str:
         f"arrives always: {arrives_always(entry)}",
         f"file: [{path}](../{path})",
     ]
+    if entry.is_privileged:
+        facts.append("privileged: is given the map")
     own = [f"`{name}`" for name in parameter_names(entry.policy_class) if name != "model" or entry.family != "learned"]
     if own:
         facts.insert(3, f"parameters: {', '.join(own)}")
@@ -118,7 +168,7 @@ def section(entry: Entry) -> str:
 
 def page() -> str:
     """The text of policies.md."""
-    return "\n".join([HEAD, *map(section, entries())])
+    return "\n".join([HEAD, overview(), reports(), *map(section, entries())])
 
 
 def readme(text: str) -> str:

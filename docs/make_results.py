@@ -15,7 +15,18 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from result_pages import Page, Record, bug_family, hd_bug, learning, long_checks
+from result_pages import (
+    Page,
+    Record,
+    bug_family,
+    crowds,
+    hd_bug,
+    learning,
+    long_checks,
+    planners,
+    potential_field,
+    triangulation,
+)
 from result_pages.words import table
 
 from bug_gym.reproductions import REPRODUCTIONS
@@ -26,19 +37,26 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "oni-wang-table-1": bug_family.oni_wang_table_1,
     "bug-bounds": bug_family.bounds,
     "bug-no-way": bug_family.no_way,
+    "com1-rev3": bug_family.com1_rev3,
     "barn": bug_family.barn_worlds,
+    "dynabarn": bug_family.dynabarn_worlds,
     "lidar-density": bug_family.lidar_density,
     "odometry-drift": bug_family.drift,
+    "operative-critical-points": bug_family.critical_points,
     "hd-bug-tables": hd_bug.tables,
     "hd-bug-dynamic": hd_bug.dynamic,
     "hd-bug-targets": hd_bug.targets,
     "hd-bug-traps": hd_bug.traps,
     "hd-bug-real": hd_bug.real,
     "hd-bug-ablation": hd_bug.ablation,
+    "apf-wall-following": potential_field.apf_wall_following,
+    "circle-swap": crowds.circle_swap,
     "learned": learning.learned,
     "ppo-curve": learning.ppo_curve,
     "predictors": learning.predictor_errors,
     "scripted-and-learned": learning.side_by_side,
+    "price-of-not-knowing": planners.price_of_not_knowing,
+    "d2t-eaco": triangulation.d2t_eaco,
     "soak": long_checks.soak,
 }
 """Name of a reproduction or a check -> what its page says."""
@@ -46,7 +64,9 @@ PAGES: dict[str, Callable[[Record], Page]] = {
 CHECKS = {"soak": Path(__file__).parents[1] / "tests" / "soak.py"}
 """Name of a check that `make` runs -> the script that it is."""
 
-WITH_DATA = ("barn", "hd-bug-real", "predictors", "scripted-and-learned")
+WITH_DATA = (
+    *("barn", "dynabarn", "hd-bug-real", "predictors", "scripted-and-learned", "price-of-not-knowing", "d2t-eaco"),
+)
 """Reproductions that were given somebody else's data."""
 
 MADE = "by `python docs/make_results.py`; its sentences stand in docs/result_pages."
@@ -91,7 +111,7 @@ def page(name: str, found: Record) -> str:
     )
     claims = table("Claims", ["claim", "found"], [[claim, verdict(true)] for claim, true in told.claims])
     parts = [
-        f"# {name}", first, rest, f"```bash\n{command(name)}\n```", made,
+        f"# {name}", first, rest, f"```bash\n{command(name)}\n```", made, found.get("remark", ""),
         claims if told.claims else "It claims nothing.",
         "## What it says", told.reading, "## Numbers", *told.tables,
     ]  # fmt: skip

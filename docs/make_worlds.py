@@ -37,6 +37,8 @@ EXAMPLES: dict[str, tuple[Any, int]] = {
     "corridor": ("corridor", 1),
     "rooms": ("rooms", 1),
     "crossing": ("crossing", 1),
+    "circle_swap": ("circle_swap", 1),
+    "warehouse": ("warehouse_team", 3),
     "forest": ("forest", 1),
     "urban": ("urban", 1),
     "beach": ("beach", 1),

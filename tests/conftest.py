@@ -8,8 +8,9 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-hypothesis.settings.register_profile("plain", deadline=None, database=None, print_blob=False)
-hypothesis.settings.load_profile("plain")  # a busy machine is no fault, and nothing is left beside the tests
+# A busy machine is no fault, nothing is left beside the tests, and each run tries the same; FUZZ_EXAMPLES tries others.
+hypothesis.settings.register_profile("plain", deadline=None, database=None, print_blob=False, derandomize=True)
+hypothesis.settings.load_profile("plain")
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 """Real data that may lie beside the project."""

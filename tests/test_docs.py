@@ -69,6 +69,17 @@ def test_the_page_of_policies_is_what_the_table_of_agents_says() -> None:
     assert text_of(README) == made["readme"](text_of(README))
 
 
+@pytest.mark.parametrize(
+    "policy",
+    ["apf_wall_following", "operative_critical_point_bug", "modified_critical_point_bug", "minimum_risk"],
+)
+def test_policies_of_papers_that_had_to_be_repaired_say_what_was_reported_and_found(policy: str) -> None:
+    table = script("make_policies.py")["reports"]()
+    (row,) = [line for line in table.splitlines() if line.startswith(f"| `{policy}`")]
+    _, reported, found = row.strip("| ").split(" | ")
+    assert len(reported) > 20 and len(found) > 100
+
+
 def test_the_readme_stays_a_door() -> None:
     assert len(text_of(README).splitlines()) <= 150
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import struct
@@ -22,7 +23,12 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
+from bug_gym.agents import make_policy
+from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, model_folder, read_config
 from bug_gym.config import Scenario, ScenarioError, load, read_yaml, scenario_names
+from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.plan import Plan, make_plan
+from bug_gym.evaluation.results_folder import LENGTHS, MANIFEST, ROWS, opened
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.robots_env import parallel_env
 from bug_gym.simulation import Simulation
@@ -373,6 +379,62 @@ if find_spec("PIL"):
     READERS["picture"] = ("broken.png", PICTURE, read_pgm)
 
 
+@cache
+def finished_run() -> tuple[Plan, dict[str, bytes]]:
+    """What was asked in a small run, and the files that it left."""
+    policies, worlds = ["go_to_goal", "bug2"], ["empty", {"name": "pair", **PAIR}]
+    with tempfile.TemporaryDirectory() as folder:
+        evaluate(policies, worlds, episodes=2, out=folder)
+        files = {name: Path(folder, name).read_bytes() for name in (MANIFEST, ROWS, LENGTHS)}
+    return make_plan(policies, worlds, episodes=2), files
+
+
+def read_run(path: Path) -> None:
+    """A results folder of which one file was damaged."""
+    plan, files = finished_run()
+    for name, data in files.items():
+        if name != path.name:
+            (path.parent / name).write_bytes(data)
+    with opened(path.parent, plan) as results:
+        assert all(row.policy in ("go_to_goal", "bug2") and row.seed in (0, 1) for row in results.rows)
+
+
+def read_model(path: Path) -> None:
+    """A model's folder of which one file was damaged, and the checksums written anew."""
+    for name in (CONFIG, GRAPH, WEIGHTS):
+        if name != path.name:
+            (path.parent / name).write_bytes((MODEL / name).read_bytes())
+    if path.name != CONFIG:
+        record = read_config(MODEL)
+        record["sha256"] = checksums(path.parent, (GRAPH, WEIGHTS))
+        (path.parent / CONFIG).write_text(json.dumps(record), encoding="utf-8")
+    policy = make_policy(str(path.parent), ROBOT)
+    actions, _ = policy.predict(seen())
+    assert np.isfinite(actions).all()
+
+
+PAIR = {
+    "world": {"family": "empty"},
+    "robots": [{"start": [-5, 0, 0], "goal": [5, 0]}, {"start": [-5, 3, 0], "goal": [3, 3]}],
+}
+MODEL = model_folder("ppo_static")
+ROBOT = load("static")
+READERS |= {name: (name, b"", read_run) for name in (MANIFEST, ROWS, LENGTHS)}
+if find_spec("onnxruntime"):
+    READERS |= {name: (name, (MODEL / name).read_bytes(), read_model) for name in (CONFIG, GRAPH)}
+
+
+@cache
+def seen() -> Any:
+    return NavigationEnv(ROBOT, observation="flat").reset(seed=0)[0]
+
+
+def bytes_of(kind: str) -> bytes:
+    """The bytes of a kind before anything is broken; those of a run are made when they are asked for."""
+    _, good, read = READERS[kind]
+    return finished_run()[1][kind] if read is read_run else good
+
+
 def peak() -> int:
     """The most memory that this process has taken so far [bytes]; 0 where nobody tells."""
     if sys.platform != "linux":
@@ -386,8 +448,8 @@ def peak() -> int:
 @many
 @given(data=st.data())
 def test_any_bytes_are_a_value_or_an_error_of_ours(kind: str, data: st.DataObject) -> None:
-    name, good, read = READERS[kind]
-    raw = data.draw(broken(good))
+    name, _, read = READERS[kind]
+    raw = data.draw(broken(bytes_of(kind)))
     before = peak()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
@@ -406,6 +468,6 @@ def test_any_bytes_are_a_value_or_an_error_of_ours(kind: str, data: st.DataObjec
 
 @pytest.mark.parametrize("kind", READERS)
 def test_what_is_broken_was_whole(tmp_path: Path, kind: str) -> None:
-    name, good, read = READERS[kind]
-    (tmp_path / name).write_bytes(good)
+    name, _, read = READERS[kind]
+    (tmp_path / name).write_bytes(bytes_of(kind))
     read(tmp_path / name)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import bug_gym
+from bug_gym import checks
 from bug_gym.checks import checked_count, checked_options, checked_seed, checked_time, needed_from, real_numbers
 from bug_gym.evaluation import evaluate
 from bug_gym.navigation_env import NavigationEnv
@@ -69,10 +71,13 @@ def test_anything_is_a_count_or_a_value_error(value: Any) -> None:
 
 
 @given(anything)
+@example(1e300)
+@example(10**400)
+@example(2**53 + 1)
 def test_anything_is_a_time_or_a_value_error(value: Any) -> None:
-    if type(value) in (int, float) and 0.0 < value < 1e300:
-        assert checked_time("minutes", value) == value
-    elif type(value) is not int:
+    if type(value) in (int, float) and 0.0 < value <= sys.float_info.max:
+        assert checked_time("minutes", value) == float(value)
+    else:
         with pytest.raises(ValueError, match="^minutes must be a number above 0, got"):
             checked_time("minutes", value)
 
@@ -105,6 +110,25 @@ def test_a_missing_package_is_named_with_its_extra() -> None:
         needed_from("train", "it"),
     ):
         import no_such_package.below  # type: ignore[import-not-found]  # noqa: F401
+
+
+def test_packages_of_an_extra_are_looked_for_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    required = [
+        "numpy>=1",
+        "numba; extra == 'train'",
+        'no-such-package[x]>=2; extra == "train"',
+        "nor_this; extra == 'b'",
+    ]
+    monkeypatch.setattr("importlib.metadata.requires", lambda name: required)
+    assert checks.missing_of("train") == ["no-such-package"]
+    assert checks.missing_of("b") == ["nor_this"]
+    with (
+        pytest.raises(ImportError, match=r"^it needs no-such-package, of the extra `train`: pip install"),
+        needed_from("train", "it", whole=True),
+    ):
+        pytest.fail("the work began")
+    with needed_from("train", "it"):
+        pass
 
 
 def test_a_missing_module_of_our_own_is_no_missing_extra() -> None:

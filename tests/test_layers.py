@@ -29,12 +29,12 @@ LAYERS = (
         "checks",
         "workers",
     ),
-    ("schema", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
+    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
     ("worlds",),
     ("config",),
     ("world", "scenarios", "floor_plans", "maps"),
-    ("observation", "task", "view"),
-    ("simulation", "policy"),
+    ("observation", "task", "view", "inertia"),
+    ("simulation", "policy", "team_policy"),
     ("drawing", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
     ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name
     ("evaluation",),
@@ -53,7 +53,12 @@ NUMBA = {
 }  # how kernels are compiled, and the LLVM code that is written by hand
 COMPILED = {"kernel", "called", "inlined"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
-COMPOSED = {"agents.bugs.rev1", "agents.bugs.rev2"}  # their paper defines them as a change of another algorithm
+COMPOSED = {
+    *(f"agents.bugs.{name}" for name in ("rev1", "rev2", "modified_critical_point_bug")),
+    *("agents.teams.bug1_pair", "agents.teams.com1_rev3", "agents.teams.swarm", "agents.reciprocal.orca"),
+    *("agents.hd_bug.circumnavigate", "agents.navigator.policy"),
+}
+"""Defined by another algorithm: as a change of it, as what drives a team's robots, or with it as a fall-back."""
 LEARNING = ("agents.sb3", "agents.learning") + tuple(
     f"agents.prediction.{name}" for name in ("training", "card", "descent", "network", "ppo")
 )

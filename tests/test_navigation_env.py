@@ -640,3 +640,23 @@ def digest(name: str) -> str:
 @pytest.mark.parametrize("name", IDS)
 def test_an_id_gives_the_worlds_that_it_always_gave(name: str) -> None:
     assert digest(name) == DIGESTS[name]
+
+
+@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("form", [form for form in bug_gym.FORMS if form])
+def test_a_further_id_is_the_env_in_another_form(name: str, form: str) -> None:
+    further = name.replace("-v0", f"{form}-v0")
+    keywords: dict[str, Any] = dict(bug_gym.FORMS[form])
+    named, plain = gym.make(further), gym.make(name, **keywords)
+    assert named.observation_space == plain.observation_space and named.action_space == plain.action_space
+    assert isinstance(named.observation_space, gym.spaces.Box)
+    assert isinstance(named.action_space, gym.spaces.Discrete) == (form == "Discrete")
+    named.action_space.seed(3)
+    action = named.action_space.sample()
+    for env in (named, plain):
+        env.reset(seed=3)
+    first, second = named.step(action), plain.step(action)
+    np.testing.assert_array_equal(first[0], second[0])
+    assert first[1:4] == second[1:4]
+    rows = gym.make_vec(further, num_envs=2)
+    assert rows.single_observation_space == plain.observation_space and rows.single_action_space == plain.action_space

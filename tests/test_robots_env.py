@@ -76,6 +76,18 @@ def test_pettingzoo_finds_nothing_to_say_about_the_aec_env(scenario: str) -> Non
         finds.seed_test(lambda: bug_gym.env(scenario, robots=2), num_cycles=100)
 
 
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("robots", [2, 4, 16])
+def test_pettingzoo_finds_nothing_to_say_about_few_or_many_robots(robots: int, kinematics: str) -> None:
+    settings: dict[str, Any] = {"robots": robots, "overrides": {"robot.kinematics": kinematics, **ALL_NOISES}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        finds.parallel_api_test(bug_gym.parallel_env("circle_swap", **settings), num_cycles=200)
+        finds.parallel_seed_test(lambda: bug_gym.parallel_env("circle_swap", **settings), num_cycles=30)
+        finds.api_test(bug_gym.env("circle_swap", observation="flat", **settings), num_cycles=60)
+        finds.seed_test(lambda: bug_gym.env("circle_swap", **settings), num_cycles=30)
+
+
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_the_same_seed_gives_the_same_run_with_all_noises(scenario: str) -> None:
     runs = [rollout(parallel_maker(scenario, overrides=ALL_NOISES)(), seed=3, steps=600) for _ in range(2)]
@@ -135,6 +147,28 @@ def test_robots_that_drive_into_one_another_both_collide_and_leave() -> None:
     assert env.agents == ["robot_2"]
     observations, *_ = env.step({"robot_2": ahead})
     assert list(observations) == ["robot_2"]
+
+
+def test_the_first_arrival_ends_the_mission_for_all_where_that_is_the_mission() -> None:
+    goals = {"mission": "first", "world": {"family": "empty", "start": [0, 0, 0], "goal": [2, 2]}}
+    env = bug_gym.parallel_env({**HEAD_ON, **goals, "robots": [{"start": [0, 2, 0]}, {"start": [-6, -3, 0]}]})
+    env.reset(seed=0)
+    terminated: dict[str, bool] = {"robot_0": False}
+    while not terminated["robot_0"]:
+        assert env.agents == ["robot_0", "robot_1"]
+        _, rewards, terminated, truncated, infos = env.step({agent: np.array([1.0, 0.0]) for agent in env.agents})
+    assert terminated == {"robot_0": True, "robot_1": False} and truncated == {"robot_0": False, "robot_1": True}
+    assert [infos[agent]["outcome"] for agent in infos] == ["success", "ended"] and env.agents == []
+    assert rewards["robot_1"] < 1.0, "no more than its progress"
+
+
+def test_a_collision_ends_no_mission() -> None:
+    env = bug_gym.parallel_env({**HEAD_ON, "mission": "first"})
+    env.reset(seed=0)
+    ahead = np.array([1.0, 0.0])
+    while len(env.agents) == 3:
+        env.step({"robot_0": ahead, "robot_1": ahead, "robot_2": np.zeros(2)})
+    assert env.agents == ["robot_2"]
 
 
 def test_a_robot_that_left_stays_as_an_obstacle() -> None:

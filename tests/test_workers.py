@@ -81,3 +81,21 @@ def test_no_process_is_left_of_an_evaluation_that_a_signal_ended(name: str, tmp_
     first = min(kept)
     (again,) = evaluate("bug2", "moving_target", episodes=1, seed=first)
     assert again.path_length == kept[first]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
+def test_a_worker_that_the_system_ends_is_told_in_one_line_and_its_rows_are_kept(tmp_path: Path) -> None:
+    process = started(tmp_path / "out")
+    workers = [
+        child for child in psutil.Process(process.pid).children(recursive=True) if "loky" in " ".join(child.cmdline())
+    ]
+    busiest = max(workers, key=lambda child: sum(child.cpu_times()[:2]))
+    busiest.kill()
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 2 and "Traceback" not in said
+    errors = [line for line in said.splitlines() if "error" in line]
+    assert len(errors) == 1 and "a worker was ended from outside" in errors[0]
+    rows = (tmp_path / "out" / "rows.jsonl").read_text().splitlines()
+    assert rows and all(json.loads(line)["policy"] == "bug2" for line in rows)
+    assert until(lambda: not alive(workers), 5.0)

@@ -1,6 +1,7 @@
 """DistBug: follow a wall until the free way in sight toward the goal leads nearer to it than the wall has come.
 
-Source: Kamon and Rivlin (1997); turning always left is from Ng and Braeunl (2007). Sensing assumed: contact (here the
+Source: Kamon and Rivlin (1997), who turn to that side of a wall that leads less away from the goal; turning always left
+is from Ng and Braeunl (2007), `side_rule="fixed"`. Sensing assumed: contact (here the
 scan within the clearance), the free way toward the goal up to r_max, goal, own position. Memory kept: the least
 distance to the goal on this boundary (d_min), a gate there. States: motion_to_goal, boundary_following. Guarantee:
 reaches the goal or declares it unreachable. Length: a lap for each hit at most, and not over D / STEP hits; two laps
@@ -63,8 +64,9 @@ class DistBugParameters(BoundaryParameters):
     leave_rule: LeaveRule = "any"
     """Where a wall may be left: "any" wherever the goal lies (the algorithm as published), "front" only with the goal
     within 90 degrees of the direction of travel."""
-    side_rule: SideRule = "fixed"
-    """"fixed": always to the side of `turn`; "goal": the way along the wall that turns less from the goal."""
+    side_rule: SideRule = "goal"
+    """"goal": the way along the wall that turns less from the goal, as Kamon and Rivlin choose it; "fixed": always to the
+    side of `turn`, as Ng and Braeunl do."""
     step: Length = 0.5
     """STEP, by how much nearer a leave must lead [m]."""
     r_max: float | None = None

@@ -1,32 +1,34 @@
-"""K-Bug: round the obstacle in the way by the better one of its two ends in sight.
+"""K-Bug: round the obstacle in the way by the shorter chain of its vertices in sight.
 
-Source: Langer, Coelho and Oliveira (2007), as reported by Hasibuzzaman, Jan and Wu; neither says enough for a program,
-so this is a reconstruction. Sensing assumed: a scan all round; goal, own position. Memory kept: the collision points,
-where the straight way to the goal was blocked, and the side taken at each. States: motion_to_goal, motion_to_sub_goal,
-corner_rounding. Where the straight way is blocked the robot compares the left and the right end in sight of what blocks
-it, by the way over the end to the goal, and over the next corner too where the same obstacle is seen to block the way
-on. At a collision point met again it takes the other side. Guarantee: none, it can cycle (then "looping"); without an
-end in sight it stops as "stuck". Length bound: none.
+Source: Langer, Coelho and Oliveira (2007), whose paper is not at hand, as Hasibuzzaman, Jan and Wu report it: it
+analyses the boundary of an obstacle for the shortest way round it, and keeps track of the points where the bug collides
+with obstacles to tell how to go round them. Assumed here: which vertices are looked at, those of the blocking obstacle
+in sight, and how ways over them are measured, as taut strings at the clearance (vertex_chain.py) with all that is out of
+sight as free; that a collision point met again means the other side; a disc in place of a point. Sensing assumed: a scan
+all round; goal, own position. Memory kept: the collision points, where the straight way to the goal was blocked, and the
+side taken at each. States: motion_to_goal, motion_to_sub_goal, corner_rounding. Where the straight way is blocked the
+robot takes the shorter one of two chains of vertices to the goal, one past the left end in sight of what blocks it, one
+past the right end; at the chain's first vertex it looks again. At a collision point met again it takes the other side.
+Guarantee: none, it can cycle (then "looping"); without an end in sight it stops as "stuck". Length bound: none.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
-
-import numpy as np
 
 from bug_gym.agents.walls.open_points import (
     OpenPoint,
     Profile,
     blocking_surface,
     cheapest,
-    goal_distance_of,
     rotation_to,
 )
 from bug_gym.agents.walls.sub_goal_bug import SubGoalBug
 from bug_gym.agents.walls.sub_goals import SubGoalMemory
+from bug_gym.agents.walls.vertex_chain import VertexChain, chain_past
 from bug_gym.geometry import F64, Point
 from bug_gym.policy import Drawing
 from bug_gym.view import View
@@ -49,6 +51,8 @@ class KBugMemory(SubGoalMemory):
 
     collisions: list[Collision] = field(default_factory=list)
     """Collision points so far."""
+    chain: list[Point] = field(default_factory=list)
+    """Vertices of the way chosen last, odometry frame [m]."""
 
 
 class KBug(SubGoalBug):
@@ -66,13 +70,15 @@ class KBug(SubGoalBug):
         # The first open point met on each side: the end itself, or that of something nearer which hides it.
         left, right = (min(points, key=lambda point: rotation_to(point, side)) for side in (1, -1))
         surface = blocking_surface(view, profile)
-        chosen = cheapest([left, right], lambda end: self._way_over(view, end, surface), self.side)
+        chains = {end: self._chain_over(view, end, surface) for end in (left, right)}
+        chosen = cheapest([left, right], lambda end: chains[end].length, self.side)
         way, bearing = min(profile.goal_way, view.goal_distance), view.goal_bearing
         place = view.to_odometry(way * math.cos(bearing), way * math.sin(bearing))
         last = self._met_before(memory, place)
         if last is not None:
             chosen = right if last.side > 0 else left
         memory.collisions.append(Collision(place, 1 if chosen == left else -1, memory.odometer))
+        memory.chain = [] if chosen is None else [view.to_odometry(*vertex) for vertex in chains[chosen].vertices]
         return chosen
 
     def _met_before(self, memory: KBugMemory, place: Point) -> Collision | None:
@@ -83,30 +89,14 @@ class KBug(SubGoalBug):
                 return collision
         return None
 
-    def _way_over(self, view: View, end: OpenPoint, surface: F64) -> float:
-        """Length of the way over an end, and over the next corner if one is seen to be in the way, to the goal [m]."""
-        place = end.sub_goal(self.sub_goals.boundary.clearance)
-        corner = self._next_corner(view, place, end.side, surface)
-        if corner is None:
-            return math.hypot(*place) + goal_distance_of(view, place)
-        return math.hypot(*place) + math.dist(place, corner) + goal_distance_of(view, corner)
-
-    def _next_corner(self, view: View, place: Point, side: int, surface: F64) -> Point | None:
-        """Where a robot that goes on to the goal passes the same obstacle once more; None where it sees a free way."""
-        goal = np.array(view.goal)
-        distance = math.dist(place, view.goal)
-        ahead = (goal - place) / max(distance, 1e-9)
-        left = np.array([-ahead[1], ahead[0]])
-        offset = surface - place
-        along, beside = offset @ ahead, side * (offset @ left)
-        between = (along > 0.0) & (along < distance)
-        if not (between & (np.abs(beside) < self.sub_goals.boundary.inner)).any():
-            return None
-        last = surface[np.where(between, beside, -np.inf).argmax()]
-        x, y = last + side * self.sub_goals.boundary.clearance * left
-        return float(x), float(y)
+    def _chain_over(self, view: View, end: OpenPoint, surface: F64) -> VertexChain:
+        """The chain of vertices in sight that begins at an end and goes past what blocks the way to the goal."""
+        boundary = self.sub_goals.boundary
+        return chain_past(surface, end.corner, view.goal, end.side, boundary.clearance, boundary.inner)
 
     def draw(self, memory: KBugMemory) -> Drawing:
-        """Sub-goals, the present corner and the collision points."""
+        """Sub-goals, the present corner, the collision points and the chain of vertices chosen last."""
         drawing = super().draw(memory)
-        return Drawing(points=[*drawing.points, *((*collision.place, "hit") for collision in memory.collisions)])
+        chain = [(*begin, *until, "chain") for begin, until in itertools.pairwise(memory.chain)]
+        hits = [(*collision.place, "hit") for collision in memory.collisions]
+        return Drawing(points=[*drawing.points, *hits], segments=chain)

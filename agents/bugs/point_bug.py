@@ -1,11 +1,11 @@
 """PointBug: from sudden point to sudden point, taking the first that a turning range sensor meets.
 
 Source: Buniyamin, Ngah, Wan Ngah and Mohamad (2011). Sensing assumed: a range sensor that turns with the robot, long or
-unlimited; goal. Memory kept: where it set out, the side it turns to, the least goal distance of a sudden point. States:
-motion_to_goal, motion_to_sub_goal, corner_rounding. The robot faces the goal; where something is in the way it turns
-until the reading jumps, goes there, and begins again. It turns to that side of the line to the goal on which the last
-sudden point lay, and ignores what is straight behind. A full turn without a sudden point is "unreachable" by
-definition; here only where all beams hang together in one wall, else "stuck": few beams may miss a narrow way.
+unlimited; goal. Memory kept: where it set out, the side it turns to. States: motion_to_goal, motion_to_sub_goal,
+corner_rounding. The robot faces the goal; where something is in the way it turns until the reading jumps, goes there, and
+begins again. It turns to that side of the line to the goal on which the last sudden point lay, and ignores what is
+straight behind. A full turn without a sudden point is "unreachable" by definition; here only where all beams hang
+together in one wall, else "stuck": few beams may miss a narrow way.
 Guarantee: none, it can cycle (then "looping"). Length bound: none.
 """
 
@@ -19,7 +19,6 @@ from bug_gym.agents.walls.open_points import OpenPoint, Profile, rotation_to
 from bug_gym.agents.walls.sub_goal_bug import SubGoalBug, SubGoalParameters
 from bug_gym.agents.walls.sub_goals import SubGoalMemory
 from bug_gym.geometry import wrap
-from bug_gym.policy import Velocity
 from bug_gym.view import View
 
 BEHIND = math.radians(10.0)
@@ -31,9 +30,8 @@ class PointBugMemory(SubGoalMemory):
     """Memory of PointBug."""
 
     turning_side: int = 0
-    """Side to which the robot turns from the goal: +1 left, -1 right; 0 before the first sudden point."""
-    least_distance: float = math.inf
-    """Goal distance of the nearest sudden point so far (d_min) [m]."""
+    """Side to which the robot turns from the goal: +1 left, -1 right; 0 before the first sudden point. That is all that
+    the source makes of its d_min, the line from the last sudden point to the goal."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +51,6 @@ class PointBug(SubGoalBug):
     def start(self) -> PointBugMemory:
         """Memory of a new episode."""
         return PointBugMemory(mode="motion_to_goal")
-
-    def act(self, view: View, memory: PointBugMemory) -> Velocity:
-        """One decision."""
-        velocity = super().act(view, memory)
-        if memory.corner is not None:
-            memory.least_distance = min(memory.least_distance, math.dist(memory.corner, view.goal_position))
-        return velocity
 
     def choose(self, view: View, memory: PointBugMemory, profile: Profile) -> OpenPoint | None:
         """The first sudden point met when turning from the goal."""

@@ -5,9 +5,9 @@ contact (here the scan within the clearance), goal, own position. Memory kept: t
 which of them is nearer to the goal. States: motion_to_goal, boundary_following, follow_wall_to_better_take_off.
 Guarantee: none proven; it can cycle over more than two hit points, and then calls itself looping. Length bound: none.
 
-The paper calls the goal unreachable where the last hit point is met while looking for a better take-off. A hit point on
-another obstacle may be nearer to a goal that can be reached than anything on this one, so here a lap on which the way
-was free somewhere only lowers the demand to the nearest such place.
+The paper calls the goal unreachable where the last hit point is met while looking for a better take-off; so does
+`literal=True`. A hit point on another obstacle may be nearer to a goal that can be reached than anything on this one, so
+else a lap on which the way was free somewhere only lowers the demand to the nearest such place.
 """
 
 from __future__ import annotations
@@ -58,6 +58,9 @@ class Rev3Parameters(BoundaryParameters):
     early_stop: bool = False
     """Whether a lap without any free heading is enough to call the goal unreachable; the paper's robot walks a second
     one."""
+    literal: bool = False
+    """Whether a lap in search of a better take-off that ends without one is enough to call the goal unreachable, as the
+    paper says, even where the way to the goal was free somewhere on it."""
     guard: bool = False
     """Whether a hit point met again with the same side, however long ago, starts the search for a take-off nearer to
     the goal than all hit points. The paper's robot has no such memory."""
@@ -168,7 +171,7 @@ class Rev3(BoundaryBug):
             memory.is_searching = True
             if self.parameters.early_stop:
                 memory.verdict = "unreachable"
-        elif memory.nearest_free is None:
+        elif memory.nearest_free is None or self.parameters.literal:
             memory.verdict = "unreachable"
         elif memory.is_lowered:
             memory.verdict = "looping"

@@ -39,6 +39,7 @@ class Random(ScriptedPolicy):
 
     Parameters = RandomParameters
     parameters: RandomParameters
+    room = None
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)

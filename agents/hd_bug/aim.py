@@ -6,38 +6,27 @@ import math
 
 from bug_gym.agents.hd_bug.memory import HDBugMemory
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
-from bug_gym.agents.hd_bug.perceive import Scene
+from bug_gym.view import View
 
 GOAL_STANDS = 0.02
 """A goal slower than this stands [m/s]."""
 
-LEADS_TRIED = 5
-"""How often the lead is halved until nothing stands in the goal's way."""
 
-
-def aim(scene: Scene, memory: HDBugMemory, top: float, *, leads: bool) -> None:
+def aim(view: View, memory: HDBugMemory, top: float, *, leads: bool) -> None:
     """Set where to: the goal, or where a moving one can be met.
 
     Args:
-        scene: what is seen and remembered.
-        memory: its goal and goal radius are set.
+        view: what the robot sees now.
+        memory: its goal is set.
         top: speed of the robot [m/s].
         leads: whether a moving goal is led.
     """
-    view = scene.view
-    step, radius = view.sensors.drive.step, max(view.sensors.goal_radius, 1e-3)
     goal = view.goal_position
-    memory.goal, memory.goal_radius = goal, 0.8 * radius
-    memory.moving_goal.update(goal, step)
-    velocity = memory.moving_goal.velocity
-    if not leads or math.hypot(*velocity) < GOAL_STANDS:
+    memory.goal = goal
+    memory.moving_goal.update(goal, view.sensors.drive.step)
+    vx, vy = memory.moving_goal.velocity
+    if not leads or math.hypot(vx, vy) < GOAL_STANDS:
         return
-    met = meeting_time(view.position, goal, velocity, top, 0.5 * radius)
+    met = meeting_time(view.position, goal, (vx, vy), top, 0.5 * max(view.sensors.goal_radius, 1e-3))
     lead = min(met, memory.moving_goal.trusted_lead())
-    for _ in range(LEADS_TRIED):
-        memory.goal = goal[0] + velocity[0] * lead, goal[1] + velocity[1] * lead
-        if scene.grid.is_open(goal, memory.goal):
-            break
-        # It will have to turn before it gets there.
-        lead *= 0.5
-    memory.goal_radius = max(0.8 * radius, 2.0 * math.hypot(*velocity) * step)
+    memory.goal = goal[0] + vx * lead, goal[1] + vy * lead

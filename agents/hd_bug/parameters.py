@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Literal
 
-import numpy as np
+from bug_gym.agents.parameters import Length, Weight
 
-from bug_gym.agents.parameters import AtMost, Length, Weight
-from bug_gym.geometry import F64
-from bug_gym.view import Sensors
+Part = Literal[
+    "",
+    "path_list",
+    "backtracking",
+    "shadow",
+    "candidates",
+    "travel",
+    "goal",
+    "risk",
+    "velocity_rule",
+    "phase_1",
+    "phase_2",
+    "prediction",
+    "spread",
+    "radius_ladder",
+]
+"""What can be taken away from HD-BUG, one at a time."""
 
 
 @dataclass(frozen=True)
@@ -20,95 +34,41 @@ class HDBugParameters:
     predictor: str = "kalman"
     """How tracks are predicted: see `prediction.predictor_names()`."""
     clearance: Length | None = None
-    """Centre to wall that a way keeps [m]; None: the radius, a quarter of it, and twice the range noise."""
+    """Centre to wall that it keeps [m]; None: the body's radius and one step, as the other bugs."""
     r_base: Length = 0.5
     """Base detection radius r [m], also the pace of the path list (eq. 6, Table 1)."""
     alpha: Weight = 1.0
     """Weight of the distances in the cost (eq. 8)."""
     beta: Weight = 0.5
-    """Weight of the risk in the cost (eq. 8)."""
+    """Weight of the risk in the cost (eq. 8) [m]."""
     v_max: float = 1.0
     """Speed with a clear way, as a share of the robot's top speed (eq. 9)."""
     v_base: float = 0.5
     """Speed near an obstacle ahead, as a share of the top speed (Table 1: base 0.5, max 1.0)."""
     v_min: float = 0.25
     """Speed in a narrow passage, as a share of the top speed; the paper gives none."""
+    hysteresis: Weight = 0.0
+    """By which share of its cost, and by 0.3 m, another candidate must be better than the one that it heads for."""
+    patience: Weight = 10.0
+    """How far it goes by candidates without coming nearer to the goal, as a share of the distance to it; more than 1."""
     horizon: Length = 3.0
     """How far ahead movers are predicted [s]."""
     margin: Length = 0.3
-    """Passing a mover nearer than this is risky [m]."""
-    spread: Length = 0.08
-    """How fast the predicted discs of movers grow [m/s]: they don't keep their course."""
-    reaction: Length = 1.5
-    """A predicted contact sooner than this starts the second phase of avoidance [s]."""
-    patience: Annotated[int, AtMost(1e6)] = 20
-    """Decisions in a row without any way before the goal counts as unreachable."""
+    """Passing a mover nearer than this starts the first phase of avoidance [m]."""
     lead: bool = True
     """Whether a moving goal is met where it will be; else the robot heads for where it is: pure pursuit."""
-    use_shadow: bool = True
-    """Whether movers are expected to come out of the shadow."""
-    adapt_radius: bool = True
-    """Whether the detection radius adapts; else it is 4 r_base."""
-    backtrack: bool = True
-    """Whether anything is remembered; else the way is planned in the present scan alone."""
+    without: Part = ""
+    """A part that is taken away, to see what it is worth; "": none."""
 
     def __post_init__(self) -> None:
-        for name in ("r_base", "alpha", "v_max", "v_base", "v_min", "horizon", "margin", "reaction"):
+        for name in ("r_base", "v_max", "v_base", "v_min", "horizon", "margin", "patience"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive, got {value!r}")
-        for name in ("beta", "spread"):
+        for name in ("alpha", "beta", "hysteresis"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must not be negative, got {value!r}")
         for name in ("v_max", "v_base", "v_min"):
             if getattr(self, name) > 1.0:
                 raise ValueError(f"{name} is a share of the top speed, at most 1, got {getattr(self, name)!r}")
-        if self.patience < 1:
-            raise ValueError(f"patience must be at least 1, got {self.patience!r}")
-
-
-@dataclass(frozen=True)
-class Measures:
-    """Lengths and speeds of one robot."""
-
-    radius: float
-    """Of the disc about the body [m]."""
-    footprint: F64
-    """The body as circles x, y, radius (F, 3) [m]."""
-    clearance: float
-    """Centre to wall that a way keeps [m]."""
-    tight: float
-    """The least clearance that a way is tried at [m]."""
-    cell: float
-    """Side of a cell of the map [m]."""
-    top: float
-    """Speed with a clear way, v_max of eq. 9 [m/s]."""
-    base: float
-    """Speed near an obstacle ahead, v_base of eq. 9 [m/s]."""
-    slow: float
-    """Speed in a narrow passage, v_min of eq. 9 [m/s]."""
-
-
-def measures_of(sensors: Sensors, parameters: HDBugParameters) -> Measures:
-    """The lengths and speeds that the parameters mean on a robot.
-
-    Raises:
-        ValueError: a clearance not above the radius.
-    """
-    radius, clearance = sensors.radius, parameters.clearance
-    kept = 1.25 * radius + 2.0 * sensors.range_noise if clearance is None else clearance
-    if not kept > radius:
-        raise ValueError(f"clearance must be above the robot's radius of {radius:g} m, got {clearance!r}")
-    shares = parameters.v_max, parameters.v_base, parameters.v_min
-    top, base, slow = (share * sensors.drive.max_speed for share in shares)
-    return Measures(
-        radius=radius,
-        footprint=np.array(sensors.footprint, dtype=np.float64).reshape(-1, 3),
-        clearance=kept,
-        tight=radius + 0.1 * (kept - radius),
-        cell=min(max(radius / 2.0, 0.05), 0.4),
-        top=top,
-        base=base,
-        slow=slow,
-    )

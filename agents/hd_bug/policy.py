@@ -1,50 +1,43 @@
-"""HD-BUG: candidates in the light area, a cost, a list of the path, and prediction of what moves.
+"""HD-BUG: doors from light into shadow, a cost, a list of light areas, and prediction of what moves.
 
 Source: Hasibuzzaman, Jan and Wu, "Dynamic Path Planning in the Unknown Environment with Mobile Target and Obstacles".
-Sensing assumed: ranges all round, goal, own position; the terrain around where the scenario has regions. Memory kept:
-points of still obstacles (mapping.point_map), the double linked list of the path (path_list), tracks of what moves.
-States: direct, candidates, backtracking, avoidance, emergency, turning, waiting. Guarantee: among still obstacles it
-reaches the goal or declares it unreachable, for every way with the clearance (see mapping.point_map); the paper gives none.
+Sensing assumed: ranges all round, goal, own position. Memory kept: the double linked list of light areas that it has
+navigated (path_list), the doors of each; tracks of what moves; while it circumnavigates, TangentBug's few registers.
+States: direct, candidates, backtracking, circumnavigation, anticipation, reaction, emergency. Guarantee: reaches the goal
+or declares it unreachable among still obstacles; the paper gives none. Length: between two falls of the least distance d
+to the goal at most `patience` (d + 2 m) by doors, and TangentBug's.
 
-A decision is to perceive, to aim, to plan, and to choose or, among movers, to avoid: a file each.
+It keeps no map of points and plans on none. A list of light areas is a memory of the ground all the same: n times 180
+numbers, not the few registers of a bug; a topological map, as of the SRT method (Oriolo, Vendittelli, Freda and Troso) or
+of gap navigation trees (LaValle, Planning Algorithms, 12.3.4).
 
-Where the paper contradicts itself or is silent, this module decides:
+A decision is to perceive, to aim, to explore or to circumnavigate, and among movers to avoid: a file each.
 
-1. Light and shadow (Procedure 2). A point is in the light area when a disc of the robot's clearance can go there
-   straight, nearer than the detection radius r'; in the shadow area when it lies within r' and out of sight.
-2. Detection radius (eq. 6, Table 1). One ladder r' = r 2^k, k = 0 to 3, so r'_max = 8 r. Density is the share of beams
-   shorter than r'. Dense for three steps: k + 1, count2 + 1; sparse for ten: k - 1, count1 + 1; it begins at k = 2,
-   where the grid of Procedure 3 (four radii of 0.5 m) is met exactly. r' bounds candidates, risk and horizon; what lies
-   farther is still remembered.
-3. Candidates (eq. 7, Procedure 3, Table 1). 32 headings x 4 radii j r'/4; vertices: where the disc just passes the end of
-   a cluster of scan points; centres: the middle of the gap between the ends of neighbouring clusters (the mean of an
-   obstacle's vertices, as printed, lies inside it); and the next node of the planned path. Delta of the half-plane
-   filter is the direction of that node.
-4. Cost (eq. 8 and Table 1). J(v) = alpha (C(s, v) + D(v, g)) + beta risk(v). The straight distance for D drives into
-   every wall, so D(v, g) is what is left over the planned path: a straight way to one of its nodes, and on along it.
-   C counts terrain. Among movers C is left out and v is where the robot would be after one horizon, as in eq. (8), so
-   that slower is dearer.
-5. Global and local path (HDPathPlanner). The global path is the shortest one among all remembered points, planned again
-   when it is blocked, soon after points were taken away, and every fifty steps. Dead ends are left by it: the nodes of the path
-   list between the dead end and where the new path leaves the old are closed, the state is "backtracking".
-6. No way. The goal is unreachable when the remembered points close it off, at the least clearance the body allows, for
-   `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved.
-7. Velocity (eq. 9). v_max where the next node is in the light; v_base where an obstacle is nearer than a step of the
-   detection radius in that direction; v_min in a passage narrower than two bodies; never faster than it can stop in
-   the free way.
-8. Two-phase avoidance. Phase 1: each candidate is a velocity, rolled out with the robot's kinematics against the
-   predicted tracks; near misses cost. Phase 2: when the best one meets something within `reaction` seconds, the one that
-   meets it last is taken, whatever it costs: that is the tangential circumnavigation. While movers are near, the edges
-   of shadows count as near misses too: another may come out of them. A differential robot may also back out.
-9. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by
-   no longer than its velocity has foretold where it went. The goal radius grows with what it moves in a step.
-10. Deep reinforcement learning (mentioned in the conclusion): a predictor beside "none", "constant_velocity" and
-   "kalman"; see agents.prediction.
-11. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for
-   as far again, so that a wide region is not entered because only its near edge is known. What is seen or supposed from
-   nearer counts, else it would change with the heading, and the side to go round a region with it.
-12. Long bodies (section 3.1). The way is planned for the disc about the body, which can turn anywhere; where there is
-   none, poses are planned (poses) until there is room again.
+Where the paper contradicts itself or is silent, this package decides:
+
+1. Light and shadow (Procedure 2). The light area of a place is how far the robot's disc can go along each heading; each
+   node of the list keeps its own. Shadow is what no node has lit. (light)
+2. Candidates (eq. 7, Procedure 3, Table 1). Doors: from a place v in the light to q in the shadow beside it, where the
+   light jumps behind the end of an obstacle ("vertices") and where the beams end ("end point at r_max"). They are looked
+   for every pace. A door is closed when q is lit, or when it leads into an obstacle. (doors, explore)
+3. Cost (eq. 8 and Table 1). J = alpha (C(s, v) + D(v, g)) + beta risk(v): C is the way over the list, D goes over q and
+   on straight, risk is narrowness and movers. The least J over the whole list is chosen, and kept until it is closed or
+   another is better by far. (explore)
+4. Backtracking. A door out of sight is reached over the list: over the links between nodes in each other's light, never
+   back along the way. (explore, path_list)
+5. Tangential circumnavigation. No door left, no progress within `patience`, or no way on: it goes round what is in the way
+   as TangentBug does, until it is nearer to the goal than ever. "No door left" never says that there is no way; only a
+   closed lap does. So a livelock among doors ends, and no verdict rests on how finely doors are seen. (circumnavigate)
+6. Detection radius (eq. 6, Table 1). The ladder of radii r' bounds what lies ahead among movers: at r' the ends of the
+   grid of velocities are compared. What is remembered is as far as the beams saw. (ladder)
+7. Velocity (eq. 9). v_max where the way to the next place is clear, v_base where an obstacle is nearer than a pace ahead,
+   v_min in a passage narrower than two bodies; never faster than it can stop. (drive)
+8. Two-phase avoidance, with the prediction's spread as the chance of a hit. (avoid)
+9. Emergency points. Where nothing lets it go on, the place on the ring of radius r' that is farthest from everything.
+10. Moving target. Met where its velocity, as far as that has foretold its way, leads. (aim)
+11. Deep reinforcement learning (named in the conclusion): a predictor beside "none", "constant_velocity" and "kalman".
+
+A long body goes as the disc about it; what ground costs is not looked at: hd_bug_map does both.
 """
 
 from __future__ import annotations
@@ -57,21 +50,23 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.aim import aim
 from bug_gym.agents.hd_bug.avoid import Avoidance
-from bug_gym.agents.hd_bug.choose import Candidates
-from bug_gym.agents.hd_bug.frames import in_odometry
+from bug_gym.agents.hd_bug.circumnavigate import Circumnavigation
+from bug_gym.agents.hd_bug.drive import TURNING, Motion
+from bug_gym.agents.hd_bug.explore import Explorer
 from bug_gym.agents.hd_bug.memory import HDBugMemory
-from bug_gym.agents.hd_bug.parameters import HDBugParameters, measures_of
-from bug_gym.agents.hd_bug.path_list import PathList
+from bug_gym.agents.hd_bug.parameters import HDBugParameters
 from bug_gym.agents.hd_bug.perceive import Perception, Scene
-from bug_gym.agents.hd_bug.plan import Planner
-from bug_gym.agents.mapping.way import Way
-from bug_gym.agents.prediction import make_predictor
-from bug_gym.agents.prediction.predictor import Predictor
-from bug_gym.agents.tracking.tracker import Tracker
-from bug_gym.geometry import F64, velocity_along
+from bug_gym.agents.hd_bug.shown import labelled, light_ring
+from bug_gym.geometry import Point, velocity_along
 from bug_gym.kinematics import differential_action
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
+
+TRIES = 3
+"""Doors that are tried in one decision where the way to the first is blocked."""
+
+Heading = tuple[float, float]
+"""Direction in the odometry frame [rad] and speed [m/s]."""
 
 
 class HDBug(ScriptedPolicy):
@@ -92,53 +87,102 @@ class HDBug(ScriptedPolicy):
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
-        self.predictor: Predictor = make_predictor(self.parameters.predictor, sensors)
-        self.tracker = Tracker(sensors)
-        self.measures = measures_of(sensors, self.parameters)
-        self.perception = Perception(sensors, self.parameters, self.measures, self.tracker)
-        self.planner = Planner(self.measures, self.parameters.patience)
-        self.candidates = Candidates(self.parameters, self.measures)
-        self.avoidance = Avoidance(sensors, self.parameters, self.measures)
+        own = self.parameters
+        self.circumnavigation = Circumnavigation(sensors, own.clearance, own.patience)
+        self.boundary = self.circumnavigation.boundary
+        self.perception = Perception(sensors, own, self.boundary.inner)
+        self.explorer = Explorer(sensors, own, self.perception, self.boundary)
+        self.motion = Motion(own, self.boundary)
+        self.avoidance = Avoidance(sensors, own, self.motion)
 
     def start(self) -> HDBugMemory:
         """Memory of a new episode."""
-        return HDBugMemory(mode="direct", tracker=self.tracker.start(), path=PathList(self.parameters.r_base))
+        return HDBugMemory(mode="direct", tracker=self.perception.tracker.start())
 
     def act(self, view: View, memory: HDBugMemory) -> Velocity:
         """One decision."""
-        scene = self.perception.perceive(view, memory)
-        aim(scene, memory, self.measures.top, leads=self.parameters.lead)
-        if memory.turns is not None:
-            velocity = self.planner.turn_through(scene, memory, memory.turns)
-            if velocity is not None:
-                return velocity
-        way = self.planner.plan(scene, memory)
-        if way is None:
-            return self._wait(scene, memory)
-        if memory.turns is not None:
-            return self.planner.turn_through(scene, memory, memory.turns) or (0.0, 0.0)
         memory.is_backing = False
-        movers = self.avoidance.near_movers(scene, self.predictor)
-        if movers is not None:
-            direction, speed = self.avoidance.avoid(scene, memory, way, movers)
-        else:
-            direction, speed = self.candidates.choose(scene, memory, way)
-        memory.direction = direction
-        return velocity_along(direction - view.heading, speed)
-
-    def _wait(self, scene: Scene, memory: HDBugMemory) -> Velocity:
-        """Stand, but for movers that come near: there is no way now."""
+        scene = self.perception.perceive(view, memory)
+        aim(view, memory, self.motion.speeds[0], leads=self.parameters.lead)
+        self.circumnavigation.measure(view, memory)
+        heading = self._go(scene, memory)
         if memory.verdict:
             return 0.0, 0.0
-        movers = self.avoidance.near_movers(scene, self.predictor)
-        if movers is None:
-            return 0.0, 0.0
+        movers = self.avoidance.near_movers(scene)
+        if movers is not None:
+            heading = self.avoidance.avoid(scene, memory, movers, heading, memory.chosen)
+        memory.direction = heading[0]
+        return velocity_along(heading[0] - view.heading, heading[1])
+
+    # ------------------------------------------------------------------------------------------- where nothing moves
+
+    def _go(self, scene: Scene, memory: HDBugMemory) -> Heading:
+        """Direction and speed to the goal, to a door, or round what is in the way."""
+        is_exploring = memory.follow is None
+        memory.must_look |= is_exploring and memory.door is None
+        place = self._place_in_sight(scene, memory)
+        if place is not None:
+            heading = self._go_straight(scene, memory, place)
+            if heading is not None:
+                return heading
+        has_looked = self.explorer.look(scene, memory)
+        if is_exploring:
+            heading = self._explore(scene, memory, has_looked=has_looked)
+            if heading is not None:
+                return heading
+            self.circumnavigation.begin(memory)
+        return self._circumnavigate(scene, memory)
+
+    def _place_in_sight(self, scene: Scene, memory: HDBugMemory) -> Point | None:
+        """The goal, or where it can be met, if the way there is free as far as is seen; None else."""
         view = scene.view
-        gap = math.dist(view.position, memory.goal)
-        straight = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
-        direction, speed = self.avoidance.avoid(scene, memory, straight, movers)
-        memory.mode = "waiting"
-        return velocity_along(direction - view.heading, speed)
+        if memory.goal != view.goal_position:
+            ahead, left = view.to_robot(*memory.goal)
+            free = view.free_distance(math.atan2(left, ahead), self.boundary.inner)
+            if min(math.hypot(ahead, left), self.sensors.range) <= free:
+                return memory.goal
+        return view.goal_position if self.boundary.sees_goal(view) else None
+
+    def _go_straight(self, scene: Scene, memory: HDBugMemory, place: Point) -> Heading | None:
+        """To the goal in sight; None where something is in the way after all."""
+        heading = self.motion.toward(scene, place)
+        if heading is None or self.circumnavigation.stands_still(scene.view, memory):
+            return None
+        memory.mode, memory.chosen = "direct", place
+        memory.door, memory.way, memory.is_passing, memory.follow = None, [], False, None
+        return heading
+
+    def _explore(self, scene: Scene, memory: HDBugMemory, *, has_looked: bool) -> Heading | None:
+        """Toward the door of least cost; None where none is left, or they have had their time."""
+        if self.circumnavigation.is_due(scene.view, memory):
+            return None
+        for _ in range(TRIES):
+            if has_looked or memory.door is None:
+                self.explorer.choose(scene, memory)
+            if memory.door is None:
+                return None
+            place = self.explorer.next_place(scene, memory)
+            heading = None if place is None else self.motion.toward(scene, place)
+            if place is not None and heading is not None:
+                memory.chosen = place
+                return heading
+            if place is not None:
+                self.explorer.give_up(scene, memory)
+            has_looked = self.explorer.look(scene, memory)
+        return None
+
+    def _circumnavigate(self, scene: Scene, memory: HDBugMemory) -> Heading:
+        """Round what is in the way; to an emergency point where nothing lets it go on."""
+        view = scene.view
+        velocity = self.circumnavigation.velocity(view, memory)
+        speed = math.hypot(*velocity)
+        if speed <= 0.0 and not memory.verdict:
+            memory.mode = "emergency"
+            return self.motion.emergency_point(view, memory.reach)
+        direction = math.atan2(velocity[1], velocity[0]) + view.heading
+        x, y = view.position
+        memory.chosen = x + memory.reach * math.cos(direction), y + memory.reach * math.sin(direction)
+        return direction, max(speed, TURNING)
 
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         action = super()._action(flat, memory)
@@ -146,34 +190,23 @@ class HDBug(ScriptedPolicy):
             return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
         return action
 
+    # ------------------------------------------------------------------------------------------- what it shows
+
     def draw(self, memory: HDBugMemory) -> Drawing:
-        """Light and shadow areas, candidates by cost, the planned path and the list of the passed one, tracks."""
-        if memory.light is None:
+        """Light areas and the list, candidates by cost, the way back, closed doors, the wall, tracks."""
+        if memory.steps == 0:
             return Drawing()
-        areas = [(in_odometry(memory.pose, memory.light.light_ring()), "light")]
-        areas += [(in_odometry(memory.pose, ring), "shadow") for ring in memory.light.shadow_rings()]
+        path = memory.path
+        areas = [(light_ring(place, light), "light") for place, light in zip(path.places, path.lights, strict=True)]
         points = labelled(memory.candidates, memory.costs)
-        points += [(*node.place, "closed") for node in memory.path if node.is_closed]
+        points += [(*closing.place, "closed") for closing in memory.closed]
         points.append((*memory.chosen, "chosen"))
-        segments: list[tuple[float, float, float, float, str]] = []
-        if memory.way is not None:
-            places = memory.way.places.tolist()
-            segments += [(*a, *b, "way") for a, b in zip(places, places[1:], strict=False)]
+        followed = self.circumnavigation.draw(memory)
+        segments = [(*a.place, *a.following.place, "list") for a in path if a.following is not None]
+        way = [memory.pose[:2], *(path.nodes[number].place for number in memory.way)]
+        segments += [(*a, *b, "way") for a, b in zip(way, way[1:], strict=False)]
         for future in memory.forecast:
             segments += [
                 (*a, *b, "forecast") for a, b in zip(future[:-1:4].tolist(), future[4::4].tolist(), strict=False)
             ]
-        return Drawing(points=points, segments=segments, areas=areas)
-
-
-def labelled(candidates: F64, costs: F64) -> list[tuple[float, float, str]]:
-    """Candidates (m, 2) with a label for their costs (m,): the share of the way from the least to the highest."""
-    finite = costs[np.isfinite(costs)]
-    if len(finite) == 0:
-        return []
-    low, high = float(finite.min()), float(finite.max())
-    points = []
-    for (px, py), cost in zip(candidates.tolist(), costs.tolist(), strict=True):
-        share = (cost - low) / (high - low) if high > low and math.isfinite(cost) else 1.0
-        points.append((px, py, "cheap" if share < 0.25 else "candidate" if share < 0.6 else "dear"))
-    return points
+        return Drawing(points=[*points, *followed.points], segments=segments, areas=areas)

@@ -1,4 +1,4 @@
-"""What would come of a desired velocity among things that move: the roll-outs behind HD-BUG's two-phase avoidance.
+"""What would come of a desired velocity among things that move: the roll-outs behind HD-BUG's avoidance.
 
 Each candidate is a desired velocity that the robot holds. It is rolled out with the robot's own kinematics and compared,
 time by time, with the predicted places of the tracks. All coordinates are in the odometry frame [m].
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bug_gym.compiling import kernel
+from bug_gym.compiling import inlined, kernel
 from bug_gym.geometry import F64
 from bug_gym.kernels.layout import Floats
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
@@ -88,10 +88,33 @@ def roll_out(
     """
     m = len(velocities.directions)
     result = RollOut(np.empty(m), np.empty(m), np.empty((m, 2)))
-    turn_gain = min(TURN_GAIN, 1.0 / drive.step)
-    steering = Steering(drive.kinematics == "holonomic", drive.max_turn_rate, turn_gain, TURN_IN_PLACE)
-    _roll_out(steering, *pose, radius, velocities, movers, times, compare, result)
+    _roll_out(steering_of(drive), *pose, radius, velocities, movers, times, compare, result)
     return result
+
+
+def steering_of(drive: Drive) -> Steering:
+    """How a robot turns a desired velocity into motion."""
+    turn_gain = min(TURN_GAIN, 1.0 / drive.step)
+    return Steering(drive.kinematics == "holonomic", drive.max_turn_rate, turn_gain, TURN_IN_PLACE)
+
+
+@inlined
+def go_on(
+    steering: Steering, direction: float, speed: float, left: float, dt: float, px: float, py: float, theta: float
+) -> tuple[float, float, float, float]:
+    """Place, heading and way [m] after a time dt [s] toward a desired velocity, no farther than `left` [m]."""
+    is_holonomic, max_turn_rate, turn_gain, turn_in_place = steering
+    if is_holonomic:
+        way = min(speed * dt, left)
+        return px + way * math.cos(direction), py + way * math.sin(direction), theta, way
+    error = direction - theta
+    error = math.atan2(math.sin(error), math.cos(error))
+    turn = min(max(turn_gain * error, -max_turn_rate), max_turn_rate) * dt
+    if abs(turn) > abs(error):
+        turn = error
+    way = min(speed * math.cos(error) * dt, left) if abs(error) <= turn_in_place else 0.0
+    middle = theta + 0.5 * turn
+    return px + way * math.cos(middle), py + way * math.sin(middle), theta + turn, way
 
 
 @kernel
@@ -107,7 +130,6 @@ def _roll_out(
     compare: int,
     result: RollOut,
 ) -> None:
-    is_holonomic, max_turn_rate, turn_gain, turn_in_place = steering
     directions, speeds, free = velocities
     predicted, radii, margin = movers
     contact, nearness, end = result
@@ -120,20 +142,7 @@ def _roll_out(
         nearness[i] = 0.0
         ox, oy = px, py
         for k in range(count):
-            if is_holonomic:
-                way = min(speeds[i] * dt, left)
-                px += way * math.cos(directions[i])
-                py += way * math.sin(directions[i])
-            else:
-                error = directions[i] - theta
-                error = math.atan2(math.sin(error), math.cos(error))
-                turn = min(max(turn_gain * error, -max_turn_rate), max_turn_rate) * dt
-                if abs(turn) > abs(error):
-                    turn = error
-                way = min(speeds[i] * math.cos(error) * dt, left) if abs(error) <= turn_in_place else 0.0
-                px += way * math.cos(theta + 0.5 * turn)
-                py += way * math.sin(theta + 0.5 * turn)
-                theta += turn
+            px, py, theta, way = go_on(steering, directions[i], speeds[i], left, dt, px, py, theta)
             left -= way
             fade = math.exp(-times[k] / FADING)
             for t in range(tracks):
@@ -152,3 +161,79 @@ def _roll_out(
             if k == compare:
                 ox, oy = px, py
         end[i, 0], end[i, 1] = ox, oy
+
+
+def hit_risks(
+    drive: Drive,
+    pose: tuple[float, float, float],
+    radius: float,
+    velocities: Velocities,
+    places: F64,
+    radii: F64,
+    spread: F64,
+    times: F64,
+    compare: int,
+) -> RollOut:
+    """Roll out desired velocities among discs whose places are known up to a spread.
+
+    The chance to be hit by a disc at a time is that of a normal deviation beyond the gap: Phi(-gap / sigma).
+
+    Args:
+        drive: kinematics and limits of the robot.
+        pose: x, y [m], heading [rad].
+        radius: of the robot [m].
+        velocities: desired ones.
+        places: (T, K, 2) centres [m].
+        radii: (T,) of the discs [m].
+        spread: (T, K) standard deviation of each coordinate [m].
+        times: (K,) rising, evenly spaced, the first one spacing from now [s].
+        compare: index of the time at which `end` is taken.
+
+    Returns:
+        contact: the time at which it is as likely hit as not (m,) [s]; nearness: the greatest chance of a hit, fading
+        with time, summed over the discs (m,); end: see RollOut.
+    """
+    m = len(velocities.directions)
+    result = RollOut(np.full(m, np.inf), np.zeros(m), np.empty((m, 2)))
+    worst = np.empty(len(radii))
+    _hit_risks(steering_of(drive), *pose, radius, velocities, places, radii, spread, times, compare, worst, result)
+    return result
+
+
+@kernel
+def _hit_risks(
+    steering: Steering,
+    x: float,
+    y: float,
+    heading: float,
+    radius: float,
+    velocities: Velocities,
+    places: Floats,
+    radii: Floats,
+    spread: Floats,
+    times: Floats,
+    compare: int,
+    worst: Floats,
+    result: RollOut,
+) -> None:
+    directions, speeds, free = velocities
+    contact, nearness, end = result
+    dt = times[0]
+    for i in range(directions.size):
+        px, py, theta, left = x, y, heading, free[i]
+        worst[:] = 0.0
+        for k in range(times.size):
+            px, py, theta, way = go_on(steering, directions[i], speeds[i], left, dt, px, py, theta)
+            left -= way
+            fade = math.exp(-times[k] / FADING)
+            for t in range(radii.size):
+                gap = math.hypot(places[t, k, 0] - px, places[t, k, 1] - py) - radius - radii[t]
+                if gap > 4.0 * spread[t, k]:
+                    continue
+                chance = 0.5 * math.erfc(gap / (math.sqrt(2.0) * spread[t, k]))
+                if chance >= 0.5 and contact[i] == np.inf:
+                    contact[i] = times[k]
+                worst[t] = max(worst[t], chance * fade)
+            if k == compare:
+                end[i, 0], end[i, 1] = px, py
+        nearness[i] = worst.sum()

@@ -7,6 +7,7 @@ and one scanner, and is refused for any other.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,6 +18,7 @@ from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read
 from bug_gym.agents.learning.history import History, history_width, with_history
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.checks import needed_from
+from bug_gym.geometry import F32, Point
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict
 from bug_gym.policy import MisfitError, Observation, flat_observation
@@ -65,6 +67,10 @@ class LearnedPolicy:
         require_answers(self._session, folder / GRAPH, width, [(2,), ()])
         self._table = discrete_actions(sensors.drive)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without its graph, which is opened again."""
+        return partial(type(self), discrete=self.discrete, model=self.parameters.model), (self.sensors,)
+
     def predict(
         self,
         observation: Observation,
@@ -90,10 +96,42 @@ class LearnedPolicy:
         rows = np.atleast_2d(flat)
         if not np.isfinite(rows).all():
             raise ValueError("the observation holds a number that is not finite")
-        rows, state = with_history(rows, state, episode_start, robot=self.robot, lags=self._lags)
-        (actions,) = self._session.run(None, {"observation": rows})
-        actions = as_env_actions(actions, self._table, discrete=self.discrete)
+        seen, state = self.look(rows, state, episode_start)
+        actions = as_env_actions(self.answer(seen), self._table, discrete=self.discrete)
         return (actions[0] if flat.ndim == 1 else actions), state
+
+    def look(
+        self, rows: F32, state: tuple[History, ...] | None, episode_start: NDArray[np.bool_] | None = None
+    ) -> tuple[F32, tuple[History, ...] | None]:
+        """What the network sees of flat observations (n, D), and the state; call it once a step.
+
+        Args:
+            rows: the observations.
+            state: as the last call returned it.
+            episode_start: (n,) True where the observation is the first of an episode.
+
+        Returns:
+            What it sees (n, W), the observations first; and the state, changed in place.
+
+        Raises:
+            ValueError: the state is of another policy or number of robots.
+        """
+        return with_history(rows, state, episode_start, robot=self.robot, lags=self._lags)
+
+    def with_goal(self, seen: F32, goal: Point) -> F32:
+        """What the network would see (n, W) if its goal stood at a place of the robot's frame [m]."""
+        beams, width = self.robot.beams, self.robot.width
+        seen = seen.copy()
+        seen[:, beams : beams + 2] = goal
+        # After the observation comes a block a lag, which ends with the goal's velocity: see History.add.
+        for block in range(width, seen.shape[1], beams + 2):
+            seen[:, block + beams : block + beams + 2] = 0.0
+        return seen
+
+    def answer(self, seen: F32) -> NDArray[Any]:
+        """The network's own actions for what it sees (n, W): (n, 2) in [-1, 1], or numbers (n,)."""
+        (actions,) = self._session.run(None, {"observation": seen})
+        return np.asarray(actions)
 
 
 @dataclass(frozen=True)

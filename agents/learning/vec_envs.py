@@ -1,4 +1,4 @@
-"""`VecEnv`s of stable-baselines3 for training: several scenarios, several robots, a history."""
+"""`VecEnv`s of stable-baselines3 for training: several scenarios, a history."""
 
 from __future__ import annotations
 
@@ -12,80 +12,12 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvW
 
 from bug_gym.agents.learning.history import TOP_SPEED, History, history_width
 from bug_gym.agents.learning.robot_model import RobotModel
-from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, Saved, SimulationVecEnv
+from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, RobotsVecEnv, Saved
 from bug_gym.checks import checked_seed
 from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 from bug_gym.simulation import Simulation
-from bug_gym.spaces import ActionForm, RobotSpaces
-
-
-class RobotsVecEnv(SimulationVecEnv):
-    """Worlds with several robots each, row n R + r = robot r of world n: one policy learns to drive them all.
-
-    A robot whose run has ended starts again from its start while the others go on, until the world's time is over;
-    then all start anew in the next episode. Where something stands on its start it waits, and its row tells of an end
-    in each step. Observations are flat; infos are as NavigationVecEnv's.
-
-    Args:
-        simulation: the worlds.
-        action: "continuous" or "discrete".
-    """
-
-    def __init__(self, simulation: Simulation, action: ActionForm) -> None:
-        super().__init__(simulation, RobotSpaces(simulation, "flat", action), None)
-        self._starts = np.zeros((simulation.count, simulation.robots, 3))
-        self._steps = np.zeros(self.num_envs, dtype=np.int64)
-
-    def reset(self) -> F32:
-        """Start an episode in each world."""
-        seeds = self._seeds[:: self.simulation.robots]
-        self._begin(self.simulation.all_rows, None if seeds[0] is None else seeds)
-        self._returns[:], self._steps[:] = 0.0, 0
-        self._reset_seeds()
-        self._reset_options()
-        return self.simulation.observations().reshape(self.num_envs, -1)
-
-    def _begin(self, worlds: NDArray[np.int64], seeds: Sequence[int | None] | None = None) -> None:
-        self.simulation.reset(worlds, seeds)
-        self._starts[worlds] = self.simulation.world.pose[worlds]
-
-    def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Drive for one step in each world, and start anew the robots whose run ends."""
-        simulation, world = self.simulation, self.simulation.world
-        drove = world.active.ravel()
-        simulation.advance(self._velocities)
-        observation, reward, _, _ = simulation.transition(simulation.all_rows)
-        flat, rewards = observation.reshape(self.num_envs, -1), reward.ravel()
-        self._returns += rewards
-        self._steps += 1
-        done = ~world.active.ravel()
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for row in np.flatnonzero(done).tolist():
-            last = flat[row].copy()
-            infos[row] = {"terminal_observation": last}
-            if drove[row]:
-                infos[row] = self._final_info(row, last, int(self._steps[row]))
-        worlds = np.flatnonzero(done.reshape(world.outcome.shape).any(axis=1))
-        if len(worlds):
-            is_over = world.steps[worlds] >= simulation.scenario.time.steps
-            if is_over.any():
-                self._begin(worlds[is_over])
-            simulation.restart_robots(worlds[~is_over], self._starts[worlds[~is_over]])
-            flat = simulation.observations().reshape(self.num_envs, -1)
-        self._returns[done], self._steps[done] = 0.0, 0
-        return flat, rewards.astype(np.float32), done, infos
-
-    def save(self) -> Saved:
-        """Copy all that the future depends on, but for the actions."""
-        own = [self._starts.copy(), self._returns.copy(), self._steps.copy()]
-        return {**self._save_simulation(), "own": own}
-
-    def restore(self, saved: Saved) -> None:
-        """Go back to what `save` gave."""
-        self._restore_simulation(saved)
-        for mine, value in zip((self._starts, self._returns, self._steps), saved["own"], strict=True):
-            mine[:] = value
+from bug_gym.spaces import ActionForm
 
 
 class JoinedVecEnv(ArrayVecEnv):
@@ -226,7 +158,7 @@ def join(scenarios: Sequence[Scenario], rows: int, action: ActionForm) -> FlatEn
             raise ValueError(f"n_envs: got {rows}, which leaves no world for {scenario.name}")
         simulation = Simulation(scenario, worlds)
         if scenario.robots.count > 1:
-            parts.append(RobotsVecEnv(simulation, action))
+            parts.append(RobotsVecEnv(simulation, observation="flat", action=action, restart="world"))
         else:
             parts.append(NavigationVecEnv(simulation, observation="flat", action=action, render_mode=None))
     return parts[0] if len(parts) == 1 else JoinedVecEnv(parts)

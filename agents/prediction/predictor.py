@@ -1,4 +1,4 @@
-"""What a predictor is and what it answers: the interface that HD-BUG asks, and that plain and learned ones have.
+"""What a predictor is and what it answers: what HD-BUG and the map planner ask, and plain and learned ones have.
 
 It knows the tracks of one robot and nothing else; what it says is a place and a spread for each track and time.
 """
@@ -23,7 +23,7 @@ class Prediction(NamedTuple):
 
 
 class Predictor(Protocol):
-    """What HD-BUG asks of a predictor."""
+    """What they ask of a predictor."""
 
     def predict(self, tracks: Tracks, times: F64) -> Prediction:
         """Where the tracks will be `times` (K,) [s] from now, none of them negative."""

@@ -1,6 +1,6 @@
-"""Second stage of a predictor's training: by how HD-BUG gets along with it.
+"""Second stage of a predictor's training: by how the map planner gets along with it.
 
-An episode is a run of HD-BUG among movers, its return the share of the way to the goal that it came nearer, less one if
+An episode is a run of `hd_bug_map` among movers, its return the share of the way to the goal that it came nearer, less one if
 it touched something. Errors of prediction count here only as far as they change what the robot does. What is learnt is
 how far the answers are to be trusted: a gain of each number, and an offset of each velocity ahead. The gradient comes
 from evolution strategies (Salimans et al. 2017): two changes to either side of the present one drive through the same
@@ -35,7 +35,7 @@ from bug_gym.view import Sensors
 from bug_gym.workers import each, starred
 
 LAWS = ("bounce", "random_walk", "crowd")
-"""Of the movers in the worlds that HD-BUG drives in, unless it is told others."""
+"""Of the movers in the worlds that it drives in, unless it is told others."""
 NUMBERS = ANSWERS + len(HORIZONS)
 """Of a change: a gain of each number of an answer, less 1, and an offset of each velocity ahead."""
 
@@ -61,7 +61,7 @@ class NavigationSettings:
 
 
 def crowded(law: str) -> Scenario:
-    """Worlds so full of movers under a law that HD-BUG often touches one."""
+    """Worlds so full of movers under a law that the map planner often touches one."""
     world = {"family": "field", "obstacles": 40, "moving": 0.6, "speeds": [0.3, 1.2], "laws": [law], "solvable": 0.3}
     lidar = {"beams": 180, "range": 10.0, "noise": 0.01}
     return load({"name": f"crowded-{law}", "lidar": lidar, "time": {"limit": 40.0}, "world": world})
@@ -82,7 +82,7 @@ class ChangedPredictor(LearnedPredictor):
 
 
 class Run(NamedTuple):
-    """How HD-BUG did in a world."""
+    """How the map planner did in a world."""
 
     progress: float
     """By how much nearer it came to the goal, over its distance at the start."""
@@ -98,9 +98,9 @@ class Run(NamedTuple):
 
 
 def drive(folder: Path, change: F64, world: str, seed: int) -> Run:
-    """A run of HD-BUG with a changed predictor through a crowded world of a motion law, or of a scenario."""
+    """A run of the map planner with a changed predictor through a crowded world of a motion law, or of a scenario."""
     simulation = Simulation(crowded(world) if world in LAWS else load(world))
-    policy: Any = make_policy("hd_bug", simulation)
+    policy: Any = make_policy("hd_bug_map", simulation)
     policy.predictor = ChangedPredictor(policy.sensors, folder, change)
     observation, state = simulation.reset(seeds=[seed])[:, 0], None
     first = last = simulation.robot_step()

@@ -9,6 +9,7 @@ what a robot with a range sensor needs beyond a point with a contact sensor.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.headings import TRIED, OpenHeadings
 from bug_gym.agents.walls.laps import Laps
 from bug_gym.geometry import Point, velocity_along, wrap
+from bug_gym.inertia import speed_within
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
 
@@ -27,6 +29,10 @@ LeaveRule = Literal["front", "any"]
 SIDES: dict[str, int] = {"left": 1, "right": -1}
 LEAVE_RULES = ("front", "any")
 STANDING: Velocity = (0.0, 0.0)
+
+FirstHeading = Callable[[View, Contour, float, float], "float | None"]
+"""Where to go along a wall [rad], not wrapped, given the bearing of the hand on it and of the travel [rad]; None: boxed
+in."""
 
 WAIT = 10.0
 """Time without any open heading after which a robot calls itself stuck [s]; something that moves may go away before."""
@@ -100,6 +106,8 @@ class Boundary:
         self.sensors = sensors
         self.step = step
         """The way of one step [m]."""
+        self.pace = speed_within(sensors.drive, step)
+        """Speed along walls [m/s]: a robot with inertia can stop within the step that it looks ahead."""
         self.clearance = clearance
         self.leave_rule = checked_leave_rule(leave_rule)
         margin = clearance - radius
@@ -181,10 +189,11 @@ class Boundary:
         """
         if distance <= 0.0:
             return STANDING
-        ahead = min(self.step, distance, self.free_way(view, bearing, distance, radius=radius))
+        free = self.free_way(view, bearing, distance, radius=radius)
+        ahead = min(self.step, distance, free)
         if ahead <= 0.0:
             return None
-        speed = ahead / self.sensors.drive.step
+        speed = min(ahead / self.sensors.drive.step, speed_within(self.sensors.drive, free))
         return velocity_along(bearing, speed)
 
     def step_to(self, view: View, place: Point) -> Velocity | None:
@@ -196,7 +205,7 @@ class Boundary:
         ahead, bearing = min(self.step, math.hypot(x, y)), math.atan2(y, x)
         if view.free_distance(bearing, self.safe_radius) < ahead:
             return None
-        return velocity_along(bearing, ahead / self.sensors.drive.step)
+        return velocity_along(bearing, min(ahead / self.sensors.drive.step, self.pace))
 
     def free_way(self, view: View, bearing: float, distance: float, *, radius: float | None = None) -> float:
         """How far the robot can go along a bearing [rad] to stand on the contour of what is in the way [m].
@@ -312,12 +321,12 @@ class Boundary:
         memory.leaves.append(view.position)
         memory.contour = None
 
-    def follow(self, view: View, memory: BugMemory) -> Velocity:
+    def follow(self, view: View, memory: BugMemory, first_heading: FirstHeading | None = None) -> Velocity:
         """Velocity of one step along the boundary, its end on the contour.
 
         The hand stays on the wall: from the bearing of the wall the heading turns away from it until a whole step is
         open. One rule for straight walls, convex and concave corners, dead ends and thin walls. A robot without any
-        open heading waits, and calls itself stuck after WAIT seconds.
+        open heading waits, and calls itself stuck after WAIT seconds. `first_heading` is another rule.
         """
         contour = memory.contour
         assert contour is not None
@@ -325,7 +334,10 @@ class Boundary:
         # At the hit point it is along the wall: a gap just too narrow must not turn it away there either.
         along = bearing + contour.side * 0.5 * math.pi
         travel = along if contour.heading is None else contour.heading - view.heading
-        heading = self.headings.first(view, bearing, contour.side, travel)
+        if first_heading is None:
+            heading = self.headings.first(view, bearing, contour.side, travel)
+        else:
+            heading = first_heading(view, contour, bearing, travel)
         if heading is None:
             contour.waited += self.sensors.drive.step
             if contour.waited > WAIT:
@@ -335,8 +347,7 @@ class Boundary:
         if contour.heading is not None:
             contour.sweep = swept(travel, bearing, heading, contour.side)
         self._move_hand(view, contour, heading)
-        speed = self.sensors.drive.max_speed
-        return velocity_along(heading, speed)
+        return velocity_along(heading, self.pace)
 
     def _wall_bearing(self, view: View, contour: Contour) -> float:
         """Bearing of the wall that the hand is on, looked up in the present scan."""

@@ -44,6 +44,7 @@ class BoundaryBug(ScriptedPolicy):
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
         self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
+        self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
 
     def draw(self, memory: Any) -> Drawing:

@@ -16,6 +16,7 @@ from bug_gym import kernels
 from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.open_points import Lookout, OpenPoint, Profile
+from bug_gym.agents.walls.roaming import Roaming
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
@@ -86,6 +87,8 @@ class SubGoalMemory(BugMemory):
     """Open points in sight at the last decision but this; None at the first."""
     sees: list[End] | None = None
     """Open points in sight now."""
+    roaming: Roaming = field(default_factory=Roaming)
+    """How far it has gone, and over what ground."""
     looks: int = 0
     """How often it has stood for another look before it chooses."""
 
@@ -150,16 +153,11 @@ class SubGoals:
         return not is_same and memory.looks <= LOOKS
 
     def _is_end(self, view: View, point: OpenPoint, end: End) -> bool:
-        """Whether an open point is one of the last decision.
-
-        Where the line of sight grazes a surface its last point in sight falls short by what lies between two beams,
-        and by more along that line than across it.
-        """
-        (x, y), (u, v) = point.corner, view.to_robot(*end.corner)
-        away = max(math.hypot(x, y), 1e-9)
-        along, across = (x * u + y * v) / away - away, (x * v - y * u) / away
-        short = max(2.0 * self.boundary.clearance, SHORT * away)
-        return point.side == end.side and abs(across) <= self._drift(point) and abs(along) <= short
+        """Whether an open point is one of the last decision."""
+        near = 2.0 * self.boundary.clearance
+        return point.side == end.side and is_seen_again(
+            point.corner, view.to_robot(*end.corner), self._drift(point), near
+        )
 
     def _drift(self, point: OpenPoint) -> float:
         """How far beside where it is seen now a corner may turn out to be [m]."""
@@ -187,6 +185,8 @@ class SubGoals:
         """Velocity to the goal where it is in sight, else on to the sub-goal; None where a new one is to be chosen."""
         self.boundary.advance(view, memory)
         self._follow_target(view, memory)
+        if memory.roaming.goes_on(view.position, memory.odometer):
+            memory.verdict = "looping"
         memory.seen, memory.sees = memory.sees, [End(view.to_odometry(*p.corner), p.side) for p in profile.open_points]
         if not self._sees_goal(view, memory, profile):
             velocity = self._approach(view, memory, profile) if memory.corner is not None else None
@@ -320,6 +320,7 @@ class SubGoals:
         memory.goal = view.goal_position
         memory.visits.clear()
         memory.blocked.clear()
+        memory.roaming.begin(view.goal_distance, memory.odometer)
 
     def _note_visit(self, memory: SubGoalMemory, corner: Point) -> None:
         """The corner is passed; the third time round the same one on the same side is a loop."""
@@ -340,6 +341,24 @@ class SubGoals:
         if memory.corner is not None:
             points.append((*memory.corner, "corner"))
         return Drawing(points=points)
+
+
+def is_seen_again(corner: Point, earlier: Point, aside: float, near: float) -> bool:
+    """Whether an open point may be one of an earlier look.
+
+    Where the line of sight grazes a surface its last point in sight falls short by what lies between two beams, and by
+    more along that line than across it.
+
+    Args:
+        corner: now, robot's frame [m].
+        earlier: then, robot's frame of now [m].
+        aside: how far it may have moved across the line of sight [m].
+        near: how far along it at least, where it is near [m].
+    """
+    (x, y), (u, v) = corner, earlier
+    away = max(math.hypot(x, y), 1e-9)
+    along, across = (x * u + y * v) / away - away, (x * v - y * u) / away
+    return abs(across) <= aside and abs(along) <= max(near, SHORT * away)
 
 
 def distance_between(first: tuple[Point, Point], second: tuple[Point, Point]) -> float:

@@ -100,6 +100,7 @@ class Vision:
 
     def __init__(self, sensors: Sensors, parameters: VisBugParameters) -> None:
         self.boundary = Boundary(sensors, clearance=parameters.clearance, leave_rule=parameters.leave_rule)
+        self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(parameters.turn)
         vision_range = parameters.vision_range
         reach = sensors.range if vision_range is None else vision_range

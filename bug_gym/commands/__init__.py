@@ -39,11 +39,22 @@ COMMANDS: dict[str, Command] = {
         "bug-gym evaluate --suite quick --policies bug0,bug2:turn=right --out results",
         goes_on=True,
     ),
+    "collect": Command(
+        "bug_gym.commands.collect",
+        "Write Minari datasets of what policies do in worlds of a scenario, for learning without the env.",
+        "bug-gym collect dynamic --policies hd_bug_map,bug2,ppo_dynamic,random --episodes 1000 --out datasets",
+        goes_on=True,
+    ),
     "train": Command(
         "bug_gym.commands.train",
         "Train a policy, or go on with a training that was cut off; the folder it writes is a policy for `evaluate`.",
         "bug-gym train ppo_dynamic --out results/ppo_dynamic",
         goes_on=True,
+    ),
+    "new": Command(
+        "bug_gym.commands.new",
+        "Begin a policy of one's own: its file, a test of it, and the line that runs it.",
+        "bug-gym new policy my_bug",
     ),
     "render": Command(
         "bug_gym.commands.render",

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from bug_gym.assignments import assignments as assignments  # for the commands
 from bug_gym.checks import checked_time
 
 if TYPE_CHECKING:
@@ -46,33 +45,8 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def assignments(pairs: Sequence[str]) -> dict[str, Any]:
-    """Values by key from KEY=VALUE, the values read as YAML.
-
-    Raises:
-        ValueError: no `=`, or a value that is no YAML.
-    """
-    import yaml
-
-    from bug_gym.config import parse_yaml  # loads pydantic
-    from bug_gym.schema.errors import shortened  # loads pydantic
-
-    found = {}
-    for pair in pairs:
-        key, equals, value = pair.partition("=")
-        if not key or not equals:
-            raise ValueError(f"got {pair!r}, expected KEY=VALUE, such as lidar.beams=180")
-        try:
-            found[key] = parse_yaml(value)
-        except yaml.YAMLError:
-            expected = "a value as YAML has it, such as 180, true or [0, 1]"
-            raise ValueError(f"got {shortened(pair, 300)}, expected {expected}") from None
-    return found
-
-
 def policy_entry(text: str) -> PolicyEntry:
     """A policy from NAME[:PARAMETER=VALUE...], which is also what tables call it."""
     from bug_gym.evaluation.entries import PolicyEntry  # loads the compiler
 
-    name, *pairs = re.split(r":(?=\w+=)", text)
-    return PolicyEntry(text, name, assignments(pairs))
+    return PolicyEntry.of(text)

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bug_gym.commands.arguments import add_overrides, assignments, policy_entry
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from bug_gym.evaluation.rows import EpisodeRow
+    from bug_gym.evaluation.summary import Summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,13 +20,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     task = parser.add_mutually_exclusive_group(required=True)
     task.add_argument("--suite", help="name or path of a suite")
     task.add_argument("--scenario", action="append", help="name or path of a scenario; may come several times")
-    parser.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: the suite's, or all)")
+    parser.add_argument(
+        "--policies",
+        help="NAME[:PARAMETER=VALUE...],..., a NAME also my_module:MyBug or my_bug.py:MyBug (default: the suite's, or all)",
+    )
     parser.add_argument("--episodes", type=int, help="worlds of each scenario (default: the suite's, or 50)")
     parser.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
-    parser.add_argument("--baseline", help="policy that the others are compared with (default: the first)")
+    parser.add_argument(
+        "--baseline",
+        help="policy that the others are compared with (default: the most successful one that does not read the map)",
+    )
+    parser.add_argument(
+        "--no-privileged", dest="privileged", action="store_false", help="leave out policies that read the map"
+    )
     parser.add_argument("--data", type=Path, help="somebody else's data that a suite needs")
-    parser.add_argument("--out", type=Path, help="folder for rows, summary and pictures; goes on with a run cut off")
+    parser.add_argument(
+        "--out", type=Path, help="folder for rows, summary, report and pictures; goes on with a run cut off"
+    )
+    parser.add_argument("--details", action="store_true", help="print all tables, and the paired differences")
     parser.add_argument(
         "--repair", action="store_true", help="drop lines of --out that stand there twice, or that this run cannot have"
     )
@@ -31,9 +50,9 @@ def run(options: argparse.Namespace) -> None:
     from rich.console import Console
 
     from bug_gym.evaluation import evaluate  # loads the compiler
-    from bug_gym.evaluation.report import print_differences, print_table  # loads the compiler
+    from bug_gym.evaluation.matrix import print_matrix  # loads the compiler
     from bug_gym.evaluation.suites import load_suite  # loads the compiler
-    from bug_gym.evaluation.summary import compare, summarise  # loads the compiler
+    from bug_gym.evaluation.summary import summarise  # loads the compiler
 
     rows = evaluate(
         [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
@@ -47,10 +66,36 @@ def run(options: argparse.Namespace) -> None:
         data=options.data,
         baseline=options.baseline,
         repair=options.repair,
+        privileged=options.privileged,
     )
-    console = Console()
-    print_table(summarise(rows), console)
-    print_differences(compare(rows, options.baseline or rows[0].policy), console)
+    console, summaries = Console(), summarise(rows)
+    print_matrix(summaries, console)
+    if options.details:
+        _print_details(rows, summaries, options.baseline, console)
+    _tell_files(options)
+
+
+def _print_details(rows: list[EpisodeRow], summaries: list[Summary], baseline: str | None, console: Console) -> None:
+    """Every table: those of the scenarios, the paired differences, and those of teams."""
+    from bug_gym.evaluation.report import print_differences, print_table, print_text_table  # loads the compiler
+    from bug_gym.evaluation.summary import compare, default_baseline  # loads the compiler
+    from bug_gym.evaluation.teams import team_differences, team_tables  # loads the compiler
+
+    baseline = baseline or default_baseline(rows)
+    print_table(summaries, console)
+    print_differences(compare(rows, baseline), console)
+    for table in (*team_tables(rows), *team_differences(rows, baseline)):
+        print_text_table(*table, console)
+
+
+def _tell_files(options: argparse.Namespace) -> None:
+    """How to see more, and where the files lie."""
+    from bug_gym.evaluation.page import PAGE  # loads the compiler
+
+    if not options.details:
+        files = "" if options.out else "; rows, summary and a report: --out FOLDER"
+        print(f"all tables and the differences between policies: --details{files}")
     if options.out:
         has_pictures = any(options.out.glob("pictures/*.png"))
+        print(f"report: {options.out / PAGE}")
         print(f"{'rows, summary and pictures' if has_pictures else 'rows and summary'}: {options.out}")

@@ -33,10 +33,11 @@ def _scenarios() -> list[tuple[str, str]]:
 
 
 def _policies() -> list[tuple[str, str]]:
-    from bug_gym.agents import AGENTS  # loads the compiler
+    from bug_gym.agents import known_agents  # loads the compiler
 
-    marks = {name: " (privileged: reads the map)" if agent.privileged else "" for name, agent in AGENTS.items()}
-    return [(name, f"{agent.family}; {agent.reference}{marks[name]}") for name, agent in AGENTS.items()]
+    known = known_agents()
+    marks = {name: " (privileged: reads the map)" if agent.privileged else "" for name, agent in known.items()}
+    return [(name, f"{agent.family}; {agent.reference}{marks[name]}") for name, agent in known.items()]
 
 
 def _suites() -> list[tuple[str, str]]:

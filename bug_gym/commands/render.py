@@ -45,5 +45,7 @@ def run(options: argparse.Namespace) -> None:
     print(out)
     for one in rollouts:
         info = one.simulation.info()
-        outcome, time, length = (info[name][0, 0] for name in ("outcome", "time", "path_length"))
-        print(f"  {one.entry.label}: {one.verdict() or outcome} after {time:.1f} s and {length:.2f} m")
+        for robot in range(one.simulation.robots):
+            outcome, time, length = (info[name][0, robot] for name in ("outcome", "time", "path_length"))
+            label = one.entry.label if one.simulation.robots == 1 else f"{one.entry.label}, robot_{robot}"
+            print(f"  {label}: {one.verdict() or outcome} after {time:.1f} s and {length:.2f} m")

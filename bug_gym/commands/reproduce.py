@@ -9,7 +9,7 @@ from pathlib import Path
 from bug_gym.commands.arguments import at_least_one
 from bug_gym.files import replaced_when_done, writable
 from bug_gym.reproductions import reproduction
-from bug_gym.reproductions.result import Settings
+from bug_gym.reproductions.result import Reproduction, Settings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +19,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--policies", help="NAME,... where a reproduction leaves the choice")
     parser.add_argument("--data", type=Path, help="somebody else's data that a reproduction needs")
     parser.add_argument("--workers", type=at_least_one, default=1, help="processes (default: 1)")
-    parser.add_argument("--out", type=Path, help="JSON to write, with the commit that made it; curves beside it as PNG")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="JSON to write, with the commit that made it; curves as PNG and a page as HTML beside it",
+    )
 
 
 def run(options: argparse.Namespace) -> None:
@@ -31,6 +35,8 @@ def run(options: argparse.Namespace) -> None:
 
     out = options.out and writable(options.out, [".json"])
     picture = out and writable(out.with_suffix(PNG))
+    if out:
+        writable(out.with_suffix(".html"))
     reproduce = reproduction(options.name)
     policies = tuple(options.policies.split(",")) if options.policies else ()
     result = reproduce(Settings(options.seeds, options.workers, options.data, progress=True, policies=policies))
@@ -49,5 +55,17 @@ def run(options: argparse.Namespace) -> None:
         with replaced_when_done(out) as partial:
             Path(partial).write_text(result.as_json(commit), encoding="utf-8")
         print(f"numbers: {out}")
+    if out and result.rows:
+        _write_page(out.with_suffix(".html"), result)
     if out and result.curves:  # after the numbers, which are not lost where matplotlib is missing
         draw_curves(picture, result.curves)
+
+
+def _write_page(path: Path, result: Reproduction) -> None:
+    """The page about the episodes of a reproduction."""
+    from bug_gym.evaluation.page import write_page  # loads the compiler
+    from bug_gym.evaluation.summary import compare, default_baseline, summarise  # loads the compiler
+
+    rows = result.rows
+    write_page(path, result.name, rows, summarise(rows), compare(rows, default_baseline(rows)))
+    print(f"report: {path}")

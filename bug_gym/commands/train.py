@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
-    with needed_from("train", "training"):
+    with needed_from("train", "training", whole=True):
         from bug_gym.agents.learning.training import train_seeds  # loads torch
     from bug_gym.agents.learning.settings import load_settings  # loads the compiler
 

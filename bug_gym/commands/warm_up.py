@@ -76,7 +76,9 @@ def _use_policies() -> Iterator[str]:
     from bug_gym.agents import AGENTS, playable_names  # loads the compiler
     from bug_gym.evaluation import evaluate  # loads the compiler
 
-    names = [name for name in playable_names() if not AGENTS[name].model]
+    names = [name for name in playable_names() if name in AGENTS and not AGENTS[name].model]
     for name in names:
         evaluate([name], ["dynamic", "terrain", "moving_target", "u_trap", "maze"], episodes=1)
+        if name == "d_star_lite":
+            evaluate([{"name": name, "label": "unknown terrain", "parameters": {"known": False}}], "maze", episodes=1)
         yield name

@@ -46,6 +46,7 @@ from bug_gym.worlds.barn import BarnWorld
 from bug_gym.worlds.beach import BeachWorld
 from bug_gym.worlds.corridor import CorridorWorld
 from bug_gym.worlds.crossing import CrossingWorld
+from bug_gym.worlds.dynabarn import DynaBarnWorld
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.explicit import ExplicitWorld
 from bug_gym.worlds.family import DrawnPlaces, Family
@@ -76,6 +77,7 @@ __all__ = [
     "Crowd",
     "Disc",
     "DrawnPlaces",
+    "DynaBarnWorld",
     "EXPECTED",
     "EmptyWorld",
     "Evade",

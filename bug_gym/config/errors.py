@@ -36,6 +36,9 @@ EXPECTED = {
 }
 """What is allowed, by pydantic's name of the error."""
 
+LONGEST_KEY = 80
+"""Characters of a key that are shown: an unknown one may be of any length."""
+
 P = TypeVar("P", bound=Part)
 
 
@@ -83,4 +86,5 @@ def _keys(location: tuple[int | str, ...]) -> list[str]:
     """The keys a reader sees: without the names of branches, which pydantic puts after the key of a union."""
     unions = ("world", "motion", "target_motion")
     pairs = zip(("", *location), location, strict=False)
-    return [str(item) for before, item in pairs if before not in unions and not str(item).startswith("<")]
+    shown = [str(item) for before, item in pairs if before not in unions and not str(item).startswith("<")]
+    return [key if len(key) <= LONGEST_KEY else f"{key[:LONGEST_KEY]}..." for key in shown]

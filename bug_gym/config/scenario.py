@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -41,6 +41,8 @@ class Scenario(Part):
     """Weights of the reward's terms."""
     robots: Robots = Robots()
     """How many robots."""
+    mission: Literal["all", "first"] = "all"
+    """Whether the mission ends when "all" robots' runs have ended, or for all with the "first" that arrives."""
 
     @property
     def digest(self) -> str:

@@ -44,12 +44,16 @@ OUTCOME_COLORS: dict[str, Color] = {
     "success": GOAL,
     "collision": (208, 44, 44),
     "timeout": (196, 128, 0),
+    "ended": FAINT,
 }
 
 LABEL_COLORS: dict[str, Color] = {
     "hit": (208, 44, 44),
     "leave": (28, 150, 92),
     "candidate": (120, 72, 190),
+    "attraction": (26, 148, 82),
+    "repulsion": (208, 44, 44),
+    "force": (32, 36, 48),
     "target": (193, 42, 120),
     "waypoint": (16, 140, 150),
     "nearest": (196, 128, 0),
@@ -64,6 +68,9 @@ LABEL_COLORS: dict[str, Color] = {
     "chosen": (20, 60, 200),
     "way": (20, 60, 200),
     "forecast": (193, 42, 120),
+    "to_goal": (208, 44, 44),
+    "open_point": (196, 128, 0),
+    "virtual": (193, 42, 120),
 }
 """Colours of the labels in a policy's Drawing; other labels take one of the robots' colours, always the same."""
 

@@ -228,7 +228,7 @@ class Canvas:
         return {robot: item for robot, item in enumerate(drawing) if item is not None}
 
     def _outcome(self) -> str:
-        """The outcome of all robots: the worst of them, running while one is."""
+        """The outcome of all robots: the worst of them, running while one is; of a mission that the first one ends, its."""
         names = {OUTCOMES[code] for code in self.simulation.world.outcome[self.row].tolist()}
         return next(name for name in ("running", "collision", "timeout", "success") if name in names)
 

@@ -1,8 +1,8 @@
 """Policies in the same worlds, measured: `evaluate` makes one row an episode and robot, paired by seed.
 
 A suite (configs/suites/*.yaml) names scenarios and seeds as data. A result folder holds manifest.json (what was asked),
-rows.jsonl (one row a line, in order of arrival), the summary and a picture of a typical episode for each policy and
-scenario. A run that was cut off goes on where it stopped: rows on disk are done.
+rows.jsonl (one row a line, in order of arrival), the summary, report.html and a picture of a typical episode for each
+policy and scenario. A run that was cut off goes on where it stopped: rows on disk are done.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from contextlib import ExitStack
 from typing import Any
 
 from bug_gym.checks import checked_count
+from bug_gym.evaluation.page import PAGE, write_page
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.report import write_summary
 from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.evaluation.summary import compare, summarise
+from bug_gym.evaluation.summary import compare, default_baseline, summarise
 from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds
 
 __all__ = ["evaluate", "make_plan"]
@@ -37,12 +38,14 @@ def evaluate(
     data: str | os.PathLike[str] | None = None,
     baseline: str | None = None,
     repair: bool = False,
+    privileged: bool = True,
 ) -> list[EpisodeRow]:
     """Drive policies through the same worlds and measure each episode.
 
     Args:
-        policies: a list of names, (label, name, parameters), dicts with those keys, or objects with `predict`; one
-            of them; or None for those of the suite, or all that are registered.
+        policies: a list of names with or without options (`bug2:turn=right`), Specs, paths of models, classes, "module:Class"
+            or "file.py:Class", (label, one of those, parameters), dicts with label, name and parameters, or objects with
+            `predict`; one of them; or None for those of the suite, or all that are registered.
         scenario_or_suite: a scenario or a list of them, each a name, path, dict or Scenario; or a suite, likewise.
         episodes: worlds of each scenario; None: as many as the suite says, 50 without one.
         seed: of the first world, the others count up; None: as the suite says, 0 without one.
@@ -52,8 +55,10 @@ def evaluate(
         overrides: values by dotted key that replace those of every scenario.
         progress: whether to show a bar on the terminal.
         data: path of the data that a suite needs and that is not part of this package.
-        baseline: label of the policy that the summary compares the others with; None: the first one.
+        baseline: label of the policy that the summary compares the others with; None: the most successful one that does
+            not read the map, see `summary.default_baseline`.
         repair: whether lines of `out` that this run cannot have, or has twice, are dropped; else they are an error.
+        privileged: whether policies that read the map take part; tables mark them.
 
     Returns:
         One row an episode and robot, by scenario, policy, seed and robot.
@@ -64,7 +69,15 @@ def evaluate(
     workers = checked_count("workers", workers)
     if repair and out is None:
         raise ValueError("got nothing to repair, expected a folder `out`")
-    plan = make_plan(policies, scenario_or_suite, episodes=episodes, seed=seed, overrides=overrides, data=data)
+    plan = make_plan(
+        policies,
+        scenario_or_suite,
+        episodes=episodes,
+        seed=seed,
+        overrides=overrides,
+        data=data,
+        privileged=privileged,
+    )
     labels = [policy.label for policy in plan.policies]
     if baseline is not None and baseline not in labels:
         raise ValueError(f"baseline must be one of {', '.join(labels)}, came {baseline!r}")
@@ -80,7 +93,10 @@ def evaluate(
             rows.extend(world)
         rows = _in_order(plan, rows)
         if folder is not None:
-            write_summary(folder.path, rows, summarise(rows), compare(rows, baseline or rows[0].policy))
+            summaries, differences = summarise(rows), compare(rows, baseline or default_baseline(rows))
+            write_summary(folder.path, rows, summaries, differences)
+            title = plan.suite or ", ".join(entry.label for entry in plan.scenarios)
+            write_page(folder.path / PAGE, title, rows, summaries, differences)
             draw_typical(plan, rows, folder.path / "pictures", workers, track)
     return rows
 

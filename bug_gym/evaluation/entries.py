@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from types import NoneType
 from typing import Any
 
-from bug_gym.agents import make_policy
+from bug_gym.agents import Spec, make_policy, outside_reference, reads_map
+from bug_gym.agents.outside import code_digest, imported_class, is_object, reference_of, required_policy
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import Policy
 from bug_gym.simulation import Simulation
 
+EXPECTED = (
+    "a name, a Spec, a path, a class, (label, name, parameters), a dict with those keys, or an object with predict"
+)
+
 
 @dataclass(frozen=True)
 class PolicyEntry:
-    """A policy to evaluate: a name of the table with parameters, or an object that has `predict`."""
+    """A policy to evaluate: a name or a class with parameters, or an object that has `predict`."""
 
     label: str
     """What tables call it."""
@@ -25,10 +33,18 @@ class PolicyEntry:
     """The algorithm's own parameters."""
     policy: Policy | None = None
     """The object, where there is one."""
+    policy_class: type[Any] | None = None
+    """The class, where it was given itself."""
+    reference: str = ""
+    """Where the class of a name from outside is found by a process that nothing was registered in."""
 
     @classmethod
     def of(cls, source: Any) -> PolicyEntry:
-        """An entry from a name, (label, name, parameters), a dict with those keys, or an object with or without label.
+        """An entry from whatever names a policy, with or without label and parameters.
+
+        Args:
+            source: text NAME[:PARAMETER=VALUE...], a Spec, a path, a class, (label, one of those, parameters), a dict
+                with label, name and parameters, or an object with `predict`, or (label, object).
 
         Raises:
             ValueError: nothing of the kind.
@@ -36,22 +52,70 @@ class PolicyEntry:
         if isinstance(source, cls):
             return source
         if isinstance(source, SuitePolicy):
-            return cls(source.label or source.name, source.name, source.parameters)
-        if isinstance(source, (str, Mapping)):
+            return cls._labelled(source.label or source.name, source.name, source.parameters)
+        if isinstance(source, Mapping):
             return cls.of(checked(SuitePolicy, source, "policy"))
-        if isinstance(source, tuple) and len(source) in (2, 3) and isinstance(source[1], str):
-            return cls.of(dict(zip(("label", "name", "parameters"), source, strict=False)))
-        label, policy = source if isinstance(source, tuple) and len(source) == 2 else (type(source).__name__, source)
-        if not callable(getattr(policy, "predict", None)):
-            expected = "a name, (label, name, parameters), a dict with those keys, or an object with predict"
-            raise ValueError(f"got {source!r} as a policy, expected {expected}")
-        return cls(label, type(policy).__qualname__, policy=policy)
+        if isinstance(source, tuple) and len(source) in (2, 3):
+            if isinstance(source[1], str):
+                return cls.of(dict(zip(("label", "name", "parameters"), source, strict=False)))
+            return cls._labelled(*source)
+        return cls._labelled(source if isinstance(source, str) else "", source)
+
+    @classmethod
+    def _labelled(cls, label: str, source: Any, parameters: Mapping[str, Any] | None = None) -> PolicyEntry:
+        """An entry; without a label it gets its name, and the options that tell it from others."""
+        spec = Spec.of(source)
+        if not isinstance(parameters, (Mapping, NoneType)):
+            raise ValueError(f"got {parameters!r} as a policy's parameters, expected a dict of values by name")
+        name, options = spec.name, {**spec.options, **(parameters or {})}
+        if is_object(name):
+            if options:
+                raise ValueError(f"a policy that is made already takes no parameters, got {', '.join(options)}")
+            return cls(label or type(name).__name__, type(name).__qualname__, policy=name)
+        if isinstance(name, type):
+            policy_class = required_policy(name, reference_of(name))
+            return cls(label or name.__name__, reference_of(name), options, policy_class=policy_class)
+        if isinstance(name, Path):
+            name = str(name) if os.sep in str(name) else f".{os.sep}{name}"
+        if not isinstance(name, str):
+            raise ValueError(f"got {name!r} as a policy, expected {EXPECTED}")
+        told = ":".join([name, *(f"{key}={value}" for key, value in options.items())])
+        return cls(label or told, name, options, reference=outside_reference(name))
+
+    @property
+    def is_privileged(self) -> bool:
+        """Whether the policy reads the world's map."""
+        if self.policy is not None:
+            return bool(getattr(self.policy, "privileged", False))
+        return reads_map(self._made_of, self.parameters)
+
+    @property
+    def code(self) -> str:
+        """Digest of the file of a policy from outside; "" where there is none, and for the package's own."""
+        policy_class = imported_class(self.reference) if self.reference else self.policy_class
+        return "" if policy_class is None else code_digest(policy_class)
+
+    @property
+    def is_nameless(self) -> bool:
+        """Whether nobody can tell later whether a policy is the same: an object, or a class without a file."""
+        return self.policy is not None or (self.policy_class is not None and not self.code)
+
+    @property
+    def _made_of(self) -> Any:
+        return self.policy_class or self.reference or self.name
 
     def make(self, simulation: Simulation) -> Policy:
-        """The policy for the robots of a simulation."""
+        """The policy for the robots of a simulation.
+
+        Raises:
+            ValueError: an object that reads the map of another env.
+        """
         if self.policy is not None:
+            if getattr(self.policy, "maps", None) is not None:
+                expected = "give its name and parameters instead"
+                raise ValueError(f"{self.label}: a planner reads the map of the env that it was made with: {expected}")
             return self.policy
-        return make_policy(self.name, simulation, **self.parameters)
+        return make_policy(self._made_of, simulation, **self.parameters)
 
 
 @dataclass(frozen=True)

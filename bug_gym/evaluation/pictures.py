@@ -27,7 +27,7 @@ def portrait(rollout: Rollout, canvas: Canvas) -> Frame:
     while not rollout.is_over:
         rollout.advance()
         canvas.record()
-    return canvas.draw(rollout.drawings(), scan=False, note=rollout.verdict())
+    return canvas.draw(rollout.drawings(), scan=False, note=rollout.note())
 
 
 def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True) -> Iterator[Frame]:
@@ -44,13 +44,13 @@ def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True)
     """
     if every < 1:
         raise ValueError(f"every must be at least 1, got {every}")
-    yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())
+    yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
     while not rollout.is_over:
         for _ in range(every):
             if not rollout.is_over:
                 rollout.advance()
                 canvas.record()
-        yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict())
+        yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
 
 
 class _Picture(NamedTuple):

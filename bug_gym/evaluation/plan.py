@@ -10,16 +10,18 @@ import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import bug_gym
-from bug_gym.agents import playable_names
+from bug_gym.agents import Spec, playable_names
 from bug_gym.config import ScenarioError, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
+from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.policy import MisfitError
 
@@ -57,7 +59,14 @@ class Plan:
             }
             for entry in self.scenarios
         }
-        policies = {entry.label: {"name": entry.name, "parameters": dict(entry.parameters)} for entry in self.policies}
+        policies = {
+            entry.label: {
+                "name": entry.name,
+                "parameters": dict(entry.parameters),
+                **({"code": code} if (code := entry.code) else {}),
+            }
+            for entry in self.policies
+        }
         versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
         versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
         manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions}
@@ -75,11 +84,13 @@ def make_plan(
     seed: int | None = None,
     overrides: Mapping[str, Any] | None = None,
     data: str | os.PathLike[str] | None = None,
+    privileged: bool = True,
 ) -> Plan:
     """What to evaluate, from the arguments of `evaluate`, each policy tried once in each scenario.
 
     Raises:
-        ValueError: an unknown name, a label that comes twice, or a policy that fits none of the scenarios.
+        ValueError: an unknown name, a label that comes twice, a policy that fits none of the scenarios, or only some that
+            read the map where those are left out.
     """
     suite, name = as_suite(scenario_or_suite)
     scenarios, found = [], suite.overrides(data)
@@ -101,11 +112,16 @@ def make_plan(
         policies = playable_names()
     elif policies is None:
         policies = suite.policies
-    elif isinstance(policies, (str, Mapping)) or hasattr(policies, "predict"):
+    elif isinstance(policies, (str, Path, Mapping, Spec)) or hasattr(policies, "predict"):
         policies = [policies]
     entries = [PolicyEntry.of(policy) for policy in policies]
     if not entries:
         raise ValueError("no policies to evaluate")
+    if not privileged:
+        asked = [entry.label for entry in entries]
+        entries = [entry for entry in entries if not entry.is_privileged]
+        if not entries:
+            raise ValueError(f"expected a policy that does not read the map, got {', '.join(asked)}")
     _require_room(scenarios, len(entries))
     _require_distinct("scenarios", [entry.label for entry in scenarios])
     _require_distinct("policies", [entry.label for entry in entries])
@@ -150,7 +166,7 @@ def _try_out(
                 continue
             rollout.advance()
             if is_privileged(rollout.policy):
-                labelled[number] = replace(entry, label=f"{entry.label} (privileged)")
+                labelled[number] = replace(entry, label=f"{entry.label}{PRIVILEGED}")
         if misfits := [policy for policy, label in left_out if label == scenario.label]:
             logger.warning("%s is not for the robot of: %s", scenario.label, ", ".join(misfits))
     return labelled, left_out

@@ -33,6 +33,8 @@ class ManifestPolicy(Part):
     """Name that `make_policy` takes, or the class of an object."""
     parameters: dict[str, Any]
     """The algorithm's own parameters."""
+    code: str = ""
+    """Digest of the file of a policy from outside."""
 
 
 class Manifest(Part):

@@ -16,25 +16,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bug_gym.drawing.clips import PNG
-from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.matrix import percent, told_interval
+from bug_gym.evaluation.rows import EpisodeRow, json_fields
 from bug_gym.evaluation.summary import OVERALL, PairedDifference, Summary
+from bug_gym.evaluation.teams import TeamRow, team_differences, team_rows, team_tables
 from bug_gym.files import replaced_when_done, writable
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-_NOTHING = "–"
+NOTHING = "–"
 """Stands where nothing was measured."""
 
 _COUNT = "n"
 """Name of the column with the number of episodes."""
-
-
-def _success(summary: Summary) -> str:
-    share, low, high = (
-        _percent(share, summary.n) for share in (summary.success, summary.success_low, summary.success_high)
-    )
-    return f"{share} [{low}, {high}]"
 
 
 def _iqm(summary: Summary) -> str:
@@ -45,7 +40,7 @@ def _iqm(summary: Summary) -> str:
 
 def _gave_up(summary: Summary) -> str:
     verdicts = ", ".join(f"{verdict or 'no verdict'} {count}" for verdict, count in summary.verdicts.items())
-    return f"{_percent(summary.gave_up, summary.n)} ({verdicts})" if verdicts else _NOTHING
+    return f"{percent(summary.gave_up, summary.n)} ({verdicts})" if verdicts else NOTHING
 
 
 class _Column(NamedTuple):
@@ -56,17 +51,17 @@ class _Column(NamedTuple):
     on_screen: bool = True
 
 
-_COLUMNS = (
+COLUMNS = (
     _Column("policy", lambda summary: summary.policy),
     _Column(_COUNT, lambda summary: str(summary.n)),
-    _Column("success [%]", _success),
+    _Column("success [%]", told_interval),
     _Column("SPL", lambda summary: _number(summary.spl, 2)),
     _Column("SPL, IQM", _iqm, on_screen=False),
     _Column("path / shortest", lambda summary: _number(summary.path_ratio, 2)),
     _Column("earliest / time", lambda summary: _number(summary.time_ratio, 2)),
     _Column("time [s]", lambda summary: _number(summary.time, 1)),
-    _Column("collided [%]", lambda summary: _percent(summary.collision, summary.n)),
-    _Column("timeouts [%]", lambda summary: _percent(summary.timeout, summary.n), on_screen=False),
+    _Column("collided [%]", lambda summary: percent(summary.collision, summary.n)),
+    _Column("timeouts [%]", lambda summary: percent(summary.timeout, summary.n), on_screen=False),
     _Column("gave up [%]", _gave_up, on_screen=False),
     _Column("decision [ms]", lambda summary: _number(1000.0 * summary.decision_time, 3)),
 )
@@ -82,7 +77,7 @@ class _Measure(NamedTuple):
     on_screen: bool = True
 
 
-_MEASURES = (
+MEASURES = (
     _Measure("success", "success [%]", 100.0, 1),
     _Measure("spl", "SPL", 1.0, 2),
     _Measure("time_ratio", "earliest / time", 1.0, 2),
@@ -101,7 +96,7 @@ def print_table(summaries: Sequence[Summary], console: "Console") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    for title, header, lines in _tables(summaries, [column for column in _COLUMNS if column.on_screen]):
+    for title, header, lines in summary_tables(summaries, [column for column in COLUMNS if column.on_screen]):
         counts = {line[header.index(_COUNT)] for line in lines}
         if len(counts) == 1:
             title = f"{title}, {counts.pop()} episodes a policy"
@@ -126,9 +121,7 @@ def _without(cells: Sequence[str], number: int) -> list[str]:
 
 def print_differences(differences: Sequence[PairedDifference], console: "Console") -> None:
     """Print a table of the differences to the baseline, see `summary.compare`; nothing where there are none."""
-    for title, header, lines in _difference_tables(
-        differences, [measure for measure in _MEASURES if measure.on_screen]
-    ):
+    for title, header, lines in difference_tables(differences, [measure for measure in MEASURES if measure.on_screen]):
         print_text_table(title, header, lines, console)
 
 
@@ -167,6 +160,10 @@ class Lines(Protocol):
         """What y is, with its unit."""
 
     @property
+    def y_range(self) -> tuple[float, float]:
+        """Where the y axis begins and ends."""
+
+    @property
     def x(self) -> Sequence[float]:
         """The values of x."""
 
@@ -202,7 +199,7 @@ def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
             axes.plot(places, middle, dashes, color=COLORS[color], marker=marker, label=name)
             axes.fill_between(places, low, high, color=COLORS[color], alpha=0.3 / len(names))
         axes.set_xticks(list(places), [f"{value:g}" for value in one.x])
-        axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=(-0.02, 1.02))
+        axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=one.y_range)
     known = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
     handles = {name: handle for handle, name in reversed(known)}
     figure.legend([handles[name] for name in names], names, loc="outside right center", fontsize="small")
@@ -219,14 +216,16 @@ def write_summary(
     """Write summary.json (with the rows behind it), summary.csv, differences.csv and summary.md into a folder.
 
     The folder is made where it is missing. The JSON is strict: NaN is null, infinity the string "inf"; the CSV leaves a
-    cell empty for NaN.
+    cell empty for NaN. Where robots share a world, teams.csv has a row an episode of all of them.
     """
     contents = {
         "summary.json": _json(rows, summaries, differences),
         "summary.csv": _csv(Summary, [_flat(summary) for summary in summaries]),
         "differences.csv": _csv(PairedDifference, [difference.as_dict() for difference in differences]),
-        "summary.md": _markdown(summaries, differences),
+        "summary.md": _markdown(summaries, differences, rows),
     }
+    if teams := team_rows(rows):
+        contents["teams.csv"] = _csv(TeamRow, [json_fields(row) for row in teams])
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     for name, text in contents.items():
@@ -234,7 +233,9 @@ def write_summary(
             partial.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _tables(summaries: Sequence[Summary], columns: Sequence[_Column]) -> list[tuple[str, list[str], list[list[str]]]]:
+def summary_tables(
+    summaries: Sequence[Summary], columns: Sequence[_Column] = COLUMNS
+) -> list[tuple[str, list[str], list[list[str]]]]:
     """Title, header and lines of each table; a column in which nothing was measured is left out."""
     if not summaries:
         raise ValueError("no summaries to report")
@@ -246,13 +247,13 @@ def _tables(summaries: Sequence[Summary], columns: Sequence[_Column]) -> list[tu
     tables = []
     for scenario, members in by_scenario.items():
         filled = [[column.name, *(column.cell(member) for member in members)] for column in columns]
-        measured = [texts for texts in filled if any(text != _NOTHING for text in texts[1:])]
+        measured = [texts for texts in filled if any(text != NOTHING for text in texts[1:])]
         header, *lines = (list(line) for line in zip(*measured, strict=True))
         tables.append(("all scenarios" if scenario == OVERALL else scenario, header, lines))
     return tables
 
 
-def _difference_tables(
+def difference_tables(
     differences: Sequence[PairedDifference], measures: Sequence[_Measure]
 ) -> list[tuple[str, list[str], list[list[str]]]]:
     """Title, header and lines of the table of differences, one or none; a column without a value is left out."""
@@ -267,7 +268,7 @@ def _difference_tables(
         *([one.name, *(_difference(by_key[policy, one.field], one) for policy in policies)] for one in measures),
     ]
     filled.insert(3, ["p", *(f"{share.p_value:.2g}" for share in shares)])
-    measured = [texts for texts in filled if any(text != _NOTHING for text in texts[1:])]
+    measured = [texts for texts in filled if any(text != NOTHING for text in texts[1:])]
     header, *lines = (list(line) for line in zip(*measured, strict=True))
     return [(f"difference to {differences[0].baseline} in the same worlds", header, lines)]
 
@@ -277,7 +278,7 @@ def _difference(difference: PairedDifference, measure: _Measure) -> str:
         f"{measure.scale * value:+.{measure.digits}f}" for value in (difference.mean, difference.low, difference.high)
     )
     if isnan(difference.mean):
-        return _NOTHING
+        return NOTHING
     return mean if isnan(difference.low) else f"{mean} [{low}, {high}]"
 
 
@@ -296,7 +297,7 @@ def _flat(summary: Summary) -> dict[str, Any]:
     return {**summary.as_dict(), "verdicts": verdicts}
 
 
-def _csv(kind: type[Summary] | type[PairedDifference], records: Sequence[Mapping[str, Any]]) -> str:
+def _csv(kind: type[Summary] | type[PairedDifference] | type[TeamRow], records: Sequence[Mapping[str, Any]]) -> str:
     """One line a record, under the names of the fields."""
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=[field.name for field in fields(kind)], lineterminator="\n")
@@ -305,13 +306,16 @@ def _csv(kind: type[Summary] | type[PairedDifference], records: Sequence[Mapping
     return text.getvalue()
 
 
-def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifference]) -> str:
+def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifference], rows: Sequence[EpisodeRow]) -> str:
     parts = [
         "# Summary",
         "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
         "over pairs with a bootstrap interval; p is of the exact McNemar test on success.",
     ]
-    for title, header, lines in [*_tables(summaries, _COLUMNS), *_difference_tables(differences, _MEASURES)]:
+    tables = [*summary_tables(summaries), *difference_tables(differences, MEASURES)]
+    baseline = differences[0].baseline if differences else rows[0].policy if rows else ""
+    teams = [*team_tables(rows), *team_differences(rows, baseline)]
+    for title, header, lines in [*tables, *teams]:
         rule = [":--", *("--:" for _ in header[1:])]
         table = "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, rule, *lines))
         parts += [f"## {title}", table]
@@ -324,9 +328,4 @@ def _escape(cell: str) -> str:
 
 
 def _number(value: float, digits: int) -> str:
-    return _NOTHING if isnan(value) else f"{value:.{digits}f}"
-
-
-def _percent(share: float, n: int) -> str:
-    """A share of n episodes in percent, with a decimal where rounding would hide a single episode."""
-    return f"{100.0 * share:.{int(n >= 200)}f}"
+    return NOTHING if isnan(value) else f"{value:.{digits}f}"

@@ -114,10 +114,10 @@ class ResultFolder:
         except ValueError as error:
             raise ValueError(f"{path} is damaged: {error}") from None
         checked(Manifest, there, f"{path} is damaged")
-        differences = list(_differences(there, manifest))
-        if differences:
-            raise ValueError(f"{self.path} holds another run: {'; '.join(differences[:3])}")
-        objects = [policy.label for policy in self._plan.policies if policy.policy is not None]
+        changes = list(differences(there, manifest))
+        if changes:
+            raise ValueError(f"{self.path} holds another run: {'; '.join(changes[:3])}")
+        objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
             raise ValueError(f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object")
 
@@ -287,11 +287,11 @@ def _line(record: Mapping[str, Any]) -> str:
     return json.dumps(record, allow_nan=False) + "\n"
 
 
-def _differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
+def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
     """What differs between a manifest on disk and ours, by dotted key."""
     if isinstance(there, dict) and isinstance(here, dict):
         for name in dict.fromkeys([*there, *here]):
-            yield from _differences(there.get(name), here.get(name), f"{key}.{name}".lstrip("."))
+            yield from differences(there.get(name), here.get(name), f"{key}.{name}".lstrip("."))
     elif there != here:
         texts = ("missing" if value is None else json.dumps(value) for value in (there, here))
         was, now = (text if len(text) <= 60 else f"{text[:57]}..." for text in texts)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import gymnasium as gym
 import numpy as np
@@ -20,18 +20,31 @@ from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_a
 from bug_gym.geometry import F32
 from bug_gym.observation import Field as ObservationField
 from bug_gym.observation import as_dict
-from bug_gym.policy import Drawing, Policy
+from bug_gym.policy import Drawing, Policy, ScriptedPolicy
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
+from bug_gym.team_policy import TeamPolicy
 from bug_gym.view import Sensors
 
 SLOTS = 16
 """Worlds that one simulation drives side by side."""
 
+STANDING = 0.01
+"""A robot that is nowhere farther than this from where it ended has stood there [m]."""
+
 
 def is_privileged(policy: Policy) -> bool:
     """Whether a policy reads the world's map."""
     return bool(getattr(policy, "privileged", False))
+
+
+@runtime_checkable
+class Planner(Policy, Protocol):
+    """A policy that is told whose map it reads."""
+
+    def begin(self, robot: int) -> Any:
+        """Memory of the episode that a robot has begun, the robots of the simulation numbered row by row."""
+        ...
 
 
 class _OneByOne:
@@ -42,7 +55,7 @@ class _OneByOne:
         self._memories: list[tuple[Any, ...] | None] = [None] * robots
 
     def begin(self, robot: int) -> None:
-        self._memories[robot] = None
+        self._memories[robot] = (self._policy.begin(robot),) if isinstance(self._policy, Planner) else None
 
     def memory(self, robot: int) -> Any:
         memories = self._memories[robot]
@@ -88,6 +101,67 @@ class _AllAtOnce:
         return actions[robots], [share] * len(robots)
 
 
+class _Together:
+    """Asks a team world by world; a robot whose run has ended does not answer any more."""
+
+    def __init__(self, policy: TeamPolicy, worlds: int) -> None:
+        self._policy = policy
+        self._memories = policy.started(worlds)
+
+    def begin(self, robot: int) -> None:
+        robots = self._policy.robots
+        if robot % robots == 0:  # the robots of a world begin together
+            self._memories[robot : robot + robots] = self._policy.started(1)
+
+    def memory(self, robot: int) -> Any:
+        return self._memories[robot]
+
+    def decide(self, observation: F32, robots: NDArray[np.int64]) -> tuple[NDArray[Any], list[float]]:
+        """Actions (k, ...) of some robots and each one's share of the time that its team took [s]."""
+        count = self._policy.robots
+        actions: dict[int, NDArray[Any]] = {}
+        seconds: dict[int, float] = {}
+        for first in np.unique(robots // count * count).tolist():
+            deciding = [robot for robot in range(first, first + count) if robot in set(robots.tolist())]
+            seen = [observation[robot] if robot in deciding else None for robot in range(first, first + count)]
+            begin = perf_counter()
+            decided = self._policy.decide(seen, self._memories[first : first + count])
+            share = (perf_counter() - begin) / len(deciding)
+            actions |= {robot: decided[robot - first] for robot in deciding}
+            seconds |= dict.fromkeys(deciding, share)
+        return np.stack([actions[robot] for robot in robots.tolist()]), [seconds[robot] for robot in robots.tolist()]
+
+
+Driver = _OneByOne | _AllAtOnce | _Together
+
+
+def prepared(
+    make: Callable[[Simulation], Policy], scenario: ScenarioEntry, slots: int, *, at_once: bool = False
+) -> tuple[Simulation, Policy, Driver]:
+    """Worlds, a policy for their robots, and who asks it.
+
+    Args:
+        make: gives the policy for the robots of a simulation.
+        scenario: the scenario.
+        slots: how many worlds. A policy that reads the map, and has no `begin`, gets one: it has to know whose map it
+            reads.
+        at_once: whether to ask one that is not scripted for all robots in one call, where no decision's time is asked for.
+    """
+    simulation = Simulation(scenario.scenario, slots)
+    policy = make(simulation)
+    is_told = not is_privileged(policy) or isinstance(policy, Planner)
+    if not is_told and simulation.count > 1:
+        simulation = Simulation(scenario.scenario)
+        policy = make(simulation)
+    robots = simulation.count * simulation.robots
+    if isinstance(policy, TeamPolicy):
+        return simulation, policy, _Together(policy, simulation.count)
+    one_by_one = getattr(policy, "one_by_one", False) and (isinstance(policy, ScriptedPolicy) or not at_once)
+    if one_by_one and is_told:
+        return simulation, policy, _OneByOne(policy, robots)
+    return simulation, policy, _AllAtOnce(policy, robots, simulation.fields)
+
+
 @dataclass
 class _Trace:
     """What is kept of one robot's episode while it runs."""
@@ -98,6 +172,8 @@ class _Trace:
     """Places of a moving goal x, y [m], likewise."""
     seconds: list[float]
     """Time of each decision [s]."""
+    gap: float = math.inf
+    """Smallest distance to another robot [m]."""
 
 
 class Rollout:
@@ -111,7 +187,8 @@ class Rollout:
         scenario: the scenario.
         seeds: one a world.
         lengths: shortest paths that are known.
-        slots: how many worlds at a time. A policy that reads the map gets one: it has to know whose map it reads.
+        slots: how many worlds at a time. A policy that reads the map, and has no `begin`, gets one: it has to know whose
+            map it reads.
     """
 
     def __init__(
@@ -125,18 +202,8 @@ class Rollout:
     ) -> None:
         self.entry, self.scenario = entry, scenario
         self._lengths = lengths or {}
-        self.simulation = Simulation(scenario.scenario, min(slots, len(seeds)))
-        self.policy = entry.make(self.simulation)
-        if is_privileged(self.policy) and self.simulation.count > 1:
-            self.simulation = Simulation(scenario.scenario)
-            self.policy = entry.make(self.simulation)
+        self.simulation, self.policy, self._driver = prepared(entry.make, scenario, min(slots, len(seeds)))
         count, robots = self.simulation.count, self.simulation.robots
-        one_by_one = getattr(self.policy, "one_by_one", False) and not is_privileged(self.policy)
-        self._driver: _OneByOne | _AllAtOnce = (
-            _OneByOne(self.policy, count * robots)
-            if one_by_one
-            else _AllAtOnce(self.policy, count * robots, self.simulation.fields)
-        )
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
@@ -165,6 +232,11 @@ class Rollout:
         """What the policy has decided in the first row, "" where nothing."""
         verdicts = [getattr(self.memory(robot), "verdict", "") for robot in range(self.simulation.robots)]
         return ", ".join(dict.fromkeys(filter(None, verdicts)))
+
+    def note(self) -> str:
+        """What a picture says of the first row: the verdict, or the states of robots that share a world."""
+        modes = [getattr(self.memory(robot), "mode", "") for robot in range(self.simulation.robots)]
+        return self.verdict() or (" / ".join(mode.replace("_", " ") for mode in modes) if len(modes) > 1 else "")
 
     def worlds(self) -> Iterator[list[EpisodeRow]]:
         """Drives to the end; yields the rows of each world, one a robot, as it ends."""
@@ -213,6 +285,17 @@ class Rollout:
             trace.points.append(places[robot])
             if goals is not None:
                 trace.goals.append(goals[robot])
+        if self.simulation.robots > 1:
+            gaps = self._gaps()
+            for robot in robots:
+                self._traces[robot].gap = min(self._traces[robot].gap, gaps[robot])
+
+    def _gaps(self) -> list[float]:
+        """Distance of each robot to the nearest other one of its world, centre to centre [m]."""
+        places = self.simulation.world.pose[:, :, :2]
+        gaps = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
+        gaps[:, np.arange(self.simulation.robots), np.arange(self.simulation.robots)] = np.inf
+        return list(gaps.min(axis=2).ravel().tolist())
 
     def _step(self) -> None:
         count, robots = self.simulation.count, self.simulation.robots
@@ -232,6 +315,7 @@ class Rollout:
         shortest = lengths[number] if lengths else math.nan
         turns, turning = turns_and_turning(trace.points)
         success = outcome == "success"
+        memory = self.memory(robot)
         self._ended[row].append(
             EpisodeRow(
                 policy=self.entry.label,
@@ -255,8 +339,19 @@ class Rollout:
                 decision_time_mean=float(np.mean(trace.seconds)),
                 decision_time_p99=float(np.percentile(trace.seconds, 99.0)),
                 decision_time_total=math.fsum(trace.seconds),
+                robots_gap=trace.gap,
+                holds=int(getattr(memory, "holds", 0)),
+                held_time=float(getattr(memory, "held", 0.0)),
+                standing_time=self._standing_time(trace) if self.simulation.robots > 1 else 0.0,
             )
         )
+
+    def _standing_time(self, trace: _Trace) -> float:
+        """How long a robot has not moved [s]."""
+        points = np.array(trace.points)
+        moved = np.flatnonzero(np.hypot(*(points - points[-1]).T) > STANDING)
+        steps = len(points) - 1 - (moved[-1] if len(moved) else 0)
+        return float(steps * self.scenario.scenario.time.step)
 
     def _time_ratio(self, trace: _Trace, time: float) -> float:
         """Earliest time of meeting the moving goal on a straight run, over the time taken."""

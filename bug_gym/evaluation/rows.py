@@ -5,7 +5,7 @@ paths are simplified by the rule of Douglas and Peucker 1973. What many rows say
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from math import inf, isfinite, isinf, isnan, nan, radians
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +17,9 @@ from bug_gym.geometry import F64
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-OUTCOMES = ("success", "collision", "timeout", "gave_up")
+OUTCOMES = ("success", "collision", "timeout", "ended", "gave_up")
 _MAY_BE_NAN = {"shortest_path_length", "spl", "time_ratio"}
-_MAY_BE_INFINITE = {"shortest_path_length", "time_ratio", "min_clearance"}
+_MAY_BE_INFINITE = {"shortest_path_length", "time_ratio", "min_clearance", "robots_gap"}
 
 _TURN_TOLERANCE = 0.05
 """How far a path may stray from its simplification [m]: above odometry jitter, below a robot's radius."""
@@ -73,6 +73,15 @@ class EpisodeRow:
     """99th percentile of the time of a decision [s]."""
     decision_time_total: float
     """Time of all decisions together [s]."""
+    # Of robots that share their world; a row of a robot alone leaves them out.
+    robots_gap: float = inf
+    """Smallest distance to another robot, centre to centre [m]; inf for a robot alone."""
+    holds: int = 0
+    """How often it stopped for a partner to pass."""
+    held_time: float = 0.0
+    """How long it stood so [s]."""
+    standing_time: float = 0.0
+    """How long it had not moved when its run ended [s]."""
 
     def __post_init__(self) -> None:
         """Refuse what no episode can have."""
@@ -87,23 +96,27 @@ class EpisodeRow:
 
     def as_dict(self) -> dict[str, Any]:
         """Fields in order, fit for strict JSON: NaN is None (null), infinity is the string "inf"."""
-        return json_fields(self)
+        alone = isinf(self.robots_gap)
+        return {name: value for name, value in json_fields(self).items() if not (alone and name in AMONG_ROBOTS)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "EpisodeRow":
         """Undo `as_dict`, after a journey through JSON too: all keys and no others, types checked."""
         if not isinstance(data, Mapping):
             raise ValueError(f"a row must be a mapping, came {data!r}")
-        missing = [name for name in FIELD_TYPES if name not in data]
+        missing = [name for name in FIELD_TYPES if name not in data and name not in AMONG_ROBOTS]
         unknown = [name for name in data if name not in FIELD_TYPES]
         if missing or unknown:
             raise ValueError(f"a row needs the keys {', '.join(FIELD_TYPES)}; missing: {missing}, unknown: {unknown}")
-        floats = {name: _float_of(data[name]) for name, kind in FIELD_TYPES.items() if kind is float}
+        floats = {name: _float_of(data[name]) for name, kind in FIELD_TYPES.items() if kind is float and name in data}
         return cls(**{**data, **floats})
 
 
 FIELD_TYPES: dict[str, Any] = {field.name: field.type for field in fields(EpisodeRow)}
 """Name and type of each field of a row, in order."""
+
+AMONG_ROBOTS = tuple(field.name for field in fields(EpisodeRow) if field.default is not MISSING)
+"""Fields that say something of robots that share their world only."""
 
 
 def json_fields(record: "DataclassInstance") -> dict[str, Any]:

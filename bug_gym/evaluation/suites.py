@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from bug_gym.agents.outside import Spec, is_reference
 from bug_gym.config import Scenario, ScenarioError, checked, dump, expanded, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
+from bug_gym.schema.errors import wrong
 from bug_gym.schema.values import AtLeastOne, Count, Episodes, Part
 
 SUITE_FOLDER = Path(__file__).parents[1] / "configs" / "suites"
@@ -86,6 +88,16 @@ class Suite(Part):
     """Seeds of each scenario that has none of its own."""
     data: SuiteData | None = None
     """Data that it needs; none: all is here."""
+
+    @field_validator("policies")
+    @classmethod
+    def _data_runs_no_code(cls, policies: tuple[SuitePolicy, ...]) -> tuple[SuitePolicy, ...]:
+        for policy in policies:
+            spec = Spec.of(policy.name)
+            if is_reference(spec.name) or "trust" in {*spec.options, *policy.parameters}:
+                expected = "policies that run no code: the one who evaluates names and trusts it (--policies), not data"
+                raise wrong(f"got {policy.name!r}, expected {expected}")
+        return policies
 
     def overrides(self, data: str | os.PathLike[str] | None) -> dict[str, Any]:
         """Where the scenarios find the data at a path, as values by dotted key.

@@ -24,6 +24,9 @@ from bug_gym.intervals import (
 OVERALL = "(all)"
 """Stands where a scenario's name would, in a summary over all scenarios."""
 
+PRIVILEGED = " (privileged)"
+"""How the label of a policy ends that reads the map."""
+
 COMPARED = ("success", "spl", "time_ratio", "path_length", "time", "min_clearance")
 """Fields that `compare` compares."""
 _ON_SUCCESS = {"time", "steps", "path_length", "time_ratio", "min_clearance", "turns", "total_turning"}
@@ -64,6 +67,8 @@ class Summary:
     """Share of collisions."""
     timeout: float
     """Share of timeouts."""
+    ended: float
+    """Share of runs that the arrival of another robot ended."""
     gave_up: float
     """Share of episodes in which the policy gave up."""
     verdicts: dict[str, int]
@@ -120,18 +125,22 @@ def summarise(rows: Sequence[EpisodeRow], *, resamples: int = 2000, seed: int = 
     return [_summary(key, groups[key], resamples=resamples, seed=seed) for key in keys]
 
 
+def path_ratio(row: EpisodeRow) -> float:
+    """Path over shortest path of an episode; NaN where none is known or there is none.
+
+    The shortest path leads to the goal itself, a robot stops at its rim: the rest of the way counts too.
+    """
+    if not 0.0 < row.shortest_path_length < inf:
+        return nan
+    return (row.path_length + row.goal_distance) / row.shortest_path_length
+
+
 def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int, seed: int) -> Summary:
     n, solved, outcomes = len(rows), [row for row in rows if row.success], Counter(row.outcome for row in rows)
     success = wilson_interval(len(solved), n)
     strata = _by_scenario((row.scenario, row.spl) for row in rows)
     spls = [value for stratum in strata for value in stratum]
     iqm = _bootstrap(strata, interquartile_means, resamples=resamples, seed=seed)
-    # The shortest path leads to the goal itself, a robot stops at its rim: the rest of the way counts too.
-    path_ratios = [
-        (row.path_length + row.goal_distance) / row.shortest_path_length
-        for row in solved
-        if 0.0 < row.shortest_path_length < inf
-    ]
     return Summary(
         scenario=key[0],
         policy=key[1],
@@ -144,11 +153,12 @@ def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int
         spl_iqm=interquartile_mean(spls) if spls else nan,
         spl_iqm_low=iqm.low,
         spl_iqm_high=iqm.high,
-        path_ratio=_mean(path_ratios),
+        path_ratio=_mean(path_ratio(row) for row in solved),
         time=_mean(row.time for row in solved),
         time_ratio=_mean(row.time_ratio for row in solved),
         collision=outcomes["collision"] / n,
         timeout=outcomes["timeout"] / n,
+        ended=outcomes["ended"] / n,
         gave_up=outcomes["gave_up"] / n,
         verdicts=dict(sorted(Counter(row.verdict for row in rows if row.outcome == "gave_up").items())),
         min_clearance=_mean(row.min_clearance for row in solved),
@@ -198,6 +208,35 @@ def compare(
         if worlds & _by_world(others).keys()
         for field in COMPARED
     ]
+
+
+def default_baseline(rows: Sequence[EpisodeRow]) -> str:
+    """The policy that others are compared with where nobody names one: a good one of those that do not read the map.
+
+    Of the policies that drove in the most scenarios it is the one with the greatest share of successes; between equals
+    the greater mean SPL decides, then who comes first. Chosen by the rows that it is then compared in, it looks a little
+    better than it is.
+
+    Raises:
+        ValueError: no rows.
+    """
+    by_policy: dict[str, list[EpisodeRow]] = {}
+    for row in rows:
+        by_policy.setdefault(row.policy, []).append(row)
+    if not by_policy:
+        raise ValueError("no rows to choose a baseline from")
+    fair = [policy for policy in by_policy if not policy.endswith(PRIVILEGED)] or list(by_policy)
+
+    def merit(policy: str) -> tuple[int, float, float]:
+        mine = by_policy[policy]
+        spl = _mean(row.spl for row in mine)
+        return (
+            len({row.scenario for row in mine}),
+            sum(row.success for row in mine) / len(mine),
+            0.0 if isnan(spl) else spl,
+        )
+
+    return max(fair, key=merit)
 
 
 def _by_world(rows: Sequence[EpisodeRow]) -> dict[tuple[str, int, int], EpisodeRow]:

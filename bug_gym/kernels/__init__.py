@@ -7,6 +7,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
 
     layout  geometry  vectors                          what lies where; plane geometry; LLVM written by hand
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
+    stopping                                           whether a robot with inertia can stop before what it sees
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
     neighbours                                         the bodies near the robots, side by side
     contact  avoidance                                 who touches what, when; half planes of velocities
@@ -34,6 +35,7 @@ from bug_gym.kernels.layout import (
     CROWD,
     CROWD_BIT,
     DIFFERENTIAL,
+    ENDED,
     EVADE,
     FIELD,
     FLOAT_ARRAYS,
@@ -80,6 +82,7 @@ from bug_gym.kernels.step import (
     run_rows,
     steer_rows,
 )
+from bug_gym.kernels.stopping import keeps_clear, stopping_way
 
 __all__ = [
     "ATTEMPTS",
@@ -92,6 +95,7 @@ __all__ = [
     "CROWD",
     "CROWD_BIT",
     "DIFFERENTIAL",
+    "ENDED",
     "EVADE",
     "BEGIN",
     "LOOK",
@@ -133,6 +137,7 @@ __all__ = [
     "free_distances",
     "hash64",
     "is_compiled",
+    "keeps_clear",
     "list_room",
     "locate_bodies",
     "place_fields",
@@ -145,5 +150,6 @@ __all__ = [
     "steer_rows",
     "steering_floats",
     "step_one",
+    "stopping_way",
     "uniform",
 ]

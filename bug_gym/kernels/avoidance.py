@@ -282,6 +282,27 @@ class Disc(NamedTuple):
     """Sum of the radii and the skin [m]."""
 
 
+@inlined
+def add_reciprocal(
+    other: Disc, share: float, vx: float, vy: float, horizon: float, step: float, lines: Floats, count: int
+) -> int:
+    """Append the half plane of ORCA because of another disc; returns the new number of half planes.
+
+    Args:
+        other: the other disc, seen from the body.
+        share: of the avoidance that is this body's.
+        vx: velocity of the body [m/s].
+        vy: the same.
+        horizon: for so long there is to be no contact [s].
+        step: time in which bodies that overlap are to come apart [s].
+        lines: half planes.
+        count: how many there are.
+    """
+    px, py, ox, oy, together = other
+    ux, uy, nx, ny = escape_velocity(px, py, vx - ox, vy - oy, together, horizon, step)
+    return add_half_plane(lines, count, nx, ny, nx * (vx + share * ux) + ny * (vy + share * uy))
+
+
 @called
 def add_avoidance(
     f: Floats, s: Record, b: int, other: Disc, share: float, lines: Floats, hard: int, spare: Floats, soft: int
@@ -313,8 +334,7 @@ def add_avoidance(
     most = share * max(distance - together, 0.0) / s.step
     if most < speed:
         hard = add_half_plane(lines, hard, -px / distance, -py / distance, -most)
-    ux, uy, nx, ny = escape_velocity(px, py, vx - ox, vy - oy, together, horizon, s.step)
-    soft = add_half_plane(spare, soft, nx, ny, nx * (vx + share * ux) + ny * (vy + share * uy))
+    soft = add_reciprocal(other, share, vx, vy, horizon, s.step, spare, soft)
     return hard, soft
 
 

@@ -21,7 +21,7 @@ Regions = Floats | None
 """Weighted regions, as `ground` reads them; None: there are none."""
 
 
-RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
+RUNNING, SUCCESS, COLLISION, TIMEOUT, ENDED = 0, 1, 2, 3, 4
 HOLONOMIC, DIFFERENTIAL = 0, 1
 STILL, BOUNCE, WAYPOINTS, RANDOM_WALK, CROWD, EVADE, REPLAY = 0, 1, 2, 3, 4, 5, 6
 TERMS = 6  # progress, goal, collision, step, clearance, smoothness
@@ -169,7 +169,7 @@ COUNTS = (
     "footprint",
     "width",
 )
-INT_CONSTANTS = ("kinematics", "limit_steps", "goal_by_odometry", "regions")
+INT_CONSTANTS = ("kinematics", "limit_steps", "first_ends", "goal_by_odometry", "regions")
 FLOAT_CONSTANTS = (
     "step",
     "max_speed",

@@ -18,6 +18,7 @@ from bug_gym.kernels.laws import begin_steered, steer_bodies
 from bug_gym.kernels.layout import (
     COLLISION,
     CROWD,
+    ENDED,
     RUNNING,
     STILL,
     SUCCESS,
@@ -116,6 +117,19 @@ def step_row(
             f[s.reward + r] = 0.0
             for i in range(TERMS):
                 f[s.terms + TERMS * r + i] = 0.0
+    if s.first_ends:
+        end_mission(k, s)
+
+
+@called
+def end_mission(k: Integers, s: Record) -> None:
+    """Where one robot has arrived, the runs of the others end with it."""
+    has_arrived = False
+    for r in range(s.robots):
+        has_arrived |= k[s.outcome + r] == SUCCESS
+    for r in range(s.robots):
+        if has_arrived and k[s.outcome + r] == RUNNING:
+            k[s.outcome + r] = ENDED
 
 
 # Many rows don't stay in the processor's cache, and which walls a step needs is known only when the list of the near

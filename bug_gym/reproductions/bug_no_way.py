@@ -33,8 +33,11 @@ from bug_gym.worlds.grid import carve
 from bug_gym.worlds.maze import MazeWorld, maze_walls
 from bug_gym.worlds.polygons import as_polygons
 
-PROVEN = (*COMPLETE, "rev1")
-INCOMPLETE = ("bug0", "bug0_plus", "rev2", "rev3", "point_bug", "k_bug", "e_bug", "critical_point_bug")
+PROVEN = COMPLETE
+INCOMPLETE = (
+    *("bug0", "bug0_plus", "rev2", "rev3", "point_bug", "k_bug", "e_bug", "critical_point_bug"),
+    "apf_wall_following",
+)
 
 SEEDS = 500
 HALF = 6.0

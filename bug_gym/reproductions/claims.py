@@ -1,4 +1,4 @@
-"""What the reproductions of HD-BUG share: seeds apart from those its parameters were set on, and lines of results."""
+"""What the reproductions of HD-BUG share: seeds apart from those parameters were set on, and lines of results."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Settings
 
 FIRST_SEED = 10_000
-"""First seed of every figure; the parameters of HD-BUG were set on seeds below 1,000."""
+"""First seed of every figure; the parameters of HD-BUG and of the map planner were set on seeds below 1,000."""
 
 ROBOT = {"kinematics": "holonomic", "radius": 0.2, "max_speed": 1.0}
 """The paper's point robot gets a body; its top speed is the paper's."""

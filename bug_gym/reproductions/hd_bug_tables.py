@@ -1,4 +1,4 @@
-"""Tables 2 to 4 of the HD-BUG paper: nine algorithms in still fields of 100, 200, 500 and 600 obstacles.
+"""Tables 2 to 4 of the HD-BUG paper: its nine algorithms, and our map planner, in still fields of 100 to 600 obstacles.
 
 The paper doesn't give its worlds. Here: 76 m x 76 m, start and goal 99 m apart (the diagonal of 70 m x 70 m), circles and
 polygons of 0.4 to 1.6 m, with gaps of at least 0.6 m for a robot of 0.4 m, a quarter of the ground covered at 500.
@@ -16,6 +16,7 @@ from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 POLICIES = (
     "hd_bug",
+    "hd_bug_map",
     "bug1",
     "bug2",
     "tangent_bug",
@@ -30,6 +31,8 @@ RANGES = (10.0, 5.0)
 """Of the LIDAR [m]."""
 SEEDS = 20
 TIME_LIMIT = 3000.0
+CLEARANCE = 0.3
+"""Of all: what the bugs have without being told, the radius and one step [m]."""
 
 PRINTED: dict[int, dict[str, tuple[float, int, float, bool]]] = {
     100: {
@@ -91,6 +94,11 @@ def field(obstacles: int, lidar_range: float) -> dict[str, Any]:
     }
 
 
+def entry(policy: str) -> dict[str, Any]:
+    """A policy of a suite; the map planner at the clearance that the bugs have."""
+    return {"name": policy, "parameters": {"clearance": CLEARANCE}} if policy == "hd_bug_map" else {"name": policy}
+
+
 def reproduce(settings: Settings) -> Reproduction:
     """Run both tables."""
     policies = settings.policies or POLICIES
@@ -98,7 +106,7 @@ def reproduce(settings: Settings) -> Reproduction:
     for lidar_range in RANGES:
         scenarios = [{"scenario": field(count, lidar_range), "label": str(count)} for count in OBSTACLES]
         name = f"hd-bug-tables-{lidar_range:g}"
-        rows = run(policies, scenarios, settings.seeds or SEEDS, settings, name=name)
+        rows = run([entry(policy) for policy in policies], scenarios, settings.seeds or SEEDS, settings, name=name)
         lines = []
         for count in OBSTACLES:
             for policy in policies:
@@ -162,8 +170,9 @@ def comparison(rows: list[EpisodeRow], policies: tuple[str, ...]) -> tuple[list[
         for policy in policies:
             if policy == "hd_bug":
                 continue
+            is_of_paper = policy != "hd_bug_map"
             found = paired_difference(ours, of(rows, policy=policy, scenario=str(count)), "path_length")
             interval = f"[{found.low:.2f}, {found.high:.2f}]" if found.n else "-"
             lines.append([str(count), policy, str(found.n), f"{found.mean:.2f}" if found.n else "-", interval])
-            holds = holds and not (found.n and found.mean > 0.0)
+            holds = holds and not (is_of_paper and found.n and found.mean > 0.0)
     return lines, holds

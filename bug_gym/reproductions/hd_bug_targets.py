@@ -1,4 +1,4 @@
-"""HD-BUG after a moving target: intercepted how often and how soon, beside pure pursuit.
+"""The map planner after a moving target: intercepted how often and how soon, beside pure pursuit.
 
 40 m x 40 m with 40 still obstacles; the target moves at 0.5 m/s, or flees at 0.8 of the robot's speed. `time_ratio` is the
 earliest time at which a straight run, obstacles left aside, could have met the target where it was, over the time taken.
@@ -21,8 +21,8 @@ from bug_gym.scenarios import as_explicit
 from bug_gym.simulation import Simulation
 
 POLICIES: tuple[dict[str, Any], ...] = (
-    {"name": "hd_bug"},
-    {"name": "hd_bug", "label": "pure_pursuit", "parameters": {"lead": False}},
+    {"name": "hd_bug_map"},
+    {"name": "hd_bug_map", "label": "pure_pursuit", "parameters": {"lead": False}},
 )
 SEEDS = 200
 SPEED, FLIGHT = 0.5, 0.8
@@ -102,16 +102,16 @@ def reproduce(settings: Settings) -> Reproduction:
     for target in TARGETS:
         rows = run(POLICIES, scenes(target, seeds), seeds, settings, name="hd-bug-targets")
         rows = [replace(row, scenario=target) for row in rows]
-        ours, pursuit = of(rows, policy="hd_bug"), of(rows, policy="pure_pursuit")
+        ours, pursuit = of(rows, policy="hd_bug_map"), of(rows, policy="pure_pursuit")
         sooner = paired_difference(ours, pursuit, "time")
-        for label, mine in (("hd_bug", ours), ("pure pursuit", pursuit)):
+        for label, mine in (("hd_bug_map", ours), ("pure pursuit", pursuit)):
             reached = [row for row in mine if row.success]
             ratio = mean([row.time_ratio for row in reached])
             time = f"{mean([row.time for row in reached]):.2f}"
-            gap = f"{sooner.mean:+.2f} [{sooner.low:+.2f}, {sooner.high:+.2f}]" if label == "hd_bug" else ""
+            gap = f"{sooner.mean:+.2f} [{sooner.low:+.2f}, {sooner.high:+.2f}]" if label == "hd_bug_map" else ""
             lines.append([target, label, as_percent(mine), time, f"{ratio:.3f}", gap])
             data[f"{target}, {label}"] = numbers(mine)
-            if label == "hd_bug":
+            if label == "hd_bug_map":
                 enough = len(reached) >= SUCCESS_ASKED * len(mine) and ratio >= TIME_RATIO_ASKED
                 holds = holds and enough and sooner.mean < 0.0
     header = ["target", "policy", "intercepted [%]", "time [s]", "time_ratio", "time minus pure pursuit's [s], paired"]

@@ -1,4 +1,4 @@
-"""HD-BUG in traps: u_trap, hook, maze and rooms are left, the ring is found to be closed."""
+"""HD-BUG and the map planner in traps: u_trap, hook, maze and rooms are left, the ring is found to be closed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TIME_LIMIT = 2000.0
 
 def reproduce(settings: Settings) -> Reproduction:
     """Drive through all traps."""
-    policies = settings.policies or ("hd_bug",)
+    policies = settings.policies or ("hd_bug", "hd_bug_map")
     seeds = settings.seeds or SEEDS
     scenarios = [
         {"scenario": name, "overrides": {"time.limit": TIME_LIMIT, **overrides}, "label": name}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from bug_gym.reproductions import sweep
 from bug_gym.reproductions.result import Reproduction, Settings
 
-POLICIES = ("bug0", "bug1", "bug2", "com1", "dist_bug", "tangent_bug")
+POLICIES = ("bug0", "bug1", "bug2", "com1", "dist_bug", "tangent_bug", "hd_bug", "hd_bug_map")
 SCENARIOS = ("static", "u_trap")
 SEEDS = 50
 BEAMS = (8, 12, 16, 24, 32, 64, 180, 360, 720)

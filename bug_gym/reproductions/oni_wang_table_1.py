@@ -98,6 +98,7 @@ def reproduce(settings: Settings) -> Reproduction:
         notes,
         {"cells": data},
         holds,
+        rows=[row for rows in driven.values() for row in rows],
     )
 
 

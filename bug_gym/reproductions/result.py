@@ -8,7 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bug_gym.evaluation.rows import EpisodeRow
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class Curves:
     x: Sequence[float]
     lines: Mapping[str, Sequence[tuple[float, float, float]]]
     """Value, low and high at each x, by name."""
+    y_range: tuple[float, float] = (-0.02, 1.02)
+    """Where the y axis begins and ends."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,8 @@ class Reproduction:
     """Whether every claim that was checked holds; None: it claims nothing."""
     curves: Sequence[Curves] = ()
     """What is drawn beside the JSON."""
+    rows: Sequence[EpisodeRow] = ()
+    """The episodes behind it, where one set of policies drove in one set of scenarios; a page is made of them."""
 
     def as_json(self, commit: str) -> str:
         """The numbers with what they were made by, as JSON text."""

@@ -23,7 +23,7 @@ from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 WORLDS = 100
 BASELINE = "tangent_bug"
-SCRIPTED = ("go_to_goal", "bug2", "dist_bug", BASELINE, "hd_bug")
+SCRIPTED = ("go_to_goal", "bug2", "dist_bug", BASELINE, "hd_bug", "hd_bug_map", "navigator")
 ROBOT: dict[str, Any] = {
     "robot.kinematics": "differential",
     "lidar.beams": 64,
@@ -103,6 +103,7 @@ def reproduce(settings: Settings) -> Reproduction:
             "collisions": hits,
             "differences": differences,
         },
+        rows=rows,
     )
 
 

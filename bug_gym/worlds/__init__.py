@@ -12,8 +12,10 @@ from pydantic import Field
 from bug_gym.schema.values import tags
 from bug_gym.worlds.barn import BarnWorld
 from bug_gym.worlds.beach import BeachWorld
+from bug_gym.worlds.circle_swap import CircleSwapWorld
 from bug_gym.worlds.corridor import CorridorWorld
 from bug_gym.worlds.crossing import CrossingWorld
+from bug_gym.worlds.dynabarn import DynaBarnWorld
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.explicit import ExplicitWorld
 from bug_gym.worlds.field import FieldWorld
@@ -27,6 +29,7 @@ from bug_gym.worlds.rooms import RoomsWorld
 from bug_gym.worlds.ros_map import RosMapWorld
 from bug_gym.worlds.u_trap import UTrapWorld
 from bug_gym.worlds.urban import UrbanWorld
+from bug_gym.worlds.warehouse import WarehouseWorld
 
 __all__ = ["FAMILIES", "WorldFamily"]
 
@@ -41,11 +44,14 @@ WorldFamily = Annotated[
     | CorridorWorld
     | RoomsWorld
     | CrossingWorld
+    | CircleSwapWorld
+    | WarehouseWorld
     | ForestWorld
     | UrbanWorld
     | BeachWorld
     | OniWangWorld
     | BarnWorld
+    | DynaBarnWorld
     | ReplayWorld
     | RosMapWorld,
     Field(discriminator="family"),

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.limits import DATA, FAR, MOST_OBSTACLES, SMALL, STEEP, read_file
 from bug_gym.schema.errors import shortened
+
+Map = TypeVar("Map")
+"""One world of a benchmark."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ def load_barn(path: str) -> dict[int, BarnMap]:
         ValueError: a line or a file that is no such world (its number is in the message), or none at all.
     """
     source = Path(path)
-    worlds = _load_folder(source) if source.is_dir() else _load_lines(source)
+    worlds = _load_folder(source) if source.is_dir() else load_lines(source, "BARN", _from_json)
     if not worlds:
         raise ValueError(f"{path}: no BARN world found (expected a .jsonl, or a folder with world_N.world files)")
     return worlds
@@ -56,8 +60,13 @@ def _read(file: Path) -> bytes:
         raise ValueError(f"{file}: {error.strerror}") from None
 
 
-def _load_lines(source: Path) -> dict[int, BarnMap]:
-    worlds: dict[int, BarnMap] = {}
+def load_lines(source: Path, kind: str, from_json: Callable[[dict[str, Any]], Map]) -> dict[int, Map]:
+    """Worlds by number, from a file with one world of a benchmark (`kind`) a line.
+
+    Raises:
+        ValueError: a line that is no such world; its number is in the message.
+    """
+    worlds: dict[int, Map] = {}
     for number, line in enumerate(_read(source).split(b"\n"), start=1):
         if not line.strip():
             continue
@@ -66,7 +75,7 @@ def _load_lines(source: Path) -> dict[int, BarnMap]:
             world = data["world"]
             if not isinstance(world, int) or world in worlds:
                 raise ValueError(f"got world {shortened(world)} {'twice' if world in worlds else 'for its number'}")
-            worlds[world] = _from_json(data)
+            worlds[world] = from_json(data)
         except UnicodeDecodeError as error:
             raise ValueError(f"{source}, line {number}: not UTF-8 ({error.reason})") from None
         except json.JSONDecodeError as error:
@@ -74,9 +83,9 @@ def _load_lines(source: Path) -> dict[int, BarnMap]:
         except KeyError as error:
             raise ValueError(f"{source}, line {number}: the world lacks the key {error}") from None
         except RecursionError:
-            raise ValueError(f"{source}, line {number}: not a BARN world (nested too deep)") from None
+            raise ValueError(f"{source}, line {number}: not a {kind} world (nested too deep)") from None
         except (TypeError, ValueError, OverflowError) as error:
-            raise ValueError(f"{source}, line {number}: not a BARN world ({error})") from None
+            raise ValueError(f"{source}, line {number}: not a {kind} world ({error})") from None
     return worlds
 
 
@@ -100,7 +109,18 @@ def _from_json(data: dict[str, Any]) -> BarnMap:
         raise ValueError(f"got the cylinder_radius {radius:g}, expected at least {SMALL:g}")
     if radius <= 0.0:
         raise ValueError(f"got the cylinder_radius {radius:g}, expected a number above 0")
-    return BarnMap((x, y, heading), (goal_x, goal_y), np.column_stack([centres, np.full(len(centres), radius)]))
+    circles = np.column_stack([centres, np.full(len(centres), radius)])
+    return BarnMap((x, y, heading), (goal_x, goal_y), circles, _reference_length(data))
+
+
+def _reference_length(data: dict[str, Any]) -> float | None:
+    """The length of the benchmark's own path [m], where a line tells it."""
+    if data.get("reference_length") is None:
+        return None
+    length = float(data["reference_length"])
+    if not SMALL <= length <= FAR:
+        raise ValueError(f"got the reference_length {length:g}, expected a number from {SMALL:g} to {FAR:g}")
+    return length
 
 
 def _load_folder(folder: Path) -> dict[int, BarnMap]:

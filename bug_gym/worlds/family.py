@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -54,6 +55,9 @@ def _rectangle(xmin: float, ymin: float, xmax: float, ymax: float) -> tuple[tupl
 
 class Family(Part):
     """What all families of worlds share."""
+
+    has_own_goals: ClassVar[bool] = False
+    """Whether its layouts have a goal for each robot."""
 
     bounds: Bounds = (-10.0, -10.0, 10.0, 10.0)
     """xmin, ymin, xmax, ymax, or the corners x, y of a simple polygon [m]; the border is always a wall."""

@@ -116,7 +116,35 @@ def finish(
         ValueError: a robot or a goal would be in an obstacle or outside.
     """
     check_spacing(crew)
-    starts, goals = robot_places(crew, start, goal)
+    return finish_crew(
+        crew,
+        world,
+        *robot_places(crew, start, goal),
+        circles=circles,
+        polygons=polygons,
+        movers=movers,
+        target=target,
+        goal_room=goal_room,
+    )
+
+
+def finish_crew(
+    crew: Crew,
+    world: Family,
+    starts: F64,
+    goals: F64,
+    *,
+    circles: F64 | None = None,
+    polygons: tuple[Rings, ...] = (),
+    movers: tuple[Mover, ...] = (),
+    target: Motion | None = None,
+    goal_room: float | None = None,
+) -> Layout:
+    """The layout of a world that has starts (R, 3) and goals (R, 2) or (1, 2) for its robots.
+
+    Raises:
+        ValueError: a robot or a goal would be in an obstacle or outside.
+    """
     layout = Layout(
         border=border_of(world),
         starts=starts,
@@ -137,6 +165,15 @@ def robot_places(crew: Crew, start: Sequence[float], goal: Point) -> tuple[F64, 
     starts = np.array([place.start for place in places[:robots]]) if places else side_by_side(start, robots)
     goals = [place.goal or goal for place in places[:robots]] if any(place.goal for place in places) else [goal]
     return starts.astype(np.float64), np.array(goals, dtype=np.float64)
+
+
+def written_or_drawn(crew: Crew, starts: F64, goals: F64) -> tuple[F64, F64]:
+    """Poses (R, 3) and goals (R, 2) that a world has drawn for its robots, or those that the scenario writes down."""
+    places = crew.robots.places[: crew.robots.count]
+    if not places:
+        return starts, goals
+    written = [place.goal or tuple(goal) for place, goal in zip(places, goals.tolist(), strict=True)]
+    return np.array([place.start for place in places]), np.array(written)
 
 
 def check_spacing(crew: Crew) -> None:

@@ -168,14 +168,14 @@ def predictor_errors(found: Record) -> Page:
         f"error of `rl` is {hotel['value']:.2f} ({hotel['low']:.2f} - {hotel['high']:.2f}) times the filter's; trained on "
         f"with ETH it is {after['value']:.2f} ({after['low']:.2f} - {after['high']:.2f}). Reinforcement nearly matches "
         f"supervision and gains nothing beyond it.\n\n{predictor_training()} Other ways to learn, and the second stage "
-        "through HD-BUG's own runs, are on the page of [trials](../trials.md). (Eight of the recorded crossings were "
+        "through the map planner's own runs, are on the page of [trials](../trials.md). (Eight of the recorded crossings were "
         "looked at while the training data was designed; none was trained on.) What a better prediction is worth inside "
-        "HD-BUG says the page of [hd-bug-dynamic](hd-bug-dynamic.md).",
+        "`hd_bug_map` says the page of [hd-bug-dynamic](hd-bug-dynamic.md).",
         list(found["claims"].items()),
     )
 
 
-SHOWN = ("bug2", "tangent_bug", "hd_bug", "ppo_dynamic", "ppo_mixed", "ppo_rush", "sac_dynamic", "dqn_candidates")
+SHOWN = ("bug2", "tangent_bug", "hd_bug_map", "ppo_dynamic", "ppo_mixed", "ppo_rush", "sac_dynamic", "dqn_candidates")
 """Policies of the short table of scripted and learned ones."""
 
 
@@ -215,18 +215,18 @@ def side_by_side(found: Record) -> Page:
     def says(name: str, *places: str) -> str:
         return listed(f"{percent(by[name, place]['success'])} % of `{place}`" for place in places)
 
-    nets = [name for name in SHOWN if not name.endswith("bug") and name != "bug2"]
+    nets = [name for name in SHOWN if name not in ("bug2", "tangent_bug", "hd_bug_map")]
     best = {place: max(by[name, place]["success"] for name in nets) for place in ("maze", "rooms", "u_trap")}
     return Page(
         tables,
         f"The worlds are the same for all; SPL where the goal stands, times of successes. The intervals say "
         "what so many worlds tell apart. The real maps were scanned by robots.\n\n"
         "Among fast and many movers the networks win, for they learnt what a scan of movers means: `ppo_mixed` reaches "
-        f"{says('ppo_mixed', 'rush', 'denser', 'faster')}. HD-BUG, which tracks and predicts them, comes near: "
-        f"{says('hd_bug', 'rush', 'denser', 'faster')} (and more with a learned predictor, see "
+        f"{says('ppo_mixed', 'rush', 'denser', 'faster')}. `hd_bug_map`, which tracks and predicts them, comes near: "
+        f"{says('hd_bug_map', 'rush', 'denser', 'faster')} (and more with a learned predictor, see "
         "[hd-bug-dynamic](hd-bug-dynamic.md)). In mazes, rooms and traps, where one has to remember, the networks "
         f"fail: the best of those above reaches {listed(f'{percent(value)} % of `{place}`' for place, value in best.items())}. "
-        f"HD-BUG reaches {says('hd_bug', *best)} within the time limit. The networks do well on the map that looks like "
-        f"what they learnt on (`ppo_mixed`: {says('ppo_mixed', 'map depot')}) and worse in the narrow one "
+        f"`hd_bug_map` reaches {says('hd_bug_map', *best)} within the time limit. The networks do well on the map that looks "
+        f"like what they learnt on (`ppo_mixed`: {says('ppo_mixed', 'map depot')}) and worse in the narrow one "
         f"({says('ppo_mixed', 'map tb3_sandbox')}). They also are bound to the robot and scanner of their training.",
     )  # fmt: skip

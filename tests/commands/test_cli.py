@@ -120,6 +120,24 @@ def test_the_smoke_suite_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert "all scenarios" in capsys.readouterr().out
 
 
+def test_evaluate_prints_the_matrix_and_the_files_first_and_the_rest_when_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    # Who turns on the spot at random gets nowhere in 30 steps; the other drives straight to the goal.
+    arguments = ["--scenario", "empty", *OPEN, "--set", "time.limit=3.0", "--policies", "random,go_to_goal"]
+    arguments += ["--episodes", "2", "--out", str(out)]
+    assert main(["evaluate", *arguments]) == 0
+    short = capsys.readouterr().out
+    assert short.index("success [%]") < short.index("go_to_goal") < short.index("random") < short.index("report.html")
+    assert "difference to" not in short and "--details" in short
+    assert len(short.splitlines()) <= 10
+    assert main(["evaluate", *arguments, "--details"]) == 0
+    long = capsys.readouterr().out
+    assert long.startswith(short.partition("all tables")[0]) and "difference to go_to_goal in the same worlds" in long
+    assert "difference to go_to_goal" in (out / "summary.md").read_text(encoding="utf-8")
+
+
 def test_render_films_an_episode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pillow = pytest.importorskip("PIL.Image")
     out = tmp_path / "film.gif"

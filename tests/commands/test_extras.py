@@ -60,6 +60,8 @@ def test_a_command_that_trains_names_the_extra(
         ("PIL", "render", "show empty --out world.png"),
         ("imageio_ffmpeg", "render", "render bug0 empty --out film.mp4"),
         ("onnxruntime", "play", "evaluate --scenario static --policies ppo_static --episodes 1"),
+        ("minari", "data", "collect static --policies bug2 --episodes 1 --out datasets"),
+        ("h5py", "data", "collect static --policies bug2 --episodes 1 --out datasets"),
     ],
 )
 def test_a_command_names_the_extra_that_it_lacks(

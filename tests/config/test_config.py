@@ -209,8 +209,18 @@ FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
         "goal": {"region": [0, 35, 30, 40]},
         "separation": 20.0,
     },
+    "circle_swap": {"bounds": [0, 0, 20, 16], "radius": 5.0, "jitter": 0.2, "rotation": "random"},
+    "warehouse": {
+        "bounds": [0, 0, 20, 16],
+        "columns": 2,
+        "rows": 3,
+        "aisle": 1.5,
+        "spacing": 1.0,
+        "separation": 5.0,
+    },
     "oni_wang": {"bounds": [-20, -30, 50, 30], "start": "C", "goal": "B"},
     "barn": {"bounds": [-7, -1, 3, 15], "path": BARN_FILE, "world": 3},
+    "dynabarn": {"bounds": [-11, -11, 12, 11], "path": BARN_FILE, "world": 3, "since": 2.5},
     "replay": {
         "bounds": [-6, -5, 6, 5],
         "path": RECORDING_FILE,

@@ -312,7 +312,7 @@ def test_a_file_of_100_mb_is_one_line(tmp_path: Path) -> None:
 def test_a_device_is_no_file() -> None:
     with pytest.raises(ValueError, match="/dev/zero: not a regular file"):
         read_file(Path("/dev/zero"), DATA)
-    for family in ("barn", "replay", "ros_map"):
+    for family in ("barn", "dynabarn", "replay", "ros_map"):
         with pytest.raises(ValueError, match="/dev/zero: not a regular file"):
             Simulation({"world": {"family": family, "path": "/dev/zero"}}).reset(seeds=[0])
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -12,6 +15,7 @@ from bug_gym.commands.arguments import assignments
 from bug_gym.config import ScenarioError, load, read_yaml
 from bug_gym.evaluation.suites import load_suite
 from bug_gym.limits import MOST_ALIASES, MOST_DEPTH, TEXT
+from bug_gym.schema import yaml_text
 from bug_gym.schema.yaml_text import parse_yaml
 from bug_gym.worlds.ros_files import load_ros_map
 
@@ -181,3 +185,49 @@ def test_a_path_that_no_file_can_have_is_told(path: str) -> None:
     assert "\n" not in str(caught.value)
     with pytest.raises(ScenarioError, match="expected a file or folder that exists"):
         load({"world": {"family": "barn", "path": path}})
+
+
+# -- Both parsers ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def slow() -> Any:
+    """The reading of YAML where PyYAML was built without libyaml."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(yaml, "__with_libyaml__", False)
+        spec = importlib.util.spec_from_file_location("slow_yaml_text", yaml_text.__file__)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+    assert not issubclass(module.YamlLoader, yaml.CSafeLoader)
+    return module
+
+
+MERGES = """
+base: &base {a: 1, b: [1, 2]}
+more: &more {b: 3, c: &text 4 m}
+one: {<<: *base, a: 5}
+both: {<<: [*base, *more], d: *text}
+*text : ~
+"""
+
+
+def test_what_files_say_is_what_plain_yaml_says(slow: Any) -> None:
+    files = sorted(Path(yaml_text.__file__).parents[1].glob("configs/**/*.yaml"))
+    assert len(files) > 40
+    for text in (MERGES, *(file.read_text(encoding="utf-8") for file in files)):
+        told = parse_yaml(text)
+        assert slow.parse_yaml(text) == told
+        if not re.search(r"\d[eE]-?\d", text):  # 1e-3 is a text to PyYAML
+            assert yaml.safe_load(text) == told
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_both_parsers_refuse_the_same_at_the_same_line(slow: Any, name: str) -> None:
+    text, _ = HOSTILE[name]
+    told = []
+    for module in (yaml_text, slow):
+        with pytest.raises(yaml.YAMLError) as caught:
+            module.parse_yaml(text)
+        told.append(module.told_fault(caught.value, text))
+    assert told[0] == told[1]

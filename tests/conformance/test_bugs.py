@@ -11,7 +11,7 @@ from episodes import CLOSED_FORM_SENSORS, RING_ROUND_THE_START, Episode, Ring, c
 
 from bug_gym.agents import AGENTS
 
-BUGS = [name for name, agent in AGENTS.items() if agent.family == "bug" and name not in ("com", "hd_bug")]
+BUGS = [name for name, agent in AGENTS.items() if agent.family == "bug" and name not in ("com", "ocpb", "hd_bug")]
 
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (name, {}) for name in BUGS},
@@ -39,11 +39,15 @@ CLOSED_FORM_WORLDS: dict[str, tuple[Any, dict[str, Any], float]] = {
 """Scenario, what is changed in it, clearance [m]."""
 
 
-FAR_SIGHTED = ("point_bug", "k_bug", "e_bug", "critical_point_bug")
+FAR_SIGHTED = ("point_bug", "k_bug", "e_bug", "critical_point_bug", "modified_critical_point_bug")
 """They take an end of sight for an end of an obstacle; the sensor of their papers sees as far as the world goes."""
 
 FAR = 60.0
 """Range of that sensor [m]; with the 10 m of the closed forms it cuts off walls."""
+
+GREEDY = "operative_critical_point_bug"
+"""Its paper's sensor sees far too. With a short sight noise decides which end of sight is the nearest to the goal, and what
+lies behind the first choice decides whether it arrives."""
 
 NOISE = {"lidar.noise": 0.02, "lidar.dropout": 0.01}
 
@@ -72,7 +76,7 @@ def ending_without_noise(name: str, world: str, sight: float | None = None) -> t
 @pytest.mark.parametrize("world", CLOSED_FORM_WORLDS)
 @pytest.mark.parametrize("name", VARIANTS)
 def test_noise_and_dropout_change_no_outcome(name: str, world: str, seed: int) -> None:
-    sight = FAR if name in FAR_SIGHTED else None
+    sight = FAR if name in (*FAR_SIGHTED, GREEDY) else None
     plain = ending_without_noise(name, world, sight)
     assert ending(name, world, NOISE, seed, sight=sight) == plain
     assert plain in (("success", ""), ("running", "unreachable"), ("running", "gave up"))
@@ -85,6 +89,15 @@ def test_nor_where_a_short_sight_cuts_off_the_walls(name: str, world: str, seed:
     plain = ending_without_noise(name, world)
     assert ending(name, world, NOISE, seed) == plain
     assert plain in (("success", ""), ("running", "unreachable"), ("running", "gave up"))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("world", CLOSED_FORM_WORLDS)
+def test_with_a_short_sight_the_greedy_one_arrives_or_says_that_it_knows_no_further(world: str, seed: int) -> None:
+    found = ending(GREEDY, world, NOISE, seed)
+    assert found in (("success", ""), ("running", "gave up"))
+    if world in ("slab", "disc", "u_trap"):
+        assert found[0] == "success"
 
 
 DECEIVED: dict[str, tuple[str, str, float, int]] = {

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from bug_gym.agents import AGENTS, Agent, make_policy, parameters_table
+from bug_gym.agents import AGENTS, Agent, make_policy, parameters_table, playable_names
 from bug_gym.agents.parameters import parameter_names, parameters_of
 from bug_gym.policy import ScriptedPolicy
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
 
 ENTRY_POINTS = sorted({line.entry_point for line in AGENTS.values()} | {"learning.play:ZipPolicy"})
-SCRIPTED = [name for name, line in AGENTS.items() if line.family != "learned"]
+SCRIPTED = [name for name in playable_names() if AGENTS[name].family != "learned"]
 WITHOUT_UNIT = ("share", "weight", "number", "count")
 
 

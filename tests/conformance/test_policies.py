@@ -12,11 +12,15 @@ from episodes import run_episode
 
 import bug_gym
 from bug_gym import observation
-from bug_gym.agents import AGENTS, make_policy, policy_names
+from bug_gym.agents import AGENTS, make_policy, playable_names, policy_names
 from bug_gym.policy import Drawing, ScriptedPolicy
 from bug_gym.simulation import Simulation
+from bug_gym.team_policy import EachAlone
 
-SCRIPTED = [name for name, agent in AGENTS.items() if agent.family != "learned"]
+SCRIPTED = [name for name, agent in AGENTS.items() if not agent.model]
+"""Those that drive any robot: what plays a model drives the one that it was trained with."""
+DRIVERS = [*SCRIPTED, *(name for name in playable_names() if AGENTS[name].model and AGENTS[name].family != "learned")]
+"""Those and the ones that are more than a model, where the robot is the models'."""
 CAREFUL = [name for name in SCRIPTED if name != "random"]
 
 
@@ -39,7 +43,7 @@ def test_actions_lie_in_the_action_space(name: str, kinematics: str) -> None:
         flat = simulation.step(actions[:, None]).observation[:, 0]
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", DRIVERS)
 def test_a_batch_is_its_rows_one_by_one_in_either_form(name: str) -> None:
     simulation, flat = first_observations()
     policy = make_policy(name, simulation)
@@ -53,7 +57,7 @@ def test_a_batch_is_its_rows_one_by_one_in_either_form(name: str) -> None:
         flat = simulation.step(actions[:, None]).observation[:, 0]
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", DRIVERS)
 def test_episode_start_gives_a_row_a_new_memory(name: str) -> None:
     simulation, flat = first_observations(count=2)
     policy = make_policy(name, simulation)
@@ -67,7 +71,7 @@ def test_episode_start_gives_a_row_a_new_memory(name: str) -> None:
     np.testing.assert_array_equal(fresh[0], expected)
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", DRIVERS)
 def test_discrete_actions_are_numbers_of_the_table(name: str) -> None:
     env = gym.make("BugGym/Static-v0", action="discrete")
     policy = make_policy(name, env)
@@ -79,7 +83,7 @@ def test_discrete_actions_are_numbers_of_the_table(name: str) -> None:
         values, *_ = env.step(action)
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", DRIVERS)
 def test_another_beam_count_is_refused(name: str) -> None:
     policy = make_policy(name, Simulation("static"))
     _, flat = first_observations({"lidar.beams": 32})
@@ -87,7 +91,7 @@ def test_another_beam_count_is_refused(name: str) -> None:
         policy.predict(flat)
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", DRIVERS)
 def test_a_number_that_is_not_finite_is_refused(name: str) -> None:
     simulation, flat = first_observations()
     flat[0, 3] = np.nan
@@ -95,7 +99,7 @@ def test_a_number_that_is_not_finite_is_refused(name: str) -> None:
         make_policy(name, simulation).predict(flat)
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", DRIVERS)
 @pytest.mark.parametrize("scan", ["nothing", "contact"])
 def test_a_scan_of_nothing_or_of_contact_all_round_is_no_error(name: str, scan: str) -> None:
     simulation, flat = first_observations(count=1)
@@ -199,7 +203,7 @@ def test_an_unknown_policy_is_refused_with_the_nearest_names() -> None:
         make_policy("bug_2", Simulation("static"))
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", DRIVERS)
 def test_an_unknown_parameter_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="has no parameter 'colour'"):
         make_policy(name, Simulation("static"), colour="red")
@@ -227,8 +231,10 @@ def test_a_policy_is_made_from_any_face(source: str) -> None:
         "parallel": lambda: bug_gym.parallel_env("static", robots=2),
         "aec": lambda: bug_gym.env("static", robots=2),
     }
-    policy = make_policy("bug2", makers[source]())
-    assert isinstance(policy, ScriptedPolicy) and len(policy.sensors.angles) == 64
+    policy: Any = make_policy("bug2", makers[source]())
+    single = policy.policy if isinstance(policy, EachAlone) else policy  # several robots, each by itself
+    assert isinstance(single, ScriptedPolicy) and len(policy.sensors.angles) == 64
+    assert isinstance(policy, EachAlone) == (source in ("parallel", "aec"))
 
 
 def test_sb3s_evaluate_policy_runs_a_scripted_policy_as_it_stands() -> None:

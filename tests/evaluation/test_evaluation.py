@@ -244,6 +244,19 @@ def test_a_policy_that_reads_the_map_says_so_in_its_rows_and_has_one_world_at_a_
     assert set(policy.sizes) == {1}
 
 
+def test_policies_that_read_the_map_can_be_left_out() -> None:
+    unknown = {"name": "d_star_lite", "label": "unknown", "parameters": {"known": False}}
+    entries = ["bug2", "a_star", unknown, "d_star_lite"]
+    assert [entry.label for entry in make_plan(entries, OPEN, episodes=1, privileged=False).policies] == [
+        "bug2",
+        "unknown",
+    ]
+    marked = [entry.label for entry in make_plan(entries, OPEN, episodes=1).policies]
+    assert marked == ["bug2", "a_star (privileged)", "unknown", "d_star_lite (privileged)"]
+    with pytest.raises(ValueError, match="expected a policy that does not read the map, got a_star"):
+        make_plan(["a_star"], OPEN, privileged=False)
+
+
 def test_parameters_reach_the_policy_under_a_label_of_its_own() -> None:
     left, right = {"name": "bug0", "label": "left"}, ("right", "bug0", {"turn": "right"})
     rows = evaluate([left, right], "slab", episodes=1)

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 from episodes import run_episode
 
 from bug_gym.cli import main
+from bug_gym.config import load
 from bug_gym.evaluation.report import draw_curves
-from bug_gym.reproductions import REPRODUCTIONS, barn, bug_no_way, reproduction
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import free_space
+from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 
 def test_all_72_cells_of_oni_and_wangs_table_come_out_as_they_should() -> None:
@@ -36,6 +43,8 @@ def test_the_json_says_what_made_it(tmp_path: Path) -> None:
     assert main(["reproduce", "oni-wang-table-1", "--out", str(out)]) == 0
     record = json.loads(out.read_text(encoding="utf-8"))
     assert record["name"] == "oni-wang-table-1" and len(record["commit"]) in (7, 40)
+    page = out.with_suffix(".html").read_text(encoding="utf-8")
+    assert "oni-wang-table-1" in page and all(policy in page for policy in record["cells"])
 
 
 def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,6 +61,14 @@ def test_the_bounds_and_guarantees_of_the_bugs_hold_on_their_first_seeds() -> No
     result = reproduction("bug-bounds")(Settings(seeds=20, workers=2))
     assert result.data["faults"] == []
     assert result.holds
+
+
+def test_the_critical_points_of_the_paper_hold_in_its_scenes_and_in_the_first_still_worlds() -> None:
+    policies = ("operative_critical_point_bug",)
+    result = reproduction("operative-critical-points")(Settings(seeds=4, policies=policies))
+    assert result.holds
+    assert {one["label"] for one in result.data["scenes"]} >= {"crossing (9)", "opposite (10)", "course (12)"}
+    assert result.data["repairs"]["sub_goal=printed"]["collisions"] > 0
 
 
 def test_complete_bugs_say_unreachable_exactly_where_the_configuration_space_has_no_way() -> None:
@@ -83,8 +100,46 @@ def test_barn_is_passed_on_its_first_worlds(shared_data: Path) -> None:
     results = reproduction("barn")(settings).data["results"]
     for name in ("holonomic bug2", "holonomic com1"):
         assert results[name]["success"] == 1.0 and results[name]["collisions"] == 0
-    # The score is at most 0.25 by its definition.
-    assert all(0.0 < one["score"] <= 0.25 for one in results.values())
+    # At most 0.5 and 0.25 by definition; the old score is the lesser one, and nobody here takes as much as 4 OT less.
+    for one in results.values():
+        assert 0.0 < one["score_2022"] <= 0.25 and one["score_2022"] <= one["score_2024"] <= 0.5
+
+
+BLANK = EpisodeRow("a", "s", 0, 0, "success", "", True, 1.0, 10, 1.0, 0.1, 8.0, nan, nan, 0.5, 0, 0.0, 0.0, 0.0, 0.0)
+
+
+# A reference path of 10 m: OT is 5 s.
+@pytest.mark.parametrize(
+    ("time", "new", "old"),
+    [
+        (5.0, 0.5, 0.25),
+        (10.0, 0.5, 0.25),
+        (12.5, 0.4, 0.25),
+        (20.0, 0.25, 0.25),
+        (25.0, 0.2, 0.2),
+        (40.0, 0.125, 0.125),
+        (100.0, 0.125, 0.125),
+        (100.1, 0.0, 0.0),
+    ],
+)
+def test_barns_scores_are_those_of_their_formulas(time: float, new: float, old: float) -> None:
+    run = replace(BLANK, time=time)
+    assert barn.score(run, 10.0) == barn.score(run, 10.0, "score_2024") == pytest.approx(new)
+    assert barn.score(run, 10.0, "score_2022") == pytest.approx(old)
+
+
+def test_barns_score_is_nothing_for_a_failure_and_takes_the_shortest_path_for_want_of_a_reference() -> None:
+    assert barn.score(replace(BLANK, outcome="collision", success=False, time=5.0), 10.0) == 0.0
+    run = replace(BLANK, time=16.0)
+    assert barn.score(run, None) == pytest.approx(4.0 / 16.0) and barn.score(run, 10.0) == pytest.approx(5.0 / 16.0)
+
+
+def test_barns_table_takes_the_reference_paths_of_its_file_and_says_where_there_are_none() -> None:
+    rows = [replace(BLANK, scenario=name, time=20.0) for name in ("world 1", "world 2")]
+    found = barn.summed_up(rows, {"world 1": 12.0, "world 2": None})
+    assert found["score_2024"] == pytest.approx((6.0 / 20.0 + 4.0 / 20.0) / 2.0)
+    assert any("OT of 1 worlds" in note for note in barn.notes({"world 1": 12.0, "world 2": None}))
+    assert not any("OT of" in note for note in barn.notes({"world 1": 12.0}))
 
 
 # What once defeated them: a gap that counted as one or not by the side from which it was come to; a robot that braked
@@ -100,6 +155,40 @@ def test_worlds_of_barn_that_defeated_a_bug_are_passed(
     overrides = {**barn.COMMON, "time.step": barn.STEPS[robot], "time.limit": 200.0}
     episode = run_episode(policy, {"robot": barn.ROBOTS[robot], "world": places}, overrides, clearance=clearance)
     assert episode.outcome == "success"
+
+
+def test_the_faithful_robot_of_barn_holds_the_rectangle_and_hardly_more() -> None:
+    body = shapely.union_all([shapely.Point(x, y).buffer(radius) for x, y, radius in barn.rectangle()])
+    rectangle = shapely.box(-barn.HALF_LENGTH, -barn.HALF_WIDTH, barn.HALF_LENGTH, barn.HALF_WIDTH)
+    # A circle's buffer is a polygon within it, by less than 0.5 mm here.
+    assert body.buffer(5e-4).covers(rectangle.exterior)
+    assert rectangle.buffer(0.026).covers(body)
+    # The wheels reach so far: nothing of them is left out.
+    assert rectangle.covers(shapely.box(-0.229, -0.2078, 0.229, 0.2078))
+
+
+def test_the_faithful_robot_of_barn_has_the_benchmarks_limits_and_scanner() -> None:
+    described = barn.scenario("faithful", "worlds.jsonl", 0)
+    robot = load({"robot": described["scenario"]["robot"]}, described["overrides"])
+    assert (robot.robot.max_speed, robot.robot.max_reverse, robot.robot.max_turn_rate) == (2.0, 2.0, 4.0)
+    assert robot.robot.max_acceleration == 20.0 and robot.robot.kinematics == "differential"
+    angles = Sensors.of(robot).angles
+    assert len(angles) == 720 and not robot.lidar.is_full_circle
+    assert angles[0] == pytest.approx(-2.35619) and angles[-1] == pytest.approx(2.35619)
+    assert (robot.lidar.min_range, robot.lidar.range, robot.lidar.noise) == (0.1, 30.0, 0.001)
+
+
+def test_the_faithful_robot_of_barn_cannot_stop_at_once() -> None:
+    """20 m/s^2 for a step of 0.05 s: 1 m/s, so half of the way from standing to the top speed."""
+    described = barn.scenario("faithful", "worlds.jsonl", 0)
+    world = {"family": "empty", "start": [-8.0, 0.0, 0.0], "goal": [8.0, 0.0]}
+    simulation = Simulation(load({**described["scenario"], "world": world}, described["overrides"]))
+    simulation.reset(seeds=[0])
+    speeds = []
+    for ahead in (1.0, 1.0, -1.0):
+        simulation.step(np.array([[[ahead, 0.0]]], dtype=np.float32))
+        speeds.append(float(simulation.world.array("velocity")[0, 0]))
+    assert speeds == pytest.approx([1.0, 2.0, 1.0])
 
 
 def test_barn_without_its_worlds_says_what_is_missing() -> None:
@@ -120,8 +209,30 @@ def test_a_sweep_gives_success_with_an_interval_for_each_value(name: str, tmp_pa
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
+def test_potential_field_with_wall_following_arrives_in_its_scenes_and_on_the_map() -> None:
+    for part in (apf_wall_following.still_scenes(), apf_wall_following.moving_scenes()):
+        assert part.holds, part.data
+    assert apf_wall_following.routes(["AC", "CB"]).holds
+
+
+def test_potential_field_with_wall_following_in_the_first_traps_and_mazes() -> None:
+    ours = {"apf_wall_following": apf_wall_following.METHODS["apf_wall_following"]}
+    traps = apf_wall_following.compare("Traps", apf_wall_following.trap_rows, ours, 4, Settings())
+    assert traps.holds and traps.data["Traps"]["apf_wall_following"]["success"] == 1.0
+    assert apf_wall_following.compare("Mazes", apf_wall_following.maze_rows, ours, 2, Settings()).holds
+
+
 def test_success_falls_with_the_density_of_the_scan() -> None:
     result = reproduction("lidar-density")(Settings(seeds=4, policies=("bug0",), workers=2))
     series = result.data["sweeps"][0]["policies"]["bug0"]
     # Eight beams are half a metre apart at the clearance's range and more: obstacles fit between them.
     assert series[0]["success"] < series[-1]["success"]
+
+
+def test_robots_change_places_across_circles_without_a_contact_on_the_first_seeds() -> None:
+    result = reproduction("circle-swap")(Settings(seeds=1, policies=("orca",)))
+    assert result.holds
+    assert {name: told["n"] for name, told in result.data["circles"].items()} == {
+        f"{kinematics}, {robots}": robots for kinematics in ("holonomic", "differential") for robots in (2, 4, 8, 16)
+    }
+    assert all(told["success"] == 1.0 for told in result.data["crowds"].values())

@@ -2,6 +2,7 @@
 
 import json
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,12 @@ def test_empty_lines_and_keys_of_no_concern_are_passed_over(tmp_path: Path) -> N
     assert sorted(load_barn(path)) == [1, 5]
 
 
+def test_the_length_of_the_benchmarks_path_is_kept_where_a_line_tells_it(tmp_path: Path) -> None:
+    lines = line(1, reference_length=11.5), line(2), line(3, reference_length=None), line(4, reference_length=12)
+    worlds = load_barn(jsonl(tmp_path, *lines))
+    assert [worlds[number].reference_length for number in (1, 2, 3, 4)] == [11.5, None, None, 12.0]
+
+
 def test_a_world_without_cylinders_is_a_world(tmp_path: Path) -> None:
     assert load_barn(jsonl(tmp_path, line(1, cylinders=[])))[1].circles.shape == (0, 3)
 
@@ -124,6 +131,9 @@ def test_the_worlds_of_the_shared_data_load_and_hold_a_robot(shared_data: Path) 
     for text in texts:
         raw = json.loads(text)
         assert worlds[raw["world"]].circles[:, :2].tolist() == raw["cylinders"]
+        # The length is that of the path, start and goal with it, to the four digits of the file.
+        length = sum(math.dist(*pair) for pair in pairwise(raw["reference_path"]))
+        assert worlds[raw["world"]].reference_length == pytest.approx(length, abs=1e-4)
     simulation = Simulation(barn_scenario(path), count=20)
     simulation.reset(seeds=list(range(20)))
     assert np.isfinite(simulation.world.ranges).all()
@@ -150,6 +160,10 @@ CORRUPT: dict[str, tuple[str, str]] = {
     "no radius": (line(cylinder_radius=0.0), "not a BARN world"),
     "negative radius": (line(cylinder_radius=-1.0), "not a BARN world"),
     "NaN radius": (line(cylinder_radius=math.nan, cylinders=[]), "not a BARN world"),
+    "reference of no length": (line(reference_length=0.0), "got the reference_length 0"),
+    "NaN reference": (line(reference_length=math.nan), "got the reference_length nan"),
+    "reference beyond all": (line(reference_length=1e9), "got the reference_length"),
+    "text for a length": (line(reference_length="long"), "not a BARN world"),
     "broken number": (line(world=2.5), "not a BARN world"),
 }
 

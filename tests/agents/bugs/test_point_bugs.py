@@ -242,11 +242,10 @@ def test_no_corner_that_was_visited_is_chosen_again(policy: str, seed: int) -> N
     assert chosen > 2
 
 
-def test_point_bug_remembers_the_least_goal_distance_of_its_sudden_points() -> None:
-    memory = run_episode("point_bug", world(SHAPES["slab"]), clearance=C).memory
-    # Its last sudden point is the slab's corner (12, -3), seen from along the wall and so a little short of it.
-    assert memory.least_distance == pytest.approx(math.hypot(8.0, 3.0), abs=tolerance(8.5))
-    assert memory.turning_side == -1
+@pytest.mark.parametrize(("turn", "side"), [("right", -1), ("left", 1)])
+def test_point_bug_turns_on_to_the_side_of_its_last_sudden_point(turn: str, side: int) -> None:
+    memory = run_episode("point_bug", world(SHAPES["slab"]), clearance=C, turn=turn).memory
+    assert memory.turning_side == side
 
 
 # ------------------------------------------------------------------------------------------------ no way

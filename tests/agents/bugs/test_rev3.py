@@ -97,6 +97,11 @@ def test_a_hit_point_elsewhere_nearer_to_the_goal_is_no_proof_that_there_is_no_w
     assert episode.outcome == "success"
 
 
+def test_taken_literally_it_calls_that_goal_unreachable_which_can_be_reached() -> None:
+    episode = run_episode("rev3", HOOK_WORLD, clearance=0.5, literal=True)
+    assert (episode.outcome, episode.verdict) == ("running", "unreachable")
+
+
 # ------------------------------------------------------------------------------------------ the map of Oni and Wang
 
 # Ideal lengths at a clearance of 1 m, turning left first, rounded contour.

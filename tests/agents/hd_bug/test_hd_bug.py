@@ -1,80 +1,38 @@
-"""HD-BUG: the ladder of detection radii, closed forms, traps, movers, moving targets."""
+"""HD-BUG: its promise, its closed forms, movers and moving targets, and that each of its parts does something."""
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
-from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
+from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.hd_bug.light_area import Ladder
+from bug_gym.agents.hd_bug import explore
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
-from bug_gym.agents.prediction import predictor_names
+from bug_gym.agents.hd_bug.parameters import Part
+from bug_gym.reproductions import hd_bug_tables
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
 
-MODES = {"direct", "candidates", "backtracking", "avoidance", "emergency", "turning", "waiting"}
-LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "closed", "way", "forecast"}
-
-# -------------------------------------------------------------------------------------------------------- the ladder
-
-
-def test_three_dense_steps_enlarge_the_detection_radius_and_two_do_not() -> None:
-    ladder = Ladder()
-    climbed = []
-    for density in (0.9, 0.9, 0.2, 0.9, 0.9, 0.9):
-        ladder.update(density)
-        climbed.append(ladder.k)
-    assert climbed == [2, 2, 2, 2, 2, 3] and ladder.enlargements == 1
-
-
-def test_ten_sparse_steps_reduce_the_detection_radius() -> None:
-    ladder = Ladder()
-    ks = []
-    for _ in range(20):
-        ladder.update(0.0)
-        ks.append(ladder.k)
-    assert ks == [2] * 9 + [1] * 10 + [0] and ladder.reductions == 2
-
-
-def test_the_ladder_has_four_rungs() -> None:
-    for density, end in ((1.0, 3), (0.0, 0)):
-        ladder = Ladder()
-        for _ in range(100):
-            ladder.update(density)
-        assert ladder.k == end
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_counters_tell_the_rung(seed: int) -> None:
-    ladder = Ladder()
-    rung = set()
-    for density in np.repeat(np.random.default_rng(seed).choice([0.05, 0.3, 0.9], 200), 7):
-        ladder.update(float(density))
-        assert 0 <= ladder.k <= 3 and ladder.k == 2 + ladder.enlargements - ladder.reductions
-        rung.add(ladder.k)
-    assert len(rung) >= 3
-
-
-# -------------------------------------------------------------------------------------------------------- parameters
+MODES = {"direct", "candidates", "backtracking", "circumnavigation", "anticipation", "reaction", "emergency"}
+LABELS = {"light", "cheap", "candidate", "dear", "chosen", "closed", "list", "way", "forecast", "hit", "leave", "wall"}
 
 
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
         ({"predictor": "kalmann"}, "unknown predictor 'kalmann', did you mean 'kalman'"),
-        ({"predictor": "oracle"}, "known: none, constant_velocity, kalman"),
+        ({"without": "phase_3"}, "without must be one of .* got 'phase_3', did you mean 'phase_"),
         ({"beta": -0.1}, "beta must not be negative, got -0.1"),
-        ({"alpha": 0.0}, "alpha must be positive, got 0.0"),
-        ({"clearance": 0.1}, "clearance must be above the robot's radius of 0.2 m, got 0.1"),
+        ({"patience": 0.0}, "patience must be positive, got 0.0"),
+        ({"clearance": 0.1}, "clearance must be above the body's radius of 0.2 m, got 0.1"),
         ({"clearance": math.nan}, "clearance must be above"),
         ({"v_base": 1.5}, "v_base is a share of the top speed, at most 1, got 1.5"),
         ({"horizon": math.inf}, "horizon must be positive, got inf"),
-        ({"patience": 0}, "patience must be at least 1, got 0"),
     ],
 )
 def test_parameters_that_cannot_be_are_refused(parameters: dict[str, Any], message: str) -> None:
@@ -82,23 +40,15 @@ def test_parameters_that_cannot_be_are_refused(parameters: dict[str, Any], messa
         make_policy("hd_bug", Simulation("static"), **parameters)
 
 
-@pytest.mark.parametrize("predictor", ["none", "constant_velocity", "kalman"])
-def test_each_plain_predictor_is_taken(predictor: str) -> None:
-    assert predictor in predictor_names()
-    episode = run_episode("hd_bug", "dynamic", seed=1, max_steps=30, predictor=predictor)
-    assert episode.outcome in ("running", "success")
-
-
-# ------------------------------------------------------------------------------------------------------ closed forms
+# ------------------------------------------------------------------------------------------------------ still worlds
 
 
 def test_an_empty_world_is_crossed_straight_at_top_speed() -> None:
     episode = run_episode("hd_bug", {"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
-    assert episode.outcome == "success" and set(episode.modes) == {"direct"}
-    np.testing.assert_array_equal(episode.path[:, 1], 0.0)
+    assert episode.outcome == "success"
+    np.testing.assert_allclose(episode.path[:, 1], 0.0, atol=1e-6)
     # Until the goal's radius of 0.3 m is reached, in whole steps of 0.1 m.
     assert len(episode.path) - 1 in (77, 78)
-    np.testing.assert_allclose(np.diff(episode.path[:-1, 0]), 0.1, rtol=1e-5)
 
 
 SHORTEST = {
@@ -116,50 +66,61 @@ def canonical(world: str, sight: float, angle: float = 0.0, mirrored: bool = Fal
 
 
 @pytest.mark.parametrize("world", SHORTEST)
-def test_seen_from_afar_the_way_is_hardly_longer_than_the_shortest(world: str) -> None:
+def test_seen_from_afar_the_way_is_little_longer_than_the_shortest(world: str) -> None:
     episode = canonical(world, 50.0)
-    assert episode.outcome == "success"
-    # Shorter: cells let it cut corners by half a diagonal. Longer: what lies behind a corner is seen when it gets there.
-    assert SHORTEST[world] - 0.3 <= episode.full_length <= 1.01 * SHORTEST[world]
+    # The light is that of a disc a little smaller than the clearance; the paper asks for 12 %.
+    assert episode.outcome == "success" and SHORTEST[world] - 0.3 <= episode.full_length <= 1.12 * SHORTEST[world]
 
 
-@pytest.mark.parametrize(("world", "most"), [("slab", 24.5), ("disc", 1.05 * SHORTEST["disc"]), ("u_trap", 29.0)])
-def test_with_short_sight_the_way_is_as_short_as_the_reference_says(world: str, most: float) -> None:
-    episode = canonical(world, 5.0)
-    assert episode.outcome == "success" and episode.full_length <= most
-
-
-@pytest.mark.parametrize(("angle", "mirrored"), [(0.83, False), (0.0, True), (0.83, True)])
-@pytest.mark.parametrize("world", SHORTEST)
-def test_a_turned_or_mirrored_world_takes_the_same_way(world: str, angle: float, mirrored: bool) -> None:
-    episode = canonical(world, 5.0, angle, mirrored)
-    assert episode.outcome == "success"
-    assert episode.length == pytest.approx(canonical(world, 5.0).length, rel=0.01)
-
-
-def test_out_of_the_hook_it_takes_the_slit_when_it_sees_it() -> None:
-    episode = run_episode("hd_bug", "hook", {"lidar.range": 50.0, "time.limit": 600.0})
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("scenario", ["rooms", "u_trap", "hook", "static"])
+def test_solvable_worlds_are_solved_without_contact(scenario: str, seed: int) -> None:
+    overrides = {"world.rotation": "random"} if scenario in ("u_trap", "hook") else {}
+    episode = run_episode("hd_bug", scenario, {**overrides, "time.limit": 900.0}, seed=seed)
+    assert episode.outcome == "success" and episode.verdict == "" and episode.min_clearance > 0.0
+    assert set(episode.modes) <= MODES
     layout = episode.simulation.world.layout(0)
-    exact = shortest_path(
-        layout.circles, layout.polygons, layout.border, episode.path[0, :2], layout.goals[0], radius=0.25
-    )
-    assert episode.full_length == pytest.approx(exact.length, abs=tolerance(exact.length))
+    obstacles = (layout.circles, layout.polygons, layout.border)
+    exact = shortest_path(*obstacles, episode.path[0, :2], layout.goals[0], radius=0.2)
+    assert episode.full_length >= exact.length - 1e-6
 
 
-@pytest.mark.parametrize("sight", [5.0, 50.0])
+@pytest.mark.parametrize("seed", (40_000, 40_003))
+def test_a_robot_that_seldom_changes_its_mind_does_not_go_to_and_fro_for_ever(seed: int) -> None:
+    # A livelock of doors without the circumnavigation: 0 of 4 of these fields arrived.
+    episode = run_episode("hd_bug", hd_bug_tables.field(500, 10.0), {"time.limit": 900.0}, seed=seed, hysteresis=0.5)
+    assert episode.outcome == "success"
+
+
+def turned_about(self: explore.Explorer, *arguments: Any) -> Any:
+    """The costs with their sign changed at every second look: it goes for the best door, then for the worst."""
+    self.asked = getattr(self, "asked", 0) + 1  # type: ignore[attr-defined]
+    return COSTS(self, *arguments) * (1.0 if self.asked % 2 else -1.0)  # type: ignore[attr-defined]
+
+
+COSTS = explore.Explorer._costs
+
+
+@pytest.mark.parametrize("world", ["u_trap", "ring"])
+def test_whatever_doors_it_chooses_it_arrives_or_is_right(world: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(explore.Explorer, "_costs", turned_about)
+    episode = run_episode("hd_bug", world, {"time.limit": 2000.0}, patience=2.0)
+    assert "circumnavigation" in episode.modes
+    assert (episode.outcome, episode.verdict) == (("success", "") if world == "u_trap" else ("running", "unreachable"))
+
+
+@pytest.mark.parametrize("without", ["candidates", "backtracking", "path_list"])
+def test_no_door_left_is_no_verdict(without: str) -> None:
+    assert run_episode("hd_bug", "u_trap", {"time.limit": 600.0}, without=without).outcome == "success"
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_a_goal_shut_in_is_unreachable_within_a_lap(sight: float, noise: float) -> None:
-    settings = {**CLOSED_FORM_SENSORS, "lidar.range": sight, "lidar.noise": noise}
-    episode = run_episode("hd_bug", "ring", settings)
+def test_a_goal_shut_in_is_unreachable_and_a_lap_says_so(noise: float) -> None:
+    episode = run_episode("hd_bug", "ring", {**CLOSED_FORM_SENSORS, "lidar.noise": noise})
     assert episode.verdict == "unreachable" and episode.outcome == "running"
-    lap = 4.0 * 8.0 + 2.0 * math.pi * 0.25
-    assert episode.length <= 5.75 + lap
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_few_beams_and_noise_do_not_hide_that_there_is_no_way(seed: int) -> None:
-    settings = {"robot.kinematics": "differential", "lidar.beams": 64, "lidar.noise": 0.01, "time.limit": 600.0}
-    assert run_episode("hd_bug", "ring", settings, seed=seed).verdict == "unreachable"
+    lap = 4.0 * 8.0 + 2.0 * math.pi * 0.3
+    modes = np.array(episode.modes)
+    assert modes[-1] == "circumnavigation" and 0.1 * (modes == "circumnavigation").sum() >= 0.9 * lap
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
@@ -170,68 +131,11 @@ def test_shut_in_itself_it_says_so(noise: float) -> None:
     assert episode.verdict == "unreachable"
 
 
-def test_patience_is_how_many_decisions_it_waits_before_it_says_so() -> None:
-    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
-    world |= {"start": [10, 0, 0], "goal": [0, 0]}
-    episode = run_episode("hd_bug", "ring", {**CLOSED_FORM_SENSORS, "world": world}, patience=7)
-    assert episode.modes == ("waiting",) * 7
-
-
-# ------------------------------------------------------------------------------------------------ traps, still worlds
-
-TRAPS: dict[str, dict[str, Any]] = {
-    "maze": {},
-    "rooms": {},
-    "u_trap": {"world.rotation": "random"},
-    "hook": {"world.rotation": "random"},
-    "static": {"world.obstacles": 60},
-}
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("scenario", TRAPS)
-def test_solvable_worlds_are_solved_without_contact(scenario: str, seed: int) -> None:
-    episode = run_episode("hd_bug", scenario, {**TRAPS[scenario], "time.limit": 1500.0}, seed=seed)
-    assert episode.outcome == "success" and episode.verdict == "" and episode.min_clearance > 0.0
-    assert set(episode.modes) <= MODES
-    layout = episode.simulation.world.layout(0)
-    obstacles = (layout.circles, layout.polygons, layout.border)
-    exact = shortest_path(*obstacles, episode.path[0, :2], layout.goals[0], radius=0.2)
-    assert episode.full_length >= exact.length - 1e-6
-
-
-@pytest.mark.parametrize("seed", [1017, 1019])
-def test_it_does_not_turn_to_and_fro_between_two_candidates(seed: int) -> None:
-    # Candidates that turned with the robot, right behind it: it turned left, right, left in place for ever.
-    assert run_episode("hd_bug", "maze", {"time.limit": 400.0}, seed=seed).outcome == "success"
-
-
-@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
-@pytest.mark.parametrize("seed", range(2))
-def test_it_does_not_turn_to_and_fro_before_a_bog(kinematics: str, seed: int) -> None:
-    # What the ground behind was supposed to cost changed with the heading, and the side to go round with it.
-    assert run_episode("hd_bug", "terrain", {"robot.kinematics": kinematics}, seed=seed).outcome == "success"
-
-
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic"])
 def test_the_same_world_twice_gives_the_same_run_bit_for_bit(scenario: str) -> None:
     first, second = (run_episode("hd_bug", scenario, seed=4, max_steps=150) for _ in range(2))
     np.testing.assert_array_equal(first.path, second.path)
     assert first.modes == second.modes
-
-
-def test_a_dead_end_is_closed_in_the_list_of_the_path() -> None:
-    episode = run_episode("hd_bug", "hook", {"time.limit": 600.0})
-    assert "backtracking" in episode.modes
-    assert any(node.is_closed for node in episode.memory.path)
-    assert not all(node.is_closed for node in episode.memory.path)
-
-
-def test_the_list_of_the_path_is_as_long_as_the_way() -> None:
-    episode = run_episode("hd_bug", "u_trap")
-    # A node every 0.5 m, or with the next step of 0.1 m.
-    assert episode.length / 0.6 <= len(list(episode.memory.path)) <= episode.length / 0.5 + 1.0
-    assert episode.memory.odometer == pytest.approx(episode.length, abs=0.2)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.003])
@@ -243,6 +147,13 @@ def test_touched_all_round_it_does_not_press_on(gap: float) -> None:
     for _ in range(30):
         action, state = policy.predict(flat, state)
         assert np.hypot(*action[0]) * 0.1 <= gap + 1e-3
+
+
+def test_it_goes_back_over_its_list_out_of_the_hook() -> None:
+    episode = run_episode("hd_bug", "hook", {"time.limit": 600.0})
+    assert "backtracking" in episode.modes and episode.memory.closed
+    assert len(episode.memory.path) <= episode.length / 0.5 + 30
+    assert episode.memory.odometer == pytest.approx(episode.length, abs=0.2)
 
 
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic", "ring"])
@@ -263,20 +174,101 @@ def test_what_it_draws_is_finite_and_labelled(scenario: str) -> None:
             assert sum(label == "chosen" for *_, label in drawing.points) == 1
 
 
+# ------------------------------------------------------------------------------------------------------ each part
+
+TIMES = {"rooms": 150.0, "rush": 40.0}
+MUTANTS: dict[str, tuple[str, int]] = {
+    "path_list": ("rooms", 0),
+    "backtracking": ("rooms", 0),
+    "shadow": ("rooms", 0),
+    "candidates": ("rooms", 0),
+    "travel": ("rooms", 0),
+    "goal": ("rooms", 0),
+    "risk": ("rooms", 0),
+    "velocity_rule": ("rush", 6),
+    "phase_1": ("rush", 2),
+    "phase_2": ("rush", 2),
+    "prediction": ("rush", 6),
+    "spread": ("rush", 6),
+    "radius_ladder": ("rush", 6),
+}
+"""For each part a world, by scenario and seed, in which it makes a difference."""
+
+
+@cache
+def ending(scenario: str, seed: int, without: str) -> tuple[str, str, float]:
+    """Outcome, verdict and length [m] in a world."""
+    episode = run_episode("hd_bug", scenario, {"time.limit": TIMES[scenario]}, seed=seed, without=without)
+    return episode.outcome, episode.verdict, episode.length
+
+
+def test_each_part_has_a_world() -> None:
+    assert {"", *MUTANTS} == set(get_args(Part))
+
+
+@pytest.mark.parametrize("part", MUTANTS)
+def test_without_a_part_a_world_ends_otherwise(part: str) -> None:
+    whole, less = ending(*MUTANTS[part], ""), ending(*MUTANTS[part], part)
+    assert whole[:2] != less[:2] or abs(whole[2] - less[2]) > 0.05
+
+
 # ----------------------------------------------------------------------------------------------------- what moves
 
 
 def test_most_worlds_of_movers_are_crossed() -> None:
-    outcomes = [run_episode("hd_bug", "dynamic", seed=seed).outcome for seed in range(20)]
-    assert outcomes.count("success") >= 18
+    outcomes = [run_episode("hd_bug", "dynamic", seed=seed).outcome for seed in range(15)]
+    assert outcomes.count("success") >= 14
 
 
-def chase(policy: str, velocity: tuple[float, float], kinematics: str) -> float:
+@pytest.mark.parametrize("predictor", ["none", "constant_velocity", "kalman", "rl"])
+def test_each_predictor_is_taken(predictor: str) -> None:
+    episode = run_episode("hd_bug", "dynamic", seed=1, max_steps=30, predictor=predictor)
+    assert episode.outcome in ("running", "success")
+
+
+def crossing(side: float, kinematics: str) -> Episode:
+    """A mover that comes along from one side, to meet the robot half-way if it goes straight on."""
+    mover = {"shape": {"circle": 0.4}, "at": [4.0, 4.0 * side], "motion": {"law": "bounce", "velocity": [0.0, -side]}}
+    world = {"family": "explicit", "bounds": [-20, -20, 20, 20], "movers": [mover], "start": [0, 0, 0], "goal": [8, 0]}
+    return run_episode("hd_bug", {"world": world, "robot": {"kinematics": kinematics}, "time": {"limit": 60.0}})
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_passes_behind_what_crosses(side: float, kinematics: str) -> None:
+    episode = crossing(side, kinematics)
+    assert episode.outcome == "success" and "anticipation" in episode.modes
+    # Where the mover's line is crossed the robot is on the side that the mover came from, or has let it by.
+    index = int(np.abs(episode.path[:, 0] - 4.0).argmin())
+    mover = side * (4.0 - 0.1 * index)
+    assert side * (episode.path[index, 1] - mover) > 0.6
+
+
+def test_what_comes_on_head_on_without_the_first_phase_is_given_way_to_by_the_second() -> None:
+    mover = {"shape": {"circle": 0.4}, "at": [6.0, 0.05], "motion": {"law": "bounce", "velocity": [-0.8, 0.0]}}
+    world = {"family": "explicit", "bounds": [-20, -20, 20, 20], "movers": [mover], "start": [0, 0, 0], "goal": [9, 0]}
+    settings = {"world": world, "robot": {"kinematics": "holonomic"}, "time": {"limit": 60.0}}
+    assert run_episode("hd_bug", settings, without="phase_2").outcome == "success"
+    second = run_episode("hd_bug", settings, without="phase_1")
+    assert second.outcome == "success" and "reaction" in second.modes
+
+
+def test_a_robot_that_backs_out_no_longer_does_when_nothing_is_near() -> None:
+    simulation = Simulation("static", 1)
+    policy: Any = make_policy("hd_bug", simulation)
+    flat = simulation.reset(seeds=[0])[:, 0]
+    _, state = policy.predict(flat)
+    state[0].is_backing = True
+    action, state = policy.predict(flat, state)
+    assert not state[0].is_backing and action[0, 0] >= 0.0
+
+
+def chase(policy: str, velocity: tuple[float, float], kinematics: str, **parameters: Any) -> float:
     """Time that a policy takes to a target that starts at (10, 0) and keeps its velocity [s]."""
-    motion = {"law": "bounce", "velocity": list(velocity)}
-    target = {"at": [10, 0], "motion": motion}
+    target = {"at": [10, 0], "motion": {"law": "bounce", "velocity": list(velocity)}}
     world = {"family": "explicit", "bounds": [-60, -60, 60, 60], "start": [0, 0, 0], "target": target}
-    episode = run_episode(policy, {"world": world, "robot": {"kinematics": kinematics}, "time": {"limit": 120.0}})
+    settings = {"world": world, "robot": {"kinematics": kinematics}, "time": {"limit": 120.0}}
+    episode = run_episode(policy, settings, **parameters)
     assert episode.outcome == "success"
     return 0.1 * (len(episode.path) - 1)
 
@@ -293,6 +285,7 @@ def test_an_open_target_is_met_within_three_percent_of_the_closed_form(velocity:
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_it_meets_moving_targets_sooner_than_pure_pursuit(kinematics: str) -> None:
     gains = [
-        chase("go_to_goal", velocity, kinematics) - chase("hd_bug", velocity, kinematics) for velocity in VELOCITIES
+        chase("hd_bug", velocity, kinematics, lead=False) - chase("hd_bug", velocity, kinematics)
+        for velocity in VELOCITIES
     ]
     assert min(gains) >= -0.1 - 1e-9 and float(np.mean(gains)) > 0.3

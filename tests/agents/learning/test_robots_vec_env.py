@@ -9,20 +9,21 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
 
+from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3 import PPO
 
 import bug_gym
 from bug_gym.agents.learning.settings import load_settings
 from bug_gym.agents.learning.training import InTraining, make_training_env, robot_of
-from bug_gym.agents.learning.vec_envs import JoinedVecEnv, RobotsVecEnv
+from bug_gym.agents.learning.vec_envs import JoinedVecEnv
+from bug_gym.agents.sb3 import RobotsVecEnv, make_robots_vec_env
 from bug_gym.config import load
 from bug_gym.held_out import play
-from bug_gym.simulation import Simulation
 
 AHEAD, STANDING = [1.0, 0.0], [-0.53846154, 0.0]  # reverse is 0.3 of 1.3 m/s
 
 
-def head_on(worlds: int = 2, limit: float = 20.0, goal: float = 3.0) -> RobotsVecEnv:
+def head_on(worlds: int = 2, limit: float = 20.0, goal: float = 3.0, restart: Any = "robot") -> RobotsVecEnv:
     """Two robots in a bare world: the first drives 3 m to its goal, the second has its goal beside it, far off."""
     scenario = {
         "robot": {"kinematics": "differential"},
@@ -31,9 +32,7 @@ def head_on(worlds: int = 2, limit: float = 20.0, goal: float = 3.0) -> RobotsVe
         "world": {"family": "empty", "bounds": [-10, -10, 10, 10], "start": [0, 0, 0], "goal": [9, 9]},
         "robots": [{"start": [0, 0, 0], "goal": [goal, 0]}, {"start": [0, 5, 0], "goal": [9, 5]}],
     }
-    env = RobotsVecEnv(Simulation(scenario, worlds), "continuous")
-    env.seed(0)
-    return env
+    return make_robots_vec_env(scenario, n_envs=worlds, seed=0, restart=restart)
 
 
 def steps(env: RobotsVecEnv, first: Any, second: Any, count: int) -> list[Any]:
@@ -43,8 +42,7 @@ def steps(env: RobotsVecEnv, first: Any, second: Any, count: int) -> list[Any]:
 
 def test_rows_are_the_robots_of_a_parallel_env() -> None:
     scenario = load("crossing_robots")
-    env = RobotsVecEnv(Simulation(scenario, 3), "continuous")
-    env.seed(4)
+    env = make_robots_vec_env(scenario, n_envs=3, seed=4)
     single = bug_gym.parallel_env(scenario, observation="flat")
     flat: Any = env.reset()
     expected, _ = single.reset(seed=5)
@@ -108,9 +106,75 @@ def test_all_start_anew_when_the_worlds_time_is_over() -> None:
     assert env.simulation.world.steps[0] == 0 and env.simulation.world.episode[0] == 1
 
 
-def test_a_saved_state_goes_on_bit_for_bit() -> None:
-    env = RobotsVecEnv(Simulation("crossing_robots", 2), "continuous")
-    env.seed(0)
+def test_a_world_starts_anew_when_the_last_of_its_robots_has_ended_and_not_before() -> None:
+    env = head_on(limit=4.0, restart="world")
+    env.reset()
+    *_, (flat, reward, done, infos) = steps(env, AHEAD, [0.2, 0.3], 27)  # 2.7 m to the goal's rim
+    assert done.tolist() == [True, False, True, False] and infos[0]["is_success"]
+    arrived = env.simulation.world.pose[0, 0].copy()
+    for flat, reward, done, infos in steps(env, AHEAD, [0.2, 0.3], 12):
+        assert done.tolist() == [True, False, True, False]
+        assert reward[0] == 0.0 and infos[0].keys() == {"terminal_observation"} and infos[1] == {}
+        np.testing.assert_array_equal(env.simulation.world.pose[0, 0], arrived)
+        np.testing.assert_array_equal(flat[0], infos[0]["terminal_observation"])
+    [(flat, reward, done, infos)] = steps(env, AHEAD, [0.2, 0.3], 1)
+    assert done.all() and infos[1]["TimeLimit.truncated"] and infos[1]["episode"]["l"] == 40
+    assert "episode" not in infos[0]
+    assert env.simulation.world.episode.tolist() == [1, 1] and env.simulation.world.steps.tolist() == [0, 0]
+    *_, (_, _, done, infos) = steps(env, AHEAD, [0.2, 0.3], 27)
+    assert done.tolist() == [True, False, True, False] and infos[0]["episode"]["l"] == 27
+
+
+@pytest.mark.parametrize("observation", ["dict", "flat"])
+@pytest.mark.parametrize("action", ["continuous", "discrete"])
+def test_rows_are_those_of_parallel_envs_that_are_reset_when_no_robot_is_left(observation: Any, action: Any) -> None:
+    scenario = load("circle_swap", {"time.limit": 4.0, "world.radius": 1.5})
+    env = make_robots_vec_env(scenario, 3, 2, seed=7, observation=observation, action=action)
+    singles = [bug_gym.parallel_env(scenario, robots=3, observation=observation, action=action) for _ in range(2)]
+    assert env.num_envs == 6 and env.observation_space == singles[0].observation_space("robot_0")
+    rows: Any = env.reset()
+    expected = [single.reset(seed=7 + number)[0] for number, single in enumerate(singles)]
+    episodes = 0
+    for step in range(120):
+        env.action_space.seed(step)
+        for number, single in enumerate(singles):
+            for robot, agent in enumerate(single.possible_agents):
+                if agent in expected[number]:
+                    mine = (
+                        {key: value[3 * number + robot] for key, value in rows.items()}
+                        if observation == "dict"
+                        else None
+                    )
+                    same = mine if mine is not None else rows[3 * number + robot]
+                    assert data_equivalence(same, expected[number][agent], exact=True)
+            np.testing.assert_array_equal(env.state()[number], single.state())
+        actions = np.stack([env.action_space.sample() for _ in range(6)])
+        rows, reward, done, _ = env.step(actions)
+        for number, single in enumerate(singles):
+            names = {agent: 3 * number + robot for robot, agent in enumerate(single.possible_agents)}
+            expected[number], rewards, *_ = single.step({agent: actions[names[agent]] for agent in single.agents})
+            for agent, row in names.items():
+                assert reward[row] == np.float32(rewards.get(agent, 0.0)) and done[row] == (agent not in single.agents)
+            if not single.agents:
+                expected[number], _ = single.reset()
+                episodes += 1
+            expected[number] = {agent: expected[number][agent] for agent in single.agents}
+    assert episodes >= 4
+
+
+def test_another_restart_is_refused() -> None:
+    with pytest.raises(ValueError, match="restart is one of 'world', 'robot', got 'never'"):
+        make_robots_vec_env("crossing_robots", restart="never")  # type: ignore[arg-type]
+
+
+def test_more_robots_than_a_scenario_has_places_for_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected at most 4"):
+        make_robots_vec_env("crossing_robots", 5)
+
+
+@pytest.mark.parametrize("restart", ["world", "robot"])
+def test_a_saved_state_goes_on_bit_for_bit(restart: Any) -> None:
+    env = make_robots_vec_env("crossing_robots", n_envs=2, seed=0, restart=restart)
     env.reset()
     rng = np.random.default_rng(1)
     actions = rng.uniform([0.5, -0.3], [1.0, 0.3], (300, 4, 2)).astype(np.float32)
@@ -138,7 +202,7 @@ def test_more_robots_than_rows_are_refused() -> None:
 
 
 def test_parts_are_joined_row_after_row() -> None:
-    parts = [RobotsVecEnv(Simulation("crossing_robots", count), "continuous") for count in (1, 2)]
+    parts = [make_robots_vec_env("crossing_robots", n_envs=count) for count in (1, 2)]
     joined = JoinedVecEnv(parts)
     joined.seed(3)
     assert joined.reset().shape == (6, 75)

@@ -1,0 +1,1 @@
+"""What the bugs of critical points share: virtual circle, open points, legs, what moves, and where tracks meet."""

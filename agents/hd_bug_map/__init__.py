@@ -1,0 +1,1 @@
+"""HD-BUG: the policy and its parts."""

@@ -1,0 +1,91 @@
+"""The map planner where nothing moves: straight to the next node of its way, past what stands in the first steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bug_gym.agents.hd_bug.frames import direction_to
+from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
+from bug_gym.agents.hd_bug_map.parameters import Measures
+from bug_gym.agents.hd_bug_map.perceive import Scene
+from bug_gym.agents.hd_bug_map.poses import TURNING, turn_to
+from bug_gym.agents.mapping.way import Way
+from bug_gym.geometry import F64
+from bug_gym.kinematics import TURN_IN_PLACE
+
+HEADINGS: F64 = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
+"""Headings that are looked at all round [rad]."""
+
+OFFSETS: F64 = np.radians(np.stack([np.arange(3.0, 177.0, 3.0), -np.arange(3.0, 177.0, 3.0)], axis=1).ravel())
+"""Turns away from a direction that are tried, the smallest first [rad]."""
+
+
+def follow_way(scene: Scene, memory: HDBugMapMemory, way: Way, measures: Measures) -> tuple[float, float]:
+    """Direction [rad] and speed [m/s] toward the next node of the way, where nothing moves."""
+    view = scene.view
+    node = way.places[1]
+    gap = math.dist(view.position, node)
+    is_last = len(way.places) == 2
+    memory.mode = "direct" if is_last else "following"
+    memory.candidates, memory.costs, memory.forecast = np.empty((0, 2)), np.empty(0), np.empty((0, 0, 2))
+    direction = memory.direction
+    if not is_turning(scene, memory, measures):
+        # Else: which node comes next may change with what the beams meet while it turns on the spot: finish the turn.
+        memory.chosen = float(node[0]), float(node[1])
+        direction = direction_to(view, memory.chosen)
+    return drive_along(scene, memory, direction, gap, measures, is_last=is_last)
+
+
+def is_turning(scene: Scene, memory: HDBugMapMemory, measures: Measures) -> bool:
+    """Whether a differential robot still turns on the spot toward the last direction, which is free."""
+    drive = scene.view.sensors.drive
+    if drive.kinematics == "holonomic" or memory.steps == 1:
+        return False
+    if abs(turn_to(scene.view.heading, memory.direction)) <= TURN_IN_PLACE:
+        return False
+    bearing = memory.direction - scene.view.heading
+    return bool(scene.light.free(np.array([bearing]))[0] >= measures.top * drive.step)
+
+
+def drive_along(
+    scene: Scene, memory: HDBugMapMemory, direction: float, gap: float, measures: Measures, *, is_last: bool
+) -> tuple[float, float]:
+    """Direction and speed along a direction [rad] for a gap [m]; never faster than it can stop in the free way."""
+    drive = scene.view.sensors.drive
+    direction, free = slide(scene, memory, direction, min(measures.top * drive.step, gap))
+    speed = measures.top
+    if math.isfinite(drive.max_acceleration):
+        speed = min(speed, math.sqrt(2.0 * drive.max_acceleration * max(free - speed * drive.step, 0.0)))
+    speed = min(speed, free / drive.step)
+    if not is_last:
+        speed = min(speed, max(gap, 1e-3) / drive.step)
+    return direction, max(speed, TURNING)
+
+
+def slide(scene: Scene, memory: HDBugMapMemory, direction: float, need: float) -> tuple[float, float]:
+    """The direction nearest to the desired one with a free way of `need` [m], and that way [m].
+
+    Without any, that of the place about the robot that is farthest from everything.
+    """
+    light, heading = scene.light, scene.view.heading
+    free = light.free(np.array([direction - heading]))
+    if free[0] >= need:
+        return direction, float(free[0])
+    found = light.free(direction - heading + OFFSETS)
+    good = np.flatnonzero(found >= need)
+    if len(good):
+        return direction + float(OFFSETS[good[0]]), float(found[good[0]])
+    return emergency_point(scene, memory)
+
+
+def emergency_point(scene: Scene, memory: HDBugMapMemory) -> tuple[float, float]:
+    """Direction and way to the place about the robot that is farthest from everything seen."""
+    memory.mode = "emergency"
+    light, bearings = scene.light, HEADINGS - scene.view.heading
+    ways = np.minimum(light.free(bearings), light.reach)
+    gaps = light.gaps(ways[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)]))
+    # Among points equally far from everything, the one with the longest way.
+    best = int(np.lexsort((-ways, -gaps))[0]) if ways.max() > 0.0 else 0
+    return float(HEADINGS[best]), float(ways[best])

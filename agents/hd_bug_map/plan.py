@@ -1,0 +1,120 @@
+"""The map planner plans: the path among all that it remembers, and what it does where there is none."""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
+from bug_gym.agents.hd_bug_map.parameters import Measures
+from bug_gym.agents.hd_bug_map.perceive import Scene
+from bug_gym.agents.hd_bug_map.poses import Turns, find_poses
+from bug_gym.agents.mapping.way import Way
+from bug_gym.policy import Velocity
+
+CONFIRM = 5
+"""Where there was no way, every how many decisions one is looked for again."""
+
+REPLAN, REPLAN_FREED, REPLAN_TERRAIN, REPLAN_POSES = 50, 10, 5, 10
+"""Steps after which the way is planned again in any case, where remembered points were taken away, and where ground was
+revised; and between two looks of a long body for a way without turns."""
+
+LEFT_NODE = 0.05
+"""Nearer than this to a node of the way it is passed, in robot radii."""
+
+STILL_FOR = 10.0
+"""Nothing may have moved for so long before a goal counts as unreachable [s]."""
+
+
+class Planner:
+    """The planner of the global path.
+
+    Args:
+        measures: of the robot.
+        patience: decisions in a row without any way before the goal counts as unreachable.
+    """
+
+    def __init__(self, measures: Measures, patience: int) -> None:
+        self.measures = measures
+        self.patience = patience
+
+    def plan(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
+        """The planned path: the one there is, or a new one; None where there is none."""
+        if memory.way is not None:
+            near = LEFT_NODE * self.measures.radius
+            scene.grid.pass_nodes(memory.way, scene.view.position, near, cuts=not scene.grid.cells.is_weighted)
+            if is_good(scene, memory, memory.way):
+                return memory.way
+        may_look = memory.way is not None or memory.closed_off % CONFIRM == 0
+        memory.way = self._find_way(scene, memory) if may_look else None
+        if memory.way is None:
+            self._no_way(scene, memory)
+            return None
+        memory.closed_off = 0
+        return memory.way
+
+    def _find_way(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
+        """A new path: to where the goal can be met, else to the goal, else over poses, else at the least clearance."""
+        view, grid = scene.view, scene.grid
+        position, goal = view.position, view.goal_position
+        memory.planned_at, memory.removed_then, memory.revised_then = memory.steps, grid.removed, grid.revised
+        radius = max(memory.goal_radius, 0.5 * self.measures.cell)
+        found = grid.find_way(position, memory.goal, radius)
+        if found is None and memory.goal != goal:
+            found = grid.find_way(position, goal, radius)
+        if found is not None:
+            return found
+        if memory.body_map is not None:
+            radius = max(memory.goal_radius, memory.body_map.cells.size)
+            poses = find_poses(memory.body_map, self.measures.footprint, view.pose, memory.goal, radius)
+            memory.turns = None if poses is None else Turns(poses, memory.body_map, memory.steps)
+            return None if memory.turns is None else memory.turns.way
+        if grid.cells.clearance > self.measures.tight:
+            grid.set_clearance(self.measures.tight)
+            return grid.find_way(position, goal, radius)
+        return None
+
+    def _no_way(self, scene: Scene, memory: HDBugMapMemory) -> None:
+        """The remembered points close the goal off: wait, forget, or say so."""
+        memory.closed_off += 1
+        memory.mode = "waiting"
+        if memory.closed_off < self.patience:
+            return
+        if memory.steps - memory.moved_at > STILL_FOR / scene.view.sensors.drive.step:
+            memory.verdict = "unreachable"
+        else:
+            scene.grid.forget_all()
+            memory.closed_off = 0
+
+    def turn_through(self, scene: Scene, memory: HDBugMapMemory, turns: Turns) -> Velocity | None:
+        """Follow the poses of a long body; None where it has room again, or they no longer lead on."""
+        memory.mode = "turning"
+        since = memory.steps - turns.planned_at
+        velocity = None
+        if not (since and since % REPLAN_POSES == 0) or self._has_to_turn(scene, memory, turns):
+            velocity = turns.lead_on(scene.view, self.measures.slow)
+        if velocity is None:
+            memory.turns = memory.way = None
+        else:
+            memory.way = turns.way
+        return velocity
+
+    def _has_to_turn(self, scene: Scene, memory: HDBugMapMemory, turns: Turns) -> bool:
+        """Whether a long body has no room to go as a disc, and its poses are still open."""
+        view, grid = scene.view, scene.grid
+        radius = max(memory.goal_radius, 0.5 * self.measures.cell)
+        if not grid.is_blocked(view.position) and grid.find_way(view.position, memory.goal, radius) is not None:
+            return False
+        return turns.is_open(self.measures.footprint, view.pose)
+
+
+def is_good(scene: Scene, memory: HDBugMapMemory, way: Way) -> bool:
+    """Whether the path still leads to the goal, is not too old, and nothing new stands in it."""
+    grid = scene.grid
+    if math.dist(memory.goal, way.places[-1]) > 0.1:
+        return False
+    since = memory.steps - memory.planned_at
+    if since >= REPLAN or (since >= REPLAN_TERRAIN and grid.revised != memory.revised_then):
+        return False
+    if since >= REPLAN_FREED and grid.removed != memory.removed_then:
+        return False
+    return grid.is_way_open(way, memory.goal_radius)

@@ -1,0 +1,154 @@
+"""A map planner in unknown terrain that avoids what moves: what grew out of HD-BUG here, and is no longer its paper's.
+
+Source: this package; the HD-BUG paper (Hasibuzzaman, Jan and Wu) gave the detection radius, the prediction of movers and
+the meeting of a moving target. Sensing assumed: ranges all round, goal, own position; the terrain around where the
+scenario has regions. Memory kept: points of still obstacles (mapping.point_map), tracks of what moves. States: direct,
+following, avoidance, emergency, turning, waiting. Guarantee: among still obstacles it reaches the goal or declares it
+unreachable, for every way with the clearance (see mapping.point_map). Length: that of the shortest way among what it
+has seen, planned again as it sees more.
+
+It keeps a map and plans on it, so bugs are no fair opponents: other planners in unknown terrain are, and networks.
+
+A decision is to perceive, to aim, to plan, and to follow the way or, among movers, to avoid: a file each.
+
+1. Way. The shortest one among all remembered points, unseen ground taken for free; planned again when it is blocked, soon
+   after points were taken away, and every fifty steps. The robot goes straight from node to node.
+2. No way. The goal is unreachable when the remembered points close it off, at the least clearance the body allows, for
+   `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved.
+3. Movers. Each candidate is a velocity (32 headings, four speeds, to stand, to back out), rolled out with the robot's
+   kinematics against the predicted tracks; what is left to go, near misses and contacts cost. While movers are near, the
+   edges of shadows within the detection radius r' count as near misses too: another may come out of them. r' climbs and
+   descends a ladder (hd_bug/ladder.py); the ends of candidates are compared after the time in which r' is crossed.
+4. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by
+   no longer than its velocity has foretold where it went. The goal radius grows with what it moves in a step.
+5. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for
+   as far again, so that a wide region is not entered because only its near edge is known. What is seen or supposed from
+   nearer counts, else it would change with the heading, and the side to go round a region with it.
+6. Long bodies. The way is planned for the disc about the body, which can turn anywhere; where there is none, poses are
+   planned (poses) until there is room again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.hd_bug.frames import in_odometry
+from bug_gym.agents.hd_bug.shown import labelled
+from bug_gym.agents.hd_bug_map.aim import aim
+from bug_gym.agents.hd_bug_map.avoid import Avoidance
+from bug_gym.agents.hd_bug_map.follow_way import follow_way
+from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
+from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, measures_of
+from bug_gym.agents.hd_bug_map.perceive import Perception, Scene
+from bug_gym.agents.hd_bug_map.plan import Planner
+from bug_gym.agents.mapping.way import Way
+from bug_gym.agents.prediction import make_predictor
+from bug_gym.agents.prediction.predictor import Predictor
+from bug_gym.agents.tracking.tracker import Tracker
+from bug_gym.geometry import velocity_along
+from bug_gym.kinematics import differential_action
+from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
+
+
+class HDBugMap(ScriptedPolicy):
+    """The map planner.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        discrete: whether actions are numbers of the discrete table.
+        **parameters: see HDBugMapParameters.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: an unknown predictor, a clearance not above the radius, a parameter that cannot be.
+    """
+
+    Parameters = HDBugMapParameters
+    parameters: HDBugMapParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        self.predictor: Predictor = make_predictor(self.parameters.predictor, sensors)
+        self.tracker = Tracker(sensors)
+        self.measures = measures_of(sensors, self.parameters)
+        self.perception = Perception(sensors, self.parameters, self.measures, self.tracker)
+        self.planner = Planner(self.measures, self.parameters.patience)
+        self.avoidance = Avoidance(sensors, self.parameters, self.measures)
+
+    def start(self) -> HDBugMapMemory:
+        """Memory of a new episode."""
+        return HDBugMapMemory(mode="direct", tracker=self.tracker.start())
+
+    def act(self, view: View, memory: HDBugMapMemory) -> Velocity:
+        """One decision."""
+        scene = self.look(view, memory)
+        if memory.turns is not None:
+            velocity = self.planner.turn_through(scene, memory, memory.turns)
+            if velocity is not None:
+                return velocity
+        way = self.planner.plan(scene, memory)
+        if way is None:
+            return self._wait(scene, memory)
+        if memory.turns is not None:
+            return self.planner.turn_through(scene, memory, memory.turns) or (0.0, 0.0)
+        return self.drive(scene, memory, way)
+
+    def look(self, view: View, memory: HDBugMapMemory) -> Scene:
+        """What is there, and where to."""
+        memory.is_backing = False
+        scene = self.perception.perceive(view, memory)
+        aim(scene, memory, self.measures.top, leads=self.parameters.lead)
+        return scene
+
+    def drive(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocity:
+        """Along the way, or among movers what costs least."""
+        movers = self.avoidance.near_movers(scene, self.predictor)
+        if movers is not None:
+            direction, speed = self.avoidance.avoid(scene, memory, way, movers)
+        else:
+            direction, speed = follow_way(scene, memory, way, self.measures)
+        memory.direction = direction
+        return velocity_along(direction - scene.view.heading, speed)
+
+    def _wait(self, scene: Scene, memory: HDBugMapMemory) -> Velocity:
+        """Stand, but for movers that come near: there is no way now."""
+        if memory.verdict:
+            return 0.0, 0.0
+        movers = self.avoidance.near_movers(scene, self.predictor)
+        if movers is None:
+            return 0.0, 0.0
+        view = scene.view
+        gap = math.dist(view.position, memory.goal)
+        straight = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
+        direction, speed = self.avoidance.avoid(scene, memory, straight, movers)
+        memory.mode = "waiting"
+        return velocity_along(direction - view.heading, speed)
+
+    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+        action = super()._action(flat, memory)
+        if isinstance(memory, HDBugMapMemory) and memory.is_backing and not memory.verdict and not self.discrete:
+            return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
+        return action
+
+    def draw(self, memory: HDBugMapMemory) -> Drawing:
+        """Light and shadow areas, velocities among movers by cost, the planned way, tracks."""
+        if memory.light is None:
+            return Drawing()
+        areas = [(in_odometry(memory.pose, memory.light.light_ring()), "light")]
+        areas += [(in_odometry(memory.pose, ring), "shadow") for ring in memory.light.shadow_rings()]
+        points = labelled(memory.candidates, memory.costs)
+        points.append((*memory.chosen, "chosen"))
+        segments: list[tuple[float, float, float, float, str]] = []
+        if memory.way is not None:
+            places = memory.way.places.tolist()
+            segments += [(*a, *b, "way") for a, b in zip(places, places[1:], strict=False)]
+        for future in memory.forecast:
+            segments += [
+                (*a, *b, "forecast") for a, b in zip(future[:-1:4].tolist(), future[4::4].tolist(), strict=False)
+            ]
+        return Drawing(points=points, segments=segments, areas=areas)

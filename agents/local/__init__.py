@@ -1,0 +1,1 @@
+"""Local navigators: they look at what is near and keep no map."""

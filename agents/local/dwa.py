@@ -1,0 +1,200 @@
+"""Dynamic window approach: of the velocities that can be reached and stopped from in time, the one worth most.
+
+Source: Fox, Burgard and Thrun (1997), "The Dynamic Window Approach to Collision Avoidance". A velocity is a speed and a
+turn rate, so a circle; it is worth alpha heading + beta distance + gamma speed, smoothed over its neighbours: how well
+the robot looks at the goal afterwards, how far it can go before it meets something, and how fast it is. Sensing
+assumed: the scan, the goal. Memory kept: which way it turns while it is stuck. States: driving, turning. Guarantee:
+none; it may stand before a wall for ever. Length: no bound.
+
+Where no velocity gets it on, it turns on the spot to where most room is until one does. A robot that drives any way
+without turning has speeds and directions for velocities, and straight ways.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bug_gym.agents.local.navigator import own_velocity
+from bug_gym.agents.local.windows import Window, weigh_window
+from bug_gym.agents.parameters import Length, Weight
+from bug_gym.geometry import F64, velocity_along
+from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE
+from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
+from bug_gym.view import Sensors, View
+
+SPEEDS, RATES, DIRECTIONS = 8, 17, 36
+"""Velocities of a window: so many speeds above 0, turn rates, and directions of a robot that needs not turn."""
+CREEP = 1e-6
+"""A speed that only tells where to turn [m/s]."""
+LEAST = 0.02
+"""A speed below this share of the greatest does not get the robot on."""
+BEHIND = math.radians(150.0)
+"""Nowhere farther round than this is looked for room [rad]."""
+
+
+@dataclass
+class DWAMemory(Memory):
+    """Memory of the dynamic window approach."""
+
+    side: int = 0
+    """Which way it turns while no velocity gets it on: 1 left, -1 right, 0 not at all."""
+    velocity: Velocity = (0.0, 0.0)
+    """Speed [m/s] and turn rate [rad/s], or direction [rad], that were chosen last."""
+    pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where that was, odometry frame."""
+
+
+@dataclass(frozen=True)
+class DWAParameters:
+    """Parameters of the dynamic window approach."""
+
+    heading_weight: Weight = 2.0
+    """alpha, of the goal's bearing [-]."""
+    distance_weight: Weight = 0.2
+    """beta, of the free way [-]."""
+    speed_weight: Weight = 0.2
+    """gamma, of the speed [-]."""
+    look: Length = 3.0
+    """Free ways beyond this are all the same [m]."""
+
+    def __post_init__(self) -> None:
+        for name in ("heading_weight", "distance_weight", "speed_weight"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")
+        if not 0.0 < self.look < math.inf:
+            raise ValueError(f"look must be above 0 m, got {self.look!r}")
+
+
+class DWA(ScriptedPolicy):
+    """The dynamic window approach.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: a negative weight, a look that is not above 0.
+    """
+
+    Parameters = DWAParameters
+    parameters: DWAParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        drive = sensors.drive
+        self.is_holonomic = drive.kinematics == "holonomic"
+        self.gain = min(TURN_GAIN, 1.0 / drive.step)
+        rate = min(drive.max_turn_rate, 0.999 * self.gain * TURN_IN_PLACE)
+        self.window = Window(
+            radius=braking_radius(sensors) + 2.0 * sensors.range_noise + 0.01,
+            max_speed=drive.max_speed,
+            step=drive.step,
+            acceleration=drive.max_acceleration,
+            turn_rate=rate,
+            gain=self.gain,
+            look=min(self.parameters.look, sensors.range),
+            heading_weight=self.parameters.heading_weight,
+            distance_weight=self.parameters.distance_weight,
+            speed_weight=self.parameters.speed_weight,
+            is_holonomic=self.is_holonomic,
+        )
+
+    def start(self) -> DWAMemory:
+        """Memory of a new episode."""
+        return DWAMemory(mode="driving")
+
+    def act(self, view: View, memory: DWAMemory) -> Velocity:
+        """One decision."""
+        speeds, seconds = self._reachable(view)
+        scores = np.empty((len(speeds), len(seconds)))
+        x, y = view.points
+        weigh_window(self.window, speeds, seconds, x, y, *view.goal, scores)
+        i, j = np.unravel_index(int(smoothed(scores, is_round=self.is_holonomic).argmax()), scores.shape)
+        speed, second = float(speeds[i]), float(seconds[j])
+        memory.pose = view.pose
+        if self.is_holonomic:
+            memory.velocity = speed, second
+            return velocity_along(second, speed)
+        if self._is_stuck(view, memory, speeds, scores):
+            memory.mode = "turning"
+            speed, second = 0.0, memory.side * self.window.turn_rate
+        else:
+            memory.mode, memory.side = "driving", 0
+        error = second / self.gain
+        memory.velocity = speed * math.cos(error), second
+        return velocity_along(error, max(speed, CREEP))
+
+    def _reachable(self, view: View) -> tuple[F64, F64]:
+        """Speeds (v,) and turn rates or directions (w,) of the window; standing is one of them."""
+        own, drive = math.hypot(*own_velocity(view)), self.sensors.drive
+        change = drive.max_acceleration * drive.step
+        # A goal nearer than a step at full speed is not driven past.
+        most = min(drive.max_speed, own + change, max(view.goal_distance / drive.step, CREEP))
+        least = max(own - change, 0.0)
+        speeds = np.concatenate([[0.0], np.linspace(min(least, most), most, SPEEDS + 1)[1:]])
+        if self.is_holonomic:
+            directions = view.goal_bearing + 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+            return speeds, directions
+        exact = min(max(self.gain * view.goal_bearing, -self.window.turn_rate), self.window.turn_rate)
+        rates = np.linspace(-self.window.turn_rate, self.window.turn_rate, RATES)
+        # The rate that faces the goal is one of them, in the place of the nearest.
+        rates[int(np.abs(rates - exact).argmin())] = exact
+        return speeds, rates
+
+    def _is_stuck(self, view: View, memory: DWAMemory, speeds: F64, scores: F64) -> bool:
+        """Whether no velocity gets the robot on though it looks at the goal; it goes on turning until one does."""
+        moves = speeds >= LEAST * self.sensors.drive.max_speed
+        if not moves.any() or np.isfinite(scores[moves]).any():
+            return False
+        if memory.side == 0:
+            memory.side = self._freer_side(view)
+        return True
+
+    def _freer_side(self, view: View) -> int:
+        """Which way to turn: to the nearest bearing with room for a look."""
+        turns = np.linspace(0.0, BEHIND, 16)
+        left = view.free_distances(turns, self.window.radius)
+        right = view.free_distances(-turns, self.window.radius)
+        return 1 if left.max() - right.max() > 1e-9 or left.argmax() <= right.argmax() else -1
+
+    def draw(self, memory: DWAMemory) -> Drawing:
+        """The way that was chosen, for a second and a half."""
+        x, y, heading = memory.pose
+        speed, second = memory.velocity
+        times = np.linspace(0.0, 1.5, 13)
+        if self.is_holonomic:
+            heading, turned = heading + second, 0.0 * times
+        else:
+            turned = second * times
+        along = heading + 0.5 * turned
+        chord = speed * times * np.sinc(0.5 * turned / np.pi)
+        places = np.stack([x + chord * np.cos(along), y + chord * np.sin(along)], axis=1).tolist()
+        return Drawing(segments=[(*a, *b, "path") for a, b in zip(places[:-1], places[1:], strict=True)])
+
+
+def smoothed(scores: F64, *, is_round: bool) -> F64:
+    """The mean of each score and those beside it; one that is no velocity stays none and counts for nothing.
+
+    Args:
+        scores: (v, w), minus infinity where there is no velocity.
+        is_round: whether the last column lies beside the first.
+    """
+    known = np.isfinite(scores)
+    worth = np.where(known, scores, 0.0)
+    padded, there = (_bordered(one, is_round=is_round) for one in (worth, known.astype(float)))
+    total, count = np.zeros_like(scores), np.zeros_like(scores)
+    rows, columns = scores.shape
+    for i in range(3):
+        for j in range(3):
+            total += padded[i : i + rows, j : j + columns]
+            count += there[i : i + rows, j : j + columns]
+    return np.where(known, total / np.maximum(count, 1.0), -np.inf)
+
+
+def _bordered(table: F64, *, is_round: bool) -> F64:
+    """A table (v + 2, w + 2) with zeros around, or beside its first and last columns each other's."""
+    wide = np.pad(table, ((1, 1), (1, 1)))
+    if is_round:
+        wide[1:-1, 0], wide[1:-1, -1] = table[:, -1], table[:, 0]
+    return wide

@@ -1,0 +1,1 @@
+"""The navigator: a planner where nothing moves, a network among movers."""

@@ -1,0 +1,137 @@
+"""The navigator: hd_bug_map's planner where nothing moves, a network on the planned way among movers.
+
+Source: this package. Its planner is hd_bug_map, its network ppo_mixed of agents/trained, which was trained among movers
+and has no map: the one arrives in mazes and rooms, the other passes what moves. Sensing assumed: as hd_bug_map; the
+robot and the scanner are those that the network was trained with, another is refused. Memory kept: that of hd_bug_map;
+the last scans for the network (learning.history); what was seen to move (switch). States: those of hd_bug_map, and
+network. Guarantee: while nothing is taken for a mover it reaches the goal or declares it unreachable, as hd_bug_map
+does. Length: there that of hd_bug_map.
+
+1. Each decision begins as hd_bug_map's: to perceive, to aim, to plan. So the way is always one through all that is
+   remembered, and where there is none the verdict is the planner's.
+2. Until something moves for sure, and again some time after the last mover, hd_bug_map drives, action for action.
+3. Else the network drives. Its goal is the next node of the way, which stands; on the last leg it is the goal itself,
+   with the velocity that the network's memory gives it.
+4. The network's speed, ahead or back, is cut so that this step cannot end in something seen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
+from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters
+from bug_gym.agents.hd_bug_map.perceive import Scene
+from bug_gym.agents.hd_bug_map.policy import HDBugMap
+from bug_gym.agents.learning.history import History
+from bug_gym.agents.learning.play import LearnedPolicy, as_env_actions
+from bug_gym.agents.mapping.way import Way
+from bug_gym.agents.navigator.switch import Switch
+from bug_gym.geometry import F32
+from bug_gym.kinematics import differential_action, discrete_actions
+from bug_gym.policy import Memory, MisfitError, Velocity, brake, braking_radius
+from bug_gym.view import Sensors, View
+
+
+@dataclass(frozen=True)
+class NavigatorParameters(HDBugMapParameters):
+    """Parameters of the navigator: the planner's, and the network."""
+
+    model: str | Path = "ppo_mixed"
+    """Name of a shipped model, or a folder."""
+
+
+@dataclass(kw_only=True)
+class NavigatorMemory(HDBugMapMemory):
+    """Memory of the navigator."""
+
+    switch: Switch = field(default_factory=Switch)
+    """Whether things move."""
+    history: tuple[History, ...] | None = None
+    """The network's own memory; None before the first decision."""
+    is_last_leg: bool = False
+    """Whether the way leads straight to the goal."""
+
+
+class Navigator(HDBugMap):
+    """The planner with a network for movers.
+
+    Args:
+        sensors: what a driver knows of the robot.
+        discrete: whether actions are numbers of the discrete table.
+        **parameters: see NavigatorParameters.
+
+    Raises:
+        MisfitError: the network was made for another robot, or the robot is not differential.
+        TypeError: an unknown parameter.
+        ValueError: a parameter that cannot be, or no such model.
+        ImportError: onnxruntime is not installed.
+    """
+
+    Parameters = NavigatorParameters
+    parameters: NavigatorParameters
+
+    def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, discrete=discrete, **parameters)
+        self.network = LearnedPolicy(sensors, model=self.parameters.model)
+        if sensors.drive.kinematics != "differential":
+            raise MisfitError(f"the navigator drives differential robots, got a {sensors.drive.kinematics} one")
+        self._table = discrete_actions(sensors.drive)
+
+    def start(self) -> NavigatorMemory:
+        """Memory of a new episode."""
+        return NavigatorMemory(mode="direct", tracker=self.tracker.start())
+
+    def look(self, view: View, memory: HDBugMapMemory) -> Scene:
+        """What is there, where to, and whether things move."""
+        scene = super().look(view, memory)
+        assert isinstance(memory, NavigatorMemory)
+        memory.switch.update(scene.tracks, self.sensors.drive.step)
+        return scene
+
+    def drive(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocity:
+        """Along the way; to stand where the network is to drive, whose action `_action` takes."""
+        assert isinstance(memory, NavigatorMemory)
+        if not memory.switch.is_on:
+            return super().drive(scene, memory, way)
+        x, y = way.places[1].tolist()
+        memory.mode, memory.chosen, memory.is_last_leg = "network", (x, y), len(way.places) == 2
+        memory.candidates, memory.costs, memory.forecast = np.empty((0, 2)), np.empty(0), np.empty((0, 0, 2))
+        # The planner is to begin anew after it, as it lies then.
+        memory.direction = scene.view.heading
+        return 0.0, 0.0
+
+    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+        """The planner's action, or the network's; the network remembers each scan."""
+        assert isinstance(memory, NavigatorMemory)
+        action = super()._action(flat, memory)
+        seen, memory.history = self.network.look(flat[None], memory.history)
+        if memory.mode != "network" or memory.verdict:
+            return action
+        return self._network_action(View(flat, self.sensors), seen, memory)
+
+    def _network_action(self, view: View, seen: F32, memory: NavigatorMemory) -> NDArray[Any]:
+        """What the network does for the next node of the way, never into what is seen."""
+        if not memory.is_last_leg:
+            seen = self.network.with_goal(seen, view.to_robot(*memory.chosen))
+        drive = self.sensors.drive
+        ahead, turn = as_env_actions(self.network.answer(seen), self._table, discrete=False)[0].tolist()
+        speed = 0.5 * (ahead + 1.0) * (drive.max_speed + drive.max_reverse) - drive.max_reverse
+        action = differential_action(drive, braked(view, speed), turn * drive.max_turn_rate)
+        return as_env_actions(action, self._table, discrete=self.discrete)
+
+
+def braked(view: View, speed: float) -> float:
+    """A differential robot's speed [m/s], ahead or back, cut so that this step cannot end in something it sees."""
+    if speed >= 0.0:
+        return brake(view, (speed, 0.0))[0]
+    sensors = view.sensors
+    radius = braking_radius(sensors)
+    free = max(view.free_distance(math.pi, radius) - (radius - sensors.radius), 0.0)
+    return max(speed, -free / sensors.drive.step)

@@ -1,0 +1,93 @@
+"""A*: cells in the order of the way there and the least that is left (a map planner).
+
+Source: Hart, Nilsson and Raphael (1968). Sensing assumed: the map, own place on it. Memory kept: the way. States:
+planning, following, waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells. Length: the
+shortest over the cells before it is smoothed, at most 8.3 % over the shortest of all with eight neighbours.
+
+Among equals the one nearer to the goal comes first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bug_gym.agents.planning.grid import COLUMN_STEPS, FAR, ROW_STEPS, Bytes, Grid
+from bug_gym.agents.planning.grid_planner import GridPlanner
+from bug_gym.agents.planning.open_list import OpenList, drop_spent, open_list, put, put_next, spend_first
+from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_of, offset_of, require_free, way_of
+from bug_gym.compiling import kernel
+from bug_gym.kernels.layout import Integers
+
+
+def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Found:
+    """The shortest way over a grid.
+
+    Args:
+        grid: what is free.
+        start: number of a cell.
+        goal: number of a cell.
+        guess: what is left (`search.OCTILE` and its neighbours); None: the bound that never says too much. With one that
+            does, the way need not be the shortest.
+
+    Raises:
+        ValueError: the start or the goal is blocked.
+    """
+    require_free(grid, start=start, goal=goal)
+    cells = grid.blocked.size
+    cost, came = np.full(cells, FAR, dtype=np.int64), np.zeros(cells, dtype=np.uint8)
+    kind = bound_of(grid) if guess is None else guess
+    expanded = search(grid.links, grid.lattice.columns, start, goal, kind, cost, came, open_list(cells))
+    if cost[goal] == FAR:
+        return NO_WAY._replace(expanded=expanded)
+    return Found(way_of(grid, came, start, goal), int(cost[goal]), expanded)
+
+
+@kernel
+def search(
+    links: Bytes, columns: int, start: int, goal: int, kind: int, cost: Integers, came: Bytes, heap: OpenList
+) -> int:
+    """A* over open steps, until the goal's turn has come. Returns how many cells were expanded.
+
+    Args:
+        links: the open steps of each cell (n,).
+        columns: of the grid.
+        start: number of a cell.
+        goal: number of a cell.
+        kind: what is left.
+        cost: of the way to each cell (n,), FAR at first; written here.
+        came: the step by which each was reached (n,); written here.
+        heap: empty.
+    """
+    goal_row, goal_column = goal // columns, goal % columns
+    cost[start] = 0
+    put(heap, 0, 0, start)
+    expanded = 0
+    while heap.filled[0] > 0:
+        if heap.entries[0, 2] == goal:
+            break
+        node, is_spent = spend_first(heap), True
+        expanded += 1
+        dy = node // columns
+        dx = node - dy * columns - goal_column
+        dy -= goal_row
+        for step in range(8):
+            if not links[node] >> step & 1:
+                continue
+            other = node + offset_of(step, columns)
+            through = cost[node] + cost_of(step)
+            if through < cost[other]:
+                cost[other] = through
+                came[other] = step
+                left = bound(kind, dx + COLUMN_STEPS[step], dy + ROW_STEPS[step])
+                is_spent = put_next(heap, through + left, left, other, is_spent)
+        if is_spent:
+            drop_spent(heap)
+    return expanded
+
+
+class AStar(GridPlanner):
+    """A* over the cells of the map; its parameters are those of GridPlanner."""
+
+    def search(self, grid: Grid, start: int, goal: int) -> Found:
+        """The shortest way over the cells."""
+        return a_star(grid, start, goal)

@@ -1,0 +1,215 @@
+"""What all map planners share: plan as an episode begins, follow the way, plan anew when it is blocked or the goal moves.
+
+A planner writes one method, `plan`: the way from here to there, or why there is none. Short means short in metres: what
+regions cost is not counted.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from bug_gym.agents.parameters import Length
+from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower
+from bug_gym.agents.planning.live import LiveMap, Maps, Moving
+from bug_gym.agents.planning.map_policy import MapMemory, MapPolicy
+from bug_gym.agents.planning.route import Route, distances_to_chain
+from bug_gym.geometry import F64, Point
+from bug_gym.policy import Drawing, Velocity, braking_radius
+from bug_gym.view import Sensors, View
+
+GOAL_MOVED = 0.2
+"""A goal farther than this from where it was is planned for anew [m]."""
+
+STRAYED = 0.5
+"""Farther than this from its way the robot plans anew [m]."""
+
+WATCHED = 3.0
+"""How far ahead a way is watched for movers that stand in it [m]."""
+
+NEAR = 5.0
+"""Movers up to this far from the robot are planned round [m]."""
+
+SLOW = 0.1
+"""What moves less than this stands [m/s]."""
+
+PAUSE = 0.5
+"""Time between two plans round movers [s]."""
+
+
+class Room(NamedTuple):
+    """What a way is planned for."""
+
+    radius: float
+    """Of the disc that the body is taken for [m]."""
+    margin: float
+    """What the way keeps from obstacles beside it [m]."""
+
+    @property
+    def growth(self) -> float:
+        """By how much obstacles grow [m]."""
+        return self.radius + self.margin
+
+
+TOUCHING = 0.1
+"""Share of the margin that is kept where the whole of it leaves no way."""
+
+
+def rooms_for(sensors: Sensors, margin: float) -> tuple[Room, ...]:
+    """What ways are planned for in turn, until there is one: the last with hardly more than the body itself.
+
+    A differential robot is cut short by its brake (`policy.brake`) nearer to things than its braking radius.
+    """
+    body, braking = sensors.radius, braking_radius(sensors)
+    rooms = [Room(braking, margin), Room(braking, TOUCHING * margin), Room(body, TOUCHING * margin)]
+    return tuple(dict.fromkeys(rooms))
+
+
+class Plan(NamedTuple):
+    """What a search has found."""
+
+    places: F64 | None
+    """The way (k, 2) from where the robot is to the goal [m]; None: there is none."""
+    margin: float = 0.0
+    """What it keeps from obstacles beside the body [m]."""
+    reason: str = ""
+    """Why there is none, in a sentence."""
+    verdict: str = ""
+    """What follows from that: "unreachable" where there is no way for certain, at the planner's resolution; "" where it
+    may be tried again."""
+
+
+@dataclass
+class PlannerMemory(MapMemory):
+    """Memory of a map planner."""
+
+    route: Route | None = None
+    """The way that is followed."""
+    planned_for: Point = (math.inf, math.inf)
+    """Where the goal was when it was planned [m]."""
+    pause: float = 0.0
+    """Time until the next plan round movers [s]."""
+    plans: int = 0
+    """How often the way was planned."""
+
+
+@dataclass(frozen=True)
+class PlannerParameters:
+    """Parameters of every map planner."""
+
+    margin: Length = 0.05
+    """What a way keeps from obstacles beside the body [m]; where that leaves no way, a tenth of it."""
+    follower: FollowerName = "pure_pursuit"
+    """What drives along the way."""
+
+    def __post_init__(self) -> None:
+        if not (self.margin >= 1e-3 and math.isfinite(self.margin)):
+            raise ValueError(f"margin must be finite and at least 0.001 m, got {self.margin!r}")
+
+
+class MapPlanner(MapPolicy):
+    """A policy that plans on the map and follows the way.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: a margin below a millimetre, an unknown follower.
+    """
+
+    Parameters: ClassVar[type[Any]] = PlannerParameters
+    memory_type: ClassVar[type[MapMemory]] = PlannerMemory
+    parameters: Any
+
+    def __init__(
+        self, sensors: Sensors, *, discrete: bool = False, maps: Maps | None = None, **parameters: Any
+    ) -> None:
+        super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
+        self.follower = make_follower(self.parameters.follower, sensors)
+        self.rooms = rooms_for(sensors, self.parameters.margin)
+
+    @abstractmethod
+    def plan(self, scene: Scene, memory: Any) -> Plan:
+        """The way from where the robot is to the goal.
+
+        Args:
+            scene: where both are; with movers where they are to be planned round as they stand now, else without.
+            memory: of the episode; `memory.live` is the map.
+        """
+
+    def act(self, view: View, memory: PlannerMemory) -> Velocity:
+        """One decision."""
+        scene = self.look(view, memory)
+        memory.pause -= view.sensors.drive.step
+        away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
+        is_due = memory.route is None or away > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
+        if memory.pause <= 0.0:
+            round_these = self.planned_round(scene)
+            if is_due:
+                self.replace_route(scene._replace(moving=None), memory)
+            elif memory.route is not None and self.is_blocked(memory.route, round_these):
+                self.replace_route(scene._replace(moving=near(round_these)), memory)
+        if memory.route is None:
+            return 0.0, 0.0
+        return self.follower.follow(memory.route, view, scene)
+
+    def look(self, view: View, memory: PlannerMemory) -> Scene:
+        """Where the robot and its goal are, and what moves."""
+        live = live_of(memory)
+        return Scene(live.pose, live.goal, live.movers() if live.has_movers else None)
+
+    def planned_round(self, scene: Scene) -> Scene:
+        """The scene with the movers that ways are planned round: all, or those that stand where the follower avoids."""
+        if scene.moving is None or not self.follower.avoids_movers:
+            return scene
+        return scene._replace(moving=scene.moving.select(np.hypot(*scene.moving.velocities.T) < SLOW))
+
+    def is_blocked(self, route: Route, scene: Scene) -> bool:
+        """Whether a mover stands in the way where the robot comes next."""
+        if scene.moving is None or len(scene.moving.discs) == 0:
+            return False
+        discs = scene.moving.discs
+        away = distances_to_chain(route.ahead(WATCHED), discs[:, :2])
+        return bool((away <= discs[:, 2] + self.sensors.radius).any())
+
+    def replace_route(self, scene: Scene, memory: PlannerMemory) -> None:
+        """Replace the way; where none is found round movers the old one stays, on which the robot waits."""
+        found = self.plan(scene, memory)
+        memory.plans += 1
+        memory.pause = PAUSE
+        memory.reason, memory.verdict = found.reason, found.verdict
+        if found.places is not None:
+            memory.route = Route(found.places, margin=found.margin)
+            memory.planned_for = scene.goal
+        elif scene.moving is None:
+            memory.route = None
+        memory.mode = "following" if found.places is not None else "waiting"
+
+    def draw(self, memory: PlannerMemory) -> Drawing:
+        """The way that is followed, and its bends."""
+        if memory.route is None:
+            return Drawing()
+        places = memory.route.places
+        segments = [(*a, *b, "path") for a, b in zip(places[:-1].tolist(), places[1:].tolist(), strict=True)]
+        return Drawing(points=[(x, y, "node") for x, y in places[1:-1].tolist()], segments=segments)
+
+
+def live_of(memory: MapMemory) -> LiveMap:
+    """The world of an episode."""
+    assert memory.live is not None, "a planner's memory is made by `begin`"
+    return memory.live
+
+
+def near(scene: Scene) -> Moving:
+    """What moves near the robot; what is far will be elsewhere when the robot comes there."""
+    assert scene.moving is not None
+    discs = scene.moving.discs
+    x, y, _ = scene.pose
+    return scene.moving.select(np.hypot(discs[:, 0] - x, discs[:, 1] - y) <= NEAR + discs[:, 2])
+
+
+def mover_discs(moving: Moving | None) -> F64:
+    """Discs (n, 3) about what moves: x, y, radius [m]; none where nothing is told."""
+    return np.zeros((0, 3)) if moving is None else moving.discs

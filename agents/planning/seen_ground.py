@@ -1,0 +1,133 @@
+"""Unknown terrain as a grid: what the scans have shown so far is blocked, all else counts as free.
+
+The remembered points are those of agents/mapping, which also takes away what beams have passed since.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bug_gym.agents.mapping.lazy_theta import Search
+from bug_gym.agents.mapping.point_map import PointMap
+from bug_gym.agents.planning.follow import Scene
+from bug_gym.agents.planning.grid import Grid, Lattice, Nodes, make_grid, relink_nodes
+from bug_gym.agents.planning.grid_planner import GridParameters
+from bug_gym.agents.planning.map import in_frame, inverse
+from bug_gym.agents.planning.planner import Room
+from bug_gym.agents.planning.route import Route
+from bug_gym.agents.planning.smoothing import Solids
+from bug_gym.geometry import Point
+from bug_gym.view import Sensors, View
+
+NO_EDGES = np.zeros((0, 4))
+
+SPAN = 10.0
+"""Half of the side of the grid at first [m]; it grows by itself."""
+
+
+class SeenGround:
+    """What a robot has seen, as a grid in its odometry frame.
+
+    Args:
+        parameters: resolution, connectivity and corners of the grid.
+        rooms: what ways are planned for in turn, until there is one.
+    """
+
+    def __init__(self, parameters: GridParameters, rooms: tuple[Room, ...]) -> None:
+        self._parameters, self._rooms = parameters, list(rooms)
+        self.room = self._rooms.pop(0)
+        self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self._clearance, Search())
+        self.grid = self._grid()
+        self._solids: Solids | None = None
+        self._hits = np.zeros((0, 3))
+
+    def look(self, view: View, goal: Point) -> bool:
+        """Remember what a scan shows. Returns whether ground has turned out free, or the grid has grown."""
+        before = self.points.removed
+        self._hits = np.column_stack([*view.points, np.zeros(len(view.points[0]))])
+        self._hits[:, :2] = in_frame(self._hits[:, :2], inverse(view.pose))
+        sensors = view.sensors
+        still = np.ones(len(view.ranges), dtype=bool)
+        self.points.cover(*goal, sensors.range)
+        added = self.points.add_scan(
+            view.position, view.heading, sensors.angles, view.ranges, sensors.range, sensors.range_noise, still
+        )
+        if self.points.cells.blocked.shape != (self.grid.lattice.rows - 2, self.grid.lattice.columns - 2):
+            self.grid, self._solids = self._grid(), None
+            return True
+        if added == 0 and self.points.removed == before:
+            return False
+        self._solids = None
+        return self._renew()
+
+    def _renew(self) -> bool:
+        """Take over which cells are blocked now. Returns whether one has turned out free."""
+        cells = self.points.cells
+        inner = self.grid.blocked[1:-1, 1:-1]
+        now = cells.blocked > 0
+        changed = np.flatnonzero(now != inner)
+        if len(changed) == 0:
+            return False
+        rows, columns = np.divmod(changed, now.shape[1])
+        # A new grid, so that a search can tell what has changed since it was asked last.
+        self.grid = self.grid._replace(blocked=self.grid.blocked.copy(), links=self.grid.links.copy())
+        self.grid.blocked[1:-1, 1:-1] = now
+        nodes: Nodes = ((rows + 1) * self.grid.lattice.columns + columns + 1).astype(np.int32)
+        relink_nodes(self.grid, nodes)
+        return not bool(now[rows, columns].all())
+
+    def narrow(self) -> bool:
+        """Plan for the next room from now on; False where there is none."""
+        if not self._rooms:
+            return False
+        self.room = self._rooms.pop(0)
+        self.points.set_clearance(self._clearance)
+        self.grid, self._solids = self._grid(), None
+        return True
+
+    def ends(self, scene: Scene, sensors: Sensors) -> tuple[int, int] | None:
+        """The free cells in which a way begins and ends, None where there are none near enough."""
+        size = self.grid.lattice.size
+        start = self.grid.free_node_near(scene.pose[:2], 2.0 * self._growth)
+        goal = self.grid.free_node_near(scene.goal, max(sensors.goal_radius - 0.5 * size, 0.0))
+        if min(start, goal) < 0:
+            return None
+        (place,) = self.grid.lattice.places(np.array([start])).tolist()
+        # Points may seem nearer than the body lets them be.
+        body = max(sensors.radius - 4.0 * sensors.range_noise - 0.01, 0.5 * sensors.radius)
+        return (start, goal) if self.solids.with_growth(body).is_clear(scene.pose[:2], (place[0], place[1])) else None
+
+    def is_route_open(self, route: Route, here: Point) -> bool:
+        """Whether the rest of a way keeps half its margin from what the last scan has hit; the rest was known before."""
+        solids = Solids(self._hits, NO_EDGES, self.room.radius + 0.5 * self.room.margin)
+        chain = [here, *((x, y) for x, y in route.ahead(math.inf)[1:].tolist())]
+        return all(map(solids.is_clear, chain[:-1], chain[1:]))
+
+    @property
+    def solids(self) -> Solids:
+        """What has been seen, point by point."""
+        if self._solids is None:
+            points = self.points.points()
+            self._solids = Solids(np.column_stack([points, np.zeros(len(points))]), NO_EDGES, self._growth)
+        return self._solids
+
+    @property
+    def _growth(self) -> float:
+        """By how much points grow [m]: a cell remembers one of its points, others of the same wall are nearer."""
+        return self.room.growth + 0.5 * self._parameters.resolution
+
+    @property
+    def _clearance(self) -> float:
+        """From how near to a point on the centre of a cell is blocked [m], see GridPlanner.clearance_of."""
+        return math.hypot(self._growth, math.sqrt(0.5) * self._parameters.resolution)
+
+    def _grid(self) -> Grid:
+        cells = self.points.cells
+        rows, columns = cells.blocked.shape
+        size = cells.size
+        lattice = Lattice(cells.x - 0.5 * size, cells.y - 0.5 * size, size, rows + 2, columns + 2)
+        blocked = np.pad((cells.blocked > 0).astype(np.uint8), 1, constant_values=1)
+        own = self._parameters
+        return make_grid(blocked, lattice, connectivity=own.connectivity, cut_corners=own.cut_corners)

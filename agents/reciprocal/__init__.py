@@ -1,0 +1,1 @@
+"""Reciprocal avoidance: robots that share the work of keeping clear of one another."""

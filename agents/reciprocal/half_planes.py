@@ -1,0 +1,140 @@
+"""The compiled part of ORCA for a robot: its half planes of velocities, and the velocity chosen within them.
+
+The half planes of other bodies and the programme that chooses within them are those of the crowd
+(bug_gym.kernels.avoidance).
+"""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.compiling import called, kernel
+from bug_gym.kernels.avoidance import Disc, add_half_plane, add_reciprocal, least_violation, nearest_velocity
+from bug_gym.kernels.layout import Floats
+from bug_gym.kernels.randomness import hash64, uniform
+
+# Columns of a body to be avoided: place and velocity in the robot's frame [m, m/s], its radius [m], the share of the
+# avoidance that is this robot's (0: it counts as a still thing), and the share of the gap that it may close in a step.
+PX, PY, VX, VY, RADIUS, SHARE, GAP_SHARE = range(7)
+BODY = 7
+
+
+@called
+def is_hidden(clean: Floats, cos: Floats, sin: Floats, reach: float, x: float, y: float, room: float) -> bool:
+    """Whether a wall stands before a place [m]: the beam nearest to its bearing ends more than `room` [m] before it."""
+    distance = math.hypot(x, y)
+    best, nearest = -math.inf, 0
+    for i in range(len(clean)):
+        along = cos[i] * x + sin[i] * y
+        if along > best:
+            best, nearest = along, i
+    seen: float = clean[nearest]
+    return seen < reach and seen < distance - room
+
+
+@called
+def approach_limit(gap: float, step: float, deceleration: float) -> float:
+    """The greatest speed [m/s] after a step at which a robot stops within a gap [m]."""
+    if gap <= 0.0:
+        return 0.0
+    if deceleration == math.inf:
+        return gap / step
+    # w step + w^2 / (2 a) = gap
+    lost = deceleration * step
+    return math.sqrt(lost * lost + 2.0 * deceleration * gap) - lost
+
+
+@kernel
+def reciprocal_velocity(
+    ranges: Floats,
+    clean: Floats,
+    cos: Floats,
+    sin: Floats,
+    reach: float,
+    bodies: Floats,
+    count: int,
+    robot: Floats,
+    velocity: tuple[float, float],
+    wish: tuple[float, float],
+    lines: Floats,
+    spare: Floats,
+) -> tuple[float, float, bool]:
+    """The velocity nearest to a wish that keeps clear of walls and bodies.
+
+    Half planes of walls, and those that keep two bodies from touching in this step, hold always; those of ORCA give way
+    by the least where they leave nothing.
+
+    Args:
+        ranges: the scan (B,) [m].
+        clean: the same without bodies (B,) [m].
+        cos: directions of the beams, x (B,).
+        sin: y (B,).
+        reach: range that means "nothing seen" [m].
+        bodies: (n, BODY).
+        count: how many of them there are.
+        robot: radius [m], kept from walls beside it [m], kept from bodies beside it [m], greatest speed [m/s], horizon [s],
+            step [s], greatest deceleration [m/s^2], and how far before walls it begins to slow down [s].
+        velocity: of the robot in its frame [m/s].
+        wish: in its frame [m/s].
+        lines: room for B + 2 n half planes.
+        spare: room for as many.
+
+    Returns:
+        vx, vy in the robot's frame [m/s], and whether bodies change what it would do without them.
+    """
+    radius, wall_margin, margin, speed, horizon, step, deceleration, before_walls = robot
+    hard = 0
+    near = radius + wall_margin + speed * max(before_walls, step)
+    for i in range(len(clean)):
+        if ranges[i] < near and ranges[i] < reach:
+            limit = approach_limit(ranges[i] - radius - wall_margin, max(before_walls, step), deceleration)
+            hard = add_half_plane(lines, hard, -cos[i], -sin[i], -limit)
+    walls, soft = hard, 0
+    for b in range(count):
+        x, y = bodies[b, PX], bodies[b, PY]
+        distance = math.hypot(x, y)
+        closing = speed + math.hypot(bodies[b, VX], bodies[b, VY])
+        touching = radius + bodies[b, RADIUS]
+        if distance == 0.0 or distance >= touching + margin + closing * horizon:
+            continue
+        limit = approach_limit(bodies[b, GAP_SHARE] * (distance - touching), step, deceleration)
+        if limit < speed:
+            hard = add_half_plane(lines, hard, -x / distance, -y / distance, -limit)
+        if bodies[b, SHARE] == 0.0 or is_hidden(clean, cos, sin, reach, x, y, bodies[b, RADIUS]):
+            continue
+        # Two that are nearer than they would like keep the room that there is.
+        together = max(min(touching + margin, distance * (1.0 - 1e-9)), touching)
+        other = Disc(x, y, bodies[b, VX], bodies[b, VY], together)
+        soft = add_reciprocal(other, bodies[b, SHARE], velocity[0], velocity[1], horizon, step, spare, soft)
+    vx, vy, failed = nearest_velocity(lines, walls, speed, wish[0], wish[1])
+    alone_x, alone_y = vx, vy
+    for j in range(3 * soft):
+        lines[3 * hard + j] = spare[j]
+    vx, vy, failed = nearest_velocity(lines, hard + soft, speed, wish[0], wish[1])
+    if failed < hard:
+        return 0.0, 0.0, True  # by rounding: to stand always keeps those
+    if failed < hard + soft:
+        vx, vy = least_violation(lines, hard, failed, hard + soft, speed, vx, vy, spare)
+    return vx, vy, abs(vx - alone_x) + abs(vy - alone_y) > 1e-6 * speed
+
+
+@kernel
+def speed_before_bodies(bodies: Floats, count: int, robot: Floats, direction: float, speed: float) -> float:
+    """What of a speed [m/s] along a direction of the robot's frame [rad] leaves a gap to each body after this step."""
+    radius, step, deceleration = robot[0], robot[5], robot[6]
+    ahead_x, ahead_y = math.cos(direction), math.sin(direction)
+    for b in range(count):
+        x, y = bodies[b, PX], bodies[b, PY]
+        distance = math.hypot(x, y)
+        closing = ahead_x * x + ahead_y * y
+        if closing > 0.0:
+            gap = bodies[b, GAP_SHARE] * (distance - radius - bodies[b, RADIUS])
+            speed = min(speed, approach_limit(gap, step, deceleration) * distance / closing)
+    return speed
+
+
+@kernel
+def drawn_share(seed: int, leg: int) -> float:
+    """A number from 0 to 1 that a robot draws for a leg."""
+    share: float = uniform(hash64(seed, 0, leg, 0), 0)
+    return share

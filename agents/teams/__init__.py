@@ -1,0 +1,1 @@
+"""Teams: several robots of one world that tell one another where they are, one algorithm a file."""

@@ -1,0 +1,140 @@
+"""What teams of bugs share: their memories, what each robot's law gets to see, and the rule by which the others stop.
+
+The stop rule is that of Oni and Wang, "Improved Bug Algorithms for Robot Navigation in Unknown Environments", section
+3.2: a robot wins that goes to the goal, sees nothing between it and the goal, and is nearer to it than every partner.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from bug_gym.agents.teams.partners import Seen, without_partners
+from bug_gym.agents.walls.boundary_bug import BoundaryBug
+from bug_gym.agents.walls.contour import BugMemory
+from bug_gym.policy import Drawing, Velocity
+from bug_gym.team_policy import TeamMemory, TeamPolicy
+from bug_gym.view import Sensors
+
+STANDING: Velocity = (0.0, 0.0)
+
+PATIENCE = 10.0
+"""How long a robot waits in one encounter before it goes round its partner [s]."""
+
+SAME_DISTANCE = 1e-6
+"""Distances to the goal that differ by less are equal [m]."""
+
+SAME_PLACE = 1e-3
+"""Rounding of an observed distance [m]."""
+
+ARRIVING = 2.0
+"""How many steps from its goal a robot that falls silent has arrived."""
+
+
+@dataclass
+class BugTeamMemory(TeamMemory):
+    """Memory of one robot of a team of bugs."""
+
+    own: Any = field(default_factory=BugMemory)
+    """Memory of its law."""
+    eyes: BugMemory = field(default_factory=BugMemory)
+    """Glances at what moves that is no partner."""
+    waited: float = 0.0
+    """How long it has waited in this encounter [s]."""
+    is_detouring: bool = False
+    """Whether it goes round its partners as round obstacles."""
+    detoured: bool = False
+    """Whether it has ever."""
+
+
+class BugTeam(TeamPolicy):
+    """A team of bugs that stop for the first of them that is known to arrive."""
+
+    laws: Sequence[BoundaryBug]
+    """Law of each robot."""
+
+    def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
+        self.step = sensors.step_length
+
+    def draw(self, memory: BugTeamMemory) -> Drawing:
+        """What the robot's law shows."""
+        return self.laws[0].draw(memory.own)
+
+    def going(self, memories: Sequence[BugTeamMemory]) -> list[int]:
+        """Robots that answer, and have not given up."""
+        return [robot for robot, memory in enumerate(memories) if memory.is_heard and not memory.own.verdict]
+
+    # ------------------------------------------------------------------------------------------- what a law sees
+
+    def goes_round(self, robot: int, memory: BugTeamMemory) -> bool:
+        """Whether partners are obstacles to a robot's law."""
+        return memory.is_detouring
+
+    def seen(self, robot: int, memories: Sequence[BugTeamMemory]) -> Seen:
+        """What a robot's law gets to see: no bodies of partners that go on, but for one that goes round them."""
+        memory = memories[robot]
+        assert memory.view is not None and memory.frame is not None
+        if self.goes_round(robot, memory):
+            return Seen(memory.view, memory.view)
+        partners = [memories[other] for other in self.going(memories) if other != robot]
+        return without_partners(memory.view, memory.frame, partners)
+
+    def watch(self, robot: int, seen: Seen, memory: BugTeamMemory) -> None:
+        """Look for what moves in place of the law, which would take partners for it; it spoils the law's lap."""
+        is_moving = self.laws[robot].boundary.sees_motion(seen.still, memory.eyes)
+        if is_moving and memory.own.contour is not None:
+            memory.own.contour.is_disturbed = True
+        if not memory.own.glances:  # the law's own glances are never due
+            memory.own.glances, memory.own.glance_age = [seen.still], -math.inf
+
+    # ------------------------------------------------------------------------------------------------- the end
+
+    def is_stopped(self, robot: int, memories: Sequence[BugTeamMemory]) -> bool:
+        """Whether a robot stands because another one will arrive first."""
+        winner = memories[robot].winner
+        return winner is not None and winner != robot
+
+    def unless_stopped(self, wanted: Sequence[Velocity], memories: Sequence[BugTeamMemory]) -> list[Velocity]:
+        """The velocities, of robots that have stopped none."""
+        return [STANDING if self.is_stopped(robot, memories) else wish for robot, wish in enumerate(wanted)]
+
+    def look_for_winner(self, team: Sequence[int], seen: Mapping[int, Seen], memories: Sequence[BugTeamMemory]) -> None:
+        """The stop rule; a winner whose way turns out to be blocked wins no longer."""
+        going = [robot for robot in team if not memories[robot].own.verdict]
+        if not going:
+            return
+        winner = memories[going[0]].winner
+        if winner is not None and winner in seen and memories[winner].own.contour is not None:
+            winner = None
+        elif winner is None:
+            nearest = min(seen[robot].view.goal_distance for robot in going)
+            winner = next((robot for robot in going if self._wins(robot, seen[robot], memories[robot], nearest)), None)
+        for robot, memory in enumerate(memories):
+            memory.winner = winner
+            if winner is not None and robot != winner and not memory.verdict:
+                memory.mode = "stopped"
+
+    def _wins(self, robot: int, seen: Seen, memory: BugTeamMemory, nearest: float) -> bool:
+        """Whether a robot goes to the goal, sees it free, and none is nearer."""
+        view = seen.view
+        if memory.own.contour is not None or view.goal_distance > nearest + SAME_DISTANCE:
+            return False
+        boundary, bearing, distance = self.laws[robot].boundary, view.goal_bearing, view.goal_distance
+        # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`.
+        is_free = view.free_distance(bearing, 0.5 * (boundary.clearance + boundary.inner)) >= distance
+        return is_free or boundary.can_reach_goal(view, bearing, distance)
+
+    def check_winner(self, memories: Sequence[BugTeamMemory]) -> None:
+        """A winner that fell silent has arrived, or will not."""
+        winner = memories[0].winner
+        if winner is not None and not memories[winner].is_heard and not self.has_arrived(memories[winner]):
+            for memory in memories:
+                memory.winner = None
+
+    def has_arrived(self, memory: TeamMemory) -> bool:
+        """Whether a robot is at its goal, or was about to be when it was heard last."""
+        within = self.sensors.goal_radius + (SAME_PLACE if memory.is_heard else ARRIVING * self.step)
+        return memory.word is not None and memory.word.goal_distance <= within

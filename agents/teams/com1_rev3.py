@@ -1,0 +1,388 @@
+"""Com1-Rev3: one robot drives by Com1, its partner by Rev3, until one of them is known to arrive first.
+
+Source: Oni and Wang, "Improved Bug Algorithms for Robot Navigation in Unknown Environments", sections 3.2 and 3.3,
+figure 3; laws as in `bugs/com1.py` and `bugs/rev3.py`. Sensing assumed: as theirs. Told: place by odometry, velocity,
+distance to the goal, state, and what is seen behind the own body. Memory kept: that of each law, and the trace of the
+own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some robot reaches the goal, or Com1,
+which is complete, declares it unreachable. Length: the winner's is the shorter of the two laws' ways, or near it; the
+sum at most twice that.
+
+*Stop rule.* A robot wins that (1) goes to the goal, (2) sees nothing between it and the goal, and (3) is nearer to it
+than every partner; all as of one instant, and of equals the first. The partners stop. If its way turns out to be
+blocked, or it falls silent on it, they go on.
+
+*Collision control.* The paper has Rev3 stop below 1.5 m and go on at 2 m "to allow the Com1 robot to pass", and
+presupposes the room for it. Where there is none the robots here make it: a robot waits whose next step would bring it
+within a hand's breadth of another, and the partner in its way moves along its own way, on or back, whichever leads
+away; where neither does it steps aside, and who is in its way makes room in turn. So Com1 drives the curve that it
+drives alone, at other times. What waits longer than 10 s goes round its partner as round an obstacle (the paper's own
+rule), and says so: `detoured`.
+
+With more than two robots half drive by Com1 and half by Rev3, of either half the turns alternate (section 5); a robot
+holds for all that come before it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from bug_gym.agents.bugs.com1 import Com1
+from bug_gym.agents.bugs.rev3 import Rev3
+from bug_gym.agents.parameters import Length
+from bug_gym.agents.teams.bug_team import PATIENCE, STANDING, BugTeam, BugTeamMemory
+from bug_gym.agents.teams.partners import ROOM, closes, distance_to_segment, gap, least_gap, place_after
+from bug_gym.agents.walls.boundary import LeaveRule
+from bug_gym.geometry import Point, velocity_along
+from bug_gym.policy import Velocity
+from bug_gym.team_policy import TeamMemory
+from bug_gym.view import Sensors, View
+
+Sides = Literal["right_left", "left_right", "left", "right"]
+PartnerRule = Literal["solo", "paper", "ghost"]
+
+AHEAD = 1.0
+"""How far along its own way a robot that makes room compares on and back [m]."""
+
+HEADINGS = 16
+"""How many headings a robot tries that steps aside."""
+
+TURNS: dict[str, tuple[tuple[str, str], tuple[str, str]]] = {
+    "right_left": (("right", "left"), ("left", "right")),
+    "left_right": (("left", "right"), ("right", "left")),
+    "left": (("left", "left"), ("left", "left")),
+    "right": (("right", "right"), ("right", "right")),
+}
+"""First turns of the Com1 robots, in turn, and of the Rev3 robots."""
+
+
+@dataclass
+class Com1Rev3Memory(BugTeamMemory):
+    """Memory of one robot of the team."""
+
+    trace: list[Point] = field(default_factory=list)
+    """Places where its law decided, odometry frame [m]."""
+    at: int = 0
+    """Number of the place of the trace where it stands; less than the last one after it has made room."""
+    pending: Velocity | None = None
+    """What its law wants while it waits, robot's frame [m/s]."""
+    holding_for: set[int] = field(default_factory=set)
+    """Robots that it has come too near to, and not yet far enough from."""
+    waiting_for: set[int] = field(default_factory=set)
+    """Robots that its next step would bring it too near to."""
+    room: int = 0
+    """+1 while it makes room on along its way, -1 back, 0 while it does not."""
+    aside: list[Point] = field(default_factory=list)
+    """Places that lead back to its way after it has stepped aside, the next one last, odometry frame [m]."""
+    on_behalf: int = 0
+    """The foremost robot for which it waits, or makes room."""
+
+
+@dataclass(frozen=True)
+class Com1Rev3Parameters:
+    """Parameters of Com1-Rev3."""
+
+    clearance: Length | None = None
+    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    leave_rule: LeaveRule = "front"
+    """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
+    sides: Sides = "right_left"
+    """First turns of Com1 and of Rev3: one each way, or both "left" (the paper's examples) or "right"."""
+    hold_distance: Length = 1.5
+    """Distance to a robot that comes before it, below which a robot holds [m]."""
+    go_distance: Length = 2.0
+    """Distance from which on it goes on [m]."""
+    partner_rule: PartnerRule = "solo"
+    """What a robot that comes first does about one in its way: "solo" keeps its curve and waits for room, "paper" goes
+    round it, "ghost" passes through it (for worlds in which robots have no bodies to one another)."""
+
+
+class Com1Rev3(BugTeam):
+    """Com1-Rev3.
+
+    Raises:
+        MisfitError: fewer than two robots.
+        ValueError: a distance to hold at beyond that to go on at; and what the laws refuse.
+    """
+
+    Parameters = Com1Rev3Parameters
+    parameters: Com1Rev3Parameters
+    wants_room = True
+
+    def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
+        own = self.parameters
+        if not own.hold_distance <= own.go_distance:
+            raise ValueError(f"hold_distance must be at most go_distance ({own.go_distance}), got {own.hold_distance}")
+        self.leaders = (self.robots + 1) // 2
+        """How many robots drive by Com1; they come first."""
+        turns = TURNS[own.sides]
+        settings: dict[str, Any] = {"clearance": own.clearance, "leave_rule": own.leave_rule}
+        self.laws = [
+            Com1(sensors, turn=turns[0][robot % 2], **settings)
+            if robot < self.leaders
+            else Rev3(sensors, turn=turns[1][(robot - self.leaders) % 2], **settings)
+            for robot in range(self.robots)
+        ]
+
+    def start(self, robots: int) -> tuple[Com1Rev3Memory, ...]:
+        """Memories of a new episode."""
+        owns = [law.start() for law in self.laws[:robots]]
+        return tuple(Com1Rev3Memory(mode=own.mode, own=own) for own in owns)
+
+    def act(self, views: Sequence[View | None], memories: Sequence[Com1Rev3Memory]) -> list[Velocity]:
+        """One decision of all."""
+        team = self.going(memories)
+        self.check_winner(memories)
+        seen = {robot: self.seen(robot, memories) for robot in team}
+        self._look_for_encounters(team, memories)
+        wanted = [STANDING] * len(memories)
+        for memory in memories:
+            if memory.own.verdict:
+                memory.mode = "stopped"
+        for robot in team:
+            self.watch(robot, seen[robot], memories[robot])
+            wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
+        self._share_verdicts(memories)
+        self.look_for_winner(team, seen, memories)
+        return self.unless_stopped(wanted, memories)
+
+    # ------------------------------------------------------------------------------------------------ one robot
+
+    def goes_round(self, robot: int, memory: BugTeamMemory) -> bool:
+        """Whether partners are obstacles to a robot's law."""
+        return memory.is_detouring or (self.parameters.partner_rule == "paper" and robot < self.leaders)
+
+    def _wanted(
+        self,
+        robot: int,
+        view: View,
+        team: Sequence[int],
+        memories: Sequence[Com1Rev3Memory],
+        wanted: Sequence[Velocity],
+    ) -> Velocity:
+        """The velocity of one robot; those that come before it have theirs."""
+        memory = memories[robot]
+        if self.is_stopped(robot, memories):
+            memory.mode = "stopped"
+            return STANDING
+        if memory.holding_for or self._asking(robot, team, memories):
+            return self._hold(robot, view, team, memories, wanted)
+        memory.room, memory.on_behalf = 0, robot
+        velocity = self._go_on(robot, view, memory)
+        blockers = self._blockers(robot, velocity, team, memories, wanted)
+        memory.waiting_for = blockers
+        if blockers:
+            memory.pending, memory.mode = velocity, "waiting"
+            memory.waited += self.sensors.drive.step
+            if memory.waited > PATIENCE:
+                memory.is_detouring = memory.detoured = True
+                memory.pending = None
+            return STANDING
+        memory.pending, memory.mode = None, memory.own.mode
+        return velocity
+
+    def _go_on(self, robot: int, view: View, memory: Com1Rev3Memory) -> Velocity:
+        """What the law wants; first back to where it decided last, where the robot has made room since."""
+        if memory.pending is not None:
+            return memory.pending
+        while memory.aside and math.dist(memory.aside[-1], view.position) < 0.3 * self.step:
+            memory.aside.pop()
+        if memory.aside:
+            return self.laws[robot].boundary.step_to(view, memory.aside[-1]) or STANDING
+        back = self._along_trace(robot, view, memory, 1)
+        if back is not None:
+            return back
+        velocity = self.laws[robot].act(view, memory.own)
+        if memory.is_detouring and memory.own.verdict:
+            self._give_up_detour(memory)
+            return STANDING
+        memory.trace.append(view.position)
+        memory.at = len(memory.trace) - 1
+        return velocity
+
+    def _give_up_detour(self, memory: Com1Rev3Memory) -> None:
+        """What a robot finds out while its partner is an obstacle to it proves nothing: it waits again."""
+        memory.own.verdict = ""
+        memory.is_detouring, memory.waited = False, 0.0
+        if memory.own.contour is not None:
+            memory.own.contour.waited = 0.0
+
+    def _along_trace(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
+        """Velocity to the next place of the trace, on (+1) or back (-1); None at its end, or where something stands."""
+        end = max(len(memory.trace) - 1, 0) if direction > 0 else 0
+        while memory.at != end and math.dist(memory.trace[memory.at + direction], view.position) < 0.3 * self.step:
+            memory.at += direction
+        if memory.at == end:
+            return None
+        return self.laws[robot].boundary.step_to(view, memory.trace[memory.at + direction])
+
+    # ---------------------------------------------------------------------------------------------- encounters
+
+    def _look_for_encounters(self, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> None:
+        """Who holds for whom: from below the one distance on until the other is reached; for no one after a win."""
+        own = self.parameters
+        for robot in team:
+            memory = memories[robot]
+            gaps = {other: gap(memory, memories[other]) for other in team if other != robot}
+            if not any(distance < own.go_distance for distance in gaps.values()):
+                memory.waited, memory.is_detouring = 0.0, False
+            held = memory.holding_for
+            held &= {other for other, distance in gaps.items() if distance < own.go_distance}
+            if memory.winner is not None:
+                held.clear()
+                continue
+            was_held = bool(held)
+            held |= {other for other, distance in gaps.items() if other < robot and distance < own.hold_distance}
+            memory.holds += bool(held) and not was_held
+            memory.held += self.sensors.drive.step if held else 0.0
+
+    def _blockers(
+        self,
+        robot: int,
+        velocity: Velocity,
+        team: Sequence[int],
+        memories: Sequence[Com1Rev3Memory],
+        wanted: Sequence[Velocity],
+    ) -> set[int]:
+        """Robots that a step at a velocity would bring a robot too near to."""
+        if self.parameters.partner_rule == "ghost" or velocity == STANDING:
+            return set()
+        memory = memories[robot]
+        after = place_after(memory, velocity)
+        least = least_gap(self.sensors)
+        if self.goes_round(robot, memory):
+            least -= 0.8 * ROOM
+        return {
+            other
+            for other in team
+            if other != robot
+            and closes(memory, after, memories[other], place_after(memories[other], wanted[other]), least)
+        }
+
+    def _asking(self, robot: int, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> list[int]:
+        """Robots that wait for this one, for themselves or for another one that comes before it; the foremost first."""
+        asking = [
+            other
+            for other in team
+            if other != robot and robot in memories[other].waiting_for and memories[other].on_behalf < robot
+        ]
+        return sorted(asking, key=lambda other: memories[other].on_behalf)
+
+    def _hold(
+        self,
+        robot: int,
+        view: View,
+        team: Sequence[int],
+        memories: Sequence[Com1Rev3Memory],
+        wanted: Sequence[Velocity],
+    ) -> Velocity:
+        """Stand, or make room for a robot that waits: on along the own way, back, or aside."""
+        memory = memories[robot]
+        memory.waiting_for, memory.mode, memory.on_behalf = set(), "hold", robot
+        asking = self._asking(robot, team, memories)
+        if self.parameters.partner_rule != "solo" or any(memories[other].is_detouring for other in team):
+            memory.room = 0
+            return STANDING
+        if asking:
+            memory.on_behalf = memories[asking[0]].on_behalf
+            memory.room = memory.room or self._better_way(memory, view, memories[asking[0]])
+        if memory.room == 0:
+            return STANDING
+        for direction in (memory.room, -memory.room) if not memory.aside else ():
+            velocity = self._make_room(robot, view, memory, direction)
+            if velocity is not None and self._has_room(robot, velocity, team, memories, wanted):
+                memory.room, memory.mode, memory.pending = direction, "making_room", None
+                return velocity
+        return self._step_aside(robot, view, asking, team, memories, wanted) if asking else STANDING
+
+    def _has_room(
+        self,
+        robot: int,
+        velocity: Velocity,
+        team: Sequence[int],
+        memories: Sequence[Com1Rev3Memory],
+        wanted: Sequence[Velocity],
+    ) -> bool:
+        """Whether a robot that makes room can take a step; who is in its way is asked for room in turn."""
+        blockers = self._blockers(robot, velocity, team, memories, wanted)
+        memories[robot].waiting_for |= blockers
+        return not blockers
+
+    def _make_room(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
+        """Velocity on or back along the own way; None at the start of the trace."""
+        if direction < 0:
+            return self._along_trace(robot, view, memory, -1)
+        velocity = self._go_on(robot, view, memory)
+        memory.pending = velocity  # the law has decided for this place, whether the step is taken or not
+        return None if memory.own.verdict or velocity == STANDING else velocity
+
+    def _step_aside(
+        self,
+        robot: int,
+        view: View,
+        asking: Sequence[int],
+        team: Sequence[int],
+        memories: Sequence[Com1Rev3Memory],
+        wanted: Sequence[Velocity],
+    ) -> Velocity:
+        """Leave the own way for as long as a robot asks, to where the asking one's way leads least near."""
+        memory, other = memories[robot], memories[asking[0]]
+        assert memory.frame is not None and memory.word is not None and other.word is not None
+        speed = self.sensors.drive.max_speed
+        safe = self.laws[robot].boundary.safe_radius
+        begin, end = other.word.place, place_after(other, other.pending or STANDING)
+        ahead = AHEAD / max(math.dist(begin, end), 1e-9)
+        end = (begin[0] + ahead * (end[0] - begin[0]), begin[1] + ahead * (end[1] - begin[1]))
+        ways = []
+        for number in range(HEADINGS):
+            bearing = 2.0 * math.pi * number / HEADINGS
+            after = place_after(memory, velocity_along(bearing, AHEAD / self.sensors.drive.step))
+            ways.append((distance_to_segment(after, begin, end), bearing))
+        for _, bearing in sorted(ways, reverse=True):
+            velocity = velocity_along(bearing, speed)
+            is_free = view.free_distance(bearing, safe) >= self.step
+            if is_free and self._has_room(robot, velocity, team, memories, wanted):
+                memory.aside.append(view.position)
+                memory.mode, memory.pending = "making_room", None
+                return velocity
+        return STANDING
+
+    def _better_way(self, memory: Com1Rev3Memory, view: View, asking: TeamMemory) -> int:
+        """+1 or -1: whether the gap to a robot that asks for room is larger after 1 m on, or back."""
+        assert asking.word is not None and memory.frame is not None
+        gaps = [
+            math.dist(memory.frame.to_team(self._place_along(memory, view, direction)), asking.word.place)
+            for direction in (1, -1)
+        ]
+        return 1 if gaps[0] >= gaps[1] else -1
+
+    def _place_along(self, memory: Com1Rev3Memory, view: View, direction: int) -> Point:
+        """About where the own way leads after AHEAD, odometry frame [m]; beyond its end straight on."""
+        place, left, at = view.position, AHEAD, memory.at
+        while 0 <= at + direction < len(memory.trace):
+            at += direction
+            length = math.dist(place, memory.trace[at])
+            place, left = memory.trace[at], left - length
+            if left <= 0.0:
+                return place
+        if direction < 0:
+            return place
+        contour = memory.own.contour
+        heading = view.heading + view.goal_bearing
+        if contour is not None and contour.heading is not None:
+            heading = contour.heading
+        x, y = velocity_along(heading, left)
+        return place[0] + x, place[1] + y
+
+    # ------------------------------------------------------------------------------------------------- the end
+
+    def _share_verdicts(self, memories: Sequence[Com1Rev3Memory]) -> None:
+        """The mission ends where a complete robot proves that there is no way, or where no robot has one left."""
+        heard = [memory for memory in memories if memory.is_heard]
+        proven = any(memory.own.verdict == "unreachable" for memory in memories[: self.leaders] if memory.is_heard)
+        if proven or all(memory.own.verdict for memory in heard):
+            for memory in heard:
+                memory.verdict = "unreachable" if proven else memory.own.verdict

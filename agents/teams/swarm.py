@@ -1,0 +1,117 @@
+"""SwarmCom, SwarmBug1, SwarmBug2: robots that drive by one law each for itself, and stop when one of them has arrived.
+
+Source: named by Oni and Wang (section 2) after Johansson and Markdahl, "Swarm Bug Algorithms for Path Generation in
+Unknown Environments" (2023); here the plain baseline of teams: the robots take their first turns to either side, and
+are obstacles to one another. Two that came near would follow each other's bodies for ever, so the later one stands
+below 1.5 m and goes on at 2 m, as in `com1_rev3`, and the earlier one goes round it. Sensing assumed: as the law's.
+Told: place by odometry, so that a partner that comes by does not spoil a lap as other movers do; that one has arrived.
+States: those of the law, hold, stopped. Guarantee: where the law is complete some robot arrives, or calls the goal
+unreachable, unless they get in one another's way. Length: each robot's that of the law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from bug_gym.agents.bugs.bug0 import Bug0
+from bug_gym.agents.bugs.bug1 import Bug1
+from bug_gym.agents.bugs.bug2 import Bug2
+from bug_gym.agents.parameters import Length
+from bug_gym.agents.teams.bug_team import STANDING, BugTeam, BugTeamMemory
+from bug_gym.agents.teams.partners import gap
+from bug_gym.agents.walls.boundary_bug import BoundaryBug
+from bug_gym.policy import Velocity
+from bug_gym.view import Sensors, View
+
+
+@dataclass(frozen=True)
+class SwarmParameters:
+    """Parameters of swarms."""
+
+    clearance: Length | None = None
+    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    first: Literal["right", "left"] = "right"
+    """Turn of the first robot; the next one turns the other way, and so on."""
+    hold_distance: Length = 1.5
+    """Distance to an earlier robot below which a robot stands [m]."""
+    go_distance: Length = 2.0
+    """Distance from which on it goes on [m]."""
+
+
+@dataclass
+class SwarmMemory(BugTeamMemory):
+    """Memory of one robot of a swarm."""
+
+    is_holding: bool = False
+    """Whether it stands for an earlier one to pass."""
+
+
+class Swarm(BugTeam):
+    """A swarm.
+
+    Raises:
+        MisfitError: fewer than two robots.
+    """
+
+    Parameters = SwarmParameters
+    parameters: SwarmParameters
+    law: ClassVar[type[BoundaryBug]]
+
+    def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
+        super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
+        turns = ("right", "left") if self.parameters.first == "right" else ("left", "right")
+        clearance = self.parameters.clearance
+        self.laws = [self.law(sensors, clearance=clearance, turn=turns[robot % 2]) for robot in range(self.robots)]
+
+    def start(self, robots: int) -> tuple[SwarmMemory, ...]:
+        """Memories of a new episode."""
+        owns = [law.start() for law in self.laws[:robots]]
+        return tuple(SwarmMemory(mode=own.mode, own=own) for own in owns)
+
+    def act(self, views: Sequence[View | None], memories: Sequence[SwarmMemory]) -> list[Velocity]:
+        """One decision of all."""
+        arrived = next((robot for robot, memory in enumerate(memories) if self.has_arrived(memory)), None)
+        wanted = [STANDING] * len(memories)
+        for robot, (view, memory) in enumerate(zip(views, memories, strict=True)):
+            memory.winner = arrived
+            if view is None or self.is_stopped(robot, memories):
+                memory.mode = "stopped"
+                continue
+            if self._holds(robot, memories):
+                memory.mode = "hold"
+                continue
+            self.watch(robot, self.seen(robot, memories), memory)
+            wanted[robot] = self.laws[robot].act(view, memory.own)
+            memory.mode, memory.verdict = memory.own.mode, memory.own.verdict
+        return wanted
+
+    def _holds(self, robot: int, memories: Sequence[SwarmMemory]) -> bool:
+        """Whether a robot stands for an earlier one that is near."""
+        memory, own = memories[robot], self.parameters
+        earlier = [gap(memory, memories[other]) for other in self.going(memories) if other < robot]
+        was_holding = memory.is_holding
+        memory.is_holding = min(earlier, default=math.inf) < (own.go_distance if was_holding else own.hold_distance)
+        memory.holds += memory.is_holding and not was_holding
+        memory.held += self.sensors.drive.step if memory.is_holding else 0.0
+        return memory.is_holding
+
+
+class SwarmCom(Swarm):
+    """Robots that drive by Com, which is Bug0."""
+
+    law = Bug0
+
+
+class SwarmBug1(Swarm):
+    """Robots that drive by Bug1."""
+
+    law = Bug1
+
+
+class SwarmBug2(Swarm):
+    """Robots that drive by Bug2."""
+
+    law = Bug2

@@ -1,0 +1,350 @@
+"""`collect`: datasets of demonstrations of several policies in the same worlds, for Minari.
+
+FOLDER/bug_gym/SCENARIO/POLICY-v0 are the datasets; with MINARI_DATASETS_PATH=FOLDER Minari finds them by name. Until all of
+them are there, FOLDER/.collect/SCENARIO keeps the blocks of episodes that are done, a file each: a run that was cut off goes
+on with the others, and what it writes is the same, byte for byte.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import bug_gym
+from bug_gym.checks import checked_count
+from bug_gym.config import load
+from bug_gym.evaluation.demonstrations import BLOCK, Demonstrations, Extras, demonstrate
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.minari_files import (
+    FORMS,
+    About,
+    dataset_id,
+    in_name,
+    open_dataset,
+    read_identity,
+    require_minari,
+    write_dataset,
+    write_namespaces,
+)
+from bug_gym.evaluation.plan import Plan, make_plan
+from bug_gym.evaluation.progress import Track, progress_bar
+from bug_gym.evaluation.results_folder import differences
+from bug_gym.files import from_json, one_writer, replaced_when_done
+from bug_gym.workers import each, starred
+
+FLOOR = "random"
+"""The policy whose mean return is the lowest score."""
+EXPERT = "hd_bug_map"
+"""The policy whose mean return is the highest score, unless another is asked for."""
+MIXED = "mixed"
+"""Name of the dataset with the episodes of all policies."""
+KEPT = ".collect"
+"""Folder of the blocks that are done."""
+
+
+class Signature(NamedTuple):
+    """Who is said to have collected a dataset."""
+
+    author: str | None = None
+    """None: the authors of this package."""
+    author_email: str | None = None
+    """Where to write to."""
+    code_permalink: str | None = None
+    """Address of the code, of this very version."""
+
+
+class _Source(NamedTuple):
+    """A policy in some worlds."""
+
+    entry: PolicyEntry
+    scenario: ScenarioEntry
+    extras: Extras
+    folder: Path
+    """Of its blocks."""
+
+    @property
+    def name(self) -> str:
+        """As it stands in the names of datasets and files."""
+        return in_name(self.entry.label.removesuffix(" (privileged)"))
+
+    def blocks(self) -> list[tuple[Path, range]]:
+        """File and seeds of each block."""
+        seeds = self.scenario.seeds
+        starts = range(0, len(seeds), BLOCK)
+        return [(self.folder / f"{number:06}.npz", seeds[n : n + BLOCK]) for number, n in enumerate(starts)]
+
+    def first(self) -> _Source:
+        """The same with the first block only, which the scores are taken of."""
+        return self._replace(scenario=replace(self.scenario, seeds=self.scenario.seeds[:BLOCK]))
+
+    def identity(self) -> dict[str, Any]:
+        """What the episodes are a function of."""
+        seeds = self.scenario.seeds
+        told = {
+            "version": bug_gym.__version__,
+            "scenario": self.scenario.label,
+            "digest": self.scenario.scenario.digest,
+            "policy": self.entry.name,
+            "parameters": dict(self.entry.parameters),
+            "first_seed": seeds.start,
+            "episodes": len(seeds),
+            "extras": self.extras._asdict(),
+        }
+        return dict(json.loads(json.dumps(told)))  # as it will be read back
+
+    def demonstrations(self) -> Iterator[tuple[str, Demonstrations]]:
+        """The name and each block, read back."""
+        for path, seeds in self.blocks():
+            yield self.name, Demonstrations.read(path, seeds)
+
+
+class _Dataset(NamedTuple):
+    """A dataset that is asked for."""
+
+    id: str
+    form: str
+    sources: tuple[_Source, ...]
+    expert: str
+
+    def identity(self) -> dict[str, Any]:
+        """What it is a function of; of several sources also which."""
+        told = {**self.sources[0].identity(), "observation": self.form, "expert": self.expert}
+        if len(self.sources) > 1:
+            told["policy"], told["parameters"] = MIXED, {}
+            told["of"] = {source.name: source.identity() for source in self.sources}
+            told["episodes"] = sum(len(source.scenario.seeds) for source in self.sources)
+        return told
+
+
+def collect(
+    scenario: Any,
+    policies: Any,
+    out: str | os.PathLike[str],
+    *,
+    episodes: int = 1000,
+    seed: int = 0,
+    forms: Sequence[str] = FORMS,
+    extras: Extras | None = None,
+    expert: Any = EXPERT,
+    signature: Signature | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    workers: int = 1,
+    progress: bool = False,
+) -> list[str]:
+    """Write a Minari dataset of each policy in the same worlds, and of several policies one of all their episodes.
+
+    The reference scores are the mean returns of the random policy and of the expert in the first hundred worlds.
+
+    Args:
+        scenario: a name, path, dict or Scenario, with one robot.
+        policies: as `evaluate` takes them, by name.
+        out: folder of all datasets. A run that was cut off goes on from it; one process at a time writes there.
+        episodes: worlds, an episode each.
+        seed: of the first world, the others count up.
+        forms: how observations lie in the datasets, a dataset each: "dict", "flat".
+        extras: what else is recorded.
+        expert: the policy whose mean return is the highest score.
+        signature: who is said to have collected them.
+        overrides: values by dotted key that replace the scenario's.
+        workers: processes that share the work.
+        progress: whether to show a bar on the terminal.
+
+    Returns:
+        The names of the datasets.
+
+    Raises:
+        ImportError: no Minari.
+        ValueError: an unknown name, a policy that does not fit, a scenario with several robots, or `out` holds datasets of
+            another run, is in use or damaged.
+    """
+    require_minari()
+    workers = checked_count("workers", workers)
+    if unknown := [form for form in forms if form not in FORMS] or ([] if forms else ["none"]):
+        raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {unknown[0]!r}")
+    root = Path(out).absolute()  # Minari joins a relative one to itself
+    extras = extras or Extras()
+    _required(scenario, overrides, extras)
+    plan = _planned(scenario, policies, episodes, seed, overrides)
+    ends = _planned(scenario, [FLOOR] if expert == FLOOR else [FLOOR, expert], episodes, seed, overrides)
+    sources = _sources(plan, root, extras)
+    scores = tuple(_of_scores(source, sources) for source in _sources(ends, root, extras))
+    datasets = _datasets(sources, forms, scores[-1].name)
+    with ExitStack() as stack:
+        root.mkdir(parents=True, exist_ok=True)
+        stack.enter_context(one_writer(root))
+        track = stack.enter_context(progress_bar(shown=progress))
+        missing = [dataset for dataset in datasets if not _is_there(root, dataset)]
+        if missing:
+            needed = {source.folder: source for source in (*scores, *_needed(missing))}  # those of datasets are longer
+            _drive(list(needed.values()), workers, track)
+            _write(root, missing, scores, signature or Signature(), track)
+        shutil.rmtree(_kept(root, plan), ignore_errors=True)
+        with suppress(OSError):  # another scenario's blocks may be there
+            (root / KEPT).rmdir()
+    return [dataset.id for dataset in datasets]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What is asked for
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _required(scenario: Any, overrides: Mapping[str, Any] | None, extras: Extras) -> None:
+    """Raise a ValueError where there are no datasets of a scenario, before anything is compiled for it."""
+    found = load(scenario, overrides)
+    if found.robots.count != 1:
+        raise ValueError(f"datasets are of one robot, {found.name} has {found.robots.count}")
+    if extras.shortest_path and ScenarioEntry(found.name, found, range(0)).has_moving_target:
+        raise ValueError(f"{found.name} has a moving target and no shortest path")
+
+
+def _planned(scenario: Any, policies: Any, episodes: int, seed: int, overrides: Mapping[str, Any] | None) -> Plan:
+    """The policies in their worlds, each tried once."""
+    plan = make_plan(policies, [scenario], episodes=episodes, seed=seed, overrides=overrides)
+    if objects := [entry.label for entry in plan.policies if entry.policy is not None]:
+        raise ValueError(f"datasets are of policies by name, got the object {objects[0]}")
+    return plan
+
+
+def _kept(root: Path, plan: Plan) -> Path:
+    return root / KEPT / in_name(plan.scenarios[0].label)
+
+
+def _sources(plan: Plan, root: Path, extras: Extras) -> list[_Source]:
+    (worlds,) = plan.scenarios
+    sources = [_Source(entry, worlds, extras, Path()) for entry in plan.policies]
+    names = [source.name for source in sources]
+    for name in names:
+        if name == MIXED or names.count(name) > 1:
+            raise ValueError(f"got policies whose datasets would both be called {name}, expected distinct names")
+    return [source._replace(folder=_kept(root, plan) / source.name) for source in sources]
+
+
+def _of_scores(source: _Source, sources: Sequence[_Source]) -> _Source:
+    """The source of a score: a policy that is collected anyway, or one for the first worlds alone."""
+
+    def driver(of: _Source) -> tuple[str, dict[str, Any]]:
+        return of.entry.name, dict(of.entry.parameters)
+
+    same = [other for other in sources if driver(other) == driver(source)]
+    if same:
+        return same[0]
+    alone = source.first()
+    return alone._replace(folder=alone.folder.with_name(f"{alone.name}.score"), extras=Extras())
+
+
+def _datasets(sources: Sequence[_Source], forms: Sequence[str], expert: str) -> list[_Dataset]:
+    """Those of each source, and of several the mixed one, in each form."""
+    several = [(MIXED, tuple(sources))] if len(sources) > 1 else []
+    named = [*((source.name, (source,)) for source in sources), *several]
+    label = sources[0].scenario.label
+    return [
+        _Dataset(dataset_id(label, name, form), form, members, expert)
+        for name, members in named
+        for form in dict.fromkeys(forms)
+    ]
+
+
+def _needed(datasets: Sequence[_Dataset]) -> Iterator[_Source]:
+    return itertools.chain.from_iterable(dataset.sources for dataset in datasets)
+
+
+def _is_there(root: Path, dataset: _Dataset) -> bool:
+    """Whether a dataset has been written.
+
+    Raises:
+        ValueError: another one of that name has, or it is damaged.
+    """
+    folder = root / dataset.id
+    if not os.path.lexists(folder):
+        return False
+    if changes := list(differences(read_identity(folder), dataset.identity())):
+        raise ValueError(f"{folder} holds another run: {'; '.join(changes[:3])}")
+    open_dataset(folder)
+    return True
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Doing it
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _drive(sources: Sequence[_Source], workers: int, track: Track[Any]) -> None:
+    """Drive the blocks that are not there yet, the first ones of all policies first."""
+    jobs = []
+    for source in sources:
+        _agree(source)
+        for number, (path, seeds) in enumerate(source.blocks()):
+            if path.exists():
+                Demonstrations.read(path, seeds)  # a damaged one is told of before the work
+            else:
+                jobs.append((number, (source, path, seeds)))
+    ordered = [job for _, job in sorted(jobs, key=lambda item: item[0])]
+    for _ in track(each(partial(starred, _drive_block), ordered, workers), "blocks", len(ordered)):
+        pass
+
+
+def _drive_block(source: _Source, path: Path, seeds: range) -> None:
+    demonstrate(source.entry, source.scenario, seeds, source.extras).write(path)
+
+
+def _agree(source: _Source) -> None:
+    """Write down what the blocks of a folder are of, or find that they are of the same."""
+    source.folder.mkdir(parents=True, exist_ok=True)
+    path, identity = source.folder / "manifest.json", source.identity()
+    if not path.exists():
+        with replaced_when_done(path) as partial_file:
+            partial_file.write_text(json.dumps(identity, indent=2) + "\n", encoding="utf-8")
+        return
+    try:
+        there = from_json(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+    if changes := list(differences(there, identity)):
+        raise ValueError(f"{source.folder} holds another run: {'; '.join(changes[:3])}")
+
+
+def _write(
+    root: Path, datasets: Sequence[_Dataset], scores: Sequence[_Source], signature: Signature, track: Track[Any]
+) -> None:
+    """Put the datasets together, one after the other."""
+    lowest, highest = (_score(source) for source in (scores[0], scores[-1]))
+    write_namespaces(root, datasets[0].sources[0].scenario.label)
+    for dataset in track(datasets, "datasets", len(datasets)):
+        worlds = dataset.sources[0].scenario
+        names = ", ".join(source.name for source in dataset.sources)
+        who = f"the policies {names}" if len(dataset.sources) > 1 else f"the policy {names}"
+        about = About(
+            scenario=worlds.scenario,
+            algorithm=names,
+            description=f"Episodes of {who} of bug_gym in worlds of the scenario {worlds.label}, seeds "
+            f"{worlds.seeds[0]} to {worlds.seeds[-1]}; observations as {dataset.form}.",
+            identity=dataset.identity(),
+            lowest=lowest,
+            highest=highest,
+            scored=len(scores[0].first().scenario.seeds),
+            expert=dataset.expert,
+            **signature._asdict(),
+        )
+        blocks = itertools.chain.from_iterable(source.demonstrations() for source in dataset.sources)
+        write_dataset(root, _stage(dataset), dataset.id, dataset.form, about, blocks)
+
+
+def _stage(dataset: _Dataset) -> Path:
+    return dataset.sources[0].folder.parent / "staged"
+
+
+def _score(source: _Source) -> float:
+    """The mean return in the first block."""
+    ((path, seeds), *_) = source.blocks()
+    return float(np.mean(Demonstrations.read(path, seeds).returns()))

@@ -1,0 +1,264 @@
+"""What a policy sees, does and gets in worlds, step by step, as arrays: what datasets are made of.
+
+Worlds are driven in blocks, side by side in the rows of one Simulation. A block always has the same worlds and is always
+driven from its beginning, so that what is in it is a function of policy, scenario and seeds, to the last bit: a learned policy
+is asked for all rows in one call, and what it answers may depend in its last bits on how many there are.
+"""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels, kinematics
+from bug_gym.agents.floors.random import Random, RandomMemory
+from bug_gym.episodes import Episodes
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.rollout import prepared
+from bug_gym.files import replaced_when_done
+from bug_gym.geometry import F32
+from bug_gym.policy import Policy
+from bug_gym.simulation import Simulation
+from bug_gym.task import OUTCOMES
+from bug_gym.view import Sensors
+
+BLOCK = 100
+"""Worlds that are driven together: what a kill can cost a worker, and what the reference scores are taken of."""
+SLOTS = 50
+"""Worlds side by side. Another number would change the last bits of what learned policies do."""
+
+ENDINGS = (*OUTCOMES, "gave_up")
+"""Outcomes of episodes, by their code in a dataset: the core's, and that of a policy that has given its verdict."""
+GAVE_UP = ENDINGS.index("gave_up")
+
+MODE = np.dtype("S32")
+"""The state of a policy's state machine; longer names are cut."""
+FAR_APART = 20
+"""Bits that lie between the draws of the random policy in two worlds: 2^19 steps of two draws."""
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """Episodes one after the other, n of them with T steps in all."""
+
+    seeds: NDArray[np.int64]
+    """Seeds of the worlds (n,)."""
+    steps: NDArray[np.int64]
+    """Steps of each episode (n,), at least 1."""
+    outcomes: NDArray[np.int8]
+    """How each ended (n,), by its number in ENDINGS."""
+    observations: F32
+    """Flat observations (T + n, D): each episode's first, and one after each of its steps."""
+    actions: F32
+    """Actions (T, 2) in [-1, 1], as the env takes them."""
+    rewards: NDArray[np.float64]
+    """Rewards (T,)."""
+    modes: NDArray[np.bytes_]
+    """State of the policy when it decided (T,), or (0,) where nobody asked."""
+    shortest: NDArray[np.float64]
+    """Length of the shortest path of each world (n,) [m], or (0,) where nobody asked."""
+
+    def returns(self) -> NDArray[np.float64]:
+        """Undiscounted sum of the rewards of each episode (n,)."""
+        return np.array([math.fsum(some) for some in np.split(self.rewards, np.cumsum(self.steps)[:-1])])
+
+    def episodes(self) -> Iterator[Demonstrations]:
+        """The episodes one by one."""
+        ends = np.cumsum(self.steps)
+        for number, (steps, end) in enumerate(zip(self.steps.tolist(), ends.tolist(), strict=True)):
+            one, taken = slice(number, number + 1), slice(end - steps, end)
+            seen = slice(end - steps + number, end + number + 1)
+            yield Demonstrations(
+                self.seeds[one],
+                self.steps[one],
+                self.outcomes[one],
+                self.observations[seen],
+                self.actions[taken],
+                self.rewards[taken],
+                self.modes[taken],
+                self.shortest[one],
+            )
+
+    def write(self, path: Path) -> None:
+        """Keep them in a file `.npz`, which is there whole or not at all."""
+        with replaced_when_done(path) as partial_file:
+            np.savez(partial_file, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def read(cls, path: Path, seeds: Sequence[int]) -> Demonstrations:
+        """What `write` has kept.
+
+        Args:
+            path: of the file.
+            seeds: of the worlds that it is to be about.
+
+        Raises:
+            ValueError: the file is damaged, or about other worlds.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = cls(**{field.name: file[field.name] for field in fields(cls)})
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise ValueError(f"{path} is damaged ({error}); without it, its episodes are driven again") from None
+        steps = int(found.steps.sum())
+        if (len(found.actions), len(found.rewards), len(found.observations)) != (steps, steps, steps + len(seeds)):
+            raise ValueError(f"{path} is damaged: its arrays do not fit each other")
+        if found.seeds.tolist() != list(seeds):
+            raise ValueError(f"{path} is of other worlds, expected seeds {seeds[0]} to {seeds[-1]}")
+        return found
+
+
+class Extras(NamedTuple):
+    """What else is recorded."""
+
+    modes: bool = False
+    """The policy's state at each decision."""
+    shortest_path: bool = False
+    """The length of the shortest path of each world, which takes time."""
+
+
+class RandomByWorld(Random):
+    """The random policy with other draws in each world; by itself it draws the same in all of them."""
+
+    def __init__(self, simulation: Simulation, **parameters: Any) -> None:
+        super().__init__(Sensors.of(simulation.scenario), **parameters)
+        self._simulation = simulation
+
+    def begin(self, robot: int) -> RandomMemory:
+        """Memory of the episode that a robot has begun."""
+        seed = int(self._simulation.world.seed[robot // self._simulation.robots])
+        return RandomMemory(mode="random", draw=(seed % 2 ** (62 - FAR_APART)) << FAR_APART)
+
+
+def demonstrate(
+    entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras | None = None
+) -> Demonstrations:
+    """Drive a policy in a block of worlds with one robot each, an episode a world.
+
+    A policy that gives up stands for one step, which is the last one of its episode.
+
+    Args:
+        entry: the policy.
+        scenario: the scenario.
+        seeds: one a world.
+        extras: what else is recorded.
+    """
+    recording = _Recording(entry, scenario, seeds, extras or Extras())
+    while not recording.is_over:
+        recording.advance()
+    return recording.demonstrations()
+
+
+def _made(entry: PolicyEntry, simulation: Simulation) -> Policy:
+    policy = entry.make(simulation)
+    return RandomByWorld(simulation, **entry.parameters) if type(policy) is Random else policy
+
+
+class _Taken(NamedTuple):
+    """One step of the rows (k,) that were driving."""
+
+    numbers: NDArray[np.int64]
+    """Which episode each drives."""
+    observations: F32
+    """What they saw before it (k, D)."""
+    actions: F32
+    """(k, 2)."""
+    rewards: NDArray[np.float64]
+    """(k,)."""
+    modes: NDArray[np.bytes_]
+    """(k,), or (0,)."""
+
+
+class _Recording:
+    """A block as it is driven; see `demonstrate`."""
+
+    def __init__(self, entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras) -> None:
+        make = partial(_made, entry)
+        self._simulation, _, self._driver = prepared(make, scenario, min(SLOTS, len(seeds)), at_once=True)
+        drive = Sensors.of(scenario.scenario).drive
+        self._discrete_actions = kinematics.discrete_actions(drive)
+        self._standing = kinematics.steering(drive, (0.0, 0.0))
+        self._seeds, self._extras = seeds, extras
+        self._episodes = Episodes(self._simulation, seeds)
+        self._actions = np.tile(self._standing, (self._simulation.count, 1))
+        self._taken: list[_Taken] = []
+        self._outcomes = np.zeros(len(seeds), dtype=np.int8)
+        self._last = np.zeros((len(seeds), self._episodes.observation.shape[-1]), dtype=np.float32)
+        self._shortest = np.full(len(seeds) if extras.shortest_path else 0, np.nan)
+        self._begin(self._simulation.all_rows)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all worlds have been driven in."""
+        return self._episodes.are_over
+
+    def advance(self) -> None:
+        """One decision and one step in each world."""
+        rows = np.flatnonzero(self._episodes.going[:, 0])
+        before = self._episodes.observation[:, 0]
+        numbers, seen = self._episodes.number[rows], before[rows]
+        decided, _ = self._driver.decide(before, rows)
+        given_up = self._decide(rows, decided)
+        modes = self._modes(rows)
+        self._episodes.step(self._actions[:, None])
+        actions, rewards = self._actions[rows], self._episodes.reward[rows, 0]
+        self._taken.append(_Taken(numbers, seen, actions, rewards, modes))
+        self._end(rows, given_up)
+
+    def _decide(self, rows: NDArray[np.int64], decided: NDArray[Any]) -> list[int]:
+        """Take over the actions; returns the rows whose policy gives up and stands."""
+        chosen = self._discrete_actions[decided] if decided.dtype.kind in "iu" else decided
+        self._actions[rows] = np.clip(np.asarray(chosen, dtype=np.float32), -1.0, 1.0)
+        given_up = [row for row in rows.tolist() if getattr(self._driver.memory(row), "verdict", "")]
+        self._actions[given_up] = self._standing
+        return given_up
+
+    def _modes(self, rows: NDArray[np.int64]) -> NDArray[np.bytes_]:
+        if not self._extras.modes:
+            return np.zeros(0, dtype=MODE)
+        names = [str(getattr(self._driver.memory(row), "mode", "")) for row in rows.tolist()]
+        return np.array([name.encode("ascii", "replace") for name in names], dtype=MODE)
+
+    def _end(self, rows: NDArray[np.int64], given_up: Sequence[int]) -> None:
+        """Keep how the episodes ended that did with this step, and begin the next ones."""
+        for row in given_up:
+            self._episodes.end(row, 0)
+        over = rows[~self._episodes.going[rows, 0]]
+        if len(over) == 0:
+            return
+        outcomes = self._simulation.world.outcome[over, 0]
+        numbers = self._episodes.number[over]
+        self._outcomes[numbers] = np.where(outcomes == kernels.RUNNING, GAVE_UP, outcomes)
+        self._last[numbers] = self._episodes.observation[over, 0]
+        self._begin(over)
+
+    def _begin(self, rows: NDArray[np.int64]) -> None:
+        for row in self._episodes.begin(rows).tolist():
+            self._driver.begin(row)
+            if self._extras.shortest_path:
+                self._shortest[self._episodes.number[row]] = self._simulation.shortest_path(row).length
+
+    def demonstrations(self) -> Demonstrations:
+        """All that was recorded, episode by episode."""
+        numbers, seen, actions, rewards, modes = (np.concatenate(parts) for parts in zip(*self._taken, strict=True))
+        order = np.argsort(numbers, kind="stable")  # within an episode by time
+        steps = np.bincount(numbers, minlength=len(self._seeds))
+        observations = np.insert(seen[order], np.cumsum(steps), self._last, axis=0)
+        return Demonstrations(
+            np.array(self._seeds, dtype=np.int64),
+            steps.astype(np.int64),
+            self._outcomes,
+            observations,
+            actions[order],
+            rewards[order],
+            modes[order] if self._extras.modes else modes,
+            self._shortest,
+        )

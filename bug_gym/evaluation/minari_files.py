@@ -1,0 +1,263 @@
+"""Datasets as Minari keeps them: written from demonstrations, and opened with what they must be checked for.
+
+Minari is the extra `data`. Its own collector wraps one env; here whole blocks of episodes go into its storage.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, metadata
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import bug_gym
+from bug_gym import kernels
+from bug_gym.config import Scenario, dump
+from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations
+from bug_gym.files import from_json, moved_when_done, replaced_when_done
+from bug_gym.observation import Field, as_dict
+from bug_gym.observation import fields as observation_fields
+
+NAMESPACE = "bug_gym"
+"""First part of the names of our datasets."""
+FORMS = ("dict", "flat")
+"""How observations lie in a dataset; a flat one has `_flat` in its name."""
+VERSION = 0
+"""The version at the end of the names."""
+
+METADATA, MAIN = "metadata.json", "main_data.hdf5"
+NAMESPACE_METADATA = "namespace_metadata.json"
+OURS = "bug_gym"
+"""Key of a dataset's metadata under which stands what it was collected of."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What is said of a dataset."""
+
+    scenario: Scenario
+    """The worlds."""
+    algorithm: str
+    """Who drove."""
+    description: str
+    """In a sentence or two."""
+    identity: Mapping[str, Any]
+    """All that the data are a function of, as JSON has it."""
+    lowest: float
+    """Mean return of the random policy."""
+    highest: float
+    """Mean return of the expert."""
+    scored: int
+    """Episodes that each of both was taken of."""
+    expert: str
+    """Name of the expert."""
+    author: str | None = None
+    """Who collected it; None: the authors of this package."""
+    author_email: str | None = None
+    """Where to write to."""
+    code_permalink: str | None = None
+    """Address of the code, of this very version."""
+
+
+def require_minari() -> None:
+    """Raise an ImportError that names the extra, where Minari or what it needs for its files is not installed."""
+    try:
+        import h5py  # noqa: F401
+        import minari  # noqa: F401
+    except ImportError as error:
+        raise ImportError("datasets need minari and h5py: pip install 'bug-gym[data]'") from error
+
+
+def in_name(label: str) -> str:
+    """A label as part of a dataset's name, which has letters, digits, "_" and "-"."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", label).strip("_-") or "unnamed"
+
+
+def dataset_id(scenario: str, name: str, form: str) -> str:
+    """The name by which Minari knows a dataset, such as `bug_gym/dynamic/bug2-v0`."""
+    suffix = "" if form == "dict" else f"_{form}"
+    return f"{NAMESPACE}/{in_name(scenario)}/{in_name(name)}{suffix}-v{VERSION}"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Writing
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def write_dataset(
+    root: Path, stage: Path, name: str, form: str, about: About, blocks: Iterable[tuple[str, Demonstrations]]
+) -> None:
+    """Write a dataset, which is there whole or not at all.
+
+    Args:
+        root: Minari's folder of all datasets.
+        stage: where it is put together.
+        name: see `dataset_id`.
+        form: one of FORMS.
+        about: what is said of it.
+        blocks: who drove, and the episodes.
+    """
+    import minari
+    from minari.dataset.minari_storage import MinariStorage
+
+    env = gym.make("BugGym/Navigation-v0", scenario=dump(about.scenario), observation=form)
+    table = observation_fields(about.scenario)
+    with moved_when_done(stage, root / name) as folder:
+        storage = MinariStorage.new(
+            folder / "data",
+            env_spec=env.spec,
+            observation_space=env.observation_space,
+            action_space=env.action_space,
+            data_format="hdf5",
+        )
+        storage.update_metadata({"dataset_id": name, "minari_version": minari.__version__, **_told(about)})
+        drivers: list[str] = []
+        for driver, block in blocks:
+            storage.update_episodes(_buffers(block, table, form))
+            drivers += [driver] * len(block.seeds)
+        storage.update_episode_metadata({"policy": driver} for driver in drivers)
+    env.close()
+
+
+def _told(about: About) -> dict[str, Any]:
+    told = {
+        "algorithm_name": about.algorithm,
+        "author": {about.author or _authors()},
+        "description": about.description,
+        "requirements": [f"bug-gym=={bug_gym.__version__}"],
+        "ref_min_score": about.lowest,
+        "ref_max_score": about.highest,
+        "num_episodes_average_score": about.scored,
+        "expert_policy": about.expert,
+        "outcomes": list(ENDINGS),
+        OURS: dict(about.identity),
+    }
+    if about.author_email is not None:
+        told["author_email"] = {about.author_email}
+    if about.code_permalink is not None:
+        told["code_permalink"] = about.code_permalink
+    return told
+
+
+def _authors() -> str:
+    """The authors of this package."""
+    try:
+        return metadata("bug-gym")["Author"] or "bug_gym"
+    except PackageNotFoundError:  # run from its folder, without being installed
+        return "bug_gym"
+
+
+def _buffers(block: Demonstrations, table: tuple[Field, ...], form: str) -> Iterator[Any]:
+    """The episodes as Minari takes them."""
+    from minari.data_collector.episode_buffer import EpisodeBuffer
+
+    for episode in block.episodes():
+        steps, outcome = len(episode.actions), int(episode.outcomes[0])
+        is_last = np.arange(steps) == steps - 1
+        is_terminated = outcome in (kernels.SUCCESS, kernels.COLLISION)
+        yield EpisodeBuffer(
+            seed=int(episode.seeds[0]),
+            observations=as_dict(episode.observations, table) if form == "dict" else episode.observations,
+            actions=episode.actions,
+            rewards=episode.rewards,
+            terminations=is_last & is_terminated,
+            truncations=is_last & (not is_terminated),
+            infos=_infos(episode, outcome),
+        )
+
+
+def _infos(episode: Demonstrations, outcome: int) -> dict[str, Any]:
+    """What infos hold (T + 1,): after the reset and after each step, but for the mode, which is that of the next decision."""
+    count = len(episode.observations)
+    codes = np.zeros(count, dtype=np.int8)
+    codes[-1] = outcome
+    infos: dict[str, Any] = {"outcome": codes, "collision": codes == kernels.COLLISION}
+    if len(episode.shortest):
+        infos["shortest_path_length"] = np.full(count, episode.shortest[0])
+    if len(episode.modes):
+        infos["mode"] = np.append(episode.modes, episode.modes[-1:])
+    return infos
+
+
+def write_namespaces(root: Path, scenario: str) -> None:
+    """Say of the folders above the datasets what they are."""
+    folder = root / NAMESPACE / in_name(scenario)
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {
+        folder.parent: "Robots with a LIDAR among unknown obstacles, driven by scripted and learned policies of bug_gym.",
+        folder: f"Worlds of the scenario {scenario}.",
+    }
+    for place, text in texts.items():
+        if not (place / NAMESPACE_METADATA).exists():
+            with replaced_when_done(place / NAMESPACE_METADATA) as partial_file:
+                partial_file.write_text(json.dumps({"description": text}) + "\n", encoding="utf-8")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Reading
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def read_identity(folder: Path) -> dict[str, Any]:
+    """What a dataset in its folder was collected of.
+
+    Raises:
+        ValueError: no dataset, a damaged one, or one that `bug-gym collect` has not written.
+    """
+    path = folder / "data" / METADATA
+    if not path.is_file():
+        raise ValueError(f"no dataset in {folder}: {path} is missing")
+    try:
+        found = from_json(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+    if not isinstance(found, dict) or not isinstance(found.get(OURS), dict):
+        raise ValueError(f"{path} does not say what it was collected of, as a dataset of `bug-gym collect` does")
+    return dict(found[OURS])
+
+
+def open_dataset(folder: Path, scenario: Scenario | None = None) -> Any:
+    """A dataset that `bug-gym collect` has written, as a `minari.MinariDataset`, checked.
+
+    Args:
+        folder: of the dataset, such as FOLDER/bug_gym/dynamic/bug2-v0.
+        scenario: what its worlds have to be; None: whatever they are.
+
+    Raises:
+        ImportError: no Minari.
+        ValueError: no dataset, a damaged one, one of another scenario or of another version of this package.
+    """
+    require_minari()
+    from minari import MinariDataset
+
+    found = read_identity(folder)
+    if found.get("version") != bug_gym.__version__:
+        raise ValueError(f"{folder} was collected with bug-gym {found.get('version')}, this is {bug_gym.__version__}")
+    if scenario is not None and found.get("digest") != scenario.digest:
+        label = found.get("scenario")
+        came = f"{label} {found.get('digest')}" if isinstance(label, str) else "another scenario"
+        raise ValueError(f"{folder} is of the scenario {came}, expected {scenario.name} {scenario.digest}")
+    try:
+        dataset = MinariDataset(folder / "data")
+        _require_whole(folder / "data" / MAIN, dataset.total_episodes, int(found["episodes"]))
+    except (OSError, KeyError, AssertionError, TypeError) as error:
+        raise ValueError(f"{folder} is damaged: {error}") from None
+    return dataset
+
+
+def _require_whole(path: Path, told: int, expected: int) -> None:
+    """Raise a ValueError where a file has not the episodes that its metadata tell of; one that is cut can't be opened."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        count = len(file)
+    if told != count:
+        raise ValueError(f"{path} is damaged: it has {count} episodes, its metadata tell of {told}")
+    if count != expected:
+        raise ValueError(f"{path} is damaged: it has {count} episodes, expected {expected}")

@@ -1,0 +1,177 @@
+"""One page of HTML about an evaluation: a file that needs no server, no network and nothing installed.
+
+Tables and drawings stand in the page as they are, for those who read it without scripts; its script sorts and filters
+them, and makes the table of all episodes of the rows that are kept as JSON. Texts are escaped (`markup`), and the page
+forbids itself to load anything (Content-Security-Policy).
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import bug_gym
+from bug_gym.evaluation.matrix import matrix
+from bug_gym.evaluation.page.distributions import distributions
+from bug_gym.evaluation.page.failures import end, failures
+from bug_gym.evaluation.page.markup import Markup, element, joined
+from bug_gym.evaluation.page.tables import differences_to_baseline, matrix_table, summaries_by_scenario
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import PairedDifference, Summary, path_ratio
+from bug_gym.files import replaced_when_done
+
+PAGE = "report.html"
+"""Name of the page in a results folder."""
+PARTS = Path(__file__).parent
+"""Where the template, the style and the script lie."""
+LARGEST_WHOLE = 2**53
+"""From here on a number of JavaScript is not every whole number: seeds are kept as text."""
+
+
+def write_page(
+    path: Path,
+    title: str,
+    rows: Sequence[EpisodeRow],
+    summaries: Sequence[Summary],
+    differences: Sequence[PairedDifference] = (),
+) -> None:
+    """Write the page about some rows.
+
+    Args:
+        path: of the file, which is replaced as a whole.
+        title: what was evaluated.
+        rows: one an episode and robot.
+        summaries: what `summarise` makes of them.
+        differences: what `compare` makes of them.
+
+    Raises:
+        ValueError: no rows, or a path that cannot be written to.
+    """
+    text = page(title, rows, summaries, differences)
+    with replaced_when_done(path) as partial:
+        partial.write_text(text, encoding="utf-8", newline="\n")
+
+
+def page(
+    title: str, rows: Sequence[EpisodeRow], summaries: Sequence[Summary], differences: Sequence[PairedDifference] = ()
+) -> str:
+    """The text of the page, see `write_page`."""
+    policies, scenarios = _numbered(row.policy for row in rows), _numbered(row.scenario for row in rows)
+    sections = [
+        _section(
+            "Success",
+            "Share of successes [%] with its 95 % Wilson interval, the best first; a cell leads to its failures. "
+            "Policies marked (privileged) read the map.",
+            matrix_table(matrix(summaries), scenarios, policies),
+        ),
+        _section(
+            "Differences",
+            "Means over pairs in the same worlds with a 95 % bootstrap interval; p is of the exact McNemar test on "
+            "success, not corrected for the number of comparisons.",
+            differences_to_baseline(differences),
+        ),
+        _section("Summaries", "Means; path, time and clearance are of successes.", summaries_by_scenario(summaries)),
+        _section(
+            "Distributions",
+            "Of successes: the median, in brackets the middle half. Bars of a column share an axis, whose ends its name "
+            "tells; what lies beyond stands in the last bar.",
+            distributions(rows),
+        ),
+        _section(
+            "Failures",
+            "With the seeds of their worlds. Of a policy and a scenario by name, bug-gym render POLICY SCENARIO --seed SEED "
+            "--out film.gif shows one.",
+            failures(rows, scenarios, policies),
+        ),
+    ]
+    script = _part("page.js")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    worlds = len({(row.scenario, row.seed) for row in rows})
+    counts = (_told(len(policies), "policy", "policies"), _told(len(scenarios), "scenario"), _told(worlds, "world"))
+    return Template(_part("page.html")).substitute(
+        title=joined([title]),
+        subtitle=joined([f"{', '.join(counts)}, {_told(len(rows), 'episode')}; bug_gym {bug_gym.__version__}"]),
+        style=_part("page.css"),
+        sections=joined(sections),
+        data=_embedded(_data(rows, policies, scenarios)),
+        script=script,
+        digest=digest,
+    )
+
+
+def _numbered(labels: Any) -> dict[str, int]:
+    return {label: number for number, label in enumerate(dict.fromkeys(labels))}
+
+
+def _told(count: int, one: str, many: str = "") -> str:
+    return f"{count:,} {one if count == 1 else many or f'{one}s'}"
+
+
+def _section(title: str, told: str, content: Markup) -> Markup:
+    return element("section", element("h2", title), element("p", told, class_="told"), content, id=title.lower())
+
+
+def _part(name: str) -> str:
+    return (PARTS / name).read_text(encoding="utf-8")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The rows, for the table of all episodes
+# ---------------------------------------------------------------------------------------------------------------------
+
+COLUMNS = (
+    "policy",
+    "scenario",
+    "seed",
+    "robot",
+    "how",
+    "time [s]",
+    "path [m]",
+    "path / shortest",
+    "SPL",
+    "clearance [m]",
+)
+"""Columns of the table of all episodes; policy, scenario and how are numbers in lists of names."""
+
+
+def _data(rows: Sequence[EpisodeRow], policies: Mapping[str, int], scenarios: Mapping[str, int]) -> dict[str, Any]:
+    """What the script shows of every episode: names once, and a short list of numbers a row."""
+    ends = _numbered(map(end, rows))
+    return {
+        "columns": COLUMNS,
+        "names": [list(policies), list(scenarios), None, None, list(ends)],
+        "rows": [[policies[row.policy], scenarios[row.scenario], *_numbers(row, ends)] for row in rows],
+    }
+
+
+def _numbers(row: EpisodeRow, ends: Mapping[str, int]) -> list[Any]:
+    return [
+        row.seed if row.seed < LARGEST_WHOLE else str(row.seed),
+        row.robot,
+        ends[end(row)],
+        _short(row.time, 2),
+        _short(row.path_length, 2),
+        _short(path_ratio(row) if row.success else float("nan"), 3),
+        _short(row.spl, 3),
+        _short(row.min_clearance, 3),
+    ]
+
+
+def _short(value: float, digits: int) -> float | int | None:
+    """A number with few digits, or None for what JSON has no number for."""
+    if not isfinite(value):
+        return None
+    rounded = round(value, digits)
+    return int(rounded) if rounded == int(rounded) else rounded
+
+
+def _embedded(data: Mapping[str, Any]) -> str:
+    """JSON that can stand in a page: nothing in it closes the element."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")

@@ -1,0 +1,79 @@
+"""HTML that is escaped unless it says that it need not be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import NamedTuple
+
+VOID = ("input", "path", "line", "meta")
+"""Elements without a content."""
+
+
+class Markup(str):
+    """Text that is HTML already; any other text is escaped."""
+
+    __slots__ = ()
+
+
+def element(name: str, *content: str, **attributes: str | float | bool | None) -> Markup:
+    """An element with its content and attributes, all escaped.
+
+    Args:
+        name: of the element.
+        content: texts, and elements as Markup.
+        attributes: `_` at the end of a name is dropped, within it stands for `-`; True alone sets one, None and False
+            leave it out.
+    """
+    head = "".join(
+        _attribute(key, value) for key, value in attributes.items() if value is not None and value is not False
+    )
+    return Markup(f"<{name}{head}>" if name in VOID else f"<{name}{head}>{joined(content)}</{name}>")
+
+
+def _attribute(key: str, value: str | float | bool | None) -> str:
+    told = key.rstrip("_").replace("_", "-")
+    return f" {told}" if value is True else f' {told}="{escape(str(value))}"'
+
+
+def joined(parts: Iterable[str]) -> Markup:
+    """Texts and elements one after the other, the texts escaped."""
+    return Markup("".join(part if isinstance(part, Markup) else escape(part) for part in parts))
+
+
+class Cell(NamedTuple):
+    """A cell of a table."""
+
+    content: str
+    """What stands in it: text, or Markup."""
+    share: float | None = None
+    """0 to 1, how strongly the cell is coloured; None: not at all."""
+    mark: str | None = None
+    """Its id in the page."""
+
+
+def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int = 0) -> Markup:
+    """A table that the page sorts by a click on a name of a column, and filters by policy.
+
+    Args:
+        header: names of the columns.
+        lines: the cells of each line, as many as the header has.
+        policy: number of the column with the policy, which is text; it and those before it are headers of their line.
+    """
+    head = element("tr", *(element("th", name, scope="col") for name in header))
+    body = [
+        element(
+            "tr", *(_cell(cell, column <= policy) for column, cell in enumerate(line)), data_policy=line[policy].content
+        )
+        for line in lines
+    ]
+    whole = element("table", element("thead", head), element("tbody", *body), class_="sortable")
+    return element("div", whole, class_="wide")
+
+
+def _cell(cell: Cell, is_header: bool) -> Markup:
+    if is_header:
+        return element("th", cell.content, scope="row", id=cell.mark)
+    if cell.share is None:
+        return element("td", cell.content, id=cell.mark)
+    return element("td", cell.content, class_="share", style=f"--share:{cell.share:.3f}", id=cell.mark)

@@ -1,0 +1,122 @@
+"use strict";
+// Texts come into the page as text nodes only, so that a name is never read as HTML.
+
+const NOTHING = "\u2013";
+const STEP = 200; // lines of the table of episodes that are added at a time
+const data = JSON.parse(document.getElementById("data").textContent);
+
+function make(name, content = "", attributes = {}) {
+  const made = document.createElement(name);
+  made.append(content);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
+// -- Sorting ----------------------------------------------------------------------------------------------------------
+
+// A column is sorted by number where every cell begins with one; what is missing comes last either way.
+function sorted(items, valueOf, sign) {
+  const keyed = items.map((item) => [valueOf(item), item]);
+  const isMissing = (value) => value === null || value === NOTHING || value === "";
+  const known = keyed.filter(([value]) => !isMissing(value));
+  const isNumber = known.every(([value]) => /^[+-]?(\d|inf)/.test(value));
+  const number = (value) => (/^[+-]?inf/.test(value) ? parseFloat(String(value).replace("inf", "Infinity")) : parseFloat(value));
+  const compare = isNumber
+    ? (a, b) => number(a[0]) - number(b[0])
+    : (a, b) => String(a[0]).localeCompare(String(b[0]), "en", { numeric: true });
+  known.sort((a, b) => sign * compare(a, b));
+  return [...known, ...keyed.filter(([value]) => isMissing(value))].map(([, item]) => item);
+}
+
+// Makes the names of columns into buttons; `sort(column, sign)` puts the lines in order.
+function makeSortable(table, sort) {
+  const heads = [...table.tHead.rows[0].cells];
+  heads.forEach((head, column) => {
+    const button = make("button", head.textContent, { type: "button" });
+    head.replaceChildren(button);
+    button.addEventListener("click", () => {
+      // Names from A on, numbers from the greatest on; a second click turns it round.
+      const top = table.tBodies[0].rows[0]?.cells[column]?.textContent.trim() ?? "";
+      const first = top === NOTHING || /^[+-]?\d/.test(top) ? "descending" : "ascending";
+      const other = first === "ascending" ? "descending" : "ascending";
+      const order = head.getAttribute("aria-sort") === first ? other : first;
+      heads.forEach((one) => one.removeAttribute("aria-sort"));
+      head.setAttribute("aria-sort", order);
+      sort(column, order === "ascending" ? 1 : -1);
+    });
+  });
+}
+
+for (const table of document.querySelectorAll("table.sortable")) {
+  const body = table.tBodies[0];
+  makeSortable(table, (column, sign) =>
+    body.append(...sorted([...body.rows], (row) => row.cells[column].textContent.trim(), sign)));
+}
+
+// -- The table of episodes ----------------------------------------------------------------------------------------------
+
+const choices = data.names.map((names, column) => {
+  if (!names || names.length < 2) return null;
+  const select = make("select");
+  select.append(make("option", "all", { value: "" }));
+  names.forEach((name, number) => select.append(make("option", name, { value: number })));
+  const label = make("label", data.columns[column] + " ");
+  label.append(select);
+  document.getElementById("choices").append(label);
+  select.addEventListener("change", () => showRows());
+  return select;
+});
+const shownColumns = data.columns.map((_, column) => column)
+  .filter((column) => data.rows.some((row) => row[column] !== null) && (data.columns[column] !== "robot" || data.rows.some((row) => row[column])));
+const textOf = (row, column) => (data.names[column] ? data.names[column][row[column]] : row[column]);
+
+let ordered = data.rows;
+const table = make("table"), head = make("tr"), body = make("tbody"), count = make("p", "", { class: "told" });
+const more = make("button", "more", { type: "button" });
+shownColumns.forEach((column) => head.append(make("th", data.columns[column], { scope: "col" })));
+table.append(make("thead", head), body);
+document.getElementById("rows").append(count, table, more);
+makeSortable(table, (place, sign) => {
+  ordered = sorted(data.rows, (row) => textOf(row, shownColumns[place]), sign);
+  showRows();
+});
+
+let waiting = [];
+function showRows() {
+  waiting = ordered.filter((row) =>
+    isWanted(data.names[0][row[0]]) && choices.every((select, column) => !select || !select.value || row[column] === Number(select.value)));
+  count.textContent = `${waiting.length.toLocaleString("en")} of ${data.rows.length.toLocaleString("en")}`;
+  body.replaceChildren();
+  addRows();
+}
+
+function addRows() {
+  body.append(...waiting.slice(0, STEP).map((row) => {
+    const line = make("tr");
+    shownColumns.forEach((column) => {
+      const value = textOf(row, column);
+      line.append(column < 2 ? make("th", value, { scope: "row" }) : make("td", value === null ? NOTHING : String(value)));
+    });
+    return line;
+  }));
+  waiting = waiting.slice(STEP);
+  more.hidden = waiting.length === 0;
+}
+more.addEventListener("click", addRows);
+
+// -- Filtering by policy --------------------------------------------------------------------------------------------------
+
+const filter = document.getElementById("filter");
+let words = [];
+function isWanted(policy) {
+  return words.length === 0 || words.some((word) => policy.toLowerCase().includes(word));
+}
+
+filter.addEventListener("input", () => {
+  words = filter.value.toLowerCase().split(/[\s,]+/).filter(Boolean);
+  for (const row of document.querySelectorAll("tr[data-policy]")) row.hidden = !isWanted(row.dataset.policy);
+  showRows();
+});
+
+document.querySelectorAll(".scripted").forEach((one) => { one.hidden = false; });
+showRows();

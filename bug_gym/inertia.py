@@ -1,0 +1,117 @@
+"""What a robot with inertia may ask for, so that it can always stop before what it sees.
+
+A robot whose acceleration is limited goes on where it does not want to. So a command is cut until the step that it leads to
+ends where braking straight on keeps clear of every point of the scan: from there the next command can do just that. Among
+things that stand still it then never touches what its scan shows. (The dynamic window of Fox, Burgard and Thrun 1997, here
+applied to what an algorithm wants.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kernels, kinematics
+from bug_gym.kinematics import Drive
+from bug_gym.view import Sensors, View
+
+SHARES = 8
+"""In how many parts a command is cut."""
+
+LEAST_ROOM = 0.005
+"""What is kept about the body in any case, beside the noise of a range [m]."""
+
+Velocity = tuple[float, float]
+
+
+class Motion(NamedTuple):
+    """A step, and the way on which the robot then comes to stand; in its frame before the step."""
+
+    x: float
+    """Where the step ends [m]."""
+    y: float
+    turn: float
+    """How far it turns in the step [rad]."""
+    way_x: float
+    """The way after it [m]."""
+    way_y: float
+
+
+def has_inertia(drive: Drive) -> bool:
+    """Whether the robot cannot change its speed at once."""
+    return math.isfinite(drive.max_acceleration)
+
+
+def needs_care(sensors: Sensors) -> bool:
+    """Whether what an algorithm asks for may lead into something: the robot has inertia, or its scan is noisy."""
+    return has_inertia(sensors.drive) or sensors.range_noise > 0.0
+
+
+def speed_within(drive: Drive, way: float) -> float:
+    """The greatest speed [m/s] at which the robot drives one step and then comes to stand within a way [m]."""
+    if not has_inertia(drive) or math.isinf(way):
+        return drive.max_speed
+    loss = drive.max_acceleration * drive.step
+    # Speeds v, v - loss, v - 2 loss ... of whole steps until nothing is left of it: the inverse of kernels.stopping_way.
+    steps = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * way / (drive.step * loss)) - 1.0))
+    return min((way / drive.step + 0.5 * loss * steps * (steps + 1)) / (steps + 1), drive.max_speed)
+
+
+def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.float32]:
+    """The action (2,) nearest to a desired velocity of those from which the robot can stop before what it sees.
+
+    Args:
+        view: the observation.
+        velocity: what an algorithm asks for, in the robot's frame [m/s].
+        room: what it keeps about the body [m].
+    """
+    drive = view.sensors.drive
+    if drive.kinematics == "holonomic":
+        for share in _shares():
+            asked = share * velocity[0], share * velocity[1]
+            if _is_clear(view, _slide(drive, view.velocity, asked), room):
+                return kinematics.steering(drive, asked)
+        return kinematics.steering(drive, (0.0, 0.0))
+    speed, rate = kinematics.turning(drive, velocity)
+    for asked in ((share * speed, rate) for share in (*_shares(), 0.0)):
+        if _is_clear(view, _arc(drive, view.velocity[0], asked), room):
+            return kinematics.differential_action(drive, *asked)
+    return kinematics.differential_action(drive, 0.0, 0.0)
+
+
+def _shares() -> Iterator[float]:
+    return (part / SHARES for part in range(SHARES, 0, -1))
+
+
+def _is_clear(view: View, motion: Motion, room: float) -> bool:
+    """Whether the body keeps clear of what is seen."""
+    x, y = view.points
+    margin = max(room, LEAST_ROOM + view.sensors.range_noise)
+    return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, 0.5 * view.sensors.beam_spacing))
+
+
+def _slide(drive: Drive, velocity: Velocity, asked: Velocity) -> Motion:
+    """How a holonomic robot moves that has a velocity and asks for another (kernels.drive)."""
+    scale = drive.max_speed / max(drive.max_speed, math.hypot(*asked))
+    dx, dy = scale * asked[0] - velocity[0], scale * asked[1] - velocity[1]
+    change = math.hypot(dx, dy)
+    share = min(drive.max_acceleration * drive.step / change, 1.0) if change > 0.0 else 1.0
+    vx, vy = velocity[0] + share * dx, velocity[1] + share * dy
+    speed = math.hypot(vx, vy)
+    time = kernels.stopping_way(speed, drive.max_acceleration, drive.step) / speed if speed > 0.0 else 0.0
+    return Motion(vx * drive.step, vy * drive.step, 0.0, vx * time, vy * time)
+
+
+def _arc(drive: Drive, speed: float, asked: Velocity) -> Motion:
+    """How a differential robot moves that has a speed and asks for another, and for a turn rate (kernels.drive)."""
+    limit = drive.max_acceleration * drive.step
+    speed = min(max(asked[0], speed - limit), speed + limit)
+    turn = asked[1] * drive.step
+    half = 0.5 * turn
+    chord = speed * drive.step * (math.sin(half) / half if half else 1.0)
+    way = math.copysign(kernels.stopping_way(abs(speed), drive.max_acceleration, drive.step), speed)
+    return Motion(chord * math.cos(half), chord * math.sin(half), turn, way * math.cos(turn), way * math.sin(turn))

@@ -1,0 +1,303 @@
+"""Potential field with wall following: its scenes, routes and claims run again, beside its opponents.
+
+The paper's table of path lengths and its displayed formulas are lost, so there is nothing to compare with number by
+number: scenes are rebuilt in its manner, and its sentences are put to the test. Shorter than the minimum risk method,
+TangentBug and Bug2? Does it stand odometry that drifts, for which it is proposed? What is each of its parts worth?
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bug_gym.config import load
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.progress import progress_bar
+from bug_gym.evaluation.rollout import Rollout
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.reproductions import apf_worlds, sweep
+from bug_gym.reproductions.apf_tracks import (
+    Variant,
+    angle_curve,
+    drive,
+    on_the_spot,
+    over_time,
+    reversals,
+    told,
+    turning_radii,
+)
+from bug_gym.reproductions.apf_worlds import CLEARANCE
+from bug_gym.reproductions.claims import as_percent, finite, mean, numbers
+from bug_gym.reproductions.oni_wang_table_1 import OVERRIDES, allowed_difference
+from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
+from bug_gym.workers import each, starred
+
+SEEDS, ABLATION_SEEDS = 200, 500
+OURS = "apf_wall_following"
+
+METHODS: dict[str, Variant] = {
+    OURS: (OURS, {"clearance": CLEARANCE}),
+    "minimum_risk": ("minimum_risk", {}),
+    "tangent_bug, 2 m": ("tangent_bug", {"clearance": CLEARANCE, "r_max": 2.0}),
+    "bug2": ("bug2", {"clearance": CLEARANCE}),
+    "apf": ("apf", {}),
+}
+"""The paper's four, and the field alone."""
+PARTS: dict[str, Mapping[str, Any]] = {
+    "whole": {},
+    "reset=False": {"reset": False},
+    "projection=False": {"projection": False},
+    "form=unwrapped": {"form": "unwrapped"},
+    "leave=free": {"leave": "free"},
+    "leave=distance": {"leave": "distance", "projection": False},
+    "leave=heading": {"leave": "heading", "projection": False},
+}
+"""What is left out: conditions 1 and 3, the angle; and the two rules that the paper calls too simple."""
+
+ROUTES = ("AB", "AC", "AD", "BA", "BC", "BD", "CA", "CB", "CD", "DA", "DB", "DC")
+IDEAL = {
+    "left": (17.10, 225.97, 42.82, 130.18, 106.83, 31.68, 138.28, 10.90, 59.82, 44.90, 57.24, 266.11),
+    "right": (74.52, 83.19, 45.57, 16.73, 10.90, 96.07, 139.41, 132.66, 87.72, 39.13, 32.38, 41.04),
+}
+"""Lengths [m] of a point that goes straight until contact and follows the rounded contour of the map at 1 m."""
+CYCLES = {("left", "AC"), ("left", "BC"), ("left", "DC")}
+"""Routes that are cycles without the projection of condition 3."""
+
+DRIFTING = (OURS, "bug2", "tangent_bug", "minimum_risk")
+BIASES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""Of the gyroscope at 1 m/s [degrees/s]."""
+NOISES = (0.0, 0.02, 0.05, 0.1, 0.2)
+"""Of the odometry's distance [m/sqrt(m)]; the heading's is a fifth [rad/sqrt(m)]."""
+DRIFT_SCENARIOS = ("static", "u_trap", "hook")
+
+
+# ---------------------------------------------------------------------------------------------- scenes
+
+
+class Part(NamedTuple):
+    """What one part of the reproduction found."""
+
+    tables: list[Table]
+    data: dict[str, Any]
+    holds: bool = True
+    curves: Sequence[Curves] = ()
+    notes: Sequence[str] = ()
+
+
+def still_scenes() -> Part:
+    """Lengths of all methods in the scenes; the paper's method arrives in each."""
+    lines, data, tracks = [], {}, {}
+    for name, scenario in apf_worlds.scenes().items():
+        found = {label: drive(scenario, variant) for label, variant in METHODS.items()}
+        tracks[name] = found[OURS]
+        lines.append([name, *(told(track) for track in found.values()), str(found[OURS].phases)])
+        data[name] = {label: {"ending": told(track), "walls": track.phases} for label, track in found.items()}
+    holds = all(track.outcome == "success" for track in tracks.values()) and tracks["12a"].phases == 2
+    table = Table("Still scenes in the manner of Figs. 7, 8a, 10, 12a: length [m]", ["scene", *METHODS, "walls"], lines)
+    curves = [
+        over_time("A still scene (8a)", tracks["8a"]),
+        angle_curve("Theta along a U (7c)", tracks["7c"]),
+    ]
+    return Part([table], {"scenes": data}, holds, curves)
+
+
+def moving_scenes() -> Part:
+    """Moving obstacles and targets: does it arrive, and how near does it come to anything?"""
+    lines, data, holds = [], {}, True
+    curves = []
+    for name, scenario in apf_worlds.moving_scenes().items():
+        found = {
+            kind: drive(scenario, METHODS[OURS], {"robot.kinematics": kind}) for kind in ("holonomic", "differential")
+        }
+        for kind, track in found.items():
+            lines.append([name, kind, told(track), str(track.phases), f"{track.clearance:.2f}"])
+            data[f"{name}, {kind}"] = {"ending": told(track), "walls": track.phases, "clearance": track.clearance}
+            holds = holds and track.outcome == "success"
+        if name == "8c":
+            curves.append(over_time("A moving scene (8c)", found["holonomic"]))
+    table = Table(
+        "Moving scenes in the manner of Figs. 8b to 8f and 12b",
+        ["scene", "robot", "length [m]", "walls", "clearance [m]"],
+        lines,
+    )
+    return Part([table], {"moving": data}, holds, curves)
+
+
+# ---------------------------------------------------------------------------------------------- routes
+
+
+def routes(chosen: Sequence[str]) -> Part:
+    """The map of Oni and Wang, both sides: straight until contact, without the projection, and with the field."""
+    kinds: dict[str, Mapping[str, Any]] = {
+        "straight": {"approach": "straight"},
+        "straight, no projection": {"approach": "straight", "projection": False},
+        "straight, no reset": {"approach": "straight", "reset": False},
+        "straight, unwrapped": {"approach": "straight", "form": "unwrapped"},
+        "straight, by distance": {"approach": "straight", **PARTS["leave=distance"]},
+        "straight, by heading": {"approach": "straight", **PARTS["leave=heading"]},
+        "field": {},
+    }
+    lines, data, holds = [], {}, True
+    for turn, ideal in IDEAL.items():
+        for route, length in zip(ROUTES, ideal, strict=True):
+            if route not in chosen:
+                continue
+            places = {**OVERRIDES, "world.start": route[0], "world.goal": route[1]}
+            found = {
+                kind: drive("oni_wang", (OURS, {"clearance": 1.0, "turn": turn, **parameters}), places)
+                for kind, parameters in kinds.items()
+            }
+            own = found["straight"]
+            holds = holds and own.outcome == "success" and found["field"].outcome == "success"
+            holds = holds and abs(own.length + own.distances[-1] - length) <= allowed_difference(length)
+            cycles = found["straight, no projection"].verdict == "looping"
+            holds = holds and cycles == ((turn, route) in CYCLES)
+            lines.append([turn, route, f"{length:.2f}", *(told(track) for track in found.values())])
+            data[f"{turn} {route}"] = {"ideal": length, **{kind: told(track) for kind, track in found.items()}}
+    table = Table("Length [m] on the map of Oni and Wang at 1 m", ["turn", "route", "ideal", *kinds], lines)
+    return Part([table], {"routes": data}, holds)
+
+
+# ---------------------------------------------------------------------------------------------- many worlds
+
+
+def trap_rows(seed: int, variants: Mapping[str, Variant]) -> list[EpisodeRow]:
+    """What each variant does in the trap of a seed."""
+    return world_rows(apf_worlds.trap(seed), "traps", seed, variants)
+
+
+def maze_rows(seed: int, variants: Mapping[str, Variant]) -> list[EpisodeRow]:
+    """What each variant does in the maze of a seed."""
+    world = {key: value for key, value in apf_worlds.ROBOT.items() if key != "world"}
+    return world_rows({**world, "world": {"family": "maze"}}, "mazes", seed, variants)
+
+
+def world_rows(scenario: Any, name: str, seed: int, variants: Mapping[str, Variant]) -> list[EpisodeRow]:
+    """What each variant does in one world."""
+    entry = ScenarioEntry(name, load(scenario), range(seed, seed + 1))
+    rows = []
+    for label, (policy, parameters) in variants.items():
+        rollout = Rollout(PolicyEntry(label, policy, dict(parameters)), entry, [seed], slots=1)
+        ((row,),) = rollout.worlds()
+        rows.append(row)
+    return rows
+
+
+def compare(
+    title: str,
+    worlds: Callable[[int, Mapping[str, Variant]], list[EpisodeRow]],
+    variants: Mapping[str, Variant],
+    seeds: int,
+    settings: Settings,
+) -> Part:
+    """Success, wrong claims and lengths of variants in many worlds; lengths where the first one arrives too."""
+    jobs = [(seed, variants) for seed in range(seeds)]
+    with progress_bar(shown=settings.progress) as track:
+        work = each(partial(starred, worlds), jobs, settings.workers)
+        rows = [row for chunk in track(work, title, len(jobs)) for row in chunk]
+    by_label = {label: [row for row in rows if row.policy == label] for label in variants}
+    first = {row.seed: row for row in next(iter(by_label.values())) if row.success}
+    lines, data, holds = [], {}, True
+    for label, mine in by_label.items():
+        wrong = sum(row.verdict == "unreachable" or row.outcome == "collision" for row in mine)
+        shared = [(row, first[row.seed]) for row in mine if row.success and row.seed in first]
+        ratio = mean([one.path_length / other.path_length for one, other in shared])
+        reached = [row for row in mine if row.success]
+        ways, turns = ([getattr(row, name) for row in reached] for name in ("path_length", "total_turning"))
+        lines.append([label, as_percent(mine), str(wrong), f"{mean(ways):.2f}", f"{ratio:.2f}", f"{mean(turns):.1f}"])
+        data[label] = {**numbers(mine), "wrong": wrong, "length_ratio": finite(ratio)}
+        holds = holds and wrong == 0
+    header = ["", "reached [%]", "touched or wrong", "length [m]", "to the first", "turning [rad]"]
+    return Part([Table(f"{title}, {seeds} worlds", header, lines)], {title: data}, holds)
+
+
+# ---------------------------------------------------------------------------------------------- drift, limits
+
+
+def drift(seeds: int, settings: Settings) -> Part:
+    """Success against the drift of gyroscope and odometry, the goal a beacon or computed."""
+    common = {"robot.max_speed": 1.0, "lidar.beams": 180, "time.limit": 300.0}
+    biased = [{**common, "goal.sensing": "beacon", "odometry.rotation_bias": math.radians(bias)} for bias in BIASES]
+    noisy = [
+        {**common, "odometry.translation_noise": noise, "odometry.rotation_noise": 0.2 * noise} for noise in NOISES
+    ]
+    odometry = "odometry noise [m/sqrt(m)]"
+    sweeps = [
+        sweep.Sweep("Gyro bias, goal a beacon", "bias at 1 m/s [degrees/s]", BIASES, biased, DRIFT_SCENARIOS),
+        sweep.Sweep(
+            "Noise, goal a beacon",
+            odometry,
+            NOISES,
+            [{**one, "goal.sensing": "beacon"} for one in noisy],
+            DRIFT_SCENARIOS,
+        ),
+        sweep.Sweep(
+            "Noise, goal by odometry",
+            odometry,
+            NOISES,
+            [{**one, "goal.sensing": "odometry"} for one in noisy],
+            DRIFT_SCENARIOS,
+        ),
+    ]
+    found = [(one, sweep.run(one, settings.policies or DRIFTING, seeds, settings)) for one in sweeps]
+    tables = [table for one, summaries in found for table in sweep.tables(one, summaries)]
+    data = {"drift": [sweep.numbers(*one) for one in found]}
+    return Part(tables, data, curves=[sweep.curves(*one) for one in found])
+
+
+def limits(seeds: int) -> Part:
+    """What the paper names as its own limits: wide turns, uneven lines, abrupt switching; a differential robot in traps."""
+    lines, data = [], {}
+    for label, variant in METHODS.items():
+        tracks = [drive(apf_worlds.trap(seed), variant, {"robot.kinematics": "differential"}) for seed in range(seeds)]
+        radii = np.concatenate([turning_radii(track) for track in tracks])
+        steps = sum(len(track.modes) for track in tracks)
+        turned = sum(reversals(track) for track in tracks)
+        switches = sum(sum(a != b for a, b in zip(track.modes, track.modes[1:], strict=False)) for track in tracks)
+        way = math.fsum(track.length for track in tracks)
+        tight = float(np.median(radii)) if len(radii) else math.nan
+        share = sum(on_the_spot(track) for track in tracks) / steps
+        found = {
+            "radius": finite(tight),
+            "reversals": 100.0 * turned / way,
+            "switches": 100.0 * switches / way,
+            "standing": share,
+        }
+        data[label] = found
+        lines.append([label, *("-" if one is None else f"{one:.2f}" for one in found.values())])
+    header = ["", "median turning radius [m]", "reversals a 100 m", "switches a 100 m", "share of steps on the spot"]
+    return Part([Table(f"Limits, a differential robot in {seeds} traps", header, lines)], {"limits": data})
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Run all of it, the drift in a quarter as many worlds; below ten seeds a few routes only."""
+    seeds = settings.seeds or SEEDS
+    few = settings.seeds is not None and settings.seeds < 10
+    parts = {name: (OURS, {"clearance": CLEARANCE, **changes}) for name, changes in PARTS.items()}
+    found = [
+        still_scenes(),
+        moving_scenes(),
+        routes(ROUTES[:3] if few else ROUTES),
+        compare("Traps", trap_rows, METHODS, seeds, settings),
+        compare("Mazes", maze_rows, METHODS, seeds, settings),
+        compare("What parts are worth, traps", trap_rows, parts, settings.seeds or ABLATION_SEEDS, settings),
+        limits(min(seeds, 20)),
+        drift(max(seeds // 4, 1), settings),
+    ]
+    notes = [
+        "The paper's Table 1 is lost: no length can be compared with a printed one.",
+        "walls: how often a wall was followed. to the first: mean of length over length of the first line, both arriving.",
+        "A holonomic robot of 0.5 m/s where none is named; the map's as in oni-wang-table-1.",
+    ]
+    return Reproduction(
+        "apf-wall-following",
+        [table for part in found for table in part.tables],
+        notes,
+        {"seeds": seeds, **{key: value for part in found for key, value in part.data.items()}},
+        all(part.holds for part in found),
+        curves=[curve for part in found for curve in part.curves],
+    )

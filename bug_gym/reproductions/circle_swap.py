@@ -1,0 +1,111 @@
+"""`orca` where everyone is in everyone's way: robots that change places across a circle, and crowds that cross.
+
+The first part is the example "Circle" of RVO2, the library of van den Berg, Guy, Snape, Lin and Manocha, with 2 to 16
+robots, of either kinematics: at least 500 runs of robots a line. What is claimed of `orca`: no two robots touch, and all
+arrive. The time and the way by which they arrive are printed beside it.
+
+The second part sets robots that know of one another beside ones that do not: the same worlds with `orca`, and with each
+robot alone with `hd_bug` and with `ppo_rush`, which see the others as movers with their scanners only.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import paired_difference
+from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
+from bug_gym.reproductions.result import Reproduction, Settings, Table
+
+ROBOTS = (2, 4, 8, 16)
+KINEMATICS = ("holonomic", "differential")
+RUNS = 500
+"""Runs of robots for each line of the first part, at least."""
+CROWDS: dict[str, tuple[str, int, int]] = {
+    "crossing_robots, 4": ("crossing_robots", 4, 25),
+    "circle_swap, 8": ("circle_swap", 8, 12),
+    "warehouse_team, 8": ("warehouse_team", 8, 6),
+}
+"""Scenario, robots and worlds of the second part, by label; differential robots as in `rush`."""
+ALONE = ("hd_bug", "ppo_rush")
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Drive robots across circles, then crowds with each policy."""
+    circles, lines = {}, []
+    for kinematics in KINEMATICS:
+        for robots in ROBOTS:
+            worlds = min(math.ceil(RUNS / robots), settings.seeds or RUNS)
+            rows = drive(["orca"], "circle_swap", robots, kinematics, worlds, settings)
+            circles[f"{kinematics}, {robots}"] = told = measured(rows)
+            lines.append([kinematics, str(robots), str(len(rows)), *words(rows, told), f"{told['longest']:.1f}"])
+    holds = all(told["contacts"] == 0 and told["success"] == 1.0 for told in circles.values())
+    crowds, compared = crossing_crowds(settings)
+    header = ["kinematics", "robots", "runs", *HEADER, "longest [s]"]
+    tables = [
+        Table("Changing places across a circle of 4 m with orca", header, lines),
+        Table("Crowds that cross", ["worlds", "policy", *HEADER, "success minus orca's [%]"], compared),
+    ]
+    return Reproduction("circle-swap", tables, NOTES, {"circles": circles, "crowds": crowds}, holds)
+
+
+HEADER = ("reached [%]", "contacts", "least gap [m]", "time [s]", "way over straight", "decision [us]")
+
+
+def crossing_crowds(settings: Settings) -> tuple[dict[str, Any], list[list[str]]]:
+    """Numbers by scenario and policy, and lines of a table."""
+    data, lines = {}, []
+    policies = settings.policies or ("orca", *ALONE)
+    for label, (scenario, robots, most) in CROWDS.items():
+        worlds = min(most, settings.seeds or most)
+        rows = drive(policies, scenario, robots, "differential", worlds, settings)
+        for policy in policies:
+            mine = of(rows, policy=policy)
+            data[f"{label}, {policy}"] = told = measured(mine)
+            against = ""
+            if policy != "orca" and "orca" in policies:
+                gap = paired_difference(mine, of(rows, policy="orca"), "success")
+                against = f"{100 * gap.mean:+.1f} [{100 * gap.low:+.1f}, {100 * gap.high:+.1f}]"
+            lines.append([label, policy, *words(mine, told), against])
+    return data, lines
+
+
+def drive(
+    policies: list[str] | tuple[str, ...], scenario: str, robots: int, kinematics: str, worlds: int, settings: Settings
+) -> list[EpisodeRow]:
+    """Episodes of several robots with some policies, each robot by itself."""
+    overrides = {"robots.count": robots, "robot.kinematics": kinematics}
+    entry = {"scenario": scenario, "label": scenario, "overrides": overrides}
+    return run(list(policies), [entry], worlds, settings, name="circle-swap")
+
+
+def measured(rows: list[EpisodeRow]) -> dict[str, Any]:
+    """What JSON keeps of the runs of one policy's robots."""
+    return {
+        **numbers(rows),
+        "contacts": sum(row.outcome == "collision" for row in rows),
+        "least_gap": min(row.min_clearance for row in rows),
+        "longest": max(row.time for row in rows),
+    }
+
+
+def words(rows: list[EpisodeRow], told: dict[str, Any]) -> list[str]:
+    """The columns of HEADER."""
+    reached = [row for row in rows if row.success]
+    time, ratio = mean([row.time for row in reached]), told["path_ratio"]
+    return [
+        as_percent(rows),
+        str(told["contacts"]),
+        f"{told['least_gap']:.3f}",
+        f"{time:.1f}",
+        "-" if ratio is None else f"{ratio:.3f}",
+        f"{1e6 * told['decision_time_mean']:.0f}",
+    ]
+
+
+NOTES = [
+    "Each robot's start lies within 0.1 m of its place on the circle, which is turned at random.",
+    "least gap: the smallest distance of a body to anything, robots and walls; a contact counts for both robots.",
+    "way over straight: over the shortest path of the robot alone.",
+]

@@ -1,0 +1,483 @@
+"""Policies for several robots of one world: each by itself, or a team whose robots tell one another what they know.
+
+`policy.predict(observations, state) -> (actions, state)` takes what PettingZoo gives, observations by agent, and what
+evaluations have, rows of (world, robot). A team writes two methods: `start(robots) -> memories` and
+`act(views, memories) -> velocities`.
+
+What robots of a team know of one another they have told one another, in the *team's frame*: the odometry frame of the
+first robot that was heard. Nothing comes through the env. Where the frames of two robots lie to one another they find
+out when they first hear from one another: each sees where the other is (`peers`), and two such sights give the
+distance and both headings. From then on odometry alone says where each is, with its error.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym import kinematics
+from bug_gym.config import Scenario
+from bug_gym.geometry import Point, wrap
+from bug_gym.log import warn_once
+from bug_gym.observation import width
+from bug_gym.policy import (
+    Drawing,
+    Memory,
+    MisfitError,
+    NoParameters,
+    Policy,
+    ScriptedPolicy,
+    Velocity,
+    action_of,
+    checked_memories,
+    checked_starts,
+    flat_observation,
+    source_scenario,
+)
+from bug_gym.view import Sensors, View
+
+TOGETHER = 1e-3
+"""Distance below which two robots are at one place, and see no direction to one another [m]."""
+
+START_DISTANCE = 2.0
+"""How far apart robots of a team had better start: nearer ones begin by making room (Oni and Wang, section 4.3) [m]."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where a robot's odometry frame lies in the team's."""
+
+    x: float = 0.0
+    """Its origin [m]."""
+    y: float = 0.0
+    """Likewise [m]."""
+    heading: float = 0.0
+    """Direction of its x axis [rad]."""
+
+    def to_team(self, place: Point) -> Point:
+        """A place of the odometry frame in the team's [m]."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return self.x + cos * place[0] - sin * place[1], self.y + sin * place[0] + cos * place[1]
+
+    def to_odometry(self, place: Point) -> Point:
+        """A place of the team's frame in the odometry frame [m]."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        dx, dy = place[0] - self.x, place[1] - self.y
+        return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@dataclass(frozen=True)
+class Word:
+    """What a robot tells its partners; places in the team's frame."""
+
+    place: Point
+    """Where it is [m]."""
+    heading: float
+    """Of its body [rad]."""
+    velocity: Point
+    """How it moves [m/s]."""
+    goal: Point
+    """Where its goal is [m]."""
+    goal_distance: float
+    """How far it has to go in a straight line [m]."""
+
+
+@dataclass
+class TeamMemory(Memory):
+    """What one robot of a team keeps of one episode."""
+
+    frame: Frame | None = None
+    """Where its odometry frame lies; None until it is heard."""
+    word: Word | None = None
+    """What it told last."""
+    view: View | None = None
+    """What it saw when it was heard last."""
+    is_heard: bool = False
+    """Whether it answers now; one that does not stands where it was heard last."""
+    winner: int | None = None
+    """Number of the robot that is known to arrive first, for which the others have stopped."""
+    holds: int = 0
+    """How often it has stopped for a partner to pass."""
+    held: float = 0.0
+    """How long it has stood so, in all [s]."""
+
+
+def is_by_agent(observation: Any, agents: Sequence[str]) -> bool:
+    """Whether observations come by agent, as PettingZoo gives them; some may be missing.
+
+    Raises:
+        ValueError: they are no fields, and not of agents of this env.
+    """
+    if not isinstance(observation, Mapping) or "ranges" in observation:
+        return False
+    if strange := sorted(str(name) for name in observation if name not in agents):
+        raise ValueError(f"got observations of {strange}, expected agents out of {list(agents)}")
+    return True
+
+
+class EachAlone:
+    """A single robot's policy for each robot of a world, with a memory of its own.
+
+    Args:
+        policy: the single robot's.
+        agents: the names of the robots.
+    """
+
+    def __init__(self, policy: Policy, agents: Sequence[str]) -> None:
+        self.policy = policy
+        self.agents = tuple(agents)
+
+    def predict(
+        self,
+        observation: Any,
+        state: tuple[Any, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, tuple[Any, ...] | None]:
+        """Actions for the robots of one world, or of many.
+
+        Args:
+            observation: by agent, where a missing agent is out of play; or a batch of rows of (world, robot), which
+                goes to the single robot's policy as it is.
+            state: as the last call returned it; None begins an episode.
+            episode_start: (n,) for a batch, as the single robot's policy takes it.
+            deterministic: likewise.
+
+        Returns:
+            Actions by agent and the state, one a robot; for a batch what the single robot's policy returns.
+
+        Raises:
+            ValueError: observations of other agents, or a state of another team.
+        """
+        if not is_by_agent(observation, self.agents):
+            return self.policy.predict(observation, state, episode_start, deterministic)
+        states = [None] * len(self.agents) if state is None else list(checked_states(state, len(self.agents)))
+        actions = {}
+        for agent, seen in observation.items():
+            number = self.agents.index(agent)
+            actions[agent], after = self.policy.predict(seen, self._state(states[number]), None, deterministic)
+            states[number] = after[0] if self._is_scripted and after is not None else after
+        return actions, tuple(states)
+
+    @property
+    def _is_scripted(self) -> bool:
+        """Whether the state of a robot is a memory, which can be shown as one."""
+        return isinstance(self.policy, ScriptedPolicy)
+
+    def _state(self, kept: Any) -> tuple[Any, ...] | None:
+        """The state of the single robot's policy out of what is kept of a robot."""
+        return (kept,) if self._is_scripted and kept is not None else kept
+
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is the single robot's policy's: its sensors, parameters, drawing."""
+        if name in ("policy", "agents"):  # not there yet while a copy is made
+            raise AttributeError(name)
+        return getattr(self.policy, name)
+
+
+class PeersAsMovers:
+    """A policy that was made for a robot alone, where there are several: it sees the others with its scanner only.
+
+    Args:
+        policy: made for the sensors without `peers`.
+        sensors: those of the robot, with `peers`.
+    """
+
+    def __init__(self, policy: Policy, sensors: Sensors) -> None:
+        self.policy = policy
+        self.sensors = sensors
+        self._kept = width(without_peers(sensors).fields)
+
+    def predict(
+        self,
+        observation: Any,
+        state: tuple[Any, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[Any], tuple[Any, ...] | None]:
+        """As the policy's own, for observations with `peers`."""
+        flat = flat_observation(observation, self.sensors)
+        return self.policy.predict(flat[..., : self._kept], state, episode_start, deterministic)
+
+
+def without_peers(sensors: Sensors) -> Sensors:
+    """The same robot alone in its world; `peers` is the last field of an observation."""
+    fields = tuple(field for field in sensors.fields if field.name != "peers")
+    return sensors if len(fields) == len(sensors.fields) else replace(sensors, fields=fields)
+
+
+def checked_states(state: Any, robots: int) -> tuple[Any, ...]:
+    """A state of so many robots.
+
+    Raises:
+        ValueError: of another number, or no tuple.
+    """
+    if not isinstance(state, (tuple, list)):
+        raise ValueError(f"the state is a tuple of one a robot, got {type(state).__name__}")
+    if len(state) != robots:
+        raise ValueError(f"got the state of a team of {len(state)}, expected {robots} robots")
+    return tuple(state)
+
+
+class TeamPolicy(ABC):
+    """A policy that drives several robots of one world. They see their observations, and what partners tell them.
+
+    Args:
+        sensors: what a driver knows of each of the robots, which are alike.
+        agents: the names of the robots.
+        discrete: whether actions are numbers of the discrete action table instead of velocities.
+        **parameters: the algorithm's own, see its `Parameters`.
+
+    Raises:
+        MisfitError: fewer robots than the algorithm needs.
+        TypeError: an unknown parameter.
+    """
+
+    Parameters: ClassVar[type[Any]] = NoParameters
+    """The algorithm's own parameters: a frozen dataclass with a sentence, and a unit, under each field."""
+
+    privileged: ClassVar[bool] = False
+    """Whether it reads the world's map."""
+
+    least_robots: ClassVar[int] = 2
+    """How many robots the algorithm needs at least."""
+
+    wants_room: ClassVar[bool] = False
+    """Whether robots that start nearer to one another than START_DISTANCE are worth a warning."""
+
+    room: float = 0.0
+    """What is kept about the body where inertia carries a robot nearer to walls than the algorithm wants [m]."""
+
+    parameters: Any
+    """Those of this policy; an algorithm with parameters of its own gives the type."""
+
+    def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
+        if len(agents) < self.least_robots:
+            name = type(self).__name__
+            raise MisfitError(f"{name} drives {self.least_robots} robots or more, the scenario has {len(agents)}")
+        self.sensors = sensors
+        self.agents = tuple(agents)
+        self.discrete = discrete
+        self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
+        self.parameters = self.Parameters(**parameters)
+
+    @property
+    def robots(self) -> int:
+        """How many robots it drives."""
+        return len(self.agents)
+
+    @abstractmethod
+    def start(self, robots: int) -> tuple[TeamMemory, ...]:
+        """Memories of a new episode, one a robot."""
+
+    @abstractmethod
+    def act(self, views: Sequence[View | None], memories: Sequence[Any]) -> Sequence[Velocity]:
+        """Desired velocities in the robots' frames [m/s], x ahead, y left; memories are changed in place.
+
+        Args:
+            views: what each robot sees; None: it is out of play, or does not answer.
+            memories: one a robot. Each has told its `word` already, of this instant if `is_heard`.
+        """
+
+    def draw(self, memory: Any) -> Drawing:
+        """What to show of one robot's memory in a picture, in its odometry frame."""
+        return Drawing()
+
+    def predict(
+        self,
+        observation: Any,
+        state: tuple[TeamMemory, ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, tuple[TeamMemory, ...]]:
+        """Actions for the robots of one world, or of many.
+
+        Args:
+            observation: by agent, where a missing agent is out of play; or a batch, Dict or flat, whose rows are
+                (world, robot): robot r of world w is row w R + r, and all are in play.
+            state: one memory a row, as the last call returned it; None starts new ones.
+            episode_start: (n,) for a batch; a world begins with all its robots.
+            deterministic: ignored, a scripted policy always is.
+
+        Returns:
+            Actions by agent, or an array (n, ...) of them; and the state, changed in place.
+
+        Raises:
+            ValueError: observations of other agents or of another size, a number of rows that is no multiple of the
+                robots, a state of another team or policy, or a world that begins with some of its robots only.
+        """
+        if is_by_agent(observation, self.agents):
+            rows = [observation.get(agent) for agent in self.agents]
+            flat = [None if row is None else flat_observation(row, self.sensors) for row in rows]
+            memories = self.started(1) if state is None else self._checked(state, self.robots)
+            actions = self.decide(flat, memories)
+            in_play = zip(self.agents, actions, flat, strict=True)
+            return {agent: action for agent, action, seen in in_play if seen is not None}, tuple(memories)
+        return self._predict_rows(flat_observation(observation, self.sensors), state, episode_start)
+
+    def _predict_rows(
+        self, flat: NDArray[np.float32], state: Any, episode_start: Any
+    ) -> tuple[NDArray[Any], tuple[TeamMemory, ...]]:
+        """Actions for rows of (world, robot)."""
+        robots = self.robots
+        if flat.ndim != 2 or len(flat) % robots:
+            raise ValueError(f"got observations of shape {flat.shape}, expected rows of worlds of {robots} robots each")
+        memories = self.started(len(flat) // robots) if state is None else self._checked(state, len(flat))
+        if episode_start is not None:
+            starts = checked_starts(episode_start, len(flat)).reshape(-1, robots)
+            if (starts.any(axis=1) != starts.all(axis=1)).any():
+                raise ValueError(f"the {robots} robots of a world begin an episode together, got {starts.tolist()}")
+            for world in np.flatnonzero(starts[:, 0]).tolist():
+                memories[world * robots : (world + 1) * robots] = self.start(robots)
+        actions = []
+        for first in range(0, len(flat), robots):
+            actions += self.decide(list(flat[first : first + robots]), memories[first : first + robots])
+        return np.stack(actions), tuple(memories)
+
+    def started(self, worlds: int) -> list[TeamMemory]:
+        """Memories of new episodes in so many worlds, one a row of (world, robot)."""
+        return [memory for _ in range(worlds) for memory in self.start(self.robots)]
+
+    def decide(
+        self, observations: Sequence[NDArray[np.float32] | None], memories: Sequence[TeamMemory]
+    ) -> list[NDArray[Any]]:
+        """Actions for the robots of one world.
+
+        Args:
+            observations: flat ones (D,); None: the robot is out of play, or does not answer.
+            memories: one a robot, changed in place.
+
+        Raises:
+            ValueError: a number that is not finite.
+        """
+        if not all(seen is None or np.isfinite(seen).all() for seen in observations):
+            raise ValueError("the observation holds a number that is not finite")
+        views = [None if seen is None else View(seen, self.sensors) for seen in observations]
+        self.listen(views, memories)
+        velocities = self.act(views, memories)
+        standing = (0.0, 0.0)
+        return [
+            self._action(view, velocity if view is not None and not memory.verdict else standing)
+            for view, velocity, memory in zip(views, velocities, memories, strict=True)
+        ]
+
+    def _action(self, view: View | None, velocity: Velocity) -> NDArray[Any]:
+        """The action for a velocity; of a robot that does not answer, to stand."""
+        return action_of(self.sensors, view, velocity, self._velocities, self.room)
+
+    # ---------------------------------------------------------------------------------- what they tell one another
+
+    def listen(self, views: Sequence[View | None], memories: Sequence[TeamMemory]) -> None:
+        """Let each robot tell where it is, once it knows where its odometry frame lies."""
+        for robot, (view, memory) in enumerate(zip(views, memories, strict=True)):
+            memory.is_heard = view is not None
+            if view is None:
+                continue
+            memory.view = view
+            if memory.frame is None:
+                memory.frame = self._frame(robot, view, memories)
+                if self.wants_room:
+                    self._warn_of_crowding(robot, memories)
+            memory.word = word_of(view, memory.frame)
+
+    def _frame(self, robot: int, view: View, memories: Sequence[TeamMemory]) -> Frame:
+        """Where the odometry frame of a robot lies that is heard for the first time."""
+        for other, memory in enumerate(memories):
+            if memory.frame is not None and memory.view is not None and other != robot:
+                return met(memory.frame, memory.view, view, peer_slot(other, robot), peer_slot(robot, other))
+        return Frame()
+
+    def _warn_of_crowding(self, robot: int, memories: Sequence[TeamMemory]) -> None:
+        """Say that robots start near one another, for all that they do at first is to make room."""
+        here, view = memories[robot].frame, memories[robot].view
+        if here is None or view is None:
+            return
+        place = here.to_team(view.position)
+        for memory in memories[:robot]:
+            gap = math.inf if memory.word is None else math.dist(place, memory.word.place)
+            if TOGETHER < gap < START_DISTANCE - TOGETHER:
+                warn_once(
+                    f"{type(self).__name__}: robots start {gap:.1f} m apart, expected at least {START_DISTANCE:g} m: "
+                    "nearer than that one of them has to wait before both have set out"
+                )
+
+    def _checked(self, state: Any, rows: int) -> list[TeamMemory]:
+        """The memories of a state.
+
+        Raises:
+            ValueError: memories of another team or policy.
+        """
+        return checked_memories(checked_states(state, rows), rows, self._memory_type)
+
+    @functools.cached_property
+    def _memory_type(self) -> type[Memory]:
+        return type(self.start(self.robots)[0])
+
+
+def peer_slot(robot: int, other: int) -> int:
+    """Which line of `peers` tells one robot about another."""
+    return other if other < robot else other - 1
+
+
+def word_of(view: View, frame: Frame) -> Word:
+    """What a robot tells of what it sees."""
+    heading = wrap(view.heading + frame.heading)
+    ahead, left = view.velocity if view.sensors.drive.kinematics == "holonomic" else (view.velocity[0], 0.0)
+    cos, sin = math.cos(heading), math.sin(heading)
+    return Word(
+        place=frame.to_team(view.position),
+        heading=heading,
+        velocity=(cos * ahead - sin * left, sin * ahead + cos * left),
+        goal=frame.to_team(view.goal_position),
+        goal_distance=view.goal_distance,
+    )
+
+
+def met(known: Frame, theirs: View, own: View, slot_of_own: int, slot_of_theirs: int) -> Frame:
+    """Where a robot's odometry frame lies, from what it and another one see of one another at the same instant.
+
+    Args:
+        known: the other's frame.
+        theirs: what the other sees.
+        own: what this one sees.
+        slot_of_own: line of the other's `peers` that tells about this one.
+        slot_of_theirs: line of this one's `peers` that tells about the other.
+
+    Returns:
+        The frame. Robots at one place look at the goal instead; ones that see no peers, because each is alone in a
+        world of its own, started from one pose.
+    """
+    if not any(field.name == "peers" for field in own.sensors.fields):
+        return known
+    x, y = theirs.field("peers")[slot_of_own, :2].tolist()
+    back_x, back_y = own.field("peers")[slot_of_theirs, :2].tolist()
+    if math.hypot(x, y) > TOGETHER:
+        turn = math.atan2(y, x) + math.pi - math.atan2(back_y, back_x)
+    else:
+        turn = theirs.goal_bearing - own.goal_bearing
+    place = known.to_team(theirs.to_odometry(x, y))
+    frame_heading = wrap(known.heading + theirs.heading + turn - own.heading)
+    cos, sin = math.cos(frame_heading), math.sin(frame_heading)
+    ox, oy = own.position
+    return Frame(place[0] - cos * ox + sin * oy, place[1] - sin * ox - cos * oy, frame_heading)
+
+
+def agents_of(source: Any) -> tuple[str, ...]:
+    """The names of the robots of a PettingZoo env, or of a scenario with several robots; of anything else none.
+
+    A Simulation of several robots has rows of (world, robot) and no names.
+    """
+    if names := getattr(source, "possible_agents", ()):
+        return tuple(names)
+    if not isinstance(source, (Scenario, str, Path, Mapping)):
+        return ()
+    robots = source_scenario(source).robots.count
+    return tuple(f"robot_{number}" for number in range(robots)) if robots > 1 else ()

@@ -1,0 +1,72 @@
+"""Robots that change places across a circle.
+
+Source: the example "Circle" of the library RVO2 of van den Berg, Guy, Snape, Lin and Manocha.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from bug_gym.geometry import F64
+from bug_gym.schema.errors import wrong
+from bug_gym.schema.robot import Robot
+from bug_gym.schema.values import NotNegative, Positive, Rotation
+from bug_gym.worlds.family import Crew, Family, Rng
+from bug_gym.worlds.layout import Layout
+from bug_gym.worlds.places import finish_crew, written_or_drawn
+
+
+class CircleSwapWorld(Family):
+    """Robots evenly spaced on a circle about the middle of the bounds, each facing its goal on the other side.
+
+    All straight ways meet in the middle.
+    """
+
+    has_own_goals: ClassVar[bool] = True
+
+    family: Literal["circle_swap"]
+    radius: Positive = 4.0
+    """Radius of the circle [m]."""
+    jitter: NotNegative = 0.0
+    """Each start is drawn from the disc of this radius about its place [m]; its goal lies opposite to where it starts."""
+    rotation: Rotation = 0.0
+    """Angle at which the first robot stands, seen from the middle [rad], or `random`."""
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Middle of the circle x, y [m]."""
+        xmin, ymin, xmax, ymax = self.box
+        return 0.5 * (xmin + xmax), 0.5 * (ymin + ymax)
+
+    def check(self, robot: Robot) -> None:
+        """The circle lies within the bounds, with room for a robot anywhere on it."""
+        if self.jitter >= self.radius:
+            raise wrong(f"got {self.jitter:g}, expected less than radius ({self.radius:g})", "jitter")
+        if not self.holds(*self.middle, self.radius + self.jitter + robot.reach):
+            raise wrong(f"got {self.radius:g}, expected a circle within bounds {list(self.box)}", "radius")
+
+    def layout(self, crew: Crew, rng: Rng) -> Layout:
+        """Nothing but the border; starts and goals on the circle.
+
+        Raises:
+            ValueError: neighbours on the circle would overlap.
+        """
+        robots, reach = crew.robots.count, crew.robot.reach
+        spacing = 2.0 * self.radius * math.sin(math.pi / max(robots, 2)) - 2.0 * self.jitter
+        if robots > 1 and spacing < 2.0 * reach:
+            raise ValueError(f"{robots} robots that reach {reach:g} m overlap on a circle of {self.radius:g} m")
+        away = self._starts(robots, rng)
+        starts = np.column_stack([self.middle + away, np.arctan2(-away[:, 1], -away[:, 0])])
+        return finish_crew(crew, self, *written_or_drawn(crew, starts, self.middle - away))
+
+    def _starts(self, robots: int, rng: Rng) -> F64:
+        """Where the robots start (R, 2), seen from the middle [m]."""
+        first = float(rng.uniform(-math.pi, math.pi)) if self.rotation == "random" else float(self.rotation)
+        angles = first + 2.0 * math.pi * np.arange(robots) / robots
+        aside, share = rng.uniform(-math.pi, math.pi, robots), np.sqrt(rng.random(robots))
+        drawn = self.jitter * share * np.array([np.cos(aside), np.sin(aside)])
+        away: F64 = (self.radius * np.array([np.cos(angles), np.sin(angles)]) + drawn).T
+        return away

@@ -1,0 +1,73 @@
+"""What the page of ORCA says: robots across a circle, and crowds that cross."""
+
+from __future__ import annotations
+
+from bug_gym.reproductions import circle_swap as made
+from result_pages import Page, Record
+from result_pages.words import number, p_value, points, share, table
+
+HEADER = ("runs", "reached [%] (95 %)", "contacts", "least gap [m]", "time [s]", "path / shortest")
+
+
+def cells(one: Record) -> list[str]:
+    """The cells of HEADER of the runs of one policy's robots."""
+    return [
+        str(one["n"]),
+        share(one),
+        str(one["contacts"]),
+        number(one["least_gap"], 3),
+        number(one["time"], 1),
+        number(one["path_ratio"], 3),
+    ]
+
+
+def circle_swap(found: Record) -> Page:
+    """Robots that change places, and beside it each robot alone."""
+    circles, crowds = found["circles"], found["crowds"]
+    rows = [
+        [kinematics, str(robots), *cells(one), number(one["longest"], 1)]
+        for kinematics in made.KINEMATICS
+        for robots in made.ROBOTS
+        if (one := circles[f"{kinematics}, {robots}"])
+    ]
+    compared = [
+        [
+            label,
+            f"`{policy}`",
+            *cells(one),
+            *(["", ""] if one is ours else [f"{points(one, ours):+.1f}", p_value(one, ours)]),
+        ]
+        for label in made.CROWDS
+        if (ours := crowds[f"{label}, orca"])
+        for policy in ("orca", *made.ALONE)
+        if (one := crowds[f"{label}, {policy}"])
+    ]
+    runs = sum(one["n"] for one in circles.values())
+    touched = sum(one["contacts"] for one in [*circles.values(), *(crowds[f"{label}, orca"] for label in made.CROWDS)])
+    slowest = {kinematics: circles[f"{kinematics}, {made.ROBOTS[-1]}"] for kinematics in made.KINEMATICS}
+    told = " and ".join(
+        f"{number(one['path_ratio'], 2)} times the straight way ({kinematics})" for kinematics, one in slowest.items()
+    )
+    return Page(
+        [
+            table(
+                "Changing places across a circle with `orca`", ["kinematics", "robots", *HEADER, "longest [s]"], rows
+            ),
+            table(
+                "Crowds that cross: robots that know of one another, and each alone",
+                ["worlds", "policy", *HEADER, "points against `orca`", "p (McNemar, exact; worlds where all arrive)"],
+                compared,
+            ),
+        ],
+        "A contact counts for both robots; the gap is the smallest of a body to anything, walls too. Time and ratio are "
+        "means over the runs that arrive.\n\n"
+        f"In {runs:,} runs across the circle, and in the crowds, `orca` touched anything {touched} times. With "
+        f"{made.ROBOTS[-1]} robots the way is {told}.",
+        [
+            (
+                "no two robots that run `orca` touch on the circle",
+                all(one["contacts"] == 0 for one in circles.values()),
+            ),
+            ("all of them arrive", all(one["success"] == 1.0 for one in circles.values())),
+        ],
+    )

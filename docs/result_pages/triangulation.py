@@ -1,0 +1,119 @@
+"""The page of D2T and eACO: ways of planners on two maps, clustering, ants, a beach with pedestrians."""
+
+from __future__ import annotations
+
+from bug_gym.reproductions import d2t_tables
+from result_pages import Page, Record
+from result_pages.words import RUN_HEADER, RUN_NOTE, number, percent, picture, run, share, table
+
+
+def d2t_eaco(found: Record) -> Page:
+    """All parts of the reproduction."""
+    tables = [lengths(name, found["table_2"][name]) for name in ("S1", "S2")]
+    tables += [clusters(found["clustering"]), ants(found["ants"]), sensitivity(found["ants"]["sensitivity"])]
+    tables += [crossing(found["two_pedestrians"]), beach(found["beach"])]
+    if "recorded" in found:
+        rows = [[*key.split(", "), *run(one)] for key, one in found["recorded"].items()]
+        tables.append(table("Recorded pedestrians, who do not see the robot", ["scene", "policy", *RUN_HEADER], rows))
+    tables.append(picture("d2t-eaco", "Excess over the exact way against the iterations"))
+    return Page(tables, reading(found), list(found["claims"].items()))
+
+
+def lengths(name: str, own: Record) -> str:
+    """Table 2 of one map."""
+    rows = []
+    for planner, one in own.items():
+        if planner == "against the next best":
+            continue
+        printed = d2t_tables.PRINTED[name].get(planner)
+        low, high = one["interval"]
+        told = [f"{printed[1]:.2f}", f"{printed[0]:.2f}"] if printed else ["-", "-"]
+        length = f"{number(one['length'])} ({number(low)} - {number(high)})"
+        rows.append(
+            [planner, str(one["found"]), length, number(100.0 * one["over_shortest"]), number(one["ms"], 1), *told]
+        )
+    header = [
+        "planner",
+        "ways found",
+        "length [m] (95 %)",
+        "over the shortest [%]",
+        "time [ms]",
+        "printed [m]",
+        "printed [s]",
+    ]
+    return table(f"Table 2, {name}", header, rows)
+
+
+def clusters(own: Record) -> str:
+    """What clustering saves over towns."""
+    saved = own["saved"]
+    rows = [
+        [name, number(saved[name], 1), number(saved[f"{name} clustered"], 1),
+         f"{100.0 * (1.0 - saved[f'{name} clustered'] / saved[name]):.0f}"]
+        for name in ("obstacles", "nodes", "edges")
+    ]  # fmt: skip
+    return table("Clustering, means over towns", ["", "without", "with", "saved [%]"], rows)
+
+
+def ants(own: Record) -> str:
+    """How much longer than the funnel's the ways of searches are."""
+    rows = [
+        [*key.rsplit(", ", 1), str(one["sleeves"]), percent(round(one["within_1"], 3)),
+         *(number(value) for value in one["median_p90_max"])]
+        for key, one in own.items()
+        if isinstance(one, dict) and "within_1" in one
+    ]  # fmt: skip
+    header = ["search", "edges", "sleeves", "within 1 % [%]", "median [%]", "p90 [%]", "max [%]"]
+    return table("Longer than the exact way", header, rows)
+
+
+def sensitivity(own: Record) -> str:
+    """Medians with a quarter less and more of each parameter."""
+    rows = [[name, *map(number, [100.0 * one for one in pair])] for name, pair in own.items() if name != "as printed"]
+    title = (
+        f"Median gap [%] with each parameter a quarter less and more; as printed {number(100.0 * own['as printed'])}"
+    )
+    return table(title, ["parameter", "x 0.75", "x 1.25"], rows)
+
+
+def crossing(own: Record) -> str:
+    """Two pedestrians who cross the way."""
+    first, second = own["deviations"]
+    rows = [
+        ["slows down at step, turns at step", f"{own['slowed']}, {own['turned']}", "slows first"],
+        ["least gap between the bodies [m]", number(own["gap"]), "1.2"],
+        ["least distance of the centres [m]", number(own["between_centres"]), "1.2"],
+        ["off the way at the first, at the second [m]", f"{number(first)}, {number(second)}", "the second smaller"],
+    ]
+    return table("Two pedestrians on the beach", ["", "found", "printed"], rows)
+
+
+def beach(own: Record) -> str:
+    """The dynamic scene."""
+    rows = [
+        [*key.split(", ", 1), share(one), str(one["collisions"]), number(one["time"]), number(one["path_length"])]
+        for key, one in own.items()
+    ]
+    header = ["beach", "policy", "reached [%] (95 %)", "collisions", "time [s]", "way [m]"]
+    return table("The beach", header, rows)
+
+
+def reading(found: Record) -> str:
+    """What the numbers say."""
+    both = [found["table_2"][name] for name in ("S1", "S2")]
+    shorter = " and ".join(f"{100.0 * one['against the next best']:.1f} %" for one in both)
+    edges = " and ".join(
+        f"{100.0 * (1.0 - one['d2t_eaco']['length'] / one['d2t_dijkstra']['length']):.1f} %" for one in both
+    )
+    times = " and ".join(f"{one['d2t_eaco']['ms']:.0f} ms ({one['a_star']['ms']:.1f} ms)" for one in both)
+    return (
+        f"The ants' way is {shorter} shorter than the best over cells of 1 m (printed lengths: 6.6 % and 1.3 %), and "
+        f"{edges} shorter than Dijkstra's along the edges of the same graph (below 0: longer). It takes {times} "
+        "where A* over such cells "
+        "takes what stands in brackets: that it is the fastest too, as printed, was not found. The funnel finds the "
+        "exact way in the same triangles in less. The length has one minimum, so there is none for Levy flights to "
+        f"escape from. Ants stop after {found['ants']['iterations']:.0f} iterations in the mean.\n\n"
+        "Planners are given the map. RRT*, the exact shortest way, cells of 0.1 m and the rows with a comma are not the "
+        "paper's. The printed BFS is shorter than the printed A*: none whose bound never says too much is; with the "
+        f"Manhattan distance, which does, it may be longer. {RUN_NOTE}"
+    )

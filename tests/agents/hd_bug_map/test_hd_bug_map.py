@@ -1,0 +1,243 @@
+"""The map planner: closed forms, traps, movers, moving targets."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
+
+from bug_gym.agents import make_policy
+from bug_gym.agents.hd_bug.moving_goal import meeting_time
+from bug_gym.agents.prediction import predictor_names
+from bug_gym.shortest_path import shortest_path
+from bug_gym.simulation import Simulation
+
+MODES = {"direct", "following", "avoidance", "emergency", "turning", "waiting"}
+LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "way", "forecast"}
+
+# -------------------------------------------------------------------------------------------------------- parameters
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"predictor": "kalmann"}, "unknown predictor 'kalmann', did you mean 'kalman'"),
+        ({"predictor": "oracle"}, "known: none, constant_velocity, kalman"),
+        ({"beta": -0.1}, "beta must not be negative, got -0.1"),
+        ({"alpha": 0.0}, "alpha must be positive, got 0.0"),
+        ({"clearance": 0.1}, "clearance must be above the robot's radius of 0.2 m, got 0.1"),
+        ({"clearance": math.nan}, "clearance must be above"),
+        ({"v_turning": 1.5}, "v_turning is a share of the top speed, at most 1, got 1.5"),
+        ({"horizon": math.inf}, "horizon must be positive, got inf"),
+        ({"patience": 0}, "patience must be at least 1, got 0"),
+    ],
+)
+def test_parameters_that_cannot_be_are_refused(parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_policy("hd_bug_map", Simulation("static"), **parameters)
+
+
+@pytest.mark.parametrize("predictor", ["none", "constant_velocity", "kalman"])
+def test_each_plain_predictor_is_taken(predictor: str) -> None:
+    assert predictor in predictor_names()
+    episode = run_episode("hd_bug_map", "dynamic", seed=1, max_steps=30, predictor=predictor)
+    assert episode.outcome in ("running", "success")
+
+
+# ------------------------------------------------------------------------------------------------------ closed forms
+
+
+def test_an_empty_world_is_crossed_straight_at_top_speed() -> None:
+    episode = run_episode("hd_bug_map", {"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
+    assert episode.outcome == "success" and set(episode.modes) == {"direct"}
+    np.testing.assert_array_equal(episode.path[:, 1], 0.0)
+    # Until the goal's radius of 0.3 m is reached, in whole steps of 0.1 m.
+    assert len(episode.path) - 1 in (77, 78)
+    np.testing.assert_allclose(np.diff(episode.path[:-1, 0]), 0.1, rtol=1e-5)
+
+
+SHORTEST = {
+    "slab": min(Slab().shortest("left"), Slab().shortest("right")),
+    "disc": Disc().shortest(),
+    "u_trap": UTrap().shortest(),
+}
+
+
+@cache
+def canonical(world: str, sight: float, angle: float = 0.0, mirrored: bool = False) -> Episode:
+    scenario = canonical_world(world, angle=angle, mirrored=mirrored)
+    scenario["lidar"]["range"] = sight
+    return run_episode("hd_bug_map", scenario, clearance=0.5)
+
+
+@pytest.mark.parametrize("world", SHORTEST)
+def test_seen_from_afar_the_way_is_hardly_longer_than_the_shortest(world: str) -> None:
+    episode = canonical(world, 50.0)
+    assert episode.outcome == "success"
+    # Shorter: cells let it cut corners by half a diagonal. Longer: what lies behind a corner is seen when it gets there.
+    assert SHORTEST[world] - 0.3 <= episode.full_length <= 1.01 * SHORTEST[world]
+
+
+@pytest.mark.parametrize(("world", "most"), [("slab", 24.5), ("disc", 1.05 * SHORTEST["disc"]), ("u_trap", 29.0)])
+def test_with_short_sight_the_way_is_as_short_as_the_reference_says(world: str, most: float) -> None:
+    episode = canonical(world, 5.0)
+    assert episode.outcome == "success" and episode.full_length <= most
+
+
+@pytest.mark.parametrize(("angle", "mirrored"), [(0.83, False), (0.0, True), (0.83, True)])
+@pytest.mark.parametrize("world", SHORTEST)
+def test_a_turned_or_mirrored_world_takes_the_same_way(world: str, angle: float, mirrored: bool) -> None:
+    episode = canonical(world, 5.0, angle, mirrored)
+    assert episode.outcome == "success"
+    assert episode.length == pytest.approx(canonical(world, 5.0).length, rel=0.01)
+
+
+def test_out_of_the_hook_it_takes_the_slit_when_it_sees_it() -> None:
+    episode = run_episode("hd_bug_map", "hook", {"lidar.range": 50.0, "time.limit": 600.0})
+    layout = episode.simulation.world.layout(0)
+    exact = shortest_path(
+        layout.circles, layout.polygons, layout.border, episode.path[0, :2], layout.goals[0], radius=0.25
+    )
+    assert episode.full_length == pytest.approx(exact.length, abs=tolerance(exact.length))
+
+
+@pytest.mark.parametrize("sight", [5.0, 50.0])
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_goal_shut_in_is_unreachable_within_a_lap(sight: float, noise: float) -> None:
+    settings = {**CLOSED_FORM_SENSORS, "lidar.range": sight, "lidar.noise": noise}
+    episode = run_episode("hd_bug_map", "ring", settings)
+    assert episode.verdict == "unreachable" and episode.outcome == "running"
+    lap = 4.0 * 8.0 + 2.0 * math.pi * 0.25
+    assert episode.length <= 5.75 + lap
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_beams_and_noise_do_not_hide_that_there_is_no_way(seed: int) -> None:
+    settings = {"robot.kinematics": "differential", "lidar.beams": 64, "lidar.noise": 0.01, "time.limit": 600.0}
+    assert run_episode("hd_bug_map", "ring", settings, seed=seed).verdict == "unreachable"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_shut_in_itself_it_says_so(noise: float) -> None:
+    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+    world |= {"start": [10, 0, 0], "goal": [0, 0]}
+    episode = run_episode("hd_bug_map", "ring", {**CLOSED_FORM_SENSORS, "lidar.noise": noise, "world": world})
+    assert episode.verdict == "unreachable"
+
+
+def test_patience_is_how_many_decisions_it_waits_before_it_says_so() -> None:
+    world = {"family": "ring", "bounds": [-15, -15, 25, 15], "centre": [10, 0], "inside": "start"}
+    world |= {"start": [10, 0, 0], "goal": [0, 0]}
+    episode = run_episode("hd_bug_map", "ring", {**CLOSED_FORM_SENSORS, "world": world}, patience=7)
+    assert episode.modes == ("waiting",) * 7
+
+
+# ------------------------------------------------------------------------------------------------ traps, still worlds
+
+TRAPS: dict[str, dict[str, Any]] = {
+    "maze": {},
+    "rooms": {},
+    "u_trap": {"world.rotation": "random"},
+    "hook": {"world.rotation": "random"},
+    "static": {"world.obstacles": 60},
+}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("scenario", TRAPS)
+def test_solvable_worlds_are_solved_without_contact(scenario: str, seed: int) -> None:
+    episode = run_episode("hd_bug_map", scenario, {**TRAPS[scenario], "time.limit": 1500.0}, seed=seed)
+    assert episode.outcome == "success" and episode.verdict == "" and episode.min_clearance > 0.0
+    assert set(episode.modes) <= MODES
+    layout = episode.simulation.world.layout(0)
+    obstacles = (layout.circles, layout.polygons, layout.border)
+    exact = shortest_path(*obstacles, episode.path[0, :2], layout.goals[0], radius=0.2)
+    assert episode.full_length >= exact.length - 1e-6
+
+
+@pytest.mark.parametrize("seed", [1017, 1019])
+def test_it_does_not_turn_to_and_fro_between_two_candidates(seed: int) -> None:
+    # Candidates that turned with the robot, right behind it: it turned left, right, left in place for ever.
+    assert run_episode("hd_bug_map", "maze", {"time.limit": 400.0}, seed=seed).outcome == "success"
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("seed", range(2))
+def test_it_does_not_turn_to_and_fro_before_a_bog(kinematics: str, seed: int) -> None:
+    # What the ground behind was supposed to cost changed with the heading, and the side to go round with it.
+    assert run_episode("hd_bug_map", "terrain", {"robot.kinematics": kinematics}, seed=seed).outcome == "success"
+
+
+@pytest.mark.parametrize("scenario", ["u_trap", "dynamic"])
+def test_the_same_world_twice_gives_the_same_run_bit_for_bit(scenario: str) -> None:
+    first, second = (run_episode("hd_bug_map", scenario, seed=4, max_steps=150) for _ in range(2))
+    np.testing.assert_array_equal(first.path, second.path)
+    assert first.modes == second.modes
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.003])
+def test_touched_all_round_it_does_not_press_on(gap: float) -> None:
+    simulation = Simulation("u_trap", 1)
+    flat = simulation.reset(seeds=[0])[:, 0].copy()
+    flat[:, :360] = 0.2 + gap
+    policy, state = make_policy("hd_bug_map", simulation), None
+    for _ in range(30):
+        action, state = policy.predict(flat, state)
+        assert np.hypot(*action[0]) * 0.1 <= gap + 1e-3
+
+
+@pytest.mark.parametrize("scenario", ["u_trap", "dynamic", "ring"])
+def test_what_it_draws_is_finite_and_labelled(scenario: str) -> None:
+    simulation = Simulation(scenario, 1)
+    policy: Any = make_policy("hd_bug_map", simulation)
+    flat, state = simulation.reset(seeds=[0])[:, 0], None
+    assert not policy.draw(policy.start()).areas
+    for step in range(120):
+        actions, state = policy.predict(flat, state)
+        flat = simulation.step(actions[:, None]).observation[:, 0]
+        if step % 20 == 0:
+            drawing = policy.draw(state[0])
+            rows: list[tuple[Any, ...]] = [*drawing.points, *drawing.segments]
+            assert all(math.isfinite(number) for *numbers, _ in rows for number in numbers)
+            assert all(np.isfinite(ring).all() and ring.shape[1] == 2 for ring, _ in drawing.areas)
+            assert {row[-1] for row in rows} | {label for _, label in drawing.areas} <= LABELS
+            assert sum(label == "chosen" for *_, label in drawing.points) == 1
+
+
+# ----------------------------------------------------------------------------------------------------- what moves
+
+
+def test_most_worlds_of_movers_are_crossed() -> None:
+    outcomes = [run_episode("hd_bug_map", "dynamic", seed=seed).outcome for seed in range(20)]
+    assert outcomes.count("success") >= 18
+
+
+def chase(policy: str, velocity: tuple[float, float], kinematics: str) -> float:
+    """Time that a policy takes to a target that starts at (10, 0) and keeps its velocity [s]."""
+    motion = {"law": "bounce", "velocity": list(velocity)}
+    target = {"at": [10, 0], "motion": motion}
+    world = {"family": "explicit", "bounds": [-60, -60, 60, 60], "start": [0, 0, 0], "target": target}
+    episode = run_episode(policy, {"world": world, "robot": {"kinematics": kinematics}, "time": {"limit": 120.0}})
+    assert episode.outcome == "success"
+    return 0.1 * (len(episode.path) - 1)
+
+
+VELOCITIES = [(0.0, 0.5), (0.5, 0.0), (-0.5, 0.0), (0.3, 0.3), (0.2, -0.7), (-0.4, 0.6), (0.0, 0.0)]
+
+
+@pytest.mark.parametrize("velocity", VELOCITIES)
+def test_an_open_target_is_met_within_three_percent_of_the_closed_form(velocity: tuple[float, float]) -> None:
+    best = meeting_time((0.0, 0.0), (10.0, 0.0), velocity, 1.0, 0.3)
+    assert chase("hd_bug_map", velocity, "holonomic") <= 1.03 * best + 0.1
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_it_meets_moving_targets_sooner_than_pure_pursuit(kinematics: str) -> None:
+    gains = [
+        chase("go_to_goal", velocity, kinematics) - chase("hd_bug_map", velocity, kinematics) for velocity in VELOCITIES
+    ]
+    assert min(gains) >= -0.1 - 1e-9 and float(np.mean(gains)) > 0.3

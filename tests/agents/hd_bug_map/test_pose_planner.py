@@ -1,0 +1,77 @@
+"""Ways for long bodies: every pose on them is free, a passage is taken lengthwise, too narrow ones are not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from episodes import run_episode
+
+from bug_gym.agents.hd_bug_map.poses import find_poses, turn_to
+from bug_gym.agents.mapping.lazy_theta import Search
+from bug_gym.agents.mapping.point_map import PointMap
+
+BODY = [[-0.4, 0.0, 0.22], [0.0, 0.0, 0.22], [0.4, 0.0, 0.22]]
+MARGIN = 0.03
+
+
+def wall_with_gap(gap: float, heading: float) -> dict[str, Any]:
+    half = 0.5 * gap
+    walls = [
+        [[0.0, -6.0], [0.3, -6.0], [0.3, -half], [0.0, -half]],
+        [[0.0, half], [0.3, half], [0.3, 6.0], [0.0, 6.0]],
+    ]
+    return {
+        "robot": {"kinematics": "differential", "circles": BODY, "max_reverse": 0.3},
+        "lidar": {"beams": 180, "range": 8.0},
+        "time": {"limit": 60.0},
+        "world": {
+            "family": "explicit",
+            "bounds": [-6.0, -6.0, 8.0, 6.0],
+            "polygons": walls,
+            "start": [-4.0, -2.0, heading],
+            "goal": [6.0, 2.0],
+        },
+    }
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.2])
+def test_a_long_robot_turns_and_goes_lengthwise_through_a_passage_narrower_than_its_length(heading: float) -> None:
+    episode = run_episode("hd_bug_map", wall_with_gap(0.8, heading))
+    assert episode.outcome == "success"
+
+
+def test_a_passage_narrower_than_the_body_is_no_way() -> None:
+    episode = run_episode("hd_bug_map", wall_with_gap(0.4, 0.0))
+    assert episode.verdict == "unreachable"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_every_pose_between_start_and_goal_keeps_the_circles_off_the_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-4.0, 4.0, (25, 2))
+    start, goal = np.array([-5.0, -5.0, 0.3]), (5.0, 5.0)
+    cell = 0.06
+    grid = PointMap((0.0, 0.0), 8.0, cell, 0.22 + MARGIN + cell, Search())
+    angles = np.arctan2(points[:, 1] + 5.0, points[:, 0] + 5.0)
+    order = np.argsort(angles)
+    ranges = np.hypot(points[:, 0] + 5.0, points[:, 1] + 5.0)[order]
+    for bearing, distance in zip(angles[order], ranges, strict=True):
+        grid.add_scan((-5.0, -5.0), 0.0, np.array([bearing]), np.array([distance]), 100.0, 0.0, np.ones(1, dtype=bool))
+    footprint = np.array(BODY)
+    poses = find_poses(grid, footprint, tuple(start.tolist()), goal, 0.2)
+    assert poses is not None
+    remembered = shapely.MultiPoint(grid.points())
+    assert math.dist(poses[-1, :2], goal) <= 0.2
+    for before, after in zip(poses[:-1], poses[1:], strict=True):
+        turn = turn_to(before[2], after[2])
+        for share in np.linspace(0.0, 1.0, 40):
+            x, y = before[:2] + share * (after[:2] - before[:2])
+            heading = before[2] + share * turn
+            for ahead, left, radius in BODY:
+                cx = x + math.cos(heading) * ahead - math.sin(heading) * left
+                cy = y + math.sin(heading) * ahead + math.cos(heading) * left
+                assert remembered.distance(shapely.Point(cx, cy)) >= radius

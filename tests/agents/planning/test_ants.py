@@ -1,0 +1,143 @@
+"""The ant colony over crossings of edges: its steps, its bounds, and how near it comes to the funnel."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bug_gym.agents.planning.ants import (
+    LEVY_CAP,
+    Colony,
+    aco,
+    eaco,
+    eaco_refined,
+    grid_optimum,
+    levy_sigma,
+    levy_steps,
+)
+from bug_gym.agents.planning.funnel import funnel_length
+from bug_gym.agents.planning.sleeve import Sleeve, path_length
+from bug_gym.agents.planning.triangulated import Manner, find_way
+from bug_gym.reproductions import d2t_worlds
+
+ONE = Sleeve(np.zeros(2), np.array([10.0, 0.0]), np.array([[5.0, 6.0]]), np.array([[5.0, 2.0]]), np.array([0, 1]))
+TWO = Sleeve(
+    np.zeros(2),
+    np.array([10.0, 0.0]),
+    np.array([[3.0, 5.0], [7.0, -1.0]]),
+    np.array([[3.0, 1.0], [7.0, -5.0]]),
+    np.array([0, 1, 2]),
+)
+
+
+@cache
+def sleeves(count: int = 16) -> tuple[Sleeve, ...]:
+    """Sleeves of up to 20 edges: ways of 5 to 26 m through fields."""
+    found: list[Sleeve] = []
+    seed = 0
+    while len(found) < count:
+        goal = (6.0 + 3.0 * (seed % 8), 12.0 + seed % 5 - 2.0)
+        way = find_way(d2t_worlds.field(100 + seed, 12 + seed % 30, goal=goal), Manner("funnel", facets=1))
+        seed += 1
+        if way is not None and way.sleeve is not None and 1 <= len(way.sleeve.left) <= 20:
+            found.append(way.sleeve)
+    return tuple(found)
+
+
+def test_mantegnas_sigma() -> None:
+    assert levy_sigma(1.5) == pytest.approx(0.69657, abs=5e-6)
+    assert levy_sigma(1.0) == pytest.approx(1.0)
+
+
+def test_levy_steps_have_a_heavy_tail() -> None:
+    steps = levy_steps(np.random.default_rng(0), 1.5, (200_000,))
+    assert steps.min() >= 0.0 and steps.max() == LEVY_CAP
+    # P(|L| > x) falls as x^-1.5: from 2 to 8 by a factor of 8.
+    assert (steps > 2.0).mean() / (steps > 8.0).mean() == pytest.approx(4.0**1.5, rel=0.35)
+    assert (steps >= LEVY_CAP).mean() == pytest.approx(0.012, abs=0.003)
+
+
+def test_the_worked_examples_are_solved_on_the_grid() -> None:
+    assert eaco(ONE).length == pytest.approx(2.0 * math.sqrt(29.0), abs=1e-12)
+    assert eaco(TWO).length == pytest.approx(2.0 * math.sqrt(10.0) + math.sqrt(20.0), abs=1e-12)
+    assert grid_optimum(TWO) == pytest.approx(10.7967, abs=1e-4)
+
+
+@pytest.mark.parametrize("search", [eaco, aco, eaco_refined])
+def test_a_seed_gives_the_same_way_and_none_is_shorter_than_the_funnel(search: object) -> None:
+    assert callable(search)
+    for sleeve in sleeves()[:6]:
+        first, again = search(sleeve, seed=3), search(sleeve, seed=3)
+        np.testing.assert_array_equal(first.gamma, again.gamma)
+        assert ((first.gamma >= 0.0) & (first.gamma <= 1.0)).all()
+        assert first.length == pytest.approx(path_length(sleeve.crossings(first.gamma)), abs=1e-9)
+        assert first.length >= funnel_length(sleeve) - 1e-9
+        assert (np.diff(first.curve) <= 0.0).all()
+
+
+def test_no_ant_beats_the_grid_and_the_grid_is_near_the_funnel() -> None:
+    for sleeve in sleeves():
+        best, shortest = grid_optimum(sleeve), funnel_length(sleeve)
+        assert eaco(sleeve, seed=1).length >= best - 1e-9
+        spacing = np.hypot(*(sleeve.left - sleeve.right).T).sum() / 20.0
+        assert shortest - 1e-9 <= best <= shortest + spacing
+        assert grid_optimum(sleeve, values=41) <= best + 1e-12
+
+
+def test_the_ants_come_as_near_to_the_funnel_as_is_fair() -> None:
+    gaps, few, refined = [], [], []
+    for sleeve in sleeves(32):
+        shortest = funnel_length(sleeve)
+        lengths = [eaco(sleeve, seed=seed).length for seed in range(4)]
+        gap = float(np.mean(lengths)) / shortest - 1.0
+        gaps.append(gap)
+        if len(sleeve.left) <= 8:
+            few.append(gap)
+        refined.append(eaco_refined(sleeve).length / shortest - 1.0)
+    assert len(few) >= 8 and max(few) <= 0.01
+    assert np.median(gaps) <= 0.015 and np.quantile(gaps, 0.9) <= 0.035 and max(gaps) <= 0.06
+    assert max(refined) <= 0.01
+
+
+def test_refining_brings_long_sleeves_within_one_per_cent() -> None:
+    for seed in range(4):
+        way = find_way(d2t_worlds.field(seed, 20 + 8 * seed), Manner("funnel", facets=1))
+        assert way is not None and way.sleeve is not None and len(way.sleeve.left) > 20
+        assert eaco_refined(way.sleeve).length <= 1.01 * funnel_length(way.sleeve)
+
+
+def test_each_rule_of_the_colony_works() -> None:
+    sleeve = max(sleeves(), key=lambda one: len(one.left))
+    plain = eaco(sleeve, seed=5)
+    for change in ({"alpha": 3.0}, {"beta": 0.0}, {"q0": 0.0}, {"levy_rate": 1.0, "levy_scale": 5.0}, {"ants": 3}):
+        assert not np.array_equal(eaco(sleeve, replace(Colony(), **change), seed=5).gamma, plain.gamma), change
+    # The same numbers are drawn; what the flights add to the weights is what differs.
+    still, flying = (Colony(levy_rate=1.0, levy_scale=scale) for scale in (0.0, 5.0))
+    assert not np.array_equal(eaco(sleeve, still, seed=5).gamma, eaco(sleeve, flying, seed=5).gamma)
+    # Pheromone is what is learnt: without it, and without greed, the best of as many ways is longer.
+    by_lot = Colony(alpha=0.0, beta=0.0, q0=0.0, levy_rate=0.0, patience=50)
+    assert eaco(sleeve, by_lot, seed=5).length > eaco(sleeve, Colony(patience=50), seed=5).length
+    assert aco(sleeve, seed=5).length == eaco(sleeve, Colony(levy_rate=0.0), seed=5).length
+    assert len(eaco(sleeve, Colony(iterations=7), seed=5).curve) <= 7
+    curve = eaco(sleeve, seed=5).curve
+    assert len(curve) == 50 or (curve[-15:] == curve[-1]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"ants": 0}, "ants must be at least 1, got 0"),
+        ({"values": 1}, "values must be at least 2"),
+        ({"rho": 1.5}, "rho must be from 0 to 1"),
+        ({"levy_exponent": 0.0}, "levy_exponent must be above 0"),
+        ({"beta": -1.0}, "beta must not be negative"),
+        ({"evaporate": "none"}, "evaporate must be one of"),
+    ],
+)
+def test_a_colony_that_cannot_be_is_refused(change: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Colony(**change)  # type: ignore[arg-type]

@@ -1,0 +1,168 @@
+"""The D2T policies: they arrive, keep off, plan anew, say when there is no way, and each part of them works."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from episodes import run_episode
+from shapely.affinity import translate as moved
+
+from bug_gym.agents import make_policy
+from bug_gym.agents.planning import triangulated
+from bug_gym.agents.planning.d2t_eaco import D2TEaco
+from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, find_way
+from bug_gym.reproductions import d2t_worlds
+from bug_gym.simulation import Simulation
+
+WAYS: list[Optimiser] = ["funnel", "eaco", "eaco_refined", "aco", "vertices"]
+
+
+def scenario(task: Task, **more: Any) -> dict[str, Any]:
+    return {"world": d2t_worlds.as_world(task), "lidar": {"beams": 180, "range": 6.0}, "time": {"limit": 200.0}, **more}
+
+
+def clearance(path: Any, task: Task) -> float:
+    return float(min(shapely.distance(np.array(task.obstacles), shapely.LineString(path))))
+
+
+@pytest.mark.parametrize("optimiser", WAYS)
+@pytest.mark.parametrize("seed", range(3))
+def test_every_way_of_planning_keeps_off_and_none_beats_the_shortest(optimiser: Optimiser, seed: int) -> None:
+    task = d2t_worlds.field(seed, 30)
+    found = find_way(task, Manner(optimiser, facets=1), seed=seed)
+    best = triangulated.shortest_way(task, Manner())
+    assert found is not None and best is not None
+    assert clearance(found.path, task) >= 0.3 - 1e-9
+    assert found.length >= best.length - 0.01
+    if optimiser in ("funnel", "eaco_refined"):
+        assert found.length <= 1.05 * best.length
+
+
+def test_ants_cannot_shorten_what_dijkstra_finds_below_the_funnel() -> None:
+    lengths: dict[str, float] = {}
+    for optimiser in WAYS:
+        found = find_way(d2t_worlds.scenario_1(), Manner(optimiser, facets=1))
+        assert found is not None
+        lengths[optimiser] = found.length
+    assert lengths["funnel"] <= lengths["eaco_refined"] <= lengths["eaco"] < lengths["vertices"]
+
+
+@pytest.mark.parametrize("name", ["d2t_eaco", "d2t_dijkstra"])
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_the_goal_is_reached_without_contact(name: str, kinematics: str) -> None:
+    task = d2t_worlds.field(3, 30, 20.0, 12.0)
+    episode = run_episode(name, scenario(task), {"robot.kinematics": kinematics})
+    assert episode.outcome == "success" and episode.min_clearance > 0.0
+    best = triangulated.shortest_way(task, Manner())
+    assert best is not None and episode.full_length <= 1.25 * best.length
+
+
+def test_where_there_is_no_way_it_says_so_and_a_narrow_one_is_found() -> None:
+    walls = [d2t_worlds.block(5.0, -5.0, 0.5, 4.7), d2t_worlds.block(5.0, 0.3, 0.5, 4.7)]
+    border = np.array([[-2, -5], [12, -5], [12, 5], [-2, 5]], dtype=float)
+    for gap, reached in ((0.6, True), (0.52, True), (0.4, False)):
+        parted = [moved(walls[0], yoff=0.3 - 0.5 * gap), moved(walls[1], yoff=0.5 * gap - 0.3)]
+        task = Task(parted, border, (0.0, 0.0), (10.0, 0.0), 0.25)
+        found = find_way(task)
+        assert (found is not None) == reached
+        if found is not None:
+            assert clearance(found.path, task) >= 0.25 - 1e-3
+    closed = {"family": "explicit", "bounds": [-2, -5, 12, 5], "start": [0, 0, 0], "goal": [10, 0]}
+    episode = run_episode("d2t_eaco", {"world": {**closed, "polygons": [[[5, -5], [6, -5], [6, 5], [5, 5]]]}})
+    assert episode.verdict == "unreachable" and episode.length == 0.0
+    assert "no way leads" in episode.memory.reason
+
+
+def test_a_start_beside_a_wall_and_a_goal_in_a_nook_are_no_trouble() -> None:
+    border = np.array([[-2, -5], [12, -5], [12, 5], [-2, 5]], dtype=float)
+    wall, nook = d2t_worlds.block(-0.5, 0.27, 1.0, 1.0), d2t_worlds.block(9.0, 0.26, 2.0, 1.0)
+    task = Task([wall, nook], border, (0.0, 0.0), (10.0, 0.0), 0.25, goal_radius=0.3)
+    found = find_way(task, Manner("funnel"))
+    assert found is not None and found.path[0].tolist() == [0.0, 0.0]
+    assert math.dist(found.path[-1], task.goal) <= 0.3
+    assert clearance(found.path[1:], task) >= 0.3 - 1e-9
+
+
+def test_hulls_that_close_the_way_are_given_up_for_the_obstacles_themselves() -> None:
+    # A ring of posts with one door too wide to be closed: the hull of the posts holds neither start nor goal, but the
+    # border stands so near to it that nothing leads round.
+    posts = [d2t_worlds.block(4.0, y, 0.4, 0.4) for y in np.arange(-3.0, 2.7, 0.8)]
+    posts += [d2t_worlds.block(x, 2.6, 0.4, 0.4) for x in np.arange(4.8, 8.1, 0.8)]
+    border = np.array([[-2, -3.2], [12, -3.2], [12, 3.2], [-2, 3.2]], dtype=float)
+    task = Task(posts[1:], border, (0.0, 0.0), (10.0, 0.0), 0.25)
+    found = find_way(task, Manner("funnel"))
+    assert found is not None and found.by in ("obstacles", "split sides")
+    assert clearance(found.path, task) >= 0.3 - 1e-9
+
+
+def test_points_sampled_in_free_space_are_used_and_the_seed_is_kept() -> None:
+    task = d2t_worlds.field(5, 25)
+    first, again, other = (find_way(task, Manner("funnel", samples=60), seed=seed) for seed in (1, 1, 2))
+    assert first is not None and again is not None and other is not None and first.mesh is not None
+    np.testing.assert_array_equal(first.path, again.path)
+    assert len(first.mesh.extra) > 40 and first.mesh.extra.size != 2
+    assert other.mesh is not None and not np.array_equal(first.mesh.points, other.mesh.points)
+
+
+def test_within_a_horizon_it_replans_as_it_goes_and_arrives() -> None:
+    task = d2t_worlds.field(4, 20, 20.0, 12.0)
+    episode = run_episode("d2t_eaco", scenario(task), horizon=5.0, samples=60)
+    assert episode.outcome == "success" and episode.memory.plans >= 10
+    whole = run_episode("d2t_eaco", scenario(task))
+    assert whole.memory.plans == 1
+    often = run_episode("d2t_eaco", scenario(task), replan="horizon")
+    assert often.outcome == "success" and often.memory.plans >= 10
+
+
+def test_it_plans_anew_round_a_mover_that_has_come_to_stand_in_the_way() -> None:
+    # It crosses over to the robot's way, and stays there.
+    motion = {"law": "waypoints", "points": [[6.0, 4.0], [6.0, 0.0]], "speed": 1.0, "stop": True}
+    mover = {"shape": {"circle": 0.8}, "at": [6.0, 4.0], "motion": motion}
+    world = {"family": "explicit", "bounds": [-2, -6, 14, 6], "start": [0, 0, 0], "goal": [12, 0], "movers": [mover]}
+    episode = run_episode("d2t_eaco", {"world": world, "lidar": {"beams": 180}})
+    assert episode.outcome == "success" and episode.min_clearance > 0.0
+    assert episode.memory.plans >= 2
+
+
+@pytest.mark.parametrize("optimiser", ["eaco", "eaco_refined", "aco", "funnel"])
+def test_the_policy_takes_what_pulls_the_way_taut_as_a_parameter(optimiser: str) -> None:
+    policy = make_policy("d2t_eaco", Simulation("static"), optimiser=optimiser, ants=7, levy_rate=0.0)
+    assert isinstance(policy, D2TEaco)
+    assert policy.manner.optimiser == optimiser and policy.manner.colony.ants == 7
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"horizon": -1.0}, "horizon must be above 0"),
+        ({"threshold": 0.0}, "threshold must be above 0"),
+        ({"ants": 0}, "ants must be at least 1"),
+        ({"facets": 0}, "facets must be at least 1"),
+        ({"mover_horizon": 0.0}, "mover_horizon must be above 0"),
+        ({"seed": -1}, "seed must not be negative"),
+    ],
+)
+def test_bad_parameters_are_refused(parameters: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        make_policy("d2t_eaco", Simulation("static"), **parameters)
+
+
+def test_a_plan_among_600_obstacles_takes_50_ms_and_one_by_ants_half_a_second() -> None:
+    task = d2t_worlds.field(9, 600, 100.0, 100.0, sizes=(0.3, 1.2))
+    times = []
+    for _ in range(5):
+        began = time.process_time()
+        found = find_way(task, Manner("funnel", facets=1))
+        times.append(time.process_time() - began)
+    assert found is not None and found.by == "clusters"
+    assert min(times) <= 0.05
+    sleeve = find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("funnel", facets=1))
+    assert sleeve is not None
+    began = time.process_time()
+    find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("eaco", facets=1))
+    assert time.process_time() - began <= 0.5

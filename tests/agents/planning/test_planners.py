@@ -1,0 +1,354 @@
+"""The map planners: ways no shorter than the shortest, verdicts that are true, and nobody changes the world."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from episodes import run_episode
+
+from bug_gym.agents import AGENTS, make_policy
+from bug_gym.agents.planning.grid import grid_of
+from bug_gym.agents.planning.live import Maps
+from bug_gym.agents.planning.map import PlanningMap
+from bug_gym.agents.planning.rrt_star import rrt_star
+from bug_gym.agents.planning.smoothing import Solids, pulled
+from bug_gym.evaluation import evaluate
+from bug_gym.shortest_path import shortest_path
+from bug_gym.simulation import Simulation
+from bug_gym.vector_env import NavigationVectorEnv
+
+PLANNERS = [name for name, line in AGENTS.items() if line.entry_point.startswith("planning.")]
+GRID = [name for name in PLANNERS if name not in ("visibility_graph", "rrt_star", "d2t_eaco", "d2t_dijkstra")]
+BODY, MARGIN = 0.2, 0.05
+
+
+def walled(gap: float, *, thick: float = 0.4) -> dict[str, Any]:
+    """A wall across the world with one gap in it, above the straight way."""
+    return {
+        "family": "explicit",
+        "bounds": [-2, -4, 12, 4],
+        "polygons": [
+            [[5, -4.5], [5 + thick, -4.5], [5 + thick, 1.03], [5, 1.03]],
+            [[5, 1.03 + gap], [5 + thick, 1.03 + gap], [5 + thick, 4.5], [5, 4.5]],
+        ],
+        "start": [0, 0, 0],
+        "goal": [10, 0],
+    }
+
+
+def shortest(simulation: Simulation, radius: float) -> float:
+    """The exact shortest way of a disc in a world that has begun [m]."""
+    layout = simulation.world.layout(0)
+    ends = simulation.world.pose[0, 0, :2], layout.goals[0]
+    return shortest_path(layout.circles, layout.polygons, layout.border, *ends, radius=radius).length
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("scenario", ["rooms", "u_trap"])
+def test_every_planner_arrives_and_no_way_is_shorter_than_the_shortest(
+    name: str, kinematics: str, scenario: str
+) -> None:
+    overrides = {"robot.kinematics": kinematics}
+    episode = run_episode(name, scenario, overrides, seed=2)
+    assert episode.outcome == "success"
+    simulation = Simulation(scenario, overrides=overrides)
+    simulation.reset(seeds=[2])
+    # What is driven ends within the goal's radius of it.
+    assert episode.full_length >= shortest(simulation, BODY) - 1e-6
+    most = {"bfs": 1.3, "rrt_star": 1.25}.get(name, 1.12)
+    assert episode.full_length <= most * shortest(simulation, BODY + 2 * MARGIN)
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_planning_reads_the_world_and_changes_nothing(name: str) -> None:
+    simulation = Simulation("dynamic")
+    flat = simulation.reset(seeds=[1])[:, 0]
+    policy = make_policy(name, simulation)
+    before = simulation.world.floats.copy(), simulation.world.ints.copy(), simulation.world.observation.copy()
+    state = None
+    for _ in range(3):
+        _, state = policy.predict(flat, state)
+    for was, now in zip(
+        before, (simulation.world.floats, simulation.world.ints, simulation.world.observation), strict=True
+    ):
+        np.testing.assert_array_equal(was, now)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_way_pulled_straight_is_clear_and_lies_between_that_over_cells_and_the_exact_one(seed: int) -> None:
+    simulation = Simulation("static", overrides={"world.obstacles": 30})
+    simulation.reset(seeds=[seed])
+    live = Maps(simulation).of_robot(0)
+    growth = BODY + MARGIN
+    policy: Any = make_policy("a_star", simulation)
+    memory = policy.begin(0)
+    found = policy.plan(policy.look(None, memory), memory)
+    solids = Solids.of(live.still, growth)
+    over_cells = np.concatenate([[(0.0, 0.0)], memory.cells, [live.goal]])
+    lengths = [float(np.hypot(*np.diff(places, axis=0).T).sum()) for places in (over_cells, found.places)]
+    exact = live.still.shortest_path((0.0, 0.0), live.goal, radius=growth).length
+    assert exact - 1e-6 <= lengths[1] <= lengths[0] + 1e-9
+    assert lengths[1] <= 1.08 * exact
+    assert [tuple(found.places[0]), tuple(found.places[-1])] == [(0.0, 0.0), live.goal]
+    for places in (memory.cells, found.places):
+        for a, b in zip(places[:-1].tolist(), places[1:].tolist(), strict=True):
+            assert solids.is_clear(tuple(a), tuple(b))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_steps_between_coarse_cells_keep_their_room_in_the_middle_too(seed: int) -> None:
+    simulation = Simulation("static", overrides={"world.obstacles": 30})
+    simulation.reset(seeds=[seed])
+    policy: Any = make_policy("a_star", simulation, resolution=0.45)
+    memory = policy.begin(0)
+    policy.plan(policy.look(None, memory), memory)
+    room = policy.rooms[0] if len(memory.grounds) == 1 else policy.rooms[-1]
+    solids = Solids.of(memory.live.still, room.growth)
+    assert len(memory.cells) > 3
+    for a, b in zip(memory.cells[:-1].tolist(), memory.cells[1:].tolist(), strict=True):
+        assert solids.is_clear(tuple(a), tuple(b))
+
+
+@pytest.mark.parametrize("name", GRID)
+def test_cells_too_coarse_for_a_gap_are_told_and_which_would_do(name: str) -> None:
+    settings = {"world": walled(0.7)}
+    episode = run_episode(name, settings, {"robot.kinematics": "holonomic"}, resolution=0.8)
+    assert episode.verdict == "unreachable"
+    assert "no way over cells of 0.8 m for a body of radius 0.2 m" in episode.memory.reason
+    words = episode.memory.reason.rsplit("a resolution of ", maxsplit=1)[1].split()
+    finer = run_episode(name, settings, {"robot.kinematics": "holonomic"}, resolution=float(words[0]))
+    assert finer.outcome == "success"
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_where_there_is_no_way_it_is_told_and_no_finer_cells_are_promised(name: str) -> None:
+    episode = run_episode(name, {"world": walled(0.3), "time": {"limit": 30.0}}, {"robot.kinematics": "holonomic"})
+    assert episode.verdict == ("stuck" if name == "rrt_star" else "unreachable")
+    assert "would do" not in episode.memory.reason and episode.memory.reason
+
+
+@pytest.mark.parametrize("name", [*PLANNERS])
+def test_a_start_and_a_goal_nearer_to_a_wall_than_the_margin_are_no_hindrance(name: str) -> None:
+    world = {
+        "family": "explicit",
+        "bounds": [-1, -3, 9, 3],
+        "polygons": [
+            [[-0.9, -2.0], [0.9, -2.0], [0.9, -0.21], [-0.9, -0.21]],
+            [[6, -2], [8, -2], [8, -0.1], [6, -0.1]],
+        ],
+        "start": [0, 0, 0],
+        "goal": [7, 0],
+    }
+    assert run_episode(name, {"world": world}, {"robot.kinematics": "holonomic"}).outcome == "success"
+
+
+def test_a_grid_of_very_many_cells_is_refused_with_what_it_would_take() -> None:
+    world = {"family": "empty", "bounds": [0, 0, 100, 100], "start": [5, 5, 0], "goal": [90, 90]}
+    simulation = Simulation({"world": world})
+    with pytest.raises(
+        ValueError, match=r"cells of resolution 0.01 m would take .* GB.*resolution of 0\.0.* m or more"
+    ):
+        make_policy("a_star", simulation, resolution=0.01)
+    simulation.reset(seeds=[0])
+    still = Maps(simulation).of_robot(0).still
+    with pytest.raises(ValueError, match="expected at most 50,000,000 cells"):
+        grid_of(still, 0.01, 0.2)
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan, 0.0, -1.0])
+@pytest.mark.parametrize("key", ["margin", "resolution"])
+def test_lengths_that_cannot_be_are_refused(key: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{key} must be finite and at least 0.001 m"):
+        make_policy("a_star", Simulation("static"), **{key: value})
+
+
+@pytest.mark.parametrize("source", ["static", {"world": walled(1.0)}, Simulation("static").scenario])
+def test_a_bare_scenario_has_no_map(source: Any) -> None:
+    with pytest.raises(ValueError, match="policy 'a_star' reads the map of a live world: expected an env of bug_gym"):
+        make_policy("a_star", source)
+    assert make_policy("d_star_lite", source, known=False) is not None
+
+
+def test_an_env_that_hides_its_map_is_refused() -> None:
+    envs = gym.vector.AsyncVectorEnv([lambda: gym.make("BugGym/Static-v0")])
+    try:
+        with pytest.raises(ValueError, match="expected an env of bug_gym"):
+            make_policy("a_star", envs)
+    finally:
+        envs.close()
+
+
+def test_each_row_of_a_vector_env_is_driven_by_its_own_map() -> None:
+    env = NavigationVectorEnv(3, scenario="static", observation="flat", autoreset_mode="SameStep")
+    values, _ = env.reset(seed=5)
+    policy = make_policy("a_star", env)
+    state, starts, arrived = None, np.ones(3, dtype=bool), np.zeros(3, dtype=int)
+    for _ in range(600):
+        actions, state = policy.predict(values, state, starts)
+        values, _, terminated, truncated, infos = env.step(actions)
+        starts = np.asarray(terminated | truncated)
+        for row in np.flatnonzero(starts):
+            assert infos["final_info"]["is_success"][row]
+        arrived += starts
+    assert (arrived >= 3).all()
+
+
+def test_an_evaluation_gives_each_episode_its_own_map_and_marks_who_reads_it() -> None:
+    side_by_side = evaluate(["a_star", ("unknown", "d_star_lite", {"known": False})], "static", episodes=5)
+    assert {row.policy for row in side_by_side} == {"a_star (privileged)", "unknown"}
+    for row in side_by_side:
+        assert row.success
+        if row.policy == "unknown":
+            continue
+        alone = run_episode("a_star", "static", seed=row.seed)
+        assert row.path_length == pytest.approx(alone.length, abs=1e-12)
+        assert row.path_length + row.goal_distance >= 0.999 * row.shortest_path_length
+
+
+def test_a_planner_of_another_env_is_refused_by_an_evaluation() -> None:
+    policy = make_policy("a_star", Simulation("static"))
+    with pytest.raises(ValueError, match="a planner reads the map of the env that it was made with"):
+        evaluate([("mine", policy)], "static", episodes=1)
+
+
+@pytest.mark.parametrize("name", GRID)
+def test_a_mover_that_comes_to_stand_in_the_way_is_planned_round(name: str) -> None:
+    world = {
+        "family": "explicit",
+        "bounds": [-2, -4, 14, 4],
+        "movers": [
+            {
+                "shape": {"circle": 0.6},
+                "at": [7.0, 2.5],
+                "motion": {"law": "waypoints", "points": [[7.0, 2.5], [7.0, 0.0]], "speed": 1.0, "stop": True},
+            }
+        ],
+        "start": [0, 0, 0],
+        "goal": [12, 0],
+    }
+    episode = run_episode(name, {"world": world}, {"robot.kinematics": "holonomic"})
+    assert episode.outcome == "success" and episode.memory.plans >= 2
+    assert 12.1 <= episode.full_length <= 13.2
+
+
+def test_a_goal_that_moves_is_planned_for_again() -> None:
+    episode = run_episode("a_star", "moving_target", {"lidar.beams": 128}, seed=1)
+    assert episode.memory.plans > 1
+
+
+def test_d_star_lite_repairs_with_fewer_cells_than_new_searches_would_take() -> None:
+    simulation = Simulation("crossing", overrides={"robot.kinematics": "holonomic"})
+    simulation.reset(seeds=[3])
+    policy: Any = make_policy("d_star_lite", simulation)
+    memory = policy.begin(0)
+    policy.plan(policy.look(None, memory)._replace(moving=None), memory)
+    episode = run_episode("d_star_lite", "crossing", {"robot.kinematics": "holonomic"}, seed=3)
+    assert episode.memory.plans > 3
+    assert episode.memory.expanded < 0.7 * episode.memory.plans * memory.expanded
+
+
+def test_in_unknown_terrain_d_star_lite_sees_the_map_of_no_one() -> None:
+    policy: Any = make_policy("d_star_lite", Simulation("static"), known=False)
+    assert not policy.privileged and policy.maps is None
+    episode = run_episode("d_star_lite", "u_trap", known=False)
+    assert episode.outcome == "success" and episode.memory.live is None
+    given = run_episode("d_star_lite", "u_trap")
+    assert given.full_length < episode.full_length
+
+
+def test_in_unknown_terrain_nothing_seen_is_the_straight_way_however_far() -> None:
+    world = {"family": "empty", "bounds": [-5, -5, 60, 60], "start": [0, 0, 0], "goal": [40, 30]}
+    episode = run_episode("d_star_lite", {"world": world, "lidar": {"range": 3.0}}, known=False)
+    assert episode.outcome == "success" and episode.full_length == pytest.approx(50.0, rel=0.005)
+
+
+def test_in_unknown_terrain_a_shut_in_goal_is_found_out() -> None:
+    episode = run_episode("d_star_lite", {"world": walled(0.3)}, known=False)
+    assert episode.verdict == "unreachable" and "what has been seen leaves no way" in episode.memory.reason
+
+
+# ------------------------------------------------------------------------------------------------------------- RRT*
+
+
+def scattered() -> tuple[PlanningMap, float]:
+    """Some discs and a wall in a box, and what a body grows them by."""
+    rng = np.random.default_rng(3)
+    discs = np.column_stack([rng.uniform(2.0, 18.0, 25), rng.uniform(0.5, 11.5, 25), rng.uniform(0.2, 0.9, 25)])
+    border = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 12.0], [0.0, 12.0]])
+    return PlanningMap(border, discs), 0.25
+
+
+def test_the_cost_of_rrt_star_falls_toward_the_shortest_way() -> None:
+    plan, growth = scattered()
+    start, goal = (0.8, 6.0), (19.2, 6.0)
+    exact = plan.shortest_path(start, goal, radius=growth).length
+    solids = Solids.of(plan, growth)
+    gaps = []
+    for seed in range(4):
+        grown = rrt_star(solids, plan.span, start, goal, samples=6000, seed=seed)
+        finite = grown.lengths[np.isfinite(grown.lengths)]
+        assert (np.diff(finite) <= 1e-12).all()
+        assert finite[-1] == pytest.approx(np.hypot(*np.diff(grown.places, axis=0).T).sum())
+        assert finite[-1] >= exact - 1e-9
+        for a, b in zip(grown.places[:-1].tolist(), grown.places[1:].tolist(), strict=True):
+            assert solids.is_clear(tuple(a), tuple(b)) and math.dist(a, b) <= 1.0 + 1e-9
+        gaps.append([grown.lengths[number] / exact - 1.0 for number in (1500, 3000, 5999)])
+    early, middle, late = np.mean(gaps, axis=0)
+    assert early > middle > late and late < 0.02
+
+
+def test_rrt_star_is_a_function_of_its_seed() -> None:
+    plan, growth = scattered()
+    solids = Solids.of(plan, growth)
+    first, again, other = (
+        rrt_star(solids, plan.span, (0.8, 6.0), (19.2, 6.0), samples=600, seed=seed).lengths for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_rrt_star_refuses_an_end_in_an_obstacle() -> None:
+    plan, growth = scattered()
+    inside = (float(plan.discs[0, 0]), float(plan.discs[0, 1]))
+    with pytest.raises(ValueError, match="the start .* lies in an obstacle, or nearer to one than 0.25 m"):
+        rrt_star(Solids.of(plan, growth), plan.span, inside, (19.2, 6.0), samples=10)
+
+
+# ------------------------------------------------------------------------------------------------------------- straight
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_clear_is_what_a_fine_walk_along_the_piece_finds(seed: int) -> None:
+    plan, _ = scattered()
+    square = np.array([[9.0, 5.0], [11.0, 5.0], [11.0, 7.5], [9.0, 7.5]])
+    plan = PlanningMap(plan.border, plan.discs[:6], ((square,),))
+    rng = np.random.default_rng(seed)
+    for growth in (0.1, 0.6):
+        solids = Solids.of(plan, growth)
+        for _ in range(15):
+            a, b = rng.uniform(0.0, (20.0, 12.0), (2, 2))
+            walk = a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a)
+            least = min(plan.clearance_at((float(x), float(y))) for x, y in walk)
+            step = math.dist(a, b) / 400
+            if plan.clearance_at(tuple(a)) == 0.0 or plan.clearance_at(tuple(b)) == 0.0 or abs(least - growth) < step:
+                continue
+            assert solids.is_clear(tuple(a.tolist()), tuple(b.tolist())) == (least >= growth)
+
+
+def test_pulling_straight_never_makes_longer_and_keeps_the_ends() -> None:
+    rng = np.random.default_rng(0)
+    chain = np.cumsum(rng.normal(size=(60, 2)), axis=0)
+    open_ground = pulled(chain, 0.5, lambda a, b: True)
+    assert open_ground.tolist() == chain[[0, -1]].tolist()
+    as_it_was = pulled(chain, 0.5, lambda a, b: False)
+    assert np.hypot(*np.diff(as_it_was, axis=0).T).sum() == pytest.approx(np.hypot(*np.diff(chain, axis=0).T).sum())
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_the_table_says_who_reads_the_map(name: str) -> None:
+    assert AGENTS[name].privileged and make_policy(name, Simulation("static")).privileged  # type: ignore[attr-defined]

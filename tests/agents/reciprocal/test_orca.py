@@ -1,0 +1,277 @@
+"""ORCA: half planes against closed facts, no contact among robots that run it, and everyone gets past everyone."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from episodes import run_episode
+
+import bug_gym
+from bug_gym import kinematics
+from bug_gym.agents import make_policy
+from bug_gym.agents.reciprocal import orca
+from bug_gym.agents.reciprocal.half_planes import BODY, GAP_SHARE, RADIUS, SHARE, reciprocal_velocity
+from bug_gym.config import load
+from bug_gym.geometry import F64
+from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
+
+R = 0.2
+NOTHING_SEEN = np.full(8, 5.0)
+
+
+def chosen(
+    bodies: list[list[float]],
+    velocity: tuple[float, float],
+    wish: tuple[float, float],
+    *,
+    scan: F64 = NOTHING_SEEN,
+    margin: float = 0.0,
+    speed: float = 1.0,
+    horizon: float = 3.0,
+    deceleration: float = math.inf,
+) -> tuple[float, float, bool]:
+    """What a disc robot chooses among bodies [x, y, vx, vy, radius, share, share of the gap]."""
+    angles = 2.0 * math.pi * np.arange(len(scan)) / len(scan)
+    table = np.array(bodies, dtype=float).reshape(-1, BODY)
+    robot = np.array([R, 0.0, margin, speed, horizon, 0.1, deceleration, 0.2])
+    lines, spare = np.empty((2, 3 * (len(scan) + 2 * len(table) + 2)))
+    directions = np.cos(angles), np.sin(angles)
+    made: tuple[float, float, bool] = reciprocal_velocity(
+        scan, scan, *directions, 5.0, table, len(table), robot, velocity, wish, lines, spare
+    )
+    return made
+
+
+def least_gap(place: Any, velocity: Any, horizon: float) -> float:
+    """Least distance from a point that moves straight to the origin within a time: by the parabola of its square."""
+    px, py = place
+    vx, vy = velocity
+    square = vx * vx + vy * vy
+    when = 0.0 if square == 0.0 else min(max(-(px * vx + py * vy) / square, 0.0), horizon)
+    return math.hypot(px + when * vx, py + when * vy)
+
+
+# ------------------------------------------------------------------------------------------------ closed facts
+
+
+def test_far_from_everyone_the_wish_is_done() -> None:
+    # At 1 m/s each, bodies 6.5 m apart do not come together within 3 s.
+    assert chosen([[6.5, 0.0, -1.0, 0.0, R, 0.5, 0.5]], (1.0, 0.0), (1.0, 0.0)) == (1.0, 0.0, False)
+    assert chosen([], (0.3, 0.1), (0.2, -0.7)) == (0.2, -0.7, False)
+
+
+def test_two_who_both_run_it_come_no_nearer_than_their_radii_within_the_horizon() -> None:
+    rng = np.random.default_rng(0)
+    passed = 0
+    for _ in range(500):
+        bearing, distance = rng.uniform(-math.pi, math.pi), rng.uniform(0.6, 4.0)
+        place = distance * np.array([math.cos(bearing), math.sin(bearing)])
+        own, its = rng.uniform(-1.0, 1.0, (2, 2))
+        wishes = rng.uniform(-0.7, 0.7, (2, 2))
+        # A great top speed: whatever change is needed can be had.
+        first = chosen([[*place, *its, R, 0.5, 0.5]], tuple(own), tuple(wishes[0]), speed=50.0)
+        second = chosen([[*-place, *own, R, 0.5, 0.5]], tuple(its), tuple(wishes[1]), speed=50.0)
+        relative = np.array(second[:2]) - np.array(first[:2])
+        assert least_gap(place, relative, 3.0) >= 2.0 * R - 1e-9
+        passed += first[2]
+    assert 50 < passed < 450  # some had to change what they would do, and some had not
+
+
+def test_each_does_half_and_who_meets_something_that_does_nothing_does_all() -> None:
+    # Head on, a little to the left: both turn away. u is what one that shares nothing has to change by.
+    place, its = [3.0, 0.1], [-1.0, 0.0]
+    whole = np.array(chosen([[*place, *its, R, 1.0, 0.5]], (1.0, 0.0), (1.0, 0.0), speed=50.0)[:2])
+    half = np.array(chosen([[*place, *its, R, 0.5, 0.5]], (1.0, 0.0), (1.0, 0.0), speed=50.0)[:2])
+    np.testing.assert_allclose(half - [1.0, 0.0], 0.5 * (whole - [1.0, 0.0]), atol=1e-12)
+    assert least_gap(place, np.array(its) - whole, 3.0) == pytest.approx(2.0 * R, abs=1e-9)
+    assert whole[1] < 0.0  # the other is on the left
+
+
+@pytest.mark.parametrize("deceleration", [math.inf, 1.0])
+def test_no_step_closes_more_than_the_share_of_the_gap(deceleration: float) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        bodies = []
+        for _ in range(6):
+            bearing, gap = rng.uniform(-math.pi, math.pi), rng.exponential(0.1)
+            x, y = (2.0 * R + gap) * np.array([math.cos(bearing), math.sin(bearing)])
+            bodies.append([x, y, *rng.uniform(-1.0, 1.0, 2), R, 0.5, 0.5])
+        vx, vy, _ = chosen(bodies, (0.0, 0.0), tuple(rng.uniform(-1.0, 1.0, 2)), margin=0.1, deceleration=deceleration)
+        for x, y, *_ in bodies:
+            distance = math.hypot(x, y)
+            closing = max((vx * x + vy * y) / distance, 0.0)
+            way = 0.1 * closing + (0.0 if deceleration == math.inf else closing**2 / (2.0 * deceleration))
+            assert way <= 0.5 * (distance - 2.0 * R) + 1e-9
+
+
+def test_walls_hold_where_bodies_leave_nothing() -> None:
+    # A wall all along the right at 0.21 m, and a body that comes from the left.
+    angles = 2.0 * math.pi * np.arange(64) / 64
+    scan = np.where(np.sin(angles) < -0.05, np.minimum(0.21 / np.maximum(-np.sin(angles), 1e-9), 5.0), 5.0)
+    vx, vy, is_disturbed = chosen([[0.0, 0.6, 0.0, -1.0, R, 1.0, 1.0]], (0.0, 0.0), (0.5, 0.0), scan=scan)
+    assert is_disturbed and vy >= -0.05 - 1e-9  # 0.01 m in two steps
+
+
+# ------------------------------------------------------------------------------------------------ who is there
+
+
+def test_the_scan_without_the_others_is_that_of_a_world_without_them() -> None:
+    settings = {"lidar": {"beams": 90, "range": 6.0}}
+    wall = [[3, -3], [4, -3], [4, 3], [3, 3]]
+    world = {"family": "explicit", "bounds": [-5, -5, 5, 5], "polygons": [wall], "start": [0, 0, 0.4], "goal": [-4, 0]}
+    others = [[1.5, 0.5, 1.0], [-2.0, 1.0, 0.0], [0.0, -0.7, 0.0]]
+    crew = Simulation({**settings, "world": world, "robots": [{"start": p} for p in [world["start"], *others]]})
+    alone = Simulation({**settings, "world": world})
+    seen, bare = crew.reset(seeds=[0])[0, 0], alone.reset(seeds=[0])[0, 0, :90].astype(float)
+    policy: Any = make_policy("orca", crew)
+    bodies = np.zeros((3, BODY))
+    bodies[:, :4], bodies[:, RADIUS], bodies[:, SHARE] = seen[-12:].reshape(3, 4), R, 0.5
+    view = View(seen, policy.sensors)
+    on_body = view.ranges < bare - 1e-6
+    assert 8 < on_body.sum() < 60
+    np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, np.where(on_body, 6.0, view.ranges))
+    bodies[:, SHARE] = 0.0  # still things stay
+    np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, view.ranges)
+
+
+def test_a_robot_behind_a_wall_is_no_reason_to_turn_aside() -> None:
+    scan = np.full(64, 1.0)
+    behind = [[1.6, 0.0, -1.0, 0.0, R, 0.5, 0.5]]
+    assert not chosen(behind, (0.0, 0.0), (0.7, 0.0), scan=scan)[2]
+    assert chosen(behind, (0.0, 0.0), (0.7, 0.0), scan=np.full(64, 5.0))[2]
+
+
+def test_a_robot_gets_no_farther_off_its_line_than_its_radius_is_enlarged_by() -> None:
+    scenario = load("empty", {"robot.kinematics": "differential"})
+    sensors = Sensors.of(scenario)
+    error, aside = kinematics.TURN_IN_PLACE, 0.0
+    for _ in range(100_000):  # in small steps, at top speed times the cosine, as the robot is steered
+        rate = kinematics.turn_rate(sensors.drive, error)
+        aside += 1e-4 * math.cos(error) * math.sin(error)
+        error -= 1e-4 * rate
+    assert 0.5 * orca.off_the_line(sensors) < aside <= orca.off_the_line(sensors)
+
+
+# ------------------------------------------------------------------------------------------------ drives
+
+
+class Drive:
+    """What came of episodes of several robots."""
+
+    def __init__(self, scenario: Any, overrides: dict[str, Any], *, seeds: int = 1, **parameters: Any) -> None:
+        simulation = Simulation(scenario, seeds, overrides=overrides)
+        simulation.reset(seeds=range(seeds))
+        policy, robots = make_policy("orca", simulation, **parameters), simulation.robots
+        pairs = list(itertools.combinations(range(robots), 2))
+        self.nearest, state = math.inf, None
+        while simulation.world.active.any():
+            actions, state = policy.predict(simulation.observations().reshape(seeds * robots, -1), state)
+            simulation.advance(actions.reshape(seeds, robots, 2))
+            place = simulation.world.pose[..., :2]
+            for one, other in pairs:
+                self.nearest = min(self.nearest, float(np.hypot(*(place[:, one] - place[:, other]).T).min()))
+        info = simulation.info()
+        self.outcomes, self.times = set(info["outcome"].ravel().tolist()), info["time"]
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize(("robots", "seeds"), [(2, 8), (4, 4), (8, 2), (16, 1)])
+def test_robots_change_places_across_a_circle_without_a_contact(robots: int, seeds: int, kinematics: str) -> None:
+    drive = Drive("circle_swap", {"robots.count": robots, "robot.kinematics": kinematics}, seeds=seeds)
+    assert drive.outcomes == {"success"}
+    assert drive.nearest >= 2.0 * R
+    assert drive.times.max() <= 4.0 * 7.7  # 8 m less the goal's radius, at 1 m/s
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_two_head_on_by_symmetry_pass(kinematics: str) -> None:
+    places = [{"start": [-3, 0, 0], "goal": [3, 0]}, {"start": [3, 0, math.pi], "goal": [-3, 0]}]
+    scenario = {"robot": {"kinematics": kinematics}, "world": {"family": "empty"}, "robots": places}
+    drive = Drive(scenario, {})
+    assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
+
+
+@pytest.mark.parametrize("max_acceleration", [None, 1.0])
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_robots_that_all_want_to_one_place_do_not_touch(kinematics: str, max_acceleration: float | None) -> None:
+    angles = 2.0 * math.pi * np.arange(10) / 10 + 0.1
+    starts = [[3.0 * math.cos(a), 3.0 * math.sin(a), 1.3 * a] for a in angles.tolist()]
+    scenario = {
+        "robot": {"kinematics": kinematics, "max_acceleration": max_acceleration},
+        "time": {"limit": 15.0},
+        "goal": {"radius": 0.05},
+        "world": {"family": "empty", "goal": [0, 0]},
+        "robots": [{"start": start} for start in starts],
+    }
+    drive = Drive(scenario, {})
+    assert "collision" not in drive.outcomes and drive.nearest >= 2.0 * R
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize(("scenario", "robots"), [("corridor_swap", 4), ("warehouse_team", 8), ("crossing_robots", 4)])
+def test_among_walls_it_takes_its_way_from_a_bug(scenario: str, robots: int, kinematics: str) -> None:
+    drive = Drive(scenario, {"robots.count": robots, "robot.kinematics": kinematics})
+    assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
+
+
+def test_straight_to_the_goal_a_wall_is_the_end_of_the_way() -> None:
+    alone = {"robots.count": 1, "time.limit": 40.0}
+    assert Drive("rectangle_pair", alone, way="goal").outcomes == {"timeout"}
+    assert Drive("rectangle_pair", {"robots.count": 1}, way="hd_bug").outcomes == {"success"}
+
+
+def test_it_goes_round_a_robot_that_stands_on_its_way() -> None:
+    # The other is where it wants to be, in a passage of 1.2 m, and never moves. What is left beside it, 0.7 m, is less than
+    # a differential robot would like: without the bug, which takes who rests for a wall, it would stand there for ever.
+    walls = [[[-3, 0.6], [3, 0.6], [3, 2], [-3, 2]], [[-3, -2], [3, -2], [3, -0.6], [-3, -0.6]]]
+    world = {"family": "explicit", "bounds": [-6, -2, 6, 2], "polygons": walls, "start": [0, 0, 0], "goal": [4, 0]}
+    places = [{"start": [-5, 0, 0], "goal": [5, 0]}, {"start": [0, -0.3, 0], "goal": [0.1, -0.3]}]
+    for kinematics_ in ("holonomic", "differential"):
+        drive = Drive({"robot": {"kinematics": kinematics_}, "world": world, "robots": places}, {})
+        assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
+
+
+def test_movers_that_do_not_look_are_avoided_through_tracks() -> None:
+    def successes(**parameters: Any) -> int:
+        return sum(run_episode("orca", "crossing", seed=seed, **parameters).outcome == "success" for seed in range(6))
+
+    assert successes() >= 5 and successes(sees_movers=False) <= 3
+
+
+def test_it_says_that_there_is_no_way_where_its_bug_does() -> None:
+    assert run_episode("orca", "ring").verdict == "unreachable"
+
+
+def test_it_drives_robots_of_a_parallel_env() -> None:
+    env = bug_gym.parallel_env("circle_swap", robots=3)
+    policy: Any = make_policy("orca", env)
+    observations, infos = env.reset(seed=0)
+    state = None
+    while env.agents:
+        actions, state = policy.predict(observations, state)
+        observations, _, _, _, told = env.step(actions)
+        observations = {agent: observations[agent] for agent in env.agents}
+        infos |= told
+    assert all(info["is_success"] for info in infos.values())
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"way": "bug2"}, "way"),
+        ({"horizon": 0.0}, "horizon must be positive, got 0.0"),
+        ({"enlargement": -0.1}, "enlargement must be at least 0, got -0.1"),
+    ],
+)
+def test_parameters_that_cannot_be_are_refused(parameters: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        make_policy("orca", "circle_swap", **parameters)
+
+
+def test_columns_of_a_body_are_all_used() -> None:
+    assert sorted({0, 1, 2, 3, RADIUS, SHARE, GAP_SHARE}) == list(range(BODY))

@@ -1,0 +1,121 @@
+"""Bug1 for two: it meets behind an obstacle, and goes on from the nearer nearest point; and what Com1-Rev3 saves."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bug_gym.agents import make_policy
+from bug_gym.policy import MisfitError
+from bug_gym.reproductions.com1_rev3 import MEETING, allowed
+from bug_gym.reproductions.team_runs import run_team
+from bug_gym.reproductions.team_worlds import Across, obstacles_across, random_world, team_scenario
+
+SIZES = obstacles_across(9)
+GHOSTS: dict[str, dict[str, Any]] = {
+    "com1_rev3": {"partner_rule": "ghost", "hold_distance": 0.0},
+    "bug1_pair": {},
+}
+
+
+def both_ways(policy: str, one: Across) -> float:
+    run = run_team(policy, one.scenario(), ghosts=True, clearance=one.clearance, **GHOSTS[policy])
+    assert "success" in run.outcomes
+    return float(run.lengths.sum())
+
+
+# ------------------------------------------------------------------------------------------ closed forms
+
+
+def test_the_closed_forms_are_the_worked_numbers() -> None:
+    # A slab 4 m deep from 5 m to the left to 3 m to the right of the way, 8 m from the start and 8 m from the goal, at
+    # a clearance of 0.5 m: 1 m off the axis.
+    slab = Across(before=7.5, behind=7.5, half=4.5, depth=5.0, offset=-1.0, clearance=0.5)
+    assert slab.com1_rev3() == pytest.approx(39.518, abs=1e-3)
+    assert slab.bug1_pair() == pytest.approx(53.642, abs=5e-4)
+    # On a disc of radius 1 the pair that meets takes so much more.
+    for behind, more in ((0.5, 1.064), (1.0, 1.362), (2.0, 1.633), (5.0, 1.891)):
+        disc = Across(before=3.0, behind=behind, half=1.0)
+        assert disc.bug1_pair() - disc.com1_rev3() == pytest.approx(more, abs=5e-4)
+
+
+@pytest.mark.parametrize("one", SIZES, ids=lambda one: "disc" if one.is_disc else f"rectangle {one.offset:.1f}")
+def test_both_ways_together_are_as_long_as_the_formulas_say(one: Across) -> None:
+    pair, base = both_ways("com1_rev3", one), both_ways("bug1_pair", one)
+    assert pair == pytest.approx(one.com1_rev3(), abs=allowed(one.com1_rev3()))
+    # The two stop before they touch, and the one behind does not come as far as the one that leads.
+    least = one.bug1_pair() - 2.0 * MEETING - allowed(one.bug1_pair())
+    assert least <= base <= one.bug1_pair() + allowed(one.bug1_pair())
+    assert pair < base
+
+
+def test_on_a_disc_the_difference_is_not_always_a_quarter_of_the_circumference() -> None:
+    near = Across(before=4.0, behind=1.0, half=3.0)
+    assert 0.0 < near.bug1_pair() - near.com1_rev3() < 0.25 * near.perimeter
+    assert 0.0 < both_ways("bug1_pair", near) - both_ways("com1_rev3", near) < 0.25 * near.perimeter
+    far = Across(before=4.0, behind=9.0, half=3.0)
+    assert far.bug1_pair() - far.com1_rev3() > 0.25 * far.perimeter
+
+
+# ------------------------------------------------------------------------------------------ the meeting
+
+
+def test_each_walks_half_the_perimeter_and_the_finder_goes_on_alone() -> None:
+    one = Across(before=5.0, behind=4.0, half=4.0, depth=4.0, offset=1.5)
+    run = run_team("bug1_pair", one.scenario(), ghosts=True, clearance=1.0)
+    assert [memory.meetings for memory in run.memories] == [1, 1]
+    met = next(step for step, modes in enumerate(run.modes) if "return_to_closest" in modes)
+    walked = np.hypot(*np.diff(run.paths[: met + 1, :, :2], axis=0).transpose(2, 0, 1)).sum(axis=0)
+    half = one.before + 0.5 * one.perimeter
+    assert walked == pytest.approx([half, half], abs=0.5 * MEETING + allowed(half))
+    # The nearer nearest point lies straight behind the obstacle; who has passed it leads back to it.
+    winner = run.winner
+    assert winner is not None and run.memories[1 - winner].is_behind
+    left = run.memories[winner].own.leaves[-1]
+    assert left[0] == pytest.approx(one.before + one.depth, abs=0.2) and left[1] == pytest.approx(0.0, abs=0.2)
+
+
+def test_robots_on_either_side_of_a_thin_wall_do_not_meet_through_it() -> None:
+    # Two ways along a wall of 0.2 m, hands on it, in opposite directions: the wall is between them.
+    wall = [[[6, -8], [6.2, -8], [6.2, 8], [6, 8]]]
+    scenario = team_scenario(wall, [(4.0, -1.0, 0.0), (4.0, 1.0, 0.0)], (12.0, 0.0))
+    run = run_team("bug1_pair", scenario, clearance=0.5)
+    assert run.outcomes.count("success") == 1 and run.memories[0].meetings == 1
+    met = next(step for step, modes in enumerate(run.modes) if "return_to_closest" in modes)
+    assert (run.paths[met, :, 0] > 6.2).all(), "they meet behind it"
+
+
+def test_two_halves_of_a_lap_prove_that_there_is_no_way() -> None:
+    world = {"family": "ring", "bounds": [-5, -10, 20, 10], "start": [0, 0, 0], "goal": [10.3, 0.2], "centre": [10, 0]}
+    starts = [{"start": [0.0, -1.0, 0.0]}, {"start": [0.0, 1.0, 0.0]}]
+    settings = {"mission": "first", "lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 600.0}}
+    run = run_team("bug1_pair", {**settings, "world": world, "robots": starts}, clearance=0.5)
+    assert run.verdicts == ("unreachable", "unreachable")
+    half = 0.5 * (4.0 * 8.0 + 2.0 * math.pi * 0.5)
+    assert run.lengths == pytest.approx([5.5 + half] * 2, abs=1.5)
+
+
+def test_where_the_goal_is_not_seen_yet_the_second_follows_two_metres_behind() -> None:
+    walls = [[[x, -3], [x + 1, -3], [x + 1, 3], [x, 3]] for x in (5, 14)]
+    scenario = team_scenario(walls, [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], (22.0, 0.0))
+    run = run_team("bug1_pair", scenario, clearance=1.0)
+    assert run.outcomes.count("success") == 1
+    assert [memory.meetings for memory in run.memories] == [2, 2], "behind each of the two obstacles"
+    assert any("hold" in modes for modes in run.modes)
+    assert run.least_gap >= 0.5
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_two_never_touch_and_never_stand_for_ever(seed: int) -> None:
+    run = run_team("bug1_pair", random_world(seed), seed=seed, clearance=1.0)
+    assert "success" in run.outcomes and "collision" not in run.outcomes
+    assert run.least_gap >= 0.5
+
+
+def test_it_drives_two_robots_and_no_others() -> None:
+    for source in ("static", random_world(0, 4)):
+        with pytest.raises(MisfitError, match="2 robots"):
+            make_policy("bug1_pair", source)

@@ -1,0 +1,46 @@
+"""Swarms: each robot drives by its law alone, to its side, until one of them has arrived."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from episodes import run_episode
+
+from bug_gym.agents import make_policy
+from bug_gym.policy import MisfitError
+from bug_gym.reproductions.team_runs import run_team
+from bug_gym.reproductions.team_worlds import Across, team_scenario
+from bug_gym.simulation import Simulation
+
+LAWS = {"swarm_com": "com", "swarm_bug1": "bug1", "swarm_bug2": "bug2"}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_each_drives_its_law_to_its_side_until_one_arrives(name: str) -> None:
+    scenario = Across(before=5.0, behind=4.0, half=4.0, depth=4.0, offset=1.5).scenario()
+    run = run_team(name, scenario, ghosts=True, clearance=1.0, hold_distance=0.0)
+    for robot, turn in enumerate(("right", "left")):
+        alone = run_episode(LAWS[name], scenario, clearance=1.0, turn=turn)
+        steps = min(len(alone.path), len(run.paths)) - 1
+        np.testing.assert_array_equal(run.paths[:steps, robot], alone.path[:steps])
+    assert run.outcomes.count("success") == 1
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_first_arrival_stops_the_others(name: str) -> None:
+    wall = [[[6, -4], [8, -4], [8, 2], [6, 2]]]
+    scenario = {**team_scenario(wall, [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], (14.0, 0.0), limit=80.0), "mission": "all"}
+    run = run_team(name, scenario, clearance=1.0, max_steps=700)
+    assert "collision" not in run.outcomes and run.outcomes.count("success") == 1
+    team: Any = make_policy(name, Simulation(scenario))
+    flat, state = run.simulation.observations()[0], run.memories
+    actions, state = team.predict(flat, state)
+    first = run.outcomes.index("success")
+    assert np.abs(actions[1 - first]).max() == 0.0 and state[1 - first].mode == "stopped"
+
+
+def test_one_robot_is_no_swarm() -> None:
+    with pytest.raises(MisfitError, match="2 robots or more"):
+        make_policy("swarm_bug2", "static")

@@ -1,0 +1,94 @@
+"""What holds for every team of the table: a new one is tested by being listed."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bug_gym
+from bug_gym.agents import AGENTS, TEAMS, make_policy, team_names
+from bug_gym.agents.parameters import parameters_of
+from bug_gym.drawing.canvas import Canvas
+from bug_gym.policy import Drawing
+from bug_gym.reproductions.team_worlds import random_world
+from bug_gym.simulation import Simulation
+from bug_gym.team_policy import TeamPolicy
+
+
+def test_teams_have_names_of_their_own() -> None:
+    assert team_names() == list(TEAMS) and not set(TEAMS) & set(AGENTS)
+
+
+@pytest.mark.parametrize("name", TEAMS)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("action", ["continuous", "discrete"])
+def test_actions_lie_in_the_action_space_and_a_run_is_the_same_again(name: str, kinematics: str, action: Any) -> None:
+    runs = []
+    for _ in range(2):
+        env = bug_gym.parallel_env(random_world(1), overrides={"robot.kinematics": kinematics}, action=action)
+        team: Any = make_policy(name, env)
+        seen, _ = env.reset(seed=0)
+        state, taken = None, []
+        for _ in range(60):
+            actions, state = team.predict({agent: seen[agent] for agent in env.agents}, state)
+            assert list(actions) == env.agents
+            assert all(env.action_space(agent).contains(actions[agent]) for agent in env.agents)
+            taken.append(np.stack(list(actions.values())))
+            seen, *_ = env.step(actions)
+        runs.append(np.array(taken))
+    np.testing.assert_array_equal(runs[0], runs[1])
+
+
+@pytest.mark.parametrize("name", TEAMS)
+def test_a_batch_is_its_worlds_one_by_one(name: str) -> None:
+    simulation = Simulation(random_world(2), 3)
+    team: Any = make_policy(name, simulation)
+    flat, batch, states = simulation.reset(seeds=[0, 1, 2]), None, [None] * 3
+    for _ in range(30):
+        actions, batch = team.predict(flat.reshape(6, -1), batch)
+        for world in range(3):
+            by_agent = dict(zip(team.agents, flat[world], strict=True))
+            named, states[world] = team.predict(by_agent, states[world])
+            np.testing.assert_array_equal(actions[2 * world : 2 * world + 2], np.stack(list(named.values())))
+        flat = simulation.step(actions.reshape(3, 2, 2)).observation
+
+
+@pytest.mark.parametrize("name", TEAMS)
+def test_differential_robots_with_noise_never_touch(name: str) -> None:
+    noisy = {"robot.kinematics": "differential", "lidar.noise": 0.01, "odometry.translation_noise": 0.005}
+    env = bug_gym.parallel_env(random_world(4), overrides=noisy)
+    team: Any = make_policy(name, env, clearance=1.0)
+    seen, _ = env.reset(seed=0)
+    state: Any = None
+    infos: dict[str, Any] = {}
+    while env.agents:
+        actions, state = team.predict({agent: seen[agent] for agent in env.agents}, state)
+        seen, _, _, _, infos = env.step(actions)
+    assert "collision" not in [info["outcome"] for info in infos.values()]
+
+
+@pytest.mark.parametrize("name", TEAMS)
+def test_what_it_shows_of_a_robot_can_be_drawn(name: str) -> None:
+    simulation = Simulation(random_world(3))
+    team: Any = make_policy(name, simulation)
+    flat = simulation.reset(seeds=[0])[0]
+    state: Any = None
+    for _ in range(80):
+        actions, state = team.predict(flat, state)
+        flat = simulation.step(actions[None]).observation[0]
+    assert isinstance(team, TeamPolicy)
+    drawings = [team.draw(memory) for memory in state]
+    assert all(isinstance(drawing, Drawing) for drawing in drawings)
+    assert Canvas(simulation).draw(drawings).ndim == 3
+
+
+@pytest.mark.parametrize("name", TEAMS)
+def test_a_sentence_stands_under_each_parameter(name: str) -> None:
+    team: Any = make_policy(name, Simulation(random_world(0)))
+    assert all(own.text for own in parameters_of(type(team)))
+    text = str(sys.modules[type(team).__module__].__doc__)
+    for word in ("Source:", "Sensing assumed:", "States:", "Guarantee:", "Length:"):
+        assert word in text

@@ -1,0 +1,358 @@
+"""Policies from outside: by class, object, module, file, registered name and entry point; in workers and when resumed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bug_gym import agents
+from bug_gym.agents import REGISTERED, Spec, known_agents, make_policy, policy_names, register
+from bug_gym.agents.floors.go_to_goal import GoToGoal
+from bug_gym.cli import main
+from bug_gym.config import ScenarioError
+from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.entries import PolicyEntry
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.suites import load_suite
+from bug_gym.policy import Memory, ScriptedPolicy
+from bug_gym.robots_env import parallel_env
+from bug_gym.simulation import Simulation
+from bug_gym.team_policy import EachAlone
+
+OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [3, 1]}, "lidar": {"beams": 8}}
+PAIR = {
+    "world": {"family": "empty"},
+    "robots": [{"start": [-5, 0, 0], "goal": [5, 0]}, {"start": [-5, 3, 0], "goal": [3, 3]}],
+}
+
+CODE = '''
+from __future__ import annotations
+import math
+from dataclasses import dataclass
+from bug_gym.policy import Memory, ScriptedPolicy
+
+@dataclass(frozen=True)
+class Parameters:
+    speed: float = 1.0
+    """Speed [m/s]."""
+
+class MyBug(ScriptedPolicy):
+    Parameters = Parameters
+    def start(self):
+        return Memory(mode="motion_to_goal")
+    def act(self, view, memory):
+        speed = self.parameters.speed
+        return speed * math.cos(view.goal_bearing), speed * math.sin(view.goal_bearing)
+
+class Unfinished(ScriptedPolicy):
+    def start(self):
+        return Memory()
+
+class OtherArguments:
+    def __init__(self, network):
+        self.network = network
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return observation, state
+
+class NoPolicy:
+    pass
+
+policy = 3
+'''
+"""A user's file: a bug, and what may be wrong with one."""
+
+
+class Straight(ScriptedPolicy):
+    """Straight to the goal."""
+
+    def start(self) -> Memory:
+        return Memory()
+
+    def act(self, view: Any, memory: Memory) -> tuple[float, float]:
+        return float(np.cos(view.goal_bearing)), float(np.sin(view.goal_bearing))
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of a user's, in which the process works; names and paths are forgotten after the test."""
+    (tmp_path / "my_bug.py").write_text(CODE, encoding="utf-8")
+    (tmp_path / "my_module_of_bugs.py").write_text(CODE, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    before = set(sys.modules)
+    yield tmp_path
+    REGISTERED.clear()
+    agents._installed.cache_clear()
+    for name in set(sys.modules) - before:
+        if name.startswith("my_"):
+            del sys.modules[name]
+
+
+def runs(rows: list[EpisodeRow]) -> list[tuple[Any, ...]]:
+    """What does not depend on labels and clocks."""
+    return [(row.seed, row.outcome, row.time, row.path_length) for row in rows]
+
+
+def install(place: Path, lines: str) -> None:
+    """Have a package with entry points on Python's path."""
+    folder = place / "their_package-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: their-package\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text(f"[bug_gym.policies]\n{lines}\n")
+    sys.path.append(str(place))
+    agents._installed.cache_clear()
+
+
+# ---------------------------------------------------------------------------------------------- ways to name one
+
+
+@pytest.mark.parametrize("name", ["my_bug.py:MyBug", "my_module_of_bugs:MyBug", "./my_bug.py:MyBug"])
+def test_a_class_is_made_by_the_place_of_its_code(name: str) -> None:
+    policy: Any = make_policy(name, OPEN, speed=0.5)
+    assert type(policy).__name__ == "MyBug" and policy.parameters.speed == 0.5
+    text: Any = make_policy(f"{name}:speed=0.25", OPEN)
+    assert text.parameters.speed == 0.25
+
+
+def test_a_class_and_an_object_are_policies() -> None:
+    made = make_policy(Straight, OPEN)
+    assert type(made) is Straight and make_policy(made, OPEN) is made
+    expected = runs(evaluate([Straight], OPEN, episodes=2))
+    assert runs(evaluate(Straight, OPEN, episodes=2)) == expected
+    assert runs(evaluate([made], OPEN, episodes=2)) == expected
+    assert runs(evaluate([("mine", Straight)], OPEN, episodes=2)) == expected
+    assert all(outcome == "success" for _, outcome, *_ in expected)
+
+
+def test_several_robots_have_a_policy_from_outside_each() -> None:
+    env = parallel_env(scenario=PAIR)
+    assert isinstance(make_policy(Straight, env), EachAlone)
+    alone = make_policy(Straight, Simulation("static"))
+    assert isinstance(make_policy(alone, env), EachAlone)
+    each = make_policy(Straight, env)
+    assert make_policy(each, env) is each
+
+
+def test_a_planner_from_outside_is_given_the_map(place: Path) -> None:
+    (place / "my_planner.py").write_text("from bug_gym.agents.planning.a_star import AStar\nclass Mine(AStar): pass\n")
+    rows = evaluate(["my_planner.py:Mine", "a_star"], "static", episodes=2)
+    assert rows[0].policy == "my_planner.py:Mine (privileged)"
+    assert runs(rows[:2]) == runs(rows[2:])
+
+
+def test_a_registered_name_is_a_policy_like_any_other() -> None:
+    register("my_bug", "my_bug.py:MyBug")
+    register("my_bug", "my_bug.py:MyBug")
+    assert "my_bug" in policy_names()
+    policy: Any = make_policy("my_bug", OPEN, speed=0.5)
+    assert policy.parameters.speed == 0.5
+    with pytest.raises(ValueError, match="unknown policy 'my_bugs'; did you mean 'my_bug'"):
+        make_policy("my_bugs", OPEN)
+
+
+def test_an_installed_package_offers_policies(
+    place: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    install(place, "their_bug = my_bug:MyBug\nbug2 = my_bug:MyBug\nodd = my_bug")
+    assert type(make_policy("their_bug", OPEN)).__name__ == "MyBug"
+    assert type(make_policy("bug2", OPEN)).__name__ == "Bug2"
+    assert [record.args[0] for record in caplog.records if record.args] == ["bug2", "odd"]  # type: ignore[index]
+    assert main(["list", "policies"]) == 0
+    assert "from outside; package their-package" in capsys.readouterr().out
+
+
+def test_options_stand_in_lists_as_on_the_command_line() -> None:
+    entries = [PolicyEntry.of(one) for one in ("bug2:turn=right", Spec("bug2", {"turn": "right"}))]
+    assert entries[0] == entries[1] and entries[0].label == "bug2:turn=right"
+    trusted = PolicyEntry.of(Spec(Path("model.zip"), trust=True))
+    assert (trusted.name, trusted.parameters) == ("./model.zip", {"trust": True})
+    rows = evaluate(["go_to_goal", "bug2:turn=right", Spec(Straight)], OPEN, episodes=1)
+    assert [row.policy for row in rows] == ["go_to_goal", "bug2:turn=right", "Straight"]
+    policy: Any = make_policy(Spec("bug2", {"turn": "right"}), OPEN, clearance=0.3)
+    assert (policy.parameters.turn, policy.parameters.clearance) == ("right", 0.3)
+
+
+def test_a_path_is_a_folder_of_a_model() -> None:
+    with pytest.raises(ValueError, match="no_model"):
+        make_policy(Path("no_model"), "static")
+    with pytest.raises(ValueError, match="pickle"):
+        make_policy(Path("no_model.zip"), "static")
+
+
+# ---------------------------------------------------------------------------------------------- workers, resuming
+
+
+def test_workers_find_them_all(place: Path) -> None:
+    """Each way: by file, by a module in the working directory, by a registered name, and as a class."""
+    for name in ("my_bug", "my_other_bug"):
+        register(name, f"{name.replace('other_', '')}.py:MyBug")
+    policies = ["my_bug.py:MyBug", "my_module_of_bugs:MyBug", "my_bug", ("registered too", "my_other_bug"), GoToGoal]
+    alone = evaluate(policies, OPEN, episodes=3)
+    assert runs(evaluate(policies, OPEN, episodes=3, workers=2)) == runs(alone)
+    # The workers wait for more, in the folder and with the path of a moment ago.
+    folder = place / "elsewhere"
+    folder.mkdir()
+    (folder / "my_second_module.py").write_text(CODE, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert evaluate("my_second_module:MyBug", OPEN, episodes=9, workers=2)[0].success  # of two jobs
+
+
+def test_a_run_of_policies_from_outside_goes_on_by_name(place: Path) -> None:
+    register("my_bug", "my_bug.py:MyBug")
+    policies = ["my_bug", "my_module_of_bugs:MyBug", Straight]
+    rows = evaluate(policies, OPEN, episodes=3, out="results")
+    path = place / "results" / "rows.jsonl"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[:4]))
+    assert runs(evaluate(policies, OPEN, episodes=3, out="results")) == runs(rows)
+    assert path.read_text().splitlines(keepends=True)[:4] == lines[:4]
+
+
+def test_a_run_does_not_go_on_with_other_code(place: Path) -> None:
+    evaluate("my_bug.py:MyBug", OPEN, episodes=1, out="results")
+    (place / "my_bug.py").write_text(CODE.replace("= 1.0", "= 0.5"), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"another run: policies\.my_bug\.py:MyBug\.code was"):
+        evaluate("my_bug.py:MyBug", OPEN, episodes=1, out="results")
+
+
+def test_a_changed_file_is_read_again(place: Path) -> None:
+    assert make_policy("my_bug.py:MyBug", OPEN).parameters.speed == 1.0  # type: ignore[attr-defined]
+    (place / "my_bug.py").write_text(CODE.replace("= 1.0", "= 0.5"), encoding="utf-8")
+    assert make_policy("my_bug.py:MyBug", OPEN).parameters.speed == 0.5  # type: ignore[attr-defined]
+
+
+def test_the_manifest_of_the_packages_own_policies_is_as_it_was(place: Path) -> None:
+    evaluate("go_to_goal", OPEN, episodes=1, out="results")
+    manifest = json.loads((place / "results" / "manifest.json").read_text())
+    assert manifest["policies"] == {"go_to_goal": {"name": "go_to_goal", "parameters": {}}}
+
+
+# ---------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("no_such_module:MyBug", r"no module 'no_such_module', looked for on Python's path and in"),
+        ("no_such_file.py:MyBug", r"no file .*no_such_file\.py"),
+        ("my_bug.py", r"expected its class, too, such as my_bug\.py:MyBug"),
+        ("my_bug.py:MyBgu", r"my_bug\.py has no class 'MyBgu', did you mean 'MyBug'\?"),
+        ("my_module_of_bugs:Nothing", r"my_module_of_bugs has no class 'Nothing'"),
+        (
+            "my_bug.py:NoPolicy",
+            r"my_bug\.py:NoPolicy is no policy: got class NoPolicy, expected a class with `predict`",
+        ),
+        ("my_bug.py:policy", r"my_bug\.py:policy is no policy: got an object of type int"),
+        ("my_bug.py:Unfinished", r"my_bug\.py:Unfinished is no whole policy: it lacks act"),
+        (
+            "my_bug.py:OtherArguments",
+            r"OtherArguments' cannot be made: .*expected OtherArguments\(sensors, \*, discrete",
+        ),
+        ("my_bug.py:MyBug:sped=1", r"has no parameter 'sped', did you mean 'speed'\?"),
+        ("my_broken.py:MyBug", r"my_broken\.py, line 1: "),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(
+    place: Path, name: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (place / "my_broken.py").write_text("class MyBug(:\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=message) as error:
+        make_policy(name, OPEN)
+    assert "\n" not in str(error.value)
+    assert main(["evaluate", "--scenario", "static", "--episodes", "1", "--policies", name]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_what_a_module_lacks_itself_is_told_and_not_the_module(place: Path) -> None:
+    (place / "my_needy.py").write_text("import no_such_package\n", encoding="utf-8")
+    for name in ("my_needy:MyBug", "my_needy.py:MyBug"):
+        with pytest.raises(ModuleNotFoundError, match="no_such_package"):
+            make_policy(name, OPEN)
+
+
+@pytest.mark.parametrize(
+    ("name", "reference", "message"),
+    [
+        ("bug2", "my_bug.py:MyBug", r"the name 'bug2' is taken, by bugs\.bug2:Bug2"),
+        ("com1_rev3", "my_bug.py:MyBug", "is taken"),
+        ("mine", "my_bug.py:Unfinished", r"'mine' is taken, by .*my_bug\.py:MyBug"),
+        ("a/b", "my_bug.py:MyBug", "as the name of a policy, expected letters"),
+        ("my_bug", "my_bug.py", "expected text such as 'my_module:MyBug'"),
+        ("my_bug", Straight, "expected text such as 'my_module:MyBug'"),
+    ],
+)
+def test_a_name_that_cannot_be_registered_is_refused(name: str, reference: Any, message: str) -> None:
+    register("mine", "my_bug.py:MyBug")
+    known = known_agents()
+    with pytest.raises(ValueError, match=message):
+        register(name, reference)
+    assert known_agents() == known
+
+
+def test_an_object_takes_no_parameters() -> None:
+    made = make_policy(Straight, OPEN)
+    with pytest.raises(ValueError, match="made already takes no parameters, got speed"):
+        make_policy(made, OPEN, speed=1.0)
+    with pytest.raises(ValueError, match="made already takes no parameters, got speed"):
+        evaluate([("mine", made, {"speed": 1.0})], OPEN)
+    with pytest.raises(ValueError, match="got 5 as a policy's parameters, expected a dict"):
+        evaluate([("mine", Straight, 5)], OPEN)
+
+
+@pytest.mark.parametrize(
+    "policy",
+    [
+        "my_bug.py:MyBug",
+        "my_bug.py:MyBug:speed=1",
+        "m.zip:trust=true",
+        {"name": "m.zip", "parameters": {"trust": True}},
+    ],
+)
+def test_a_suite_is_data_and_names_no_code(place: Path, policy: Any) -> None:
+    (place / "suite.yaml").write_text(json.dumps({"scenarios": ["static"], "policies": [policy]}))
+    with pytest.raises(ScenarioError, match="expected policies that run no code"):
+        load_suite(place / "suite.yaml")
+
+
+# ---------------------------------------------------------------------------------------------- a new one
+
+
+def test_a_new_policy_is_a_file_that_runs_and_a_test_that_passes(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "policy", "fine_bug"]) == 0
+    told = capsys.readouterr().out
+    (line,) = (line.strip() for line in told.splitlines() if "bug-gym evaluate" in line)
+    assert line.endswith("fine_bug.py:FineBug")
+    assert main(["evaluate", "--scenario", "static", "--episodes", "1", "--policies", line.split()[-1]]) == 0
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_fine_bug.py"]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert main(["new", "policy", "fine_bug"]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "message"), [("bug2", "taken"), ("My-Bug", "expected"), ("class", "expected")])
+def test_a_new_policy_needs_a_name_of_its_own(
+    place: Path, name: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "policy", name]) == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1 and not list(place.glob("test_*"))
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    import bug_gym
+
+    with pytest.raises(SystemExit) as left:
+        main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out == f"bug-gym {bug_gym.__version__}\n"

@@ -1,0 +1,371 @@
+"""Datasets: what a policy does, recorded side by side, is what a lone env gives; Minari reads it; a stop costs nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import bug_gym
+from bug_gym.agents import make_policy
+from bug_gym.cli import main
+from bug_gym.config import load
+from bug_gym.evaluation import collection, minari_files
+from bug_gym.evaluation.collection import collect
+from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations, Extras, demonstrate
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.minari_files import open_dataset
+from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
+
+SHORT = {"lidar.beams": 16, "time.limit": 12.0}
+"""What keeps episodes and files small."""
+SEEDS = range(5, 11)
+OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
+FOLDER = "bug_gym/dynamic"
+
+
+def short(seeds: range = SEEDS) -> ScenarioEntry:
+    return ScenarioEntry("dynamic", load("dynamic", SHORT), seeds)
+
+
+def collected(out: Path, policies: Any = ("bug2", "random"), **arguments: Any) -> list[str]:
+    arguments = {"episodes": len(SEEDS), "seed": SEEDS[0], "expert": "bug2", "overrides": SHORT, **arguments}
+    return collect("dynamic", list(policies), out, **arguments)
+
+
+def files_of(out: Path) -> dict[str, bytes]:
+    """All that lies in a folder but for what keeps it to one process."""
+    paths = [path for path in out.rglob("*") if path.is_file() and not path.name.startswith(".")]
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in paths}
+
+
+# ------------------------------------------------------------------------------------------------ demonstrations
+
+
+@pytest.mark.parametrize("name", ["bug2", "random", "ppo_dynamic"])
+def test_recorded_actions_give_what_was_recorded_in_a_lone_env(name: str) -> None:
+    if name == "ppo_dynamic":
+        pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
+    overrides = {} if name == "ppo_dynamic" else SHORT  # a model is for one robot
+    scenario = ScenarioEntry("dynamic", load("dynamic", overrides), range(5, 8))
+    found = demonstrate(PolicyEntry.of(name), scenario, scenario.seeds)
+    env = gym.make("BugGym/Dynamic-v0", overrides=overrides, observation="flat")
+    assert found.seeds.tolist() == list(scenario.seeds)
+    for episode in found.episodes():
+        seen, info = env.reset(seed=int(episode.seeds[0]))
+        assert np.array_equal(seen, episode.observations[0])
+        for number, action in enumerate(episode.actions):
+            seen, reward, terminated, truncated, info = env.step(action)
+            assert np.array_equal(seen, episode.observations[number + 1]) and reward == episode.rewards[number]
+            assert (terminated or truncated) == (number == len(episode.actions) - 1)
+        assert info["outcome"] == ENDINGS[episode.outcomes[0]]
+
+
+def test_the_actions_are_those_of_the_policy_asked_alone() -> None:
+    found = demonstrate(PolicyEntry.of("bug2"), short(), SEEDS, Extras(modes=True))
+    env = gym.make("BugGym/Dynamic-v0", overrides=SHORT)
+    policy = make_policy("bug2", env)
+    for episode in found.episodes():
+        seen, _ = env.reset(seed=int(episode.seeds[0]))
+        state: Any = None
+        for recorded, mode in zip(episode.actions, episode.modes, strict=True):
+            action, state = policy.predict(seen, state)
+            assert np.array_equal(action, recorded) and state[0].mode.encode() == mode
+            seen, *_ = env.step(action)
+
+
+def test_more_worlds_than_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    together = demonstrate(PolicyEntry.of("bug2"), short(), SEEDS)
+    monkeypatch.setattr("bug_gym.evaluation.demonstrations.SLOTS", 2)
+    in_turn = demonstrate(PolicyEntry.of("bug2"), short(), SEEDS)
+    for name, values in vars(together).items():
+        assert np.array_equal(values, getattr(in_turn, name)), name
+
+
+def test_the_random_policy_does_something_else_in_each_world() -> None:
+    found = list(demonstrate(PolicyEntry.of("random"), short(), SEEDS).episodes())
+    assert len({episode.actions[:5].tobytes() for episode in found}) == len(SEEDS)
+
+
+@dataclass
+class Count(Memory):
+    """How many decisions there were."""
+
+    decisions: int = 0
+
+
+class GivesUp(ScriptedPolicy):
+    """Goes ahead, and gives up at its fourth decision."""
+
+    def start(self) -> Count:
+        return Count()
+
+    def act(self, view: View, memory: Count) -> Velocity:
+        memory.decisions += 1
+        memory.verdict = "stuck" if memory.decisions == 4 else ""
+        return (1.0, 0.0)
+
+
+def test_a_policy_that_gives_up_stands_for_one_step_and_its_episode_is_truncated(tmp_path: Path) -> None:
+    scenario = ScenarioEntry("open", load(OPEN), range(2))
+    entry = PolicyEntry.of(GivesUp(Sensors.of(scenario.scenario)))
+    found = demonstrate(entry, scenario, scenario.seeds)
+    assert found.steps.tolist() == [4, 4]
+    assert [ENDINGS[code] for code in found.outcomes] == ["gave_up", "gave_up"]
+    assert (found.actions.reshape(2, 4, 2)[:, :3] != found.actions[3]).any(axis=2).all()
+
+
+def test_blocks_are_read_as_they_were_written_and_a_damaged_one_is_told_of(tmp_path: Path) -> None:
+    found = demonstrate(PolicyEntry.of("bug2"), short(), SEEDS[:2], Extras(modes=True, shortest_path=True))
+    path = tmp_path / "000000.npz"
+    found.write(path)
+    again = Demonstrations.read(path, SEEDS[:2])
+    for name, values in vars(found).items():
+        assert np.array_equal(values, getattr(again, name)), name
+    with pytest.raises(ValueError, match="is of other worlds, expected seeds 0 to 1"):
+        Demonstrations.read(path, range(2))
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(ValueError, match="000000.npz is damaged .*without it, its episodes are driven again"):
+        Demonstrations.read(path, SEEDS[:2])
+
+
+# ------------------------------------------------------------------------------------------------ with Minari
+
+
+@pytest.fixture(scope="module")
+def minari() -> Any:
+    """The package, with what its files need."""
+    pytest.importorskip("h5py", reason="h5py comes with the extra `data`")
+    return pytest.importorskip("minari", reason="minari comes with the extra `data`")
+
+
+@pytest.fixture(scope="module")
+def root(minari: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of datasets."""
+    out: Path = tmp_path_factory.mktemp("datasets")
+    extras = Extras(modes=True, shortest_path=True)
+    names = collected(out, extras=extras, signature=collection.Signature("Jane Doe", "jane@example.org"))
+    forms = ("", "_flat")
+    assert names == [f"{FOLDER}/{name}{form}-v0" for name in ("bug2", "random", "mixed") for form in forms]
+    return out
+
+
+@pytest.fixture
+def known(root: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder, as Minari's own."""
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(root))
+    return root
+
+
+@pytest.mark.parametrize("name", ["bug2-v0", "random_flat-v0"])
+def test_minari_replays_each_episode_in_the_env_that_it_recovers(name: str, known: Path, minari: Any) -> None:
+    dataset = minari.load_dataset(f"{FOLDER}/{name}")
+    env = dataset.recover_environment()
+    assert (env.observation_space, env.action_space) == (dataset.observation_space, dataset.action_space)
+    metadata = dataset.storage.get_episode_metadata(dataset.episode_indices)
+    for episode, about in zip(dataset.iterate_episodes(), metadata, strict=True):
+        seen, info = env.reset(seed=about["seed"], options={"shortest_path": True})
+        assert (episode.infos["shortest_path_length"] == info["shortest_path_length"]).all()
+        for number in range(len(episode)):
+            assert same(seen, at(episode.observations, number))
+            assert ENDINGS[episode.infos["outcome"][number]] == info["outcome"] == "running"
+            seen, reward, terminated, truncated, info = env.step(episode.actions[number])
+            assert reward == episode.rewards[number]
+            assert terminated == episode.terminations[number] and truncated == episode.truncations[number]
+        assert same(seen, at(episode.observations, len(episode)))
+        assert ENDINGS[episode.infos["outcome"][-1]] == info["outcome"]
+        assert episode.infos["collision"].tolist() == [False] * len(episode) + [info["collision"]]
+        assert len(episode.infos["mode"]) == len(episode) + 1
+
+
+def at(observations: Any, number: int) -> Any:
+    """One of the observations of an episode."""
+    if isinstance(observations, dict):
+        return {name: values[number] for name, values in observations.items()}
+    return observations[number]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two observations are equal, bit for bit."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(np.array_equal(one[name], other[name]) for name in one)
+    return np.array_equal(one, other)
+
+
+def test_metadata_are_complete(known: Path, minari: Any) -> None:
+    dataset = minari.load_dataset(f"{FOLDER}/bug2-v0")
+    told = dataset.storage.metadata
+    assert (told["algorithm_name"], told["expert_policy"]) == ("bug2", "bug2")
+    assert (told["author"], told["author_email"]) == ({"Jane Doe"}, {"jane@example.org"})
+    assert told["requirements"] == [f"bug-gym=={bug_gym.__version__}"]
+    assert told["num_episodes_average_score"] == told["total_episodes"] == len(SEEDS)
+    assert told["outcomes"] == list(ENDINGS) and "seeds 5 to 10" in told["description"]
+    assert told["total_steps"] == sum(len(episode) for episode in dataset)
+    assert set(minari.list_local_datasets()) >= {f"{FOLDER}/bug2-v0", f"{FOLDER}/mixed_flat-v0"}
+
+
+def test_the_random_policy_scores_0_and_the_expert_1(known: Path, minari: Any) -> None:
+    for name, score in (("random", 0.0), ("bug2", 1.0)):
+        dataset = minari.load_dataset(f"{FOLDER}/{name}_flat-v0")
+        returns = np.array([episode.rewards.sum() for episode in dataset])
+        assert minari.get_normalized_score(dataset, returns).mean() == pytest.approx(score, abs=1e-9)
+
+
+def test_the_mixed_dataset_has_all_episodes_and_says_whose_they_are(known: Path, minari: Any) -> None:
+    mixed = minari.load_dataset(f"{FOLDER}/mixed-v0")
+    about = list(mixed.storage.get_episode_metadata(mixed.episode_indices))
+    assert [one["policy"] for one in about] == ["bug2"] * len(SEEDS) + ["random"] * len(SEEDS)
+    parts = [minari.load_dataset(f"{FOLDER}/{name}-v0") for name in ("bug2", "random")]
+    for one, other in zip(mixed, (episode for part in parts for episode in part), strict=True):
+        assert np.array_equal(one.actions, other.actions) and np.array_equal(one.rewards, other.rewards)
+
+
+# ------------------------------------------------------------------------------------------------ the folder
+
+
+def stopped_after(blocks: int, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Have the work be interrupted after some blocks; returns a list that takes those that are driven."""
+    driven: list[Any] = []
+
+    def drive(source: Any, path: Path, seeds: range) -> None:
+        if len(driven) == blocks:
+            raise KeyboardInterrupt
+        original(source, path, seeds)
+        driven.append((source.name, seeds))
+
+    original = collection._drive_block
+    monkeypatch.setattr(collection, "_drive_block", drive)
+    return driven
+
+
+def test_the_same_seed_gives_the_same_bytes_stopped_or_not(
+    minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(collection, "BLOCK", 2)
+    collected(tmp_path / "whole")
+    with monkeypatch.context() as patched:
+        first = stopped_after(2, patched)
+        with pytest.raises(KeyboardInterrupt):
+            collected(tmp_path / "stopped")
+    second = stopped_after(99, monkeypatch)
+    collected(tmp_path / "stopped")
+    assert (len(first), len(second)) == (2, 4)  # nothing was driven twice
+    assert files_of(tmp_path / "whole") == files_of(tmp_path / "stopped")
+    assert not (tmp_path / "stopped" / collection.KEPT).exists()
+    collected(tmp_path / "stopped")  # all is there
+    assert len(second) == 4
+    collected(tmp_path / "another", seed=SEEDS[0] + 1)
+    name = f"{FOLDER}/bug2-v0/data/main_data.hdf5"
+    assert files_of(tmp_path / "another")[name] != files_of(tmp_path / "whole")[name]
+
+
+def test_a_stop_while_datasets_are_written_leaves_whole_ones(
+    minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[str] = []
+
+    def write(*arguments: Any) -> None:
+        if len(written) == 1:
+            arguments = (*arguments[:-1], torn(arguments[-1]))
+        written.append(arguments[2])
+        original(*arguments)
+
+    def torn(blocks: Any) -> Iterator[Any]:
+        yield next(iter(blocks))
+        raise KeyboardInterrupt
+
+    original = minari_files.write_dataset
+    with monkeypatch.context() as patched:
+        patched.setattr(collection, "write_dataset", write)
+        with pytest.raises(KeyboardInterrupt):
+            collected(tmp_path, forms=["flat"])
+    assert written == [f"{FOLDER}/bug2_flat-v0", f"{FOLDER}/random_flat-v0"]
+    assert [path.name for path in (tmp_path / FOLDER).iterdir() if path.is_dir()] == ["bug2_flat-v0"]
+    names = collected(tmp_path, forms=["flat"])
+    assert [open_dataset(tmp_path / name).total_episodes for name in names] == [6, 6, 12]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": 6}, "bug2-v0 holds another run: first_seed was 5, is now 6"),
+        ({"overrides": {**SHORT, "lidar.beams": 17}}, "bug2-v0 holds another run: digest was "),
+        ({"policies": ["bug2"], "expert": "bug1"}, 'bug2-v0 holds another run: expert was "bug2", is now "bug1"'),
+        ({"forms": ["image"]}, "observations lie as dict or flat, got 'image'"),
+        ({"policies": ["bug2", ("mixed", "bug1")]}, "datasets would both be called mixed"),
+        ({"policies": [("bug 2", "bug2"), ("bug_2", "bug1")]}, "datasets would both be called bug_2"),
+        ({"episodes": 0}, "at least one episode"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(changes: dict[str, Any], message: str, root: Path) -> None:
+    before = files_of(root)
+    with pytest.raises(ValueError, match=message) as told:
+        collected(root, **{"extras": Extras(modes=True, shortest_path=True), **changes})
+    assert "\n" not in str(told.value)
+    assert files_of(root) == before
+
+
+def test_scenarios_without_datasets_are_told_of(minari: Any, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="moving_target has a moving target and no shortest path"):
+        collect("moving_target", ["bug2"], tmp_path, expert="bug2", extras=Extras(shortest_path=True))
+    with pytest.raises(ValueError, match="datasets are of one robot, warehouse_team has "):
+        collect("warehouse_team", ["bug2"], tmp_path, expert="bug2")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def copy(minari: Any, tmp_path: Path) -> Path:
+    """A dataset to damage."""
+    (name,) = collected(tmp_path, ["bug2"], episodes=2, forms=["flat"])
+    return tmp_path / name
+
+
+def test_a_dataset_is_opened_for_its_scenario_and_version_only(copy: Path) -> None:
+    assert open_dataset(copy, load("dynamic", SHORT)).total_episodes == 2
+    with pytest.raises(ValueError, match="is of the scenario dynamic .*, expected static "):
+        open_dataset(copy, load("static"))
+    path = copy / "data" / "metadata.json"
+    path.write_text(path.read_text().replace(f'"version": "{bug_gym.__version__}"', '"version": "0.0.9"'))
+    with pytest.raises(ValueError, match="was collected with bug-gym 0.0.9, this is"):
+        open_dataset(copy)
+
+
+def test_torn_files_are_told_of(copy: Path) -> None:
+    main_file, metadata = copy / "data" / "main_data.hdf5", copy / "data" / "metadata.json"
+    whole = main_file.read_bytes()
+    main_file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ValueError, match="bug2_flat-v0 is damaged: .*truncated"):
+        open_dataset(copy)
+    with pytest.raises(ValueError, match="bug2_flat-v0 is damaged"):  # and is not taken for done
+        collected(copy.parents[2], ["bug2"], episodes=2, forms=["flat"])
+    main_file.write_bytes(whole)
+    told = json.loads(metadata.read_text())
+    metadata.write_text(json.dumps({**told, "total_episodes": 1}))
+    with pytest.raises(ValueError, match="has 2 episodes, its metadata tell of 1"):
+        open_dataset(copy)
+    metadata.write_text(metadata.read_text()[:-9])
+    with pytest.raises(ValueError, match="metadata.json is damaged"):
+        open_dataset(copy)
+    metadata.unlink()
+    with pytest.raises(ValueError, match="no dataset in"):
+        open_dataset(copy)
+
+
+def test_the_command_writes_what_the_function_does(
+    minari: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sets = [part for key, value in SHORT.items() for part in ("--set", f"{key}={value}")]
+    out = str(tmp_path / "command")
+    arguments = ["--policies", "bug2:turn=right", "--episodes", "2", "--observations", "flat", "--expert", "bug2"]
+    assert main(["collect", "dynamic", *arguments, "--out", out, *sets]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == f"{FOLDER}/bug2_turn_right_flat-v0"
+    entry = PolicyEntry("bug2:turn=right", "bug2", {"turn": "right"})
+    collected(tmp_path / "function", [entry], episodes=2, seed=0, forms=["flat"])
+    assert files_of(tmp_path / "command") == files_of(tmp_path / "function")

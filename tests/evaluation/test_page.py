@@ -1,0 +1,303 @@
+"""The page about an evaluation: what it says, that it stands alone, and that its script sorts and filters."""
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.page import PAGE, page, write_page
+from bug_gym.evaluation.page.distributions import BINS, HEIGHT, counts, histogram
+from bug_gym.evaluation.page.failures import told_seeds
+from bug_gym.evaluation.page.markup import Markup, element
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import compare, summarise
+
+BLANK = EpisodeRow(
+    "bug2", "box", 0, 0, "success", "", True, 8.0, 80, 8.0, 0.2, 8.0, 0.9, nan, 0.5, 0, 0.0, 0.004, 0.01, 0.1
+)
+HOSTILE = "</script></td><img src=x onerror=alert(1)>&amp;\"'$style\u2028"
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+def rows_of(policy: str, scenario: str, ends: str) -> list[EpisodeRow]:
+    """A row a letter: success, collision, timeout or gave up."""
+    rows = []
+    for seed, letter in enumerate(ends):
+        outcome, verdict = {"s": ("success", ""), "c": ("collision", ""), "t": ("timeout", "")}.get(
+            letter, ("gave_up", "stuck")
+        )
+        spl = 0.9 if letter == "s" else 0.0
+        rows.append(
+            replace(
+                BLANK,
+                policy=policy,
+                scenario=scenario,
+                seed=seed,
+                outcome=outcome,
+                verdict=verdict,
+                success=letter == "s",
+                spl=spl,
+                time=8.0 + seed,
+            )
+        )
+    return rows
+
+
+ROWS = [
+    *rows_of("middling", "box", "ssct"),
+    *rows_of("middling", "maze", "ssgg"),
+    *rows_of("best", "box", "ssss"),
+    *rows_of("best", "maze", "sssc"),
+    *rows_of("worst", "box", "cccc"),
+    *rows_of("worst", "maze", "tsct"),
+]
+
+
+class Reader(HTMLParser):
+    """What is in a page: elements with their attributes, and the texts of each element."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.tables: list[list[list[str]]] = []
+        self.texts: dict[str, str] = {}
+        self._open = ["start"]
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        self._open.append(dict(attrs).get("id") or tag)
+        if tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in ("td", "th"):
+            self.tables[-1][-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "table":
+            self._open.append("after a table")
+
+    def handle_data(self, data: str) -> None:
+        self.texts[self._open[-1]] = self.texts.get(self._open[-1], "") + data
+        if self.tables and self.tables[-1] and self.tables[-1][-1] and self._open[-1] != "after a table":
+            self.tables[-1][-1][-1] += data
+
+
+def page_of(rows: list[EpisodeRow], title: str = "box and maze", baseline: str | None = None) -> str:
+    """The page about some rows."""
+    return page(title, rows, summarise(rows, resamples=10), compare(rows, baseline or rows[0].policy, resamples=10))
+
+
+def kept(text: str) -> dict[str, Any]:
+    """The rows that a page holds as JSON."""
+    (found,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)
+    assert not set("<>&") & set(found)  # whatever a browser makes of them within a script
+    return dict(json.loads(found))
+
+
+def script_of(text: str) -> str:
+    return str(re.findall(r"<script>(.*?)</script>", text, re.DOTALL)[-1])
+
+
+def test_the_page_begins_with_the_matrix_the_most_successful_policy_first() -> None:
+    header, *lines = Reader(page_of(ROWS)).tables[0]
+    assert header == ["policy", "all scenarios", "box", "maze"]
+    assert [line[0] for line in lines] == ["best", "middling", "worst"]
+    # Wilson's lower bound at 4 of 4 is 4 / (4 + 1.96^2) = 0.51.
+    assert lines[0][2] == "100 [51, 100]" and lines[2][2] == "0 [0, 49]"
+
+
+def test_a_cell_is_coloured_by_its_share_and_leads_to_its_failures() -> None:
+    elements = Reader(page_of(ROWS)).elements
+    shares = [float(str(one["style"]).partition(":")[2]) for _, one in elements if one.get("class") == "share"]
+    assert shares == [0.875, 1.0, 0.75, 0.5, 0.5, 0.5, 0.125, 0.0, 0.25]
+    links = [str(one["href"]) for _, one in elements if "href" in one]
+    marks = [one["id"] for _, one in elements if one.get("id")]
+    assert len(marks) == len(set(marks)) and {link.removeprefix("#") for link in links} <= set(marks)
+    assert sum(link.startswith("#failed-") for link in links) == 5  # one in each cell of the six below 100 %
+
+
+def test_failures_are_told_by_kind_with_their_seeds() -> None:
+    header, *lines = Reader(page_of(ROWS)).tables[-1]
+    assert header == ["scenario", "policy", "how", "episodes", "seeds"]
+    assert ["maze", "middling", "gave up: stuck", "2", "2, 3"] in lines
+    assert ["maze", "worst", "time was up", "2", "0, 3"] in lines
+    assert ["box", "worst", "collision", "4", "0 to 3"] in lines
+    assert sum(int(line[3]) for line in lines) == sum(not row.success for row in ROWS)
+
+
+def test_differences_are_to_the_baseline_that_was_asked_for() -> None:
+    text = page_of(ROWS, baseline="best")
+    assert "Difference to best in the same worlds." in text
+    (table,) = [table for table in Reader(text).tables if table[0][:2] == ["policy", "pairs"]]
+    by_policy = {line[0]: line for line in table[1:]}
+    assert set(by_policy) == {"middling", "worst"}
+    assert by_policy["worst"][2].startswith("-75.0 [")  # 1 of 8 against 7 of 8
+
+
+def test_a_policy_alone_that_always_succeeds_has_nothing_to_compare_and_no_failures() -> None:
+    text = page_of(rows_of("one", "box", "sss"))
+    assert "nothing to compare" in text and "Every episode succeeded" in text
+
+
+def test_every_row_is_kept_and_seeds_beyond_the_whole_numbers_of_javascript_as_text() -> None:
+    rows = [*ROWS, replace(BLANK, policy="best", seed=2**60, min_clearance=inf)]
+    data = kept(page_of(rows))
+    policies, scenarios, _, _, ends = data["names"]
+    found = [(policies[row[0]], scenarios[row[1]], row[2], ends[row[4]]) for row in data["rows"]]
+    names = {"success": "success", "collision": "collision", "timeout": "time was up", "gave_up": "gave up: stuck"}
+    assert found[:-1] == [(row.policy, row.scenario, row.seed, names[row.outcome]) for row in ROWS]
+    assert found[-1] == ("best", "box", str(2**60), "success")
+    assert data["rows"][-1][data["columns"].index("clearance [m]")] is None
+
+
+def test_hostile_names_are_text_and_change_nothing_else() -> None:
+    plain = [
+        replace(row, policy=row.policy.replace("best", "x"), scenario=row.scenario.replace("box", "y")) for row in ROWS
+    ]
+    named = {"x": HOSTILE + "1", "y": HOSTILE + "2"}
+    hostile = [
+        replace(row, policy=named.get(row.policy, row.policy), scenario=named.get(row.scenario, row.scenario))
+        for row in plain
+    ]
+    text = page_of(hostile, title=HOSTILE)
+    one, other = Reader(page_of(plain, title="z")), Reader(text)
+    assert [tag for tag, _ in one.elements] == [tag for tag, _ in other.elements]
+    assert [set(attributes) for _, attributes in one.elements] == [set(attributes) for _, attributes in other.elements]
+    assert other.texts["title"].removesuffix("\n") == HOSTILE and other.tables[0][1][0] == HOSTILE + "1"
+    assert kept(text)["names"][0][1] == HOSTILE + "1"
+
+
+def test_the_page_loads_nothing_and_runs_its_own_script_only() -> None:
+    text = page_of(ROWS)
+    for tag, attributes in Reader(text).elements:
+        assert tag not in ("link", "img", "iframe", "object", "base") and "src" not in attributes
+        assert str(attributes.get("href", "#")).startswith("#")
+        assert not any(name.startswith("on") for name in attributes)
+    assert not re.search(r"https?://|url\(|@import", text)
+    digest = base64.b64encode(hashlib.sha256(script_of(text).encode()).digest()).decode()
+    assert "default-src 'none'" in text and f"script-src 'sha256-{digest}'" in text
+
+
+def test_the_page_is_for_phones_and_for_the_dark() -> None:
+    text = page_of(ROWS)
+    assert 'name="viewport"' in text and "prefers-color-scheme: dark" in text
+
+
+def test_thirty_policies_in_eight_worlds_of_two_hundred_episodes_stay_below_20_megabytes(tmp_path: Path) -> None:
+    rows = [
+        replace(row, seed=17 * row.seed, time=row.time * 1.2345678, min_clearance=0.1234567)
+        for policy in range(30)
+        for scenario in range(8)
+        for row in rows_of(f"a_policy_of_number_{policy}", f"scenario_{scenario}", "sctg" * 50)
+    ]
+    write_page(tmp_path / PAGE, "large", rows, summarise(rows, resamples=1), compare(rows, rows[0].policy, resamples=1))
+    assert len(rows) == 48_000 and (tmp_path / PAGE).stat().st_size < 20_000_000
+
+
+@given(st.sets(st.integers(0, 60)))
+def test_told_seeds_are_the_seeds(seeds: set[int]) -> None:
+    told: set[int] = set()
+    for part in filter(None, told_seeds(seeds).split(", ")):
+        first, _, last = part.partition(" to ")
+        told |= set(range(int(first), int(last or first) + 1))
+    assert told == seeds
+
+
+@given(st.lists(st.floats(-5.0, 5.0), min_size=1), st.floats(-1.0, 0.0), st.floats(0.0, 1.0))
+def test_a_histogram_counts_each_value_once(values: list[float], low: float, high: float) -> None:
+    found = counts(values, (low, high))
+    assert len(found) == BINS and sum(found) == len(values)
+    heights = [float(height) for height in re.findall(r"v-([\d.]+)h", histogram(values, (low, high)))]
+    assert max(heights) == HEIGHT and len(heights) <= sum(count > 0 for count in found)
+
+
+def test_a_histogram_has_equal_bins_and_what_lies_beyond_in_the_last() -> None:
+    found = counts([0.0, 0.49, 1.0, 23.5, 24.0, 99.0], (0.0, 24.0))
+    assert (found[0], found[1], found[-1]) == (2, 1, 3)
+    assert counts([3.0, 3.0], (3.0, 3.0))[0] == 2
+
+
+def test_only_markup_is_not_escaped() -> None:
+    inner = element("b", "<&>")
+    assert inner == "<b>&lt;&amp;&gt;</b>" and isinstance(inner, Markup)
+    assert (
+        element("a", inner, "'", href='"', hidden=True, id=None)
+        == '<a href="&quot;" hidden><b>&lt;&amp;&gt;</b>&#x27;</a>'
+    )
+
+
+def test_an_evaluation_ends_with_the_page(tmp_path: Path) -> None:
+    world = {"world": {"family": "empty", "start": [0, 0, 0], "goal": [2, 0]}}
+    evaluate(["bug0", "go_to_goal"], world, episodes=2, out=tmp_path)
+    text = (tmp_path / PAGE).read_text(encoding="utf-8")
+    assert Counter(row[0] for row in kept(text)["rows"]) == {0: 2, 1: 2}
+
+
+# What a reader would do: sort the matrix by a column, filter by policy, choose an outcome, and look at what is left.
+STEPS = """
+{
+const matrix = document.querySelector("#success table");
+const shown = (table) => [...table.tBodies[0].rows].filter((row) => !row.hidden).map((row) => row.cells[0].textContent);
+const told = {};
+const maze = matrix.tHead.rows[0].cells[3].firstChild;
+maze.click(); told.descending = shown(matrix);
+maze.click(); told.ascending = shown(matrix);
+matrix.tHead.rows[0].cells[0].firstChild.click(); told.named = shown(matrix);
+const episodes = document.querySelector("#rows table");
+told.all = shown(episodes).length;
+const filter = document.getElementById("filter");
+filter.value = "WORST, best"; filter.dispatchEvent(new Event("input"));
+told.filtered = shown(matrix); told.fewer = shown(episodes).length;
+const select = document.querySelectorAll("#choices select")[2];
+select.value = [...select.options].find((option) => option.textContent === "collision").value;
+select.dispatchEvent(new Event("change"));
+told.collisions = shown(episodes);
+const times = [...episodes.tHead.rows[0].cells].find((head) => head.textContent === "time [s]");
+times.firstChild.click();
+told.times = [...episodes.tBodies[0].rows].map((row) => Number(row.cells[times.cellIndex].textContent));
+told.wide = document.documentElement.scrollWidth <= window.innerWidth;
+document.title = JSON.stringify(told);
+}
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
+def test_a_browser_sorts_and_filters_the_page(tmp_path: Path) -> None:
+    text = page_of(ROWS)
+    digest = base64.b64encode(hashlib.sha256(STEPS.encode()).digest()).decode()
+    text = text.replace("script-src ", f"script-src 'sha256-{digest}' ").replace(
+        "</body>", f"<script>{STEPS}</script></body>"
+    )
+    (tmp_path / PAGE).write_text(text, encoding="utf-8")
+    assert CHROMIUM is not None
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--window-size=600,900",
+        f"--user-data-dir={tmp_path}/user",
+    ]
+    command = [CHROMIUM, *options, "--dump-dom", (tmp_path / PAGE).as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    told = json.loads(Reader(done.stdout).texts["title"])
+    assert told["descending"] == ["best", "middling", "worst"] and told["ascending"] == ["worst", "middling", "best"]
+    assert told["named"] == ["best", "middling", "worst"]
+    assert (told["all"], told["filtered"], told["fewer"]) == (len(ROWS), ["best", "worst"], 16)
+    assert Counter(told["collisions"]) == {"best": 1, "worst": 5}
+    assert told["times"] == sorted(told["times"], reverse=True) and len(told["times"]) == 6
+    assert told["wide"]

@@ -1,0 +1,124 @@
+"""What an evaluation says of robots that share a world."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.rows import AMONG_ROBOTS, EpisodeRow
+from bug_gym.evaluation.teams import team_differences, team_rows, team_tables
+from bug_gym.reproductions.team_runs import run_team
+from bug_gym.reproductions.team_worlds import random_world, team_scenario
+
+BLANK = EpisodeRow(
+    policy="pair",
+    scenario="hall",
+    seed=0,
+    robot=0,
+    outcome="success",
+    verdict="",
+    success=True,
+    time=10.0,
+    steps=100,
+    path_length=9.0,
+    goal_distance=0.2,
+    shortest_path_length=8.0,
+    spl=0.8,
+    time_ratio=math.nan,
+    min_clearance=0.3,
+    turns=1,
+    total_turning=0.5,
+    decision_time_mean=1e-4,
+    decision_time_p99=2e-4,
+    decision_time_total=1e-2,
+)
+
+
+def robots(policy: str, seed: int, *of_each: dict[str, Any]) -> list[EpisodeRow]:
+    """Rows of the robots of one world."""
+    rows = []
+    for robot, values in enumerate(of_each):
+        given = {"robots_gap": 1.0, **values}
+        given["success"] = given.get("outcome", "success") == "success"
+        rows.append(replace(BLANK, policy=policy, seed=seed, robot=robot, **given))
+    return rows
+
+
+def test_a_row_of_a_team_says_who_arrived_first_and_what_all_did() -> None:
+    first = {"outcome": "ended", "path_length": 7.0, "holds": 2, "held_time": 3.5, "robots_gap": 0.7}
+    (row,) = team_rows(robots("pair", 3, first, {"time": 11.0, "path_length": 10.0, "holds": 1, "held_time": 0.5}))
+    assert (row.seed, row.robots, row.winner, row.time, row.length) == (3, 2, 1, 11.0, 10.0)
+    assert (row.total_length, row.holds, row.held_time, row.robots_gap) == (17.0, 3, 4.0, 0.7)
+    assert (row.arrived, row.collided, row.deadlock, row.success) == (1, 0, False, True)
+
+
+def test_of_two_that_arrive_the_earlier_one_wins_and_of_equals_the_first() -> None:
+    (row,) = team_rows(robots("pair", 0, {"time": 12.0}, {"time": 11.0}, {"time": 11.0}))
+    assert row.winner == 1 and row.arrived == 3
+
+
+def test_robots_that_stand_when_the_time_is_up_have_stopped_one_another() -> None:
+    standing = {"outcome": "timeout", "standing_time": 30.0}
+    assert team_rows(robots("pair", 0, standing, standing))[0].deadlock
+    assert not team_rows(robots("pair", 0, standing, {**standing, "standing_time": 1.0}))[0].deadlock
+    assert not team_rows(robots("pair", 0, standing, {}))[0].deadlock
+
+
+def test_robots_alone_are_no_team_and_their_rows_say_nothing_of_others() -> None:
+    assert team_rows([BLANK]) == [] and team_tables([BLANK]) == []
+    assert not set(AMONG_ROBOTS) & set(BLANK.as_dict())
+    assert EpisodeRow.from_dict(BLANK.as_dict()).as_dict() == BLANK.as_dict()
+    row = robots("pair", 0, {"holds": 2})[0]
+    again = EpisodeRow.from_dict(json.loads(json.dumps(row.as_dict())))
+    assert again.holds == 2 and again.robots_gap == 1.0
+
+
+def test_differences_are_paired_by_world_and_count_where_both_arrive() -> None:
+    rows = []
+    for seed, more in enumerate((1.0, 2.0, 3.0)):
+        rows += robots("base", seed, {"time": 10.0}, {"outcome": "ended", "path_length": 5.0})
+        rows += robots("pair", seed, {"time": 10.0 + more}, {"outcome": "ended", "path_length": 5.0 + more})
+    rows += robots("base", 7, {"outcome": "timeout"}, {"outcome": "timeout"})
+    rows += robots("pair", 7, {"time": 99.0}, {"outcome": "ended"})
+    ((title, header, lines),) = team_differences(rows, "base")
+    assert "base" in title and header[:2] == ["policy", "worlds"]
+    assert lines[0][:2] == ["pair", "4"]
+    arrives, time, _, everything = (float(cell.split()[0]) for cell in lines[0][2:])
+    assert (arrives, time, everything) == (0.25, 2.0, 2.0)
+
+
+def test_an_evaluation_of_teams_drives_them_as_predict_does(tmp_path: Path) -> None:
+    scenario = random_world(3)
+    policies = [("pair", name, {"clearance": 1.0}) for name in ("com1_rev3",)]
+    rows = evaluate(
+        [*policies, ("swarm", "swarm_bug2", {"clearance": 1.0})], scenario, episodes=2, out=tmp_path / "out"
+    )
+    run = run_team("com1_rev3", scenario, seed=0, clearance=1.0)
+    mine = [row for row in rows if row.policy == "pair" and row.seed == 0]
+    assert [row.outcome for row in mine] == list(run.outcomes)
+    np.testing.assert_allclose([row.robots_gap for row in mine], run.least_gap)
+    assert [row.holds for row in mine] == [memory.holds for memory in run.memories]
+    with (tmp_path / "out" / "teams.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert len(lines) == 4 and {line["policy"] for line in lines} == {"pair", "swarm"}
+    assert lines[0]["winner"] == str(run.winner)
+    assert "the first of 2 robots" in (tmp_path / "out" / "summary.md").read_text()
+    assert evaluate(
+        [*policies, ("swarm", "swarm_bug2", {"clearance": 1.0})], scenario, episodes=2, out=tmp_path / "out"
+    )
+
+
+def test_a_team_is_left_out_where_there_are_not_robots_enough() -> None:
+    two = team_scenario([], [(0.0, 0.0, 0.0), (0.0, 3.0, 0.0)], (4.0, 1.0))
+    rows = evaluate(["com1_rev3", "bug2"], [{**two, "name": "two"}, "u_trap"], episodes=1)
+    assert {(row.policy, row.scenario) for row in rows} == {("com1_rev3", "two"), ("bug2", "two"), ("bug2", "u_trap")}
+    with pytest.raises(ValueError, match="2 robots or more, the scenario has 1"):
+        evaluate(["com1_rev3"], ["u_trap"], episodes=1)

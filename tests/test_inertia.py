@@ -1,0 +1,154 @@
+"""Robots with inertia stop before what they see, whatever an algorithm asks for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import LineString, MultiPoint
+
+from bug_gym import kernels
+from bug_gym.agents import make_policy
+from bug_gym.config import Scenario, load
+from bug_gym.geometry import velocity_along
+from bug_gym.inertia import needs_care, speed_within
+from bug_gym.kinematics import Drive
+from bug_gym.navigation_env import NavigationEnv
+from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.view import Sensors, View
+
+SPEEDS, ACCELERATIONS, STEPS = st.floats(0.0, 3.0), st.floats(0.1, 10.0), st.sampled_from([0.05, 0.1, 0.2])
+
+
+def driven_and_braked(speed: float, acceleration: float, step: float) -> float:
+    """Way of a step at a speed and of all that follow while the robot brakes, one by one [m]."""
+    way = 0.0
+    while speed > 1e-12:
+        way += speed * step
+        speed = max(speed - acceleration * step, 0.0)
+    return way
+
+
+@given(SPEEDS, ACCELERATIONS, STEPS)
+def test_the_way_to_stand_is_that_of_braking_step_by_step(speed: float, acceleration: float, step: float) -> None:
+    way = speed * step + kernels.stopping_way(speed, acceleration, step)
+    assert way == pytest.approx(driven_and_braked(speed, acceleration, step), abs=1e-9)
+
+
+@given(st.floats(0.0, 20.0), ACCELERATIONS, STEPS)
+def test_at_the_speed_within_a_way_the_robot_stands_at_its_end(way: float, acceleration: float, step: float) -> None:
+    drive = Drive("holonomic", 5.0, 0.0, 0.0, step, acceleration)
+    speed = speed_within(drive, way)
+    needed = driven_and_braked(speed, acceleration, step)
+    assert needed == pytest.approx(way, abs=1e-9) if speed < 5.0 else needed <= way + 1e-9
+
+
+def test_a_robot_without_inertia_may_always_go_at_full_speed() -> None:
+    assert speed_within(Drive("holonomic", 1.5, 0.0, 0.0, 0.1), 0.01) == 1.5
+
+
+coordinates = st.floats(-2.0, 2.0)
+
+
+@settings(max_examples=300)
+@given(st.lists(st.tuples(coordinates, coordinates), max_size=12), coordinates, coordinates, coordinates, coordinates)
+def test_clear_of_points_is_what_a_swept_disc_says(
+    points: list[tuple[float, float]], x: float, y: float, wx: float, wy: float
+) -> None:
+    radius, margin = 0.3, 0.1
+    px, py = np.array([p[0] for p in points]), np.array([p[1] for p in points])
+    told = kernels.keeps_clear(px, py, np.array([[0.0, 0.0, radius]]), x, y, 0.0, wx, wy, margin, 0.0)
+    apart = [point for point in points if math.hypot(*point) >= radius + margin]
+    if len(apart) < len(points) or not points:
+        return  # those are another test's
+    distance = MultiPoint(points).distance(LineString([(0, 0), (x, y), (x + wx, y + wy)]))
+    if abs(distance - radius - margin) > 1e-9:
+        assert told == (distance > radius + margin)
+
+
+def test_a_point_that_is_too_near_lets_the_body_go_away_and_along_but_no_nearer() -> None:
+    px, py = np.array([0.35]), np.array([0.0])
+
+    def clear(x: float, y: float) -> bool:
+        return bool(kernels.keeps_clear(px, py, np.array([[0.0, 0.0, 0.3]]), x, y, 0.0, 0.0, 0.0, 0.1, 0.0))
+
+    assert clear(-0.2, 0.0) and clear(0.0, 0.2) and clear(0.0, -0.2)
+    assert not clear(0.02, 0.0)
+
+
+def test_what_lies_between_two_beams_is_reckoned_with() -> None:
+    px, py = np.array([2.0]), np.array([0.42])
+    circles = np.array([[0.0, 0.0, 0.3]])
+    assert kernels.keeps_clear(px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, 0.0)
+    assert not kernels.keeps_clear(px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, math.radians(1.0))
+
+
+# -- Whatever is asked for ---------------------------------------------------------------------------------------------
+
+
+class Ram(ScriptedPolicy):
+    """Full speed at the nearest thing in sight, for ever: what no algorithm should ask for."""
+
+    def start(self) -> Memory:
+        return Memory()
+
+    def act(self, view: View, memory: Memory) -> Velocity:
+        _, bearing = view.nearest()
+        return velocity_along(bearing, self.sensors.drive.max_speed)
+
+
+def least_clearance(scenario: Scenario, policy: ScriptedPolicy, seed: int, seconds: float) -> float:
+    """How near the body comes to something in an episode [m]; 0: it touches."""
+    env = NavigationEnv(scenario, observation="flat")
+    observation, info = env.reset(seed=seed)
+    state: Any = None
+    for _ in range(math.ceil(seconds / scenario.time.step)):
+        action, state = policy.predict(observation, state)
+        observation, _, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            break
+    return float(info["min_clearance"])
+
+
+ROBOTS = [
+    {"kinematics": kinematics, "max_speed": speed, "max_acceleration": acceleration}
+    for kinematics in ("holonomic", "differential")
+    for speed, acceleration in ((2.0, 0.5), (1.0, 1.0), (2.0, 5.0))
+]
+WORLDS: list[Any] = [
+    {"world": {"family": "field", "obstacles": 30, "moving": 0}},
+    {"world": {"family": "forest"}},
+    "maze",
+]
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: "-".join(map(str, robot.values())))
+@pytest.mark.parametrize("world", WORLDS, ids=["field", "forest", "maze"])
+def test_even_who_runs_at_everything_touches_nothing_still(world: Any, robot: dict[str, Any]) -> None:
+    scenario = load(world, {**{f"robot.{key}": value for key, value in robot.items()}, "lidar.beams": 360})
+    policy = Ram(Sensors.of(scenario))
+    assert needs_care(policy.sensors)
+    clearances = [least_clearance(scenario, policy, seed, 15.0) for seed in range(4)]
+    assert min(clearances) > 0.0
+    assert min(clearances) < 0.5  # it was near
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("name", ["bug2", "tangent_bug", "vis_bug_21"])
+def test_bugs_with_inertia_arrive_and_touch_nothing_still(name: str, kinematics: str) -> None:
+    robot = {"robot.kinematics": kinematics, "robot.max_speed": 1.5, "robot.max_acceleration": 1.0, "time.limit": 120.0}
+    scenario = load({"world": {"family": "forest"}}, robot)
+    for seed in range(3):
+        env = NavigationEnv(scenario, observation="flat")
+        policy = make_policy(name, env)
+        observation, info = env.reset(seed=seed)
+        state, done = None, False
+        while not done:
+            action, state = policy.predict(observation, state)
+            observation, _, terminated, truncated, info = env.step(action)
+            done = terminated or truncated
+        assert info["outcome"] == "success"
