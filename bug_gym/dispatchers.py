@@ -67,17 +67,38 @@ class LoweringForCallers(NativeLowering):
         return True
 
 
+@register_pass(mutates_CFG=True, analysis_only=False)
+class LoweringApart(LoweringForCallers):
+    """Likewise, and has the callers jump to it."""
+
+    _name = "lowering_apart"
+
+    def run_pass(self, state: Any) -> bool:
+        """Mark what was written."""
+        super().run_pass(state)
+        state.library.get_function(state.cr.fndesc.llvm_func_name).add_function_attribute("noinline")
+        return True
+
+
 class CompilerForCallers(CompilerBase):
     """numba's own passes, but for the last."""
+
+    lowering: type[NativeLowering] = LoweringForCallers
 
     def define_pipelines(self) -> list[PassManager]:
         """The one pipeline, of nopython mode."""
         usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes = PassManager("nopython_for_callers")
         for one, reason in usual.passes:
-            passes.add_pass(LoweringForCallers if one is NativeLowering else one, reason)
+            passes.add_pass(self.lowering if one is NativeLowering else one, reason)
         passes.finalize()
         return [passes]
+
+
+class CompilerApart(CompilerForCallers):
+    """Likewise."""
+
+    lowering = LoweringApart
 
 
 class Callee(OncePerType):
@@ -94,6 +115,12 @@ class Callee(OncePerType):
     def add_overload(self, cres: Any) -> None:
         """Keep what was compiled for one signature."""
         self.overloads[tuple(cres.signature.args)] = cres
+
+
+class Apart(Callee):
+    """A callee that none of its callers takes in."""
+
+    pipeline = CompilerApart
 
 
 class Kernel(OncePerType):

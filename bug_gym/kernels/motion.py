@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.compiling import called, inlined
+from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.chords import NEVER, disc_contact, point_wall_distance, wall_contact
 from bug_gym.kernels.geometry import length, sin_cos
 from bug_gym.kernels.layout import BOUNCE, CROWD, RANDOM_WALK, STILL, STREAM_WALK, WAYPOINTS, Floats, Integers, Record
@@ -122,7 +122,7 @@ def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) ->
     return now + distance / speed
 
 
-@called
+@apart
 def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Set the next event of a body that has just been placed or has just had one."""
     law = k[s.body_law + b]
@@ -142,7 +142,7 @@ def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
             f[s.body_ny + b] = 0.0
 
 
-@called
+@apart
 def handle_event(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Reflect, turn or take the next way-point: body b stands at the place of its event, at time `now`."""
     law = k[s.body_law + b]
@@ -214,7 +214,7 @@ def move_body(f: Floats, k: Integers, s: Record, b: int, start: float, end: floa
     set_line(f, s, b, end)
 
 
-@called
+@apart
 def bring_forward(f: Floats, k: Integers, s: Record, b: int, time: float) -> None:
     """Bring body b, which looks at nothing, to its place at a time, the end of a step, through all its events so far.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bug_gym.compiling import called, inlined
+from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import CROWD, Floats, Integers, Record
 from bug_gym.kernels.motion import bring_forward, move_looker
@@ -72,7 +72,7 @@ def close_in(f: Floats, s: Record) -> float:
     return reach
 
 
-@called
+@apart
 def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, total: int, at: int, time: float) -> int:
     """List those of the bodies `first` ... `first + total - 1` that are near, from `at` on; returns how many.
 
@@ -127,7 +127,7 @@ def list_body(f: Floats, s: Record, b: int, j: int, moves: bool) -> None:
         f[s.near_event + j] = math.inf
 
 
-@called
+@apart
 def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
     """Bring the listed bodies through their events up to `end`."""
     next_event = math.inf
@@ -145,7 +145,7 @@ def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
     f[s.next_event] = next_event
 
 
-@called
+@apart
 def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float) -> None:
     """List the near bodies anew at a time; all are looked at where `reach` is more than what they were listed for."""
     margin = s.margin
