@@ -5,19 +5,56 @@ These change from one of its releases to the next; `compiling` does without this
 
 from __future__ import annotations
 
+import contextlib
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Never
 
 from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering
+from numba.core.types.functions import BaseFunction
 
 # _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
 OPTIONS: dict[str, Any] = {"nopython": True, "no_cfunc_wrapper": True, "_nrt": False}
+
+
+@contextlib.contextmanager
+def collector_off() -> Iterator[None]:
+    """Python's collector would go through all that numba has loaded, again and again, for a fifth of the time."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@contextlib.contextmanager
+def calls_remembered() -> Iterator[None]:
+    """Whenever numba meets `a + b`, it asks some twenty templates in turn who knows the types; so it asks once for each.
+
+    Under numba's lock, so that nothing else is compiled by it meanwhile.
+    """
+    ask = BaseFunction.get_call_type
+    known: dict[Any, Any] = {}
+
+    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+        asked = (self, context, tuple(args), tuple(dict(kws).items()))
+        if asked not in known:
+            known[asked] = ask(self, context, args, kws)
+        return known[asked]
+
+    BaseFunction.get_call_type = get_call_type
+    try:
+        yield
+    finally:
+        BaseFunction.get_call_type = ask
 
 
 class OncePerType(CPUDispatcher):
@@ -134,14 +171,8 @@ class Kernel(OncePerType):
 
     def compile(self, sig: Any) -> Any:
         """Compile for one signature, or take it from disk."""
-        # Python's collector would go through all that numba has loaded, again and again, for a fifth of the time.
-        collects = gc.isenabled()
-        gc.disable()
-        try:
+        with global_compiler_lock, collector_off(), calls_remembered():
             return super().compile(sig)
-        finally:
-            if collects:
-                gc.enable()
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What numba asks for when it meets a call."""
