@@ -85,7 +85,7 @@ def kernel(function: Function) -> Function:
 
 def called(function: Function) -> Function:
     """Compiles a function for kernels."""
-    return cast(Function, for_kernels(function, forceinline=False))
+    return cast(Function, for_kernels(function))
 
 
 def inlined(function: Function) -> Function:
