@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import gc
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from typing import Any, Never
 
 from numba import types
@@ -18,9 +19,12 @@ from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
+from numba.np import arrayobj
 
 # _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
 OPTIONS: dict[str, Any] = {"nopython": True, "no_cfunc_wrapper": True, "_nrt": False}
+
+COUNTING_ON = "bug_gym.kernels."  # modules where no index of an array is below 0
 
 
 @contextlib.contextmanager
@@ -55,6 +59,21 @@ def calls_remembered() -> Iterator[None]:
         yield
     finally:
         BaseFunction.get_call_type = ask
+
+
+@contextlib.contextmanager
+def no_wrap_around() -> Iterator[None]:
+    """Each signed index is asked whether it counts from the end, for a tenth of a step; here none does."""
+    fix = arrayobj.fix_integer_index
+
+    def as_it_is(context: Any, builder: Any, kind: Any, index: Any, size: Any) -> Any:
+        return context.cast(builder, index, kind, types.intp if kind.signed else types.uintp)
+
+    arrayobj.fix_integer_index = as_it_is
+    try:
+        yield
+    finally:
+        arrayobj.fix_integer_index = fix
 
 
 class OncePerType(CPUDispatcher):
@@ -171,7 +190,8 @@ class Kernel(OncePerType):
 
     def compile(self, sig: Any) -> Any:
         """Compile for one signature, or take it from disk."""
-        with global_compiler_lock, collector_off(), calls_remembered():
+        counts_on = self.py_func.__module__.startswith(COUNTING_ON)
+        with global_compiler_lock, collector_off(), calls_remembered(), no_wrap_around() if counts_on else nullcontext():
             return super().compile(sig)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
