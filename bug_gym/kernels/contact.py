@@ -11,8 +11,7 @@ from bug_gym.kernels.body import NO_WALL, body_circle, circle_radius, is_beside,
 from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Footprint, Integers, Record
-from bug_gym.kernels.motion import body_motion
-from bug_gym.kernels.neighbours import Near
+from bug_gym.kernels.neighbours import Near, near_motion
 from bug_gym.kernels.rays import Discs, find_near_discs
 from bug_gym.kernels.vectors import NEAR
 
@@ -53,7 +52,7 @@ def disc_contacts(
         x, y, m = discs.x[at], discs.y[at], k[np.uint64(s.near_number) + at]
         mx, my = 0.0, 0.0
         if m < moving:
-            mx, my = body_motion(f, s, m)
+            mx, my = near_motion(f, s, m, at)
         for c in range(s.footprint):
             reach = discs.radius[at] + circle_radius(s, footprint, c)
             if footprint is not None and is_beside(footprint, c):
@@ -142,7 +141,7 @@ def obstacle_contact(
         x, y, mx, my = 0.0, 0.0, 0.0, 0.0  # the walls of a still polygon are kept where they stand
         if number < k[s.moving_polygon_count]:
             x, y = near.polygons.x[at], near.polygons.y[at]
-            mx, my = body_motion(f, s, s.discs + number)
+            mx, my = near_motion(f, s, s.discs + number, np.uint64(s.disc_room) + at)
         contact, gap = wall_contacts(
             f, s, footprint, r, k[s.polygon_first + number], k[s.polygon_walls + number], x, y, mx, my, need, end
         )

@@ -42,6 +42,7 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "listed_until": (1, "row"),  # `closing` up to which the lists of near bodies hold
     "listed_reach": (1, "row"),  # from a robot's centre to a body's edge [m]: so far they have all
     "next_event": (1, "row"),  # of a listed body [s]
+    "listed_turn": (1, "row"),  # when listed bodies last met events, or were listed [s]
     "pose": (3, "robots"),  # x, y [m], heading [rad]
     "velocity": (2, "robots"),  # of the body [m/s, rad/s or m/s]
     "next_pose": (3, "robots"),  # where the step would end without a contact

@@ -18,7 +18,7 @@ import numpy as np
 from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import CROWD, Floats, Integers, Record
-from bug_gym.kernels.motion import bring_forward, move_looker
+from bug_gym.kernels.motion import body_motion, bring_forward, move_looker
 from bug_gym.kernels.rays import Discs
 from bug_gym.kernels.vectors import LANES, move_eight
 
@@ -131,6 +131,7 @@ def list_body(f: Floats, s: Record, b: int, j: int, moves: bool) -> None:
 def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
     """Bring the listed bodies through their events up to `end`."""
     next_event = math.inf
+    f[s.listed_turn] = end
     for kind in range(2):
         at, count, first = 0, k[s.near_discs], 0
         if kind == 1:
@@ -183,6 +184,15 @@ def keep_list(f: Floats, k: Integers, s: Record, end: float) -> None:
             list_near(f, k, s, end, reach)
     if f[s.next_event] <= end:
         meet_events(f, k, s, end)
+
+
+@inlined
+def near_motion(f: Floats, s: Record, b: int, j: np.uint64) -> tuple[float, float]:
+    """The way in this step of the moving body b, which lies at place j of the lists [m]."""
+    if f[s.listed_turn] == f[s.time]:
+        return body_motion(f, s, b)
+    block = np.uint64(s.near) + (j >> np.uint64(3)) * np.uint64(BLOCK) + (j & np.uint64(7))
+    return f[block + np.uint64(2 * LANES)] * s.step, f[block + np.uint64(3 * LANES)] * s.step
 
 
 @called
