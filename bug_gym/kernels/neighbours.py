@@ -22,7 +22,7 @@ from bug_gym.kernels.motion import body_motion, bring_forward, move_looker
 from bug_gym.kernels.rays import Discs
 from bug_gym.kernels.vectors import LANES, move_eight
 
-FEW = 128  # up to so many all are listed once an episode: to choose among them would cost more than it saves
+FEW = 64  # up to so many all are listed once an episode: to choose among them would cost more than it saves
 NOWHERE = 1e100  # x and y of what fills up the last eight of a list [m]
 BLOCK = 5 * LANES  # numbers of eight listed bodies that lie together
 COLUMNS = 3  # of scratch for a listed body: x, y, radius
