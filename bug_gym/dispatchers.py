@@ -45,7 +45,8 @@ def calls_remembered() -> Iterator[None]:
 
     Under numba's lock, so that nothing else is compiled by it meanwhile.
     """
-    ask = BaseFunction.get_call_type
+    inside: Any = BaseFunction  # a method of which is replaced meanwhile
+    ask = inside.get_call_type
     known: dict[Any, Any] = {}
 
     def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
@@ -54,11 +55,11 @@ def calls_remembered() -> Iterator[None]:
             known[asked] = ask(self, context, args, kws)
         return known[asked]
 
-    BaseFunction.get_call_type = get_call_type
+    inside.get_call_type = get_call_type
     try:
         yield
     finally:
-        BaseFunction.get_call_type = ask
+        inside.get_call_type = ask
 
 
 @contextlib.contextmanager
@@ -191,7 +192,12 @@ class Kernel(OncePerType):
     def compile(self, sig: Any) -> Any:
         """Compile for one signature, or take it from disk."""
         counts_on = self.py_func.__module__.startswith(COUNTING_ON)
-        with global_compiler_lock, collector_off(), calls_remembered(), no_wrap_around() if counts_on else nullcontext():
+        with (
+            global_compiler_lock,
+            collector_off(),
+            calls_remembered(),
+            no_wrap_around() if counts_on else nullcontext(),
+        ):
             return super().compile(sig)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:

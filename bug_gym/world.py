@@ -446,7 +446,7 @@ PER_BODY = ("body_", "line_", "last_", "leg_", "way_first", "way_count", "way_ne
 """Beginnings of the names of arrays with one entry a body."""
 
 
-MARGIN = 1.0
+MARGIN = 2.0
 """How much farther than they matter bodies are listed [m]: the less, the fewer; the more, the more seldom."""
 
 OF_MOTION = frozenset(
