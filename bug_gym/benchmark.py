@@ -7,6 +7,7 @@ several times over: the median counts, the least and the greatest say how quiet 
 from __future__ import annotations
 
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -35,6 +36,10 @@ from bug_gym.simulation import Simulation
 WORLDS = 1024
 CASES = ((20, 64), (100, 180), (500, 180))
 """Obstacles and beams."""
+DENSITY = 0.25
+"""Obstacles a square metre in the worlds that grow."""
+GROWING = (20, 100, 500, 2000, 5000)
+"""Their obstacles."""
 TEAM = 2
 """Robots in a world where there are several."""
 BATCHES = 16
@@ -140,6 +145,14 @@ def busy_world(shapes: str, obstacles: int, beams: int) -> dict[str, Any]:
     world = {"family": "field", "obstacles": obstacles, "shapes": shapes, "moving": 1.0, "laws": ["bounce"]}
     lidar = {"beams": beams, "range": 5.0}
     return {"robot": {"kinematics": "differential"}, "lidar": lidar, "time": {"limit": 60.0}, "world": world}
+
+
+def growing_world(obstacles: int) -> dict[str, Any]:
+    """A world that is the larger the more obstacles it has: what is near a robot stays as much."""
+    scenario = busy_world("circles", obstacles, 180)
+    half = 0.5 * math.sqrt(obstacles / DENSITY)
+    scenario["world"] |= {"bounds": [-half, -half, half, half], "sizes": [0.2, 0.4], "separation": 0.5 * half}
+    return scenario
 
 
 def speed_tasks(worlds: int, seconds: float) -> Iterator[Task]:
@@ -264,6 +277,13 @@ def part_tasks(worlds: int, seconds: float) -> Iterator[Task]:
     yield Task("step (100 circles, 1 beam): core", "us", partial(part_time, "core", blind, worlds, seconds))
     yield Task(f"{title}: infos", "us", partial(part_time, "reading", scenario, worlds, seconds))
     yield Task(f"{title}: resets", "us", partial(part_time, "new worlds", scenario, worlds, seconds))
+    for obstacles in GROWING:
+        title = f"step ({obstacles} circles, {DENSITY} a square metre, 180 beams): core"
+        yield Task(
+            title,
+            "us",
+            partial(part_time, "core", growing_world(obstacles), min(worlds, WORLDS * 100 // obstacles), seconds),
+        )
     if find_spec("pygame"):
         yield Task("frame of 600 x 600 pixels: 500 moving squares", "ms", partial(frame_time, seconds))
     for obstacles, beams in CASES:

@@ -1,6 +1,7 @@
 """How the kernels are compiled: by numba, kept on disk, each function once.
 
-What Python calls is a `kernel`; what only kernels call is `called` or, where it is copied into its callers, `inlined`.
+What Python calls is a `kernel`; what only kernels call is `called` or, where it is copied into its callers, `inlined`,
+or, where it never is, kept `apart`.
 By itself numba would optimise each function, make machine code of it and an entry for Python, and then do so again for
 each function above it that took it in. A third of the time to compile is saved where only kernels go to the end.
 
@@ -92,6 +93,15 @@ def inlined(function: Function) -> Function:
     return cast(Function, for_kernels(function, forceinline=True))
 
 
+def apart(function: Function) -> Function:
+    """Compiles a function for kernels, which jump to it and never take in a copy.
+
+    For what is large and rare: LLVM would copy what is called from a few places into each, and what that calls into each
+    copy.
+    """
+    return cast(Function, for_kernels(function, "Apart", forceinline=False))
+
+
 def vectors(function: Callable[..., Any]) -> Callable[..., Any]:
     """A function whose LLVM code is written out (its first parameter is numba's and not the caller's)."""
     return cast(Callable[..., Any], intrinsic(function))
@@ -104,11 +114,11 @@ def for_python(function: Callable[..., Any]) -> Any:
     return DISPATCHERS.Kernel(function, targetoptions={**OPTIONS, **DISPATCHERS.OPTIONS})
 
 
-def for_kernels(function: Callable[..., Any], **options: Any) -> Any:
+def for_kernels(function: Callable[..., Any], kind: str = "Callee", **options: Any) -> Any:
     """A function compiled for others; to plain numba all are alike, and LLVM decides what it copies."""
     if DISPATCHERS is None:
         return for_python(function)
-    return DISPATCHERS.Callee(function, targetoptions={**OPTIONS, **DISPATCHERS.OPTIONS, **options})
+    return getattr(DISPATCHERS, kind)(function, targetoptions={**OPTIONS, **DISPATCHERS.OPTIONS, **options})
 
 
 # ---------------------------------------------------------------------------------------------- files

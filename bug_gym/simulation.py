@@ -292,6 +292,7 @@ class Simulation:
             return (self._one_observation.copy(), *self.robot_step())
         if self._one_steering:
             kernels.steer_rows(kernels.STEP, *self._one_steering)
+        self.world.is_behind = True
         numbers = kernels.step_one(self._one_address, first, second, *self._one_body_and_ground)
         reward, terminated, truncated, info = robot_step_of(*numbers)
         return self._one_observation.copy(), reward, terminated, truncated, info
@@ -323,6 +324,7 @@ class Simulation:
 
     def _do_block(self, task: int, scratch: Scratch, actions: NDArray[np.float64], rows: Rows) -> None:
         world = self.world
+        world.is_behind = True
         if world.capacity.steered and task != kernels.LOOK:
             kernels.steer_rows(task, world.floats, world.ints, world.spec, world.footprint, *scratch, rows)
         kernels.run_rows(task, *self._arrays, *scratch, actions, rows)

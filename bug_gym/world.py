@@ -144,6 +144,7 @@ class World:
             "rotation_bias": odometry.rotation_bias,
             "clearance_scale": clearance_scale,
             "span": span,
+            "margin": MARGIN,
         }
         constants.update({f"weight_{name}": value for name, value in weights.items()})
         fields = kernels.observation_places(lidar.beams, len(self.scenario.world.regions), self.robots)
@@ -163,10 +164,17 @@ class World:
         discs = capacity.discs + (robots - 1) * len(self.footprint)
         bodies = discs + capacity.polygons + self.goals
         polygons, ways = capacity.polygons, capacity.ways
+        disc_room, polygon_room = kernels.list_room(discs), kernels.list_room(polygons)
+        self.spec["disc_room"], self.spec["polygon_room"] = disc_room, polygon_room
         counts = {"discs": discs, "polygons": polygons, "bodies": bodies, "walls": walls, "ways": ways}
         for name, value in counts.items():
             self.spec[name] = value
-        counts |= {"row": 1, "robots": robots, "lookers": bodies if capacity.steered else 0}
+        counts |= {
+            "row": 1,
+            "robots": robots,
+            "listed": disc_room + polygon_room,
+            "lookers": bodies if capacity.steered else 0,
+        }
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
         for table in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS):
@@ -176,6 +184,7 @@ class World:
             widths.append(kernels.rounded_up(max(begin + size for begin, size in places.values())))
             self._places |= places
         # A snapshot is as large again, but few take one of very many worlds.
+        self.is_behind = False  # whether kernels have gone on since bodies were last brought to now
         memory = self.count * (8 * sum(widths) + 4 * self.robots * int(self.spec["width"][0]))
         if memory > MEMORY:
             what = f"{self.count:,} worlds of {self.scenario.name!r} would take {told_bytes(memory)}"
@@ -183,9 +192,9 @@ class World:
         self.floats: F64 = aligned_zeros(self.count, widths[0], np.float64)
         self.ints: NDArray[np.int64] = aligned_zeros(self.count, widths[1], np.int64)
         beams = int(self.spec["beams"][0])
-        floats = kernels.scratch_floats(beams) + robots + 4 * walls
+        floats = kernels.scratch_floats(beams) + robots + 4 * walls + kernels.COLUMNS * (disc_room + polygon_room)
         steering = kernels.steering_floats(walls, bodies, robots * len(self.footprint)) if capacity.steered else 0
-        integers = kernels.scratch_integers(max(discs, walls)) + robots
+        integers = kernels.scratch_integers(max(disc_room, polygon_room, walls)) + robots
         self.scratch_sizes = (max(floats, steering), max(integers, bodies))
 
     def make_scratch(self) -> tuple[F64, NDArray[np.int64]]:
@@ -197,6 +206,12 @@ class World:
 
     def array(self, name: str) -> NDArray[Any]:
         """View (N, size) of a named array of the rows (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS)."""
+        if self.is_behind and name in OF_MOTION:
+            kernels.locate_bodies(self.floats, self.ints, self.spec)
+            self.is_behind = False
+        return self._view(name)
+
+    def _view(self, name: str) -> NDArray[Any]:
         begin, size = self._places[name]
         buffer: NDArray[Any] = self.floats if name in kernels.FLOAT_ARRAYS else self.ints
         return buffer[:, begin : begin + size]
@@ -204,6 +219,7 @@ class World:
     def _pair(self, first: str) -> F64:
         """View (N, n, 2) of two arrays that follow one another, x then y."""
         begin, size = self._places[first]
+        self.array(first)  # as of now
         return self.floats[:, begin : begin + 2 * size].reshape(self.count, 2, size).swapaxes(1, 2)
 
     def _by_robot(self, name: str) -> F64:
@@ -259,7 +275,8 @@ class World:
     def goal(self) -> F64:
         """Places of the robots' goals (N, R, 2) [m]."""
         index = self.array("goal_body")[:, :, None]
-        return np.take_along_axis(self._pair("body_x"), index, axis=1)
+        places = (np.take_along_axis(self._view(name), index[:, :, 0], axis=1) for name in ("body_x", "body_y"))
+        return np.stack(tuple(places), axis=2)
 
     @property
     def disc_position(self) -> F64:
@@ -320,12 +337,16 @@ class World:
         new_index[discs:] += disc_shift
         new_index[discs + polygons :] += goal_shift - disc_shift
         for name, values in old.items():
+            if name.startswith("near_"):
+                continue  # listed anew
             if name.startswith(PER_BODY):
                 if values.shape[1] > 0:  # else nothing has chosen its velocity so far
                     self.array(name)[:, new_index] = values
             else:
                 self.array(name)[:, : values.shape[1]] = values
         self.array("goal_body")[:] += goal_shift
+        self.array("body_wake")[:] = 0.0
+        self.array("listed_until")[:] = -math.inf
 
     @cached_property
     def _digest(self) -> str:
@@ -348,6 +369,7 @@ class World:
             raise ValueError(f"the snapshot's observations have shape {came}, expected {expected}")
         if snapshot.capacity != self.capacity:
             self._allocate(snapshot.capacity)
+        self.is_behind = True
         self.floats[:] = snapshot.floats
         self.ints[:] = snapshot.ints
         self.observation[:] = snapshot.observation
@@ -420,8 +442,19 @@ class World:
         )
 
 
-PER_BODY = ("body_", "last_", "leg_", "way_first", "way_count", "way_next", "way_loops")
+PER_BODY = ("body_", "line_", "last_", "leg_", "way_first", "way_count", "way_next", "way_loops")
 """Beginnings of the names of arrays with one entry a body."""
+
+
+MARGIN = 2.0
+"""How much farther than they matter bodies are listed [m]: the less, the fewer; the more, the more seldom."""
+
+OF_MOTION = frozenset(
+    name
+    for name in (*kernels.FLOAT_ARRAYS, *kernels.INT_ARRAYS)
+    if name.startswith(("body_", "line_", "last_", "way_next"))
+) - {"body_radius", "body_speed", "body_law"}
+"""Arrays that tell of bodies' motion: those of bodies that nobody was near are brought to now when they are asked for."""
 
 
 class _Writer:

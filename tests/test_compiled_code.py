@@ -109,6 +109,42 @@ def test_a_kernel_holds_what_it_calls_which_is_compiled_once_for_all_constants(t
     assert first[1] == "2 2 2" or IS_PLAIN, "plain numba compiles a callee for each constant"
 
 
+APART = """
+from bug_gym.compiling import apart, inlined, kernel
+
+@apart
+def power(x, n):
+    y = x * 0 + 1
+    for _ in range(n):
+        y *= x
+    return y
+
+@inlined
+def cube(x):
+    return power(x, 3)
+
+@kernel
+def sum_of_powers(x, last):
+    return power(x, 1) + cube(x) + power(last, 2)
+"""
+USE_APART = """
+from numba.core.types.functions import BaseFunction
+from numba.np import arrayobj
+before = BaseFunction.get_call_type, arrayobj.fix_integer_index
+import bug_gym, parts
+print(parts.sum_of_powers(2.0, 3.0))
+(code,) = parts.sum_of_powers.inspect_llvm().values()
+print(any(line.startswith("define") and "5parts5power" in line for line in code.splitlines()))
+print(before == (BaseFunction.get_call_type, arrayobj.fix_integer_index))
+"""
+
+
+@pytest.mark.skipif(IS_PLAIN, reason="what plain numba copies is for LLVM to say")
+def test_what_is_apart_is_jumped_to_from_each_caller_and_numba_is_left_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "parts.py").write_text(APART)
+    assert output(USE_APART, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) == ["19.0", "True", "True"]
+
+
 @pytest.mark.skipif(IS_PLAIN, reason="plain numba compiles everything for Python too")
 def test_what_is_compiled_for_kernels_says_so_to_python() -> None:
     with pytest.raises(TypeError, match="double is compiled for kernels only; make it a @kernel"):

@@ -51,7 +51,7 @@ NUMBA = {
     "kernels.addresses",
     "kernels.vectors",
 }  # how kernels are compiled, and the LLVM code that is written by hand
-COMPILED = {"kernel", "called", "inlined"}
+COMPILED = {"kernel", "called", "inlined", "apart"}
 """Decorators of compiled code. numba's cache sees a change in a callee of the same folder, and in the kernels."""
 COMPOSED = {
     *(f"agents.bugs.{name}" for name in ("rev1", "rev2", "modified_critical_point_bug")),

@@ -9,6 +9,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
     arcs  stopping                                     the way on an arc; whether a robot with inertia can stop
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
+    neighbours                                         the bodies near the robots, side by side
     contact  avoidance                                 who touches what, when; half planes of velocities
     sensing  laws                                      the observation and the clearance; bodies that look
     step                                               the sentence: run_rows, steer_rows, restart_robots, read_status
@@ -65,6 +66,7 @@ from bug_gym.kernels.layout import (
     places,
     rounded_up,
 )
+from bug_gym.kernels.neighbours import COLUMNS, list_room
 from bug_gym.kernels.one import step_one
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
@@ -75,6 +77,7 @@ from bug_gym.kernels.step import (
     STATUS,
     STEP,
     is_compiled,
+    locate_bodies,
     read_status,
     restart_robots,
     run_rows,
@@ -89,6 +92,7 @@ __all__ = [
     "BOUNCE",
     "BOUNCE_BIT",
     "COLLISION",
+    "COLUMNS",
     "CROWD",
     "CROWD_BIT",
     "DIFFERENTIAL",
@@ -137,6 +141,8 @@ __all__ = [
     "hash64",
     "is_compiled",
     "keeps_clear",
+    "list_room",
+    "locate_bodies",
     "place_fields",
     "point_wall_distance",
     "read_status",

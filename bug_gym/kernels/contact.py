@@ -11,18 +11,17 @@ from bug_gym.kernels.body import NO_WALL, body_circle, circle_radius, is_beside,
 from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Footprint, Integers, Record
-from bug_gym.kernels.motion import body_motion
+from bug_gym.kernels.neighbours import Near, near_motion
 from bug_gym.kernels.rays import Discs, find_near_discs
 from bug_gym.kernels.vectors import NEAR
 
 
 @inlined
-def goal_contact(f: Floats, k: Integers, s: Record, r: int) -> float:
+def goal_contact(f: Floats, s: Record, r: int) -> float:
     """Fraction of the step at which robot r's centre comes within the goal radius of its goal, or NEVER."""
-    g = k[s.goal_body + r]
-    mx, my = body_motion(f, s, g)
-    dx = f[s.pose + 3 * r] - (f[s.body_x + g] - mx)
-    dy = f[s.pose + 3 * r + 1] - (f[s.body_y + g] - my)
+    mx, my = f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1]
+    dx = f[s.pose + 3 * r] - (f[s.goal_place + 2 * r] - mx)
+    dy = f[s.pose + 3 * r + 1] - (f[s.goal_place + 2 * r + 1] - my)
     if dx * dx + dy * dy <= s.goal_radius * s.goal_radius:
         return 0.0
     ex = f[s.next_pose + 3 * r] - f[s.pose + 3 * r] - mx
@@ -32,24 +31,30 @@ def goal_contact(f: Floats, k: Integers, s: Record, r: int) -> float:
 
 @inlined
 def disc_contacts(
-    f: Floats, k: Integers, s: Record, footprint: Footprint, r: int, need: float, end: float, index: Integers
+    f: Floats,
+    k: Integers,
+    s: Record,
+    footprint: Footprint,
+    discs: Discs,
+    r: int,
+    need: float,
+    end: float,
+    index: Integers,
 ) -> tuple[float, float]:
     """First contact of robot r with discs on its chord up to `end`, and the smallest clearance to them."""
     x0, y0 = f[s.pose + 3 * r], f[s.pose + 3 * r + 1]
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
-    moving, count = k[s.moving_disc_count], k[s.disc_count]
+    moving = k[s.moving_disc_count]
     first, clearance = NEVER, math.inf
-    body_x, body_y = f[s.body_x : s.body_x + count], f[s.body_y : s.body_y + count]
-    radius = f[s.body_radius : s.body_radius + count]
-    near = find_near_discs(Discs(body_x, body_y, radius, count), nx, ny, need, index)
+    near = find_near_discs(discs, nx, ny, need, index)
     for j in range(near):
-        m = index[np.uint64(NEAR) + j]
-        x, y = f[s.body_x + m], f[s.body_y + m]
+        at = np.uint64(index[np.uint64(NEAR) + j])
+        x, y, m = discs.x[at], discs.y[at], k[np.uint64(s.near_number) + at]
         mx, my = 0.0, 0.0
         if m < moving:
-            mx, my = body_motion(f, s, m)
+            mx, my = near_motion(f, s, m, at)
         for c in range(s.footprint):
-            reach = f[s.body_radius + m] + circle_radius(s, footprint, c)
+            reach = discs.radius[at] + circle_radius(s, footprint, c)
             if footprint is not None and is_beside(footprint, c):
                 fraction, gap = swing_contact(f, s, footprint, r, c, x, y, mx, my, reach, NO_WALL, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
@@ -107,18 +112,8 @@ def wall_contacts(
 
 
 @inlined
-def find_near_polygons(
-    f: Floats, s: Record, polygons: int, x: float, y: float, reach: float, index: Integers
-) -> np.uint64:
-    """Lists in index[NEAR:] the polygons whose disc comes within `reach` of (x, y); returns how many."""
-    at_x, at_y, at_radius = s.body_x + s.discs, s.body_y + s.discs, s.body_radius + s.discs
-    discs = Discs(f[at_x : at_x + polygons], f[at_y : at_y + polygons], f[at_radius : at_radius + polygons], polygons)
-    return find_near_discs(discs, x, y, reach, index)
-
-
-@inlined
 def obstacle_contact(
-    f: Floats, k: Integers, s: Record, footprint: Footprint, r: int, end: float, index: Integers
+    f: Floats, k: Integers, s: Record, footprint: Footprint, near: Near, r: int, end: float, index: Integers
 ) -> tuple[float, float]:
     """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
 
@@ -131,22 +126,22 @@ def obstacle_contact(
     slack = way + turn * s.body_reach + f[s.fastest] * s.step
     need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
     first, clearance = NEVER, math.inf
-    if k[s.disc_count] > 0:
-        first, clearance = disc_contacts(f, k, s, footprint, r, need, end, index)
+    if near.discs.total > 0:
+        first, clearance = disc_contacts(f, k, s, footprint, near.discs, r, need, end, index)
     contact, gap = wall_contacts(
         f, s, footprint, r, k[s.border_first], k[s.border_walls], 0.0, 0.0, 0.0, 0.0, need, end
     )
     first, clearance = min(first, contact), min(clearance, gap)
-    moving, polygons = k[s.moving_polygon_count], k[s.polygon_count]
-    if polygons == 0:
+    if near.polygons.total == 0:
         return first, clearance
-    near = find_near_polygons(f, s, polygons, nx, ny, need, index)
-    for j in range(near):
-        number = index[np.uint64(NEAR) + j]
+    count = find_near_discs(near.polygons, nx, ny, need, index)
+    for j in range(count):
+        at = np.uint64(index[np.uint64(NEAR) + j])
+        number = k[np.uint64(s.near_number + s.disc_room) + at]
         x, y, mx, my = 0.0, 0.0, 0.0, 0.0  # the walls of a still polygon are kept where they stand
-        if number < moving:
-            x, y = f[s.body_x + s.discs + number], f[s.body_y + s.discs + number]
-            mx, my = body_motion(f, s, s.discs + number)
+        if number < k[s.moving_polygon_count]:
+            x, y = near.polygons.x[at], near.polygons.y[at]
+            mx, my = near_motion(f, s, s.discs + number, np.uint64(s.disc_room) + at)
         contact, gap = wall_contacts(
             f, s, footprint, r, k[s.polygon_first + number], k[s.polygon_walls + number], x, y, mx, my, need, end
         )
@@ -202,6 +197,7 @@ def settle_robots(
     k: Integers,
     s: Record,
     footprint: Footprint,
+    near: Near,
     stops: Floats,
     verdicts: Integers,
     index: Integers,
@@ -216,9 +212,9 @@ def settle_robots(
         verdicts[r] = k[s.outcome + r]
         if verdicts[r] != RUNNING:
             continue
-        goal = goal_contact(f, k, s, r)
+        goal = goal_contact(f, s, r)
         end = min(goal, 1.0)
-        contact, clearance = obstacle_contact(f, k, s, footprint, r, end, index)
+        contact, clearance = obstacle_contact(f, k, s, footprint, near, r, end, index)
         stops[r] = end
         verdicts[r] = SUCCESS if goal <= 1.0 else RUNNING
         if contact <= end:

@@ -38,6 +38,11 @@ STREAM_CROWD, STREAM_SIDESTEP, STREAM_EVADE = 6, 7, 8
 FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "time": (1, "row"),  # since the start of the episode [s]
     "fastest": (1, "row"),  # greatest speed of a body [m/s]
+    "closing": (1, "row"),  # how much nearer to a robot any body may have come since the start of the episode [m]
+    "listed_until": (1, "row"),  # `closing` up to which the lists of near bodies hold
+    "listed_reach": (1, "row"),  # from a robot's centre to a body's edge [m]: so far they have all
+    "next_event": (1, "row"),  # of a listed body [s]
+    "listed_turn": (1, "row"),  # when listed bodies last met events, or were listed [s]
     "pose": (3, "robots"),  # x, y [m], heading [rad]
     "velocity": (2, "robots"),  # of the body [m/s, rad/s or m/s]
     "next_pose": (3, "robots"),  # where the step would end without a contact
@@ -50,8 +55,16 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "min_clearance": (1, "robots"),  # least of the episode [m]
     "reward": (1, "robots"),
     "terms": (TERMS, "robots"),  # of the reward
-    "body_x": (1, "bodies"),  # place [m]
+    "seen": (2, "robots"),  # where the robots were when `closing` was last told [m]
+    "goal_place": (2, "robots"),  # of each robot's own [m]
+    "goal_way": (2, "robots"),  # of it in this step [m]
+    "near": (5, "listed"),  # the bodies near a robot, in blocks of eight: line_x, line_y, body_vx, body_vy, body_radius
+    "near_event": (1, "listed"),
+    "body_x": (1, "bodies"),  # place [m], see `motion` for when
     "body_y": (1, "bodies"),
+    "line_x": (1, "bodies"),  # where it would have been at time 0, had it always gone as it goes now [m]
+    "line_y": (1, "bodies"),
+    "body_wake": (1, "bodies"),  # `closing` at which it may come near
     "body_vx": (1, "bodies"),  # velocity [m/s]
     "body_vy": (1, "bodies"),
     "body_radius": (1, "bodies"),  # of the disc, or of one that holds the polygon [m]
@@ -85,8 +98,13 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "wall_count": (1, "row"),
     "moving_wall_count": (1, "row"),
     "steered_count": (1, "row"),  # bodies that look before each step
+    "near_discs": (1, "row"),  # how many are listed
+    "near_polygons": (1, "row"),
+    "moving_goals": (1, "row"),
+    "next_body": (1, "row"),  # whose event `next_event` is
     "outcome": (1, "robots"),  # RUNNING and its neighbours
     "goal_body": (1, "robots"),  # number of the body that is the robot's goal
+    "near_number": (1, "listed"),  # of the disc or polygon
     "body_law": (1, "bodies"),  # STILL and its neighbours
     "body_leg": (1, "bodies"),  # how many headings or goals it has drawn
     "way_first": (1, "bodies"),  # where its way-points begin
@@ -118,7 +136,7 @@ def places(table: dict[str, tuple[int, str]], counts: dict[str, int]) -> dict[st
     result = {}
     begin = 0
     for name, (numbers, count) in table.items():
-        if name == "wall":
+        if name in ("wall", "near"):
             begin = rounded_up(begin)
         size = numbers * counts[count]
         result[name] = (begin, size)
@@ -138,7 +156,20 @@ def rounded_up(count: int) -> int:
 
 # The record that describes a row. Fields named like an array of the row hold the index where that array begins, those
 # named see_ and a field of the observation where that begins.
-COUNTS = ("robots", "discs", "polygons", "goals", "bodies", "walls", "ways", "beams", "footprint", "width")
+COUNTS = (
+    "robots",
+    "disc_room",
+    "polygon_room",
+    "discs",
+    "polygons",
+    "goals",
+    "bodies",
+    "walls",
+    "ways",
+    "beams",
+    "footprint",
+    "width",
+)
 INT_CONSTANTS = ("kinematics", "limit_steps", "first_ends", "goal_by_odometry", "regions")
 FLOAT_CONSTANTS = (
     "step",
@@ -160,6 +191,7 @@ FLOAT_CONSTANTS = (
     "rotation_bias",
     "clearance_scale",
     "span",
+    "margin",
     "weight_progress",
     "weight_goal",
     "weight_collision",

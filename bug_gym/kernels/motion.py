@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.compiling import called, inlined
+from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.chords import NEVER, disc_contact, point_wall_distance, wall_contact
 from bug_gym.kernels.geometry import length, sin_cos
-from bug_gym.kernels.layout import BOUNCE, RANDOM_WALK, STILL, STREAM_WALK, WAYPOINTS, Floats, Integers, Record
+from bug_gym.kernels.layout import BOUNCE, CROWD, RANDOM_WALK, STILL, STREAM_WALK, WAYPOINTS, Floats, Integers, Record
 from bug_gym.kernels.randomness import between, hash64, uniform
 
 # A body moves straight until its next event: it touches something still, reaches a way-point, or takes a new heading.
-# Event times are computed once a leg, so a step costs an addition a body however many obstacles there are.
+# Event times are computed once a leg. Between events it is at line + velocity * time, whoever asks and whenever: so a step
+# moves only what is near (`neighbours`), and a body is brought through its events when somebody asks for it. body_x, body_y
+# is the place of a body that looks, of a goal and of what stands; that of others is of when they were last asked for.
+
+UNPLANNED = -1.0  # event of a body that nobody has asked for in this episode
 
 
 @called
@@ -118,7 +122,7 @@ def head_for_way_point(f: Floats, k: Integers, s: Record, b: int, now: float) ->
     return now + distance / speed
 
 
-@called
+@apart
 def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Set the next event of a body that has just been placed or has just had one."""
     law = k[s.body_law + b]
@@ -138,7 +142,7 @@ def plan_body(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
             f[s.body_ny + b] = 0.0
 
 
-@called
+@apart
 def handle_event(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     """Reflect, turn or take the next way-point: body b stands at the place of its event, at time `now`."""
     law = k[s.body_law + b]
@@ -162,6 +166,31 @@ def handle_event(f: Floats, k: Integers, s: Record, b: int, now: float) -> None:
     elif law == RANDOM_WALK:
         f[s.body_event + b] = now + take_heading(f, k, s, b)
     plan_body(f, k, s, b, now)
+    set_line(f, s, b, now)
+
+
+@inlined
+def set_line(f: Floats, s: Record, b: int, now: float) -> None:
+    """The line on which body b goes on from its place at `now`."""
+    f[s.line_x + b] = f[s.body_x + b] - f[s.body_vx + b] * now
+    f[s.line_y + b] = f[s.body_y + b] - f[s.body_vy + b] * now
+
+
+@inlined
+def place_on_line(f: Floats, s: Record, b: int, time: float) -> None:
+    """Put body b to where its line has it at a time."""
+    f[s.body_x + b] = f[s.line_x + b] + f[s.body_vx + b] * time
+    f[s.body_y + b] = f[s.line_y + b] + f[s.body_vy + b] * time
+
+
+@called
+def begin_motion(f: Floats, k: Integers, s: Record, b: int) -> None:
+    """Plan the first event of body b, which is still where it was placed."""
+    f[s.body_turned + b] = -1.0
+    if k[s.body_law + b] == RANDOM_WALK:
+        f[s.body_event + b] = take_heading(f, k, s, b)
+    plan_body(f, k, s, b, 0.0)
+    set_line(f, s, b, 0.0)
 
 
 MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits until the next step and goes on then
@@ -169,61 +198,47 @@ MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits unti
 
 @called
 def move_body(f: Floats, k: Integers, s: Record, b: int, start: float, end: float) -> None:
-    """Bring body b from its place at `start` to its place at `end`, through all its events between."""
+    """Bring body b through all its events between `start` and `end` of a step."""
+    place_on_line(f, s, b, start)
     f[s.last_x + b] = f[s.body_x + b]
     f[s.last_y + b] = f[s.body_y + b]
     f[s.body_turned + b] = end
     now = start
     for _ in range(MAX_EVENTS):
-        event = f[s.body_event + b]
-        if event > end:
-            f[s.body_x + b] += f[s.body_vx + b] * (end - now)
-            f[s.body_y + b] += f[s.body_vy + b] * (end - now)
+        if f[s.body_event + b] > end:
             return
-        event = max(event, now)
-        f[s.body_x + b] += f[s.body_vx + b] * (event - now)
-        f[s.body_y + b] += f[s.body_vy + b] * (event - now)
-        now = event
+        now = max(f[s.body_event + b], now)
+        place_on_line(f, s, b, now)
         handle_event(f, k, s, b, now)
     f[s.body_event + b] += end - now
+    set_line(f, s, b, end)
 
 
-@inlined
-def move_range(f: Floats, k: Integers, s: Record, first: int, count: int, start: float, end: float) -> None:
-    """Advance the bodies `first` ... `first + count - 1`."""
-    x, y = f[s.body_x + first : s.body_x + first + count], f[s.body_y + first : s.body_y + first + count]
-    vx, vy = f[s.body_vx + first : s.body_vx + first + count], f[s.body_vy + first : s.body_vy + first + count]
-    events = f[s.body_event + first : s.body_event + first + count]
-    step = end - start
-    due = 0
-    for b in range(count):  # apart from the rest, so that it is vectorised
-        is_due = events[b] <= end
-        time = 0.0 if is_due else step
-        x[b] += vx[b] * time
-        y[b] += vy[b] * time
-        due += int(is_due)
-    if due > 0:
-        for b in range(count):
-            if events[b] <= end:
-                move_body(f, k, s, first + b, start, end)
+@apart
+def bring_forward(f: Floats, k: Integers, s: Record, b: int, time: float) -> None:
+    """Bring body b, which looks at nothing, to its place at a time, the end of a step, through all its events so far.
 
-
-@inlined
-def move_bodies(f: Floats, k: Integers, s: Record, start: float, end: float) -> None:
-    """Advance discs, polygons and goals from `start` to `end` [s]. Still discs and polygons never change place.
-
-    The walls of a moving polygon are kept relative to its place, so they need no work.
+    They are met step by step, so it is the same whoever asked for it before, and when.
     """
-    if k[s.moving_disc_count] > 0:
-        move_range(f, k, s, 0, k[s.moving_disc_count], start, end)
-    if k[s.moving_polygon_count] > 0:
-        move_range(f, k, s, s.discs, k[s.moving_polygon_count], start, end)
-    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
-        if f[s.body_event + g] <= end:
-            move_body(f, k, s, g, start, end)
-        else:
-            f[s.body_x + g] += f[s.body_vx + g] * (end - start)
-            f[s.body_y + g] += f[s.body_vy + g] * (end - start)
+    if f[s.body_event + b] == UNPLANNED:
+        begin_motion(f, k, s, b)
+    while f[s.body_event + b] <= time:
+        number = int(max(f[s.body_event + b], f[s.body_turned + b]) / s.step)
+        # The first step that ends at the event or later, and after the last one in which it had one.
+        while number * s.step < f[s.body_event + b] or number * s.step <= max(f[s.body_turned + b], 0.0):
+            number += 1
+        if number * s.step > time:
+            break
+        move_body(f, k, s, b, (number - 1) * s.step, number * s.step)
+    place_on_line(f, s, b, time)
+
+
+@called
+def move_looker(f: Floats, s: Record, b: int, start: float, end: float) -> None:
+    """Move body b, which has taken a velocity for this step."""
+    f[s.body_x + b] += f[s.body_vx + b] * (end - start)
+    f[s.body_y + b] += f[s.body_vy + b] * (end - start)
+    set_line(f, s, b, end)
 
 
 @inlined
@@ -232,3 +247,21 @@ def body_motion(f: Floats, s: Record, b: int) -> tuple[float, float]:
     if f[s.body_turned + b] == f[s.time]:
         return f[s.body_x + b] - f[s.last_x + b], f[s.body_y + b] - f[s.last_y + b]
     return f[s.body_vx + b] * s.step, f[s.body_vy + b] * s.step
+
+
+@inlined
+def follow_goal(f: Floats, k: Integers, s: Record, r: int) -> None:
+    """Keep the place of robot r's goal where every step reads it."""
+    g = k[s.goal_body + r]
+    f[s.goal_place + 2 * r], f[s.goal_place + 2 * r + 1] = f[s.body_x + g], f[s.body_y + g]
+
+
+@called
+def move_goals(f: Floats, k: Integers, s: Record, end: float) -> None:
+    """Bring the goals to `end`; those that look have gone there."""
+    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
+        if k[s.body_law + g] < CROWD:
+            bring_forward(f, k, s, g, end)
+    for r in range(s.robots):
+        follow_goal(f, k, s, r)
+        f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1] = body_motion(f, s, k[s.goal_body + r])

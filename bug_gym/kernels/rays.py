@@ -15,7 +15,18 @@ import numpy as np
 from bug_gym.compiling import inlined
 from bug_gym.kernels.geometry import HALF_PI, TWO_PI
 from bug_gym.kernels.layout import Floats, Integers, Ranges
-from bug_gym.kernels.vectors import BEST, LANES, NEAR, QUEUE, TILE, append_near, gather, test_disc, test_wall
+from bug_gym.kernels.vectors import (
+    BEST,
+    LANES,
+    NEAR,
+    QUEUE,
+    TILE,
+    append_close,
+    append_near,
+    gather,
+    test_disc,
+    test_wall,
+)
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
@@ -151,22 +162,34 @@ def _compact(index: Integers, obstacles: int) -> np.uint64:
     end: np.uint64 = start
     for j in range(np.uint64(0), count, np.uint64(LANES)):
         end = append_near(index, j, end)
-    # Tiles are worked on in eights: the last eight is filled up with an obstacle that exists.
+    _fill_up(index, start, end)
+    return end - start
+
+
+@inlined
+def _fill_up(index: Integers, start: np.uint64, end: np.uint64) -> None:
+    """Tiles are worked on in eights: the last eight of a list is filled up with an obstacle that exists."""
     fill = index[start]
     for lane in range(np.uint64(LANES)):
         index[end + lane] = fill
-    return end - start
 
 
 @inlined
 def find_near_discs(discs: Discs, x: float, y: float, reach: float, index: Integers) -> np.uint64:
     """Lists in index[NEAR:] the discs that reach into the scan's circle; returns how many."""
-    for j in range(np.uint64(discs.total)):
+    start, count = np.uint64(NEAR), np.uint64(discs.total)
+    eights = count // np.uint64(LANES) * np.uint64(LANES)
+    end: np.uint64 = start
+    for j in range(np.uint64(0), eights, np.uint64(LANES)):
+        end = append_close(index, discs.x, discs.y, discs.radius, j, x, y, reach, end)
+    for j in range(eights, count):
         dx = discs.x[j] - x
         dy = discs.y[j] - y
         far = reach + discs.radius[j]
-        index[j + np.uint64(NEAR)] = np.int64(dx * dx + dy * dy < far * far)
-    return _compact(index, discs.total)
+        index[end] = j
+        end += np.uint64(dx * dx + dy * dy < far * far)
+    _fill_up(index, start, end)
+    return end - start
 
 
 @inlined

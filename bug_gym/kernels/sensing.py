@@ -9,7 +9,6 @@ import numpy as np
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.body import body_circle, circle_radius
 from bug_gym.kernels.chords import point_wall_distance
-from bug_gym.kernels.contact import find_near_polygons
 from bug_gym.kernels.geometry import clip, length, sin_cos
 from bug_gym.kernels.ground import sample_ground
 from bug_gym.kernels.layout import (
@@ -24,14 +23,17 @@ from bug_gym.kernels.layout import (
     Record,
     Regions,
 )
+from bug_gym.kernels.neighbours import NOWHERE, in_eights, listed_discs
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
-from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays
+from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs
 from bug_gym.kernels.vectors import NEAR
 
 
 @inlined
-def gather_walls(f: Floats, k: Integers, s: Record, x: float, y: float, scratch: Floats, index: Integers) -> Walls:
+def gather_walls(
+    f: Floats, k: Integers, s: Record, polygons: Discs, x: float, y: float, scratch: Floats, index: Integers
+) -> Walls:
     """Walls of the border and of the polygons that reach into the scan's circle round (x, y), where they stand.
 
     From outside a polygon only those are taken that face (x, y): the others lie behind them. They are written to the
@@ -48,14 +50,14 @@ def gather_walls(f: Floats, k: Integers, s: Record, x: float, y: float, scratch:
         x2[count] = f[s.wall + 4 * w + 2]
         y2[count] = f[s.wall + 4 * w + 3]
         count += 1
-    polygons, moving = k[s.polygon_count], k[s.moving_polygon_count]
-    if polygons == 0:
+    if polygons.total == 0:
         return Walls(x1, y1, x2, y2, count)
-    near = find_near_polygons(f, s, polygons, x, y, s.reach, index)
+    moving = k[s.moving_polygon_count]
+    near = find_near_discs(polygons, x, y, s.reach, index)
     for j in range(near):
-        number = index[np.uint64(NEAR) + j]
-        b = s.discs + number
-        bx, by, radius = f[s.body_x + b], f[s.body_y + b], f[s.body_radius + b]
+        at = np.uint64(index[np.uint64(NEAR) + j])
+        number = k[np.uint64(s.near_number + s.disc_room) + at]
+        bx, by, radius = polygons.x[at], polygons.y[at], polygons.radius[at]
         dx, dy = x - bx, y - by
         side = 0.0 if dx * dx + dy * dy <= radius * radius else np.float64(k[s.polygon_side + number])
         if number >= moving:
@@ -73,20 +75,23 @@ def gather_walls(f: Floats, k: Integers, s: Record, x: float, y: float, scratch:
 
 
 @inlined
-def stand_in(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int) -> int:
-    """Puts the other robots, who are discs too while robot r looks, behind the world's own; returns how many there are."""
-    discs: int = k[s.disc_count]
+def stand_in(f: Floats, k: Integers, s: Record, footprint: Footprint, columns: Floats, r: int) -> Discs:
+    """The listed discs, and behind them the other robots, who are discs too while robot r looks."""
+    count: int = k[s.near_discs]
     if footprint is None:
-        return discs
+        return listed_discs(s, 0, in_eights(count), columns)
+    room = s.disc_room + s.polygon_room
     for other in range(s.robots):
         if other != r:
             for c in range(s.footprint):
                 cx, cy = body_circle(f, s, footprint, s.pose, other, c)
-                f[s.body_x + discs] = cx
-                f[s.body_y + discs] = cy
-                f[s.body_radius + discs] = footprint[c, 2]
-                discs += 1
-    return discs
+                columns[count] = cx
+                columns[room + count] = cy
+                columns[2 * room + count] = footprint[c, 2]
+                count += 1
+    for j in range(count, in_eights(count)):
+        columns[j], columns[room + j], columns[2 * room + j] = NOWHERE, NOWHERE, 0.0
+    return listed_discs(s, 0, in_eights(count), columns)
 
 
 @inlined
@@ -97,30 +102,29 @@ def scan(
     s: Record,
     beams: Floats,
     origin: Origin,
-    discs: int,
+    discs: Discs,
+    polygons: Discs,
     scratch: Floats,
     scratch_int: Integers,
     r: int,
 ) -> None:
     """Fill robot r's ranges (B,), with their noise."""
-    walls = gather_walls(f, k, s, origin.x, origin.y, scratch, scratch_int)
-    body_x, body_y = f[s.body_x : s.body_x + discs], f[s.body_y : s.body_y + discs]
-    near = Discs(body_x, body_y, f[s.body_radius : s.body_radius + discs], discs)
+    walls = gather_walls(f, k, s, polygons, origin.x, origin.y, scratch, scratch_int)
     fan = Beams(beams[0], beams[1], s.first_angle, 1.0 / s.angle_step, np.float64(s.beams) - 1.0)
-    cast_rays(near, walls, origin, fan, s.reach, scratch, scratch_int, ranges)
+    cast_rays(discs, walls, origin, fan, s.reach, scratch, scratch_int, ranges)
     if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
         key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
         add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
 
 
 @inlined
-def goal_in_frame(f: Floats, k: Integers, s: Record, origin: Origin, r: int) -> tuple[float, float]:
+def goal_in_frame(f: Floats, s: Record, origin: Origin, r: int) -> tuple[float, float]:
     """The goal in robot r's frame [m], sensed as a beacon or computed from odometry."""
-    g = k[s.goal_body + r]
+    goal_x, goal_y = f[s.goal_place + 2 * r], f[s.goal_place + 2 * r + 1]
     goal_sin, goal_cos = origin.sin, origin.cos
-    gx, gy = f[s.body_x + g] - origin.x, f[s.body_y + g] - origin.y
+    gx, gy = goal_x - origin.x, goal_y - origin.y
     if s.goal_by_odometry:
-        wx, wy = f[s.body_x + g] - f[s.origin + 3 * r], f[s.body_y + g] - f[s.origin + 3 * r + 1]
+        wx, wy = goal_x - f[s.origin + 3 * r], goal_y - f[s.origin + 3 * r + 1]
         origin_sin, origin_cos = sin_cos(f[s.origin + 3 * r + 2])
         ex, ey, eh = f[s.odometry + 3 * r], f[s.odometry + 3 * r + 1], f[s.odometry + 3 * r + 2]
         gx, gy = origin_cos * wx + origin_sin * wy - ex, origin_cos * wy - origin_sin * wx - ey
@@ -155,6 +159,7 @@ def observe(
     beams: Floats,
     footprint: Footprint,
     regions: Regions,
+    columns: Floats,
     scratch: Floats,
     scratch_int: Integers,
     r: int,
@@ -163,9 +168,11 @@ def observe(
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     sin, cos = sin_cos(heading)
     origin = Origin(x, y, cos, sin)
-    discs = stand_in(f, k, s, footprint, r)
-    scan(f, k, observation[s.see_ranges : s.see_ranges + s.beams], s, beams, origin, discs, scratch, scratch_int, r)
-    ahead, left = goal_in_frame(f, k, s, origin, r)
+    discs = stand_in(f, k, s, footprint, columns, r)
+    polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), columns)
+    ranges = observation[s.see_ranges : s.see_ranges + s.beams]
+    scan(f, k, ranges, s, beams, origin, discs, polygons, scratch, scratch_int, r)
+    ahead, left = goal_in_frame(f, s, origin, r)
     observation[s.see_goal] = clip(ahead, -s.span, s.span)
     observation[s.see_goal + 1] = clip(left, -s.span, s.span)
     observation[s.see_pose] = clip(f[s.odometry + 3 * r], -2.0 * s.span, 2.0 * s.span)
@@ -189,7 +196,10 @@ def wall_gap(f: Floats, s: Record, w: int, x: float, y: float) -> float:
 
 @called
 def clearance_at(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int) -> float:
-    """Distance from robot r's body to the nearest obstacle, border and other robot [m], at its present pose."""
+    """Distance from robot r's body to the nearest obstacle, border and other robot [m], at its present pose.
+
+    All bodies have been brought to now.
+    """
     nearest = math.inf
     for c in range(s.footprint):
         x, y = body_circle(f, s, footprint, s.pose, r, c)

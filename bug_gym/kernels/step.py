@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bug_gym.compiling import called, inlined, is_ready, kernel
-from bug_gym.kernels.contact import find_near_polygons, settle_robots
+from bug_gym.kernels.contact import settle_robots
 from bug_gym.kernels.drive import apply_motion, drive
 from bug_gym.kernels.geometry import clip, length
 from bug_gym.kernels.laws import begin_steered, steer_bodies
@@ -19,7 +19,6 @@ from bug_gym.kernels.layout import (
     COLLISION,
     CROWD,
     ENDED,
-    RANDOM_WALK,
     RUNNING,
     STILL,
     SUCCESS,
@@ -32,7 +31,16 @@ from bug_gym.kernels.layout import (
     Record,
     Regions,
 )
-from bug_gym.kernels.motion import move_bodies, plan_body, take_heading
+from bug_gym.kernels.motion import (
+    UNPLANNED,
+    begin_motion,
+    bring_forward,
+    follow_goal,
+    move_goals,
+    set_line,
+)
+from bug_gym.kernels.neighbours import BLOCK, COLUMNS, keep_list, list_from_here, move_list, move_lookers, near_bodies
+from bug_gym.kernels.rays import find_near_discs
 from bug_gym.kernels.sensing import clearance_at, observe
 from bug_gym.kernels.vectors import NEAR, prefetch
 
@@ -45,8 +53,7 @@ def is_compiled(types: tuple[Any, ...]) -> bool:
 @inlined
 def judge(f: Floats, k: Integers, s: Record, r: int, verdict: int, first: float, second: float) -> None:
     """Outcome, reward terms (in the order of TERMS) and their weighted sum for robot r after its motion."""
-    g = k[s.goal_body + r]
-    distance = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
+    distance = length(f[s.goal_place + 2 * r] - f[s.pose + 3 * r], f[s.goal_place + 2 * r + 1] - f[s.pose + 3 * r + 1])
     clearance = max(f[s.clearance + r], 0.0)
     f[s.min_clearance + r] = min(f[s.min_clearance + r], clearance)
     if verdict == RUNNING and k[s.steps] >= s.limit_steps:
@@ -76,6 +83,7 @@ def step_row(
     s: Record,
     footprint: Footprint,
     regions: Regions,
+    columns: Floats,
     scratch: Floats,
     scratch_int: Integers,
     actions: Floats,
@@ -85,7 +93,10 @@ def step_row(
     start = f[s.time]
     end = k[s.steps] * s.step
     f[s.time] = end
-    move_bodies(f, k, s, start, end)
+    if k[s.steered_count] > 0:
+        move_lookers(f, k, s, start, end)
+    if k[s.moving_goals] > 0:
+        move_goals(f, k, s, end)
     robots = s.robots
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
@@ -93,8 +104,11 @@ def step_row(
         else:
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
+    if f[s.listed_until] < math.inf or f[s.next_event] <= end:
+        keep_list(f, k, s, end)
+    near = near_bodies(f, k, s, columns)
     stops, verdicts = scratch[:robots], scratch_int[:robots]
-    settle_robots(f, k, s, footprint, stops, verdicts, scratch_int[robots:])
+    settle_robots(f, k, s, footprint, near, stops, verdicts, scratch_int[robots:])
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
             apply_motion(f, k, s, r, stops[r])
@@ -118,29 +132,51 @@ def end_mission(k: Integers, s: Record) -> None:
             k[s.outcome + r] = ENDED
 
 
-# Rows of many walls don't stay in the processor's cache, and which walls a step needs is known only when the places of
-# the obstacles have come. So the places of the row after next are asked for before a row is worked on, and the near
-# walls of the next one.
+# Many rows don't stay in the processor's cache, and which walls a step needs is known only when the list of the near
+# polygons has come. So a row is asked for while the one before the last is worked on, and its near walls during the last.
 MANY_WALLS, MANY_ROWS = 128, 16
+FETCHED = 4  # blocks of the list; the processor has seen by then that it goes on
 
 
 @inlined
 def fetch_row(f: Floats, k: Integers, s: Record) -> None:
     """Asks for what a step reads of every row."""
-    for line in range(0, s.body_turned, 8):
+    for line in range(0, min(s.near + FETCHED * BLOCK, s.near_event), 8):
         prefetch(f, line)
-    for line in range(0, s.goal_body, 8):
+    for line in range(0, s.near_number, 8):
+        prefetch(k, line)
+
+
+@called
+def fetch_next_body(f: Floats, k: Integers, s: Record) -> None:
+    """Asks for what is kept of the body whose event comes next, in as many places as there are arrays of bodies."""
+    b = k[s.next_body]
+    for first in range(s.body_x, s.leg_min, s.bodies):
+        prefetch(f, first + b)
+    for first in range(s.body_law, s.polygon_first, s.bodies):
+        prefetch(k, first + b)
+    for line in range(s.near_event, s.body_x, 8):
+        prefetch(f, line)
+
+
+@called
+def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
+    """Asks for what a step reads of a row of many polygons before it knows which are near."""
+    for line in range(s.near, s.near + s.polygons // 8 * BLOCK, 8):
+        prefetch(f, line)
+    for line in range(s.near_number, s.body_law, 8):
         prefetch(k, line)
     for line in range(s.polygon_first, s.border_first, 8):
         prefetch(k, line)
 
 
-@inlined
-def fetch_near_walls(f: Floats, k: Integers, s: Record, index: Integers) -> None:
+@called
+def fetch_near_walls(f: Floats, k: Integers, s: Record, columns: Floats, index: Integers) -> None:
     """Asks for the walls of the polygons near the first robot."""
-    near = find_near_polygons(f, s, k[s.polygon_count], f[s.pose], f[s.pose + 1], s.reach, index)
+    polygons = move_list(f, s, s.disc_room, k[s.near_polygons], f[s.time], columns)
+    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], s.reach, index)
     for j in range(near):
-        number = index[np.uint64(NEAR) + j]
+        number = k[np.uint64(s.near_number + s.disc_room) + np.uint64(index[np.uint64(NEAR) + j])]
         first = s.wall + 4 * k[s.polygon_first + number]
         for line in range(first, first + 4 * k[s.polygon_walls + number], 8):
             prefetch(f, line)
@@ -149,7 +185,6 @@ def fetch_near_walls(f: Floats, k: Integers, s: Record, index: Integers) -> None
 @called
 def begin_robot(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int) -> None:
     """Start the run of robot r at the pose that it has."""
-    g = k[s.goal_body + r]
     k[s.outcome + r] = RUNNING
     for i in range(3):
         f[s.origin + 3 * r + i] = f[s.pose + 3 * r + i]
@@ -161,7 +196,8 @@ def begin_robot(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int)
     f[s.reward + r] = 0.0
     for i in range(TERMS):
         f[s.terms + TERMS * r + i] = 0.0
-    f[s.goal_distance + r] = length(f[s.body_x + g] - f[s.pose + 3 * r], f[s.body_y + g] - f[s.pose + 3 * r + 1])
+    dx, dy = f[s.goal_place + 2 * r] - f[s.pose + 3 * r], f[s.goal_place + 2 * r + 1] - f[s.pose + 3 * r + 1]
+    f[s.goal_distance + r] = length(dx, dy)
     f[s.clearance + r] = clearance_at(f, k, s, footprint, r)
     f[s.min_clearance + r] = f[s.clearance + r]
 
@@ -176,7 +212,6 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
     k[s.steps] = 0
     fastest, steered = 0.0, 0
     for b in range(s.bodies):
-        f[s.body_turned + b] = -1.0
         law = k[s.body_law + b]
         if law == STILL or (k[s.disc_count] <= b < s.discs):
             f[s.body_event + b] = math.inf
@@ -184,14 +219,39 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
         fastest = max(fastest, f[s.body_speed + b])
         if law >= CROWD:
             steered += 1
-            continue
-        if law == RANDOM_WALK:
-            f[s.body_event + b] = take_heading(f, k, s, b)
-        plan_body(f, k, s, b, 0.0)
+            f[s.body_turned + b] = -1.0
+            set_line(f, s, b, 0.0)
+        else:
+            f[s.body_event + b] = UNPLANNED
     f[s.fastest] = fastest
     k[s.steered_count] = steered
+    k[s.moving_goals] = 0
+    for g in range(s.discs + s.polygons, s.discs + s.polygons + s.goals):
+        k[s.moving_goals] += int(k[s.body_law + g] != STILL)
+        if k[s.body_law + g] < CROWD:
+            begin_motion(f, k, s, g)
+    for r in range(s.robots):
+        follow_goal(f, k, s, r)
+        f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1] = 0.0, 0.0
     for r in range(s.robots):
         begin_robot(f, k, s, footprint, r)
+    list_from_here(f, k, s)
+
+
+@called
+def bring_all_forward(f: Floats, k: Integers, s: Record) -> None:
+    """Bring all bodies to now."""
+    for b in range(s.discs + s.polygons):
+        moves = b < k[s.moving_disc_count] or s.discs <= b < s.discs + k[s.moving_polygon_count]
+        if moves and k[s.body_law + b] < CROWD:
+            bring_forward(f, k, s, b, f[s.time])
+
+
+@kernel
+def locate_bodies(floats: Floats, ints: Integers, spec: Record) -> None:
+    """Bring all bodies of all rows to now, for who reads where they are."""
+    for n in range(len(floats)):
+        bring_all_forward(floats[n], ints[n], spec[0])
 
 
 STEP, BEGIN, LOOK = 0, 1, 2  # what is done with a row before its robots look
@@ -257,22 +317,34 @@ def run_rows(
         rows: numbers of the worlds.
     """
     s = spec[0]
-    ahead = s.walls >= MANY_WALLS and rows.size >= MANY_ROWS
+    columns = scratch[scratch.size - 4 * s.walls - COLUMNS * (s.disc_room + s.polygon_room) :]
+    many = rows.size >= MANY_ROWS
+    many_walls = many and s.walls >= MANY_WALLS
     for i in range(-2, rows.size):
-        if ahead and i + 2 < rows.size:
+        if many and i + 2 < rows.size:
             fetch_row(floats[rows[i + 2]], ints[rows[i + 2]], s)
-        if ahead and 0 <= i + 1 < rows.size:
-            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, scratch_int)
+        if many_walls and i + 2 < rows.size:
+            fetch_polygons(floats[rows[i + 2]], ints[rows[i + 2]], s)
+        if many_walls and 0 <= i + 1 < rows.size:
+            fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, columns, scratch_int)
+        if many and 0 <= i + 1 < rows.size:
+            g = floats[rows[i + 1]]
+            if g[s.next_event] <= g[s.time] + s.step:
+                fetch_next_body(g, ints[rows[i + 1]], s)
         if i < 0:
             continue
         n = rows[i]
         f, k = floats[n], ints[n]
         if task == STEP:
-            step_row(f, k, s, footprint, regions, scratch, scratch_int, actions[i])
+            step_row(f, k, s, footprint, regions, columns, scratch, scratch_int, actions[i])
         elif task == BEGIN:
             begin_world(f, k, s, footprint)
+        else:
+            list_from_here(f, k, s)
+        if task != STEP:
+            near_bodies(f, k, s, columns)
         for r in range(s.robots):
-            observe(f, k, observation[n, r], s, beams, footprint, regions, scratch, scratch_int, r)
+            observe(f, k, observation[n, r], s, beams, footprint, regions, columns, scratch, scratch_int, r)
 
 
 @kernel
@@ -287,6 +359,7 @@ def restart_robots(
     for i in range(rows.size):
         n = rows[i]
         f, k = floats[n], ints[n]
+        bring_all_forward(f, k, s)
         for r in range(s.robots):
             if k[s.outcome + r] == RUNNING:
                 continue

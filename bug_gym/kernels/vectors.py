@@ -84,29 +84,78 @@ def prefetch(typingctx: Any, array: Any, start: Any) -> Any:
 
 
 @vectors
-def append_near(typingctx: Any, index: Any, j: Any, end: Any) -> Any:
-    """Writes those of j ... j + 7 whose mark index[NEAR + j] isn't 0 to index[end ...]; returns the new end.
+def move_eight(typingctx: Any, columns: Any, j: Any, room: Any, f: Any, block: Any, time: Any) -> Any:
+    """Writes where eight bodies are at a time to columns[j ...], [room + j ...], and their radii to [2 room + j ...].
+
+    The block f[block ...] has x, y at time 0, velocities and radii, each eight numbers.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        columns, j, room, f, block, time = arguments
+        target = _data(context, builder, signature.args[0], columns)
+        source = _data(context, builder, signature.args[3], f)
+        x, y, vx, vy, radius = (
+            _load(builder, source, builder.add(block, _int64(LANES * number))) for number in range(5)
+        )
+        now = _splat(builder, time)
+        _store(builder, builder.fadd(x, builder.fmul(vx, now)), target, j)
+        j = builder.add(j, room)
+        _store(builder, builder.fadd(y, builder.fmul(vy, now)), target, j)
+        _store(builder, radius, target, builder.add(j, room))
+        return context.get_dummy_value()
+
+    return types.void(columns, types.uint64, types.uint64, f, types.uint64, types.float64), codegen
+
+
+def _append(context: Any, builder: Any, index: Any, lanes: Any, j: Any, end: Any) -> Any:
+    """Writes those of j ... j + 7 whose lane (8 i1) is true to index[end ...]; returns the new end.
 
     Branch-free: eight numbers are always written, the end moves by as many as count.
     """
     positions = [[bit for bit in range(8) if mask >> bit & 1] for mask in range(256)]
     table = np.array([row + [0] * (8 - len(row)) for row in positions], np.uint8)
+    mask = builder.zext(builder.bitcast(lanes, ir.IntType(8)), ir.IntType(64))
+    bytes_ = ir.Constant(ir.ArrayType(ir.IntType(8), table.size), bytearray(table.tobytes()))
+    rows = cgutils.global_constant(builder, "positions_of_bits", bytes_)
+    row = builder.gep(rows, [_int64(0), builder.mul(mask, _int64(LANES))])
+    small = ir.VectorType(ir.IntType(8), LANES)
+    chosen = builder.load(builder.bitcast(row, small.as_pointer()), align=1)
+    _store(builder, builder.add(builder.zext(chosen, INTEGERS), _splat(builder, j)), index, end)
+    return builder.add(end, builder.ctpop(mask))
+
+
+@vectors
+def append_near(typingctx: Any, index: Any, j: Any, end: Any) -> Any:
+    """Writes those of j ... j + 7 whose mark index[NEAR + j] isn't 0 to index[end ...]; returns the new end."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array, j, end = arguments
         data = _data(context, builder, signature.args[0], array)
         marks = _load(builder, data, builder.add(j, _int64(NEAR)), INTEGERS)
         lanes = builder.icmp_unsigned("!=", marks, ir.Constant(INTEGERS, [0] * LANES))
-        mask = builder.zext(builder.bitcast(lanes, ir.IntType(8)), ir.IntType(64))
-        bytes_ = ir.Constant(ir.ArrayType(ir.IntType(8), table.size), bytearray(table.tobytes()))
-        rows = cgutils.global_constant(builder, "positions_of_bits", bytes_)
-        row = builder.gep(rows, [_int64(0), builder.mul(mask, _int64(LANES))])
-        small = ir.VectorType(ir.IntType(8), LANES)
-        chosen = builder.load(builder.bitcast(row, small.as_pointer()), align=1)
-        _store(builder, builder.add(builder.zext(chosen, INTEGERS), _splat(builder, j)), data, end)
-        return builder.add(end, builder.ctpop(mask))
+        return _append(context, builder, data, lanes, j, end)
 
     return types.uint64(index, types.uint64, types.uint64), codegen
+
+
+@vectors
+def append_close(
+    typingctx: Any, index: Any, xs: Any, ys: Any, radii: Any, j: Any, x: Any, y: Any, reach: Any, end: Any
+) -> Any:
+    """Writes those of the discs j ... j + 7 that reach into a circle about (x, y) to index[end ...]; returns the new end."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, *columns, j, x, y, reach, end = arguments
+        data = [_data(context, builder, signature.args[1 + number], column) for number, column in enumerate(columns)]
+        dx = builder.fsub(_load(builder, data[0], j), _splat(builder, x))
+        dy = builder.fsub(_load(builder, data[1], j), _splat(builder, y))
+        far = builder.fadd(_splat(builder, reach), _load(builder, data[2], j))
+        square = builder.fadd(builder.fmul(dx, dx), builder.fmul(dy, dy))
+        lanes = builder.fcmp_ordered("<", square, builder.fmul(far, far))
+        return _append(context, builder, _data(context, builder, signature.args[0], array), lanes, j, end)
+
+    numbers = (types.float64, types.float64, types.float64)
+    return types.uint64(index, xs, ys, radii, types.uint64, *numbers, types.uint64), codegen
 
 
 @vectors

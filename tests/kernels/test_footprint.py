@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compiled import for_python
 from numpy.typing import NDArray
 
+from bug_gym.compiling import for_python
 from bug_gym.config import ScenarioError, load
-from bug_gym.kernels import contact
+from bug_gym.kernels import contact, neighbours
 from bug_gym.simulation import Simulation
 
 F64 = NDArray[np.float64]
@@ -20,7 +20,12 @@ F64 = NDArray[np.float64]
 EARLY = 1e-5
 """A contact of a circle that swings comes at most so much too early [m], see body.SWING."""
 
-obstacle_contact = for_python(contact.obstacle_contact)
+
+def contact_of_robot_0(f: Any, k: Any, s: Any, footprint: Any, columns: Any, index: Any) -> float:
+    return contact.obstacle_contact(f, k, s, footprint, neighbours.near_bodies(f, k, s, columns), 0, 1.0, index)[0]
+
+
+first_contact = for_python(contact_of_robot_0)
 
 
 def make(body: list[list[float]], *, step: float = 0.1, **world: Any) -> Simulation:
@@ -215,8 +220,8 @@ def touches(simulation: Simulation, before: list[float], after: list[float]) -> 
     world = simulation.world
     world.pose[0, 0] = before
     world.array("next_pose")[0] = after
-    _, index = world.make_scratch()
-    first, _ = obstacle_contact(world.floats[0], world.ints[0], world.spec[0], world.footprint, 0, 1.0, index[1:])
+    columns, index = world.make_scratch()
+    first = first_contact(world.floats[0], world.ints[0], world.spec[0], world.footprint, columns, index[1:])
     return bool(first <= 1.0)
 
 

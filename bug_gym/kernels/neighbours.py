@@ -1,0 +1,240 @@
+"""The bodies near the robots, side by side: what a step looks at, however many others there are.
+
+A row lists the discs and the polygons that may come within reach of a robot's scan or contact before `closing` has grown
+by the margin. `closing` grows by the robots' ways and the greatest way of a body: no two come nearer by more. Whoever is
+not listed sleeps until `closing` says that it may be near (`body_wake`), and is then brought forward exactly: so bodies far
+off cost nothing, and not even their first event is planned before they are near.
+
+No result depends on what is listed, only the time it takes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bug_gym.compiling import apart, called, inlined
+from bug_gym.kernels.geometry import length
+from bug_gym.kernels.layout import CROWD, Floats, Integers, Record
+from bug_gym.kernels.motion import body_motion, bring_forward, move_looker
+from bug_gym.kernels.rays import Discs
+from bug_gym.kernels.vectors import LANES, move_eight
+
+FEW = 64  # up to so many all are listed once an episode: to choose among them would cost more than it saves
+NOWHERE = 1e100  # x and y of what fills up the last eight of a list [m]
+BLOCK = 5 * LANES  # numbers of eight listed bodies that lie together
+COLUMNS = 3  # of scratch for a listed body: x, y, radius
+
+
+class Near(NamedTuple):
+    """The listed bodies where they are now, lists filled up to a multiple of eight."""
+
+    discs: Discs
+    """Circular obstacles."""
+    polygons: Discs
+    """The discs that hold the polygons."""
+
+
+def list_room(bodies: int) -> int:
+    """Length of a list that holds so many, in eights, and eight more."""
+    return (bodies // LANES + 2) * LANES
+
+
+@inlined
+def in_eights(count: int) -> int:
+    """The multiple of eight that holds so many."""
+    return (count + 7) >> 3 << 3
+
+
+@inlined
+def reach_of(f: Floats, s: Record, r: int, way: float, turn: float) -> float:
+    """From where robot r's step would end, how far the edges of bodies matter to its contacts and its scan [m]."""
+    touch: float = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach * (1.0 + turn) + f[s.fastest] * s.step
+    reach: float = max(touch, s.reach) + way
+    return reach
+
+
+@inlined
+def close_in(f: Floats, s: Record) -> float:
+    """Tell `closing` of this step's motions; returns the longest reach of a robot [m]."""
+    farthest, reach = 0.0, 0.0
+    for r in range(s.robots):
+        x, y = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
+        farthest = max(farthest, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
+        f[s.seen + 2 * r] = x
+        f[s.seen + 2 * r + 1] = y
+        way = length(x - f[s.pose + 3 * r], y - f[s.pose + 3 * r + 1])
+        turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
+        reach = max(reach, reach_of(f, s, r, way, turn))
+    f[s.closing] += farthest + f[s.fastest] * s.step
+    return reach
+
+
+@apart
+def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, total: int, at: int, time: float) -> int:
+    """List those of the bodies `first` ... `first + total - 1` that are near, from `at` on; returns how many.
+
+    The first `moving` of them move.
+    """
+    margin: float = f[s.listed_until] - f[s.closing]
+    count = at
+    for b in range(first, first + total):
+        if f[s.body_wake + b] > f[s.closing]:
+            continue
+        moves, looks = b - first < moving, k[s.body_law + b] >= CROWD
+        if moves and not looks and time > 0.0:
+            bring_forward(f, k, s, b, time)
+        x, y = f[s.body_x + b], f[s.body_y + b]
+        gap = math.inf
+        for r in range(s.robots):
+            gap = min(gap, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
+        gap -= f[s.body_radius + b] + f[s.listed_reach] + margin  # minus infinity where all are listed
+        f[s.body_wake + b] = f[s.closing] + max(gap, 0.0)
+        if gap > 0.0:
+            continue
+        if moves and not looks and time == 0.0:
+            bring_forward(f, k, s, b, time)
+        k[s.near_number + count] = b - first
+        list_body(f, s, b, count, moves)
+        count += 1
+    for j in range(count, at + in_eights(count - at)):
+        write_block(f, s, j, NOWHERE, NOWHERE, 0.0, 0.0, 0.0)
+    return count - at
+
+
+@inlined
+def write_block(f: Floats, s: Record, j: int, x: float, y: float, vx: float, vy: float, radius: float) -> None:
+    """Write place j of the lists."""
+    block = s.near + (j >> 3) * BLOCK + (j & 7)
+    f[block] = x
+    f[block + LANES] = y
+    f[block + 2 * LANES] = vx
+    f[block + 3 * LANES] = vy
+    f[block + 4 * LANES] = radius
+
+
+@inlined
+def list_body(f: Floats, s: Record, b: int, j: int, moves: bool) -> None:
+    """Write body b, which has no event left before now, to place j of the lists."""
+    if moves:
+        vx, vy = f[s.body_vx + b], f[s.body_vy + b]
+        write_block(f, s, j, f[s.line_x + b], f[s.line_y + b], vx, vy, f[s.body_radius + b])
+        f[s.near_event + j] = f[s.body_event + b]
+    else:
+        write_block(f, s, j, f[s.body_x + b], f[s.body_y + b], 0.0, 0.0, f[s.body_radius + b])
+        f[s.near_event + j] = math.inf
+
+
+@apart
+def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
+    """Bring the listed bodies through their events up to `end`."""
+    next_event = math.inf
+    f[s.listed_turn] = end
+    for kind in range(2):
+        at, count, first = 0, k[s.near_discs], 0
+        if kind == 1:
+            at, count, first = s.disc_room, k[s.near_polygons], s.discs
+        for j in range(at, at + count):
+            if f[s.near_event + j] <= end:
+                b = first + k[s.near_number + j]
+                bring_forward(f, k, s, b, end)
+                list_body(f, s, b, j, True)
+            if f[s.near_event + j] < next_event:
+                next_event, k[s.next_body] = f[s.near_event + j], first + k[s.near_number + j]
+    f[s.next_event] = next_event
+
+
+@apart
+def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float) -> None:
+    """List the near bodies anew at a time; all are looked at where `reach` is more than what they were listed for."""
+    margin = s.margin
+    if k[s.steered_count] > 0 or k[s.disc_count] + k[s.polygon_count] <= FEW:
+        margin, reach = math.inf, math.inf  # all, in their order; what looks would go anywhere
+    if reach > f[s.listed_reach]:
+        f[s.listed_reach] = reach + max(s.max_speed, s.max_reverse) * s.step
+        for b in range(s.discs + s.polygons):
+            f[s.body_wake + b] = 0.0
+    f[s.listed_until] = f[s.closing] + margin
+    k[s.near_discs] = list_bodies(f, k, s, 0, k[s.moving_disc_count], k[s.disc_count], 0, time)
+    k[s.near_polygons] = list_bodies(f, k, s, s.discs, k[s.moving_polygon_count], k[s.polygon_count], s.disc_room, time)
+    meet_events(f, k, s, time)
+
+
+@called
+def list_from_here(f: Floats, k: Integers, s: Record) -> None:
+    """List the near bodies where the robots are now, whatever was listed before."""
+    reach = 0.0
+    for r in range(s.robots):
+        f[s.seen + 2 * r] = f[s.pose + 3 * r]
+        f[s.seen + 2 * r + 1] = f[s.pose + 3 * r + 1]
+        reach = max(reach, reach_of(f, s, r, 0.0, s.max_turn_rate * s.step))
+    f[s.closing] = 0.0
+    f[s.listed_reach] = 0.0
+    list_near(f, k, s, f[s.time], reach)
+
+
+@called
+def keep_list(f: Floats, k: Integers, s: Record, end: float) -> None:
+    """Bring the lists to `end`, the robots being about to go to where this step would bring them."""
+    if f[s.listed_until] < math.inf:
+        reach = close_in(f, s)
+        if f[s.closing] > f[s.listed_until] or reach > f[s.listed_reach]:
+            list_near(f, k, s, end, reach)
+    if f[s.next_event] <= end:
+        meet_events(f, k, s, end)
+
+
+@inlined
+def near_motion(f: Floats, s: Record, b: int, j: np.uint64) -> tuple[float, float]:
+    """The way in this step of the moving body b, which lies at place j of the lists [m]."""
+    if f[s.listed_turn] == f[s.time]:
+        return body_motion(f, s, b)
+    block = np.uint64(s.near) + (j >> np.uint64(3)) * np.uint64(BLOCK) + (j & np.uint64(7))
+    return f[block + np.uint64(2 * LANES)] * s.step, f[block + np.uint64(3 * LANES)] * s.step
+
+
+@called
+def move_lookers(f: Floats, k: Integers, s: Record, start: float, end: float) -> None:
+    """Move the bodies that have taken a velocity for this step. Where there are any, all bodies are listed in order."""
+    for b in range(s.bodies):
+        if k[s.body_law + b] < CROWD or k[s.disc_count] <= b < s.discs:
+            continue
+        move_looker(f, s, b, start, end)
+        if b < s.discs:
+            list_body(f, s, b, b, True)
+        elif b < s.discs + s.polygons:
+            list_body(f, s, b, s.disc_room + b - s.discs, True)
+
+
+@inlined
+def move_list(f: Floats, s: Record, at: int, count: int, time: float, columns: Floats) -> Discs:
+    """Where the listed bodies `at` ... are at a time, in `columns`."""
+    room = np.uint64(s.disc_room + s.polygon_room)
+    padded = in_eights(count)
+    block = np.uint64(s.near + at // LANES * BLOCK)
+    for j in range(np.uint64(at), np.uint64(at + padded), np.uint64(LANES)):
+        move_eight(columns, j, room, f, block, time)
+        block += np.uint64(BLOCK)
+    return listed_discs(s, at, padded, columns)
+
+
+@inlined
+def listed_discs(s: Record, at: int, count: int, columns: Floats) -> Discs:
+    """The part of `columns` where `count` listed bodies lie."""
+    room = s.disc_room + s.polygon_room
+    return Discs(
+        columns[at : at + count],
+        columns[room + at : room + at + count],
+        columns[2 * room + at : 2 * room + at + count],
+        count,
+    )
+
+
+@inlined
+def near_bodies(f: Floats, k: Integers, s: Record, columns: Floats) -> Near:
+    """Where the listed bodies are now."""
+    time = f[s.time]
+    discs = move_list(f, s, 0, k[s.near_discs], time, columns)
+    return Near(discs, move_list(f, s, s.disc_room, k[s.near_polygons], time, columns))
