@@ -8,12 +8,16 @@ from typing import Any
 import gymnasium as gym
 
 from bug_gym.checks import checked_options
+from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
     ActionForm,
     Observation,
     ObservationForm,
+    OwnArguments,
+    OwnFields,
+    OwnTerms,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
@@ -82,6 +86,9 @@ class NavigationEnv(gym.Env[Any, Any]):
     | `observation` | `"dict"` | or `"flat"` |
     | `action` | `"continuous"` | or `"discrete"` |
     | `render_mode` | `None` | or `"rgb_array"`, `"human"` |
+    | `reward_terms` | `None` | further terms of the reward, name -> function over named arrays: see `bug_gym.own_parts` |
+    | `observation_fields` | `None` | further fields, name -> `bug_gym.ObservationField` or a dict that says the same |
+    | `trust` | `False` | whether functions that the scenario only names may be imported, which runs their modules' code |
 
     The attribute `simulation` is the core that the env stands on.
 
@@ -104,9 +111,13 @@ class NavigationEnv(gym.Env[Any, Any]):
         observation: ObservationForm = "dict",
         action: ActionForm = "continuous",
         render_mode: str | None = None,
+        reward_terms: OwnTerms | None = None,
+        observation_fields: OwnFields | None = None,
+        trust: bool = False,
     ) -> None:
         require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
-        self.simulation = Simulation(scenario, overrides=overrides)
+        own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+        self.simulation = Simulation(load(scenario, overrides, **own))
         require_one_robot(self.simulation)
         self.spaces = RobotSpaces(self.simulation, observation, action)
         self.observation_space = self.spaces.observation

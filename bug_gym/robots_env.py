@@ -20,6 +20,9 @@ from bug_gym.spaces import (
     ActionForm,
     Observation,
     ObservationForm,
+    OwnArguments,
+    OwnFields,
+    OwnTerms,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
@@ -145,6 +148,9 @@ def parallel_env(
     action: ActionForm = "continuous",
     render_mode: str | None = None,
     max_cycles: int | None = None,
+    reward_terms: OwnTerms | None = None,
+    observation_fields: OwnFields | None = None,
+    trust: bool = False,
 ) -> RobotsEnv:
     """Make a PettingZoo `ParallelEnv` of one world with several robots, see RobotsEnv.
 
@@ -156,11 +162,15 @@ def parallel_env(
         action: "continuous" or "discrete".
         render_mode: None, "rgb_array" or "human".
         max_cycles: cuts off episodes after so many steps where the scenario's time limit comes later.
+        reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
+        observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
+        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: a scenario that can't be, or without places for so many robots; another form or mode than these.
     """
-    settings = load(scenario, overrides)
+    own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+    settings = load(scenario, overrides, **own)
     if robots is not None:
         settings = load(settings, {"robots.count": robots})
     settings = with_most_steps(settings, max_cycles)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import gymnasium as gym
 import numpy as np
@@ -23,6 +23,16 @@ ActionForm = Literal["continuous", "discrete"]
 Observation = Any  # F32, or F32 by field, as the env was made; a union would make every caller tell them apart
 FLOAT32 = np.dtype(np.float32)
 ScenarioSource = str | Path | Mapping[str, Any] | Scenario
+OwnTerms = Mapping[str, Any]  # of functions, references to some, or RewardTerms
+OwnFields = Mapping[str, Any]  # of ObservationFields
+
+
+class OwnArguments(TypedDict):
+    """What the faces take beside a scenario and hand to `config.load`, which says what each is."""
+
+    reward_terms: OwnTerms | None
+    observation_fields: OwnFields | None
+    trust: bool
 
 
 class ActionBox(gym.spaces.Box):

@@ -20,13 +20,15 @@ from bug_gym.spaces import (
     ActionForm,
     Observation,
     ObservationForm,
+    OwnArguments,
+    OwnFields,
+    OwnTerms,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
     require_one_robot,
     with_most_steps,
 )
-from bug_gym.task import REWARD_TERMS
 
 Bools = NDArray[np.bool_]
 Infos = dict[str, Any]
@@ -50,6 +52,9 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             resets it, `reset(options={"reset_mask": mask})`.
         max_episode_steps: cuts off episodes after so many steps where the scenario's time limit comes later.
         threads: how many threads share the rows; more pay from some two thousand worlds on.
+        reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
+        observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
+        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: a scenario that can't be, or with several robots; another form or mode than these.
@@ -73,9 +78,13 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         threads: int = 1,
+        reward_terms: OwnTerms | None = None,
+        observation_fields: OwnFields | None = None,
+        trust: bool = False,
     ) -> None:
         require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
-        settings = with_most_steps(load(scenario, overrides), max_episode_steps)
+        own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+        settings = with_most_steps(load(scenario, overrides, **own), max_episode_steps)
         self.simulation = Simulation(settings, num_envs, threads=threads)
         require_one_robot(self.simulation)
         self.spaces = RobotSpaces(self.simulation, observation, action)
@@ -178,7 +187,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         """The contract's info of the rows in the mask, as arrays with masks; `status`: of those rows, if read before."""
         status = status or self.simulation.status(np.flatnonzero(mask))
         infos: Infos = {name: values[:, 0] for name, values in self.simulation.info(status=status).items()}
-        infos["reward_terms"] = dict(zip(REWARD_TERMS, infos["reward_terms"].T, strict=True))
+        infos["reward_terms"] = dict(zip(self.simulation.term_names, infos["reward_terms"].T, strict=True))
         return with_masks(infos, mask)
 
     def _final_infos(self, flat: NDArray[np.float32]) -> Infos:
