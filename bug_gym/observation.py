@@ -18,6 +18,9 @@ from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, ScenarioError
 from bug_gym.geometry import F32
 
+SENSED = tuple(kernels.observation_places(beams=1, regions=0, robots=1))
+"""Names of the fields that the core fills, whether a scenario has them or not; others are a scenario's own."""
+
 
 @dataclass(frozen=True)
 class Field:
@@ -87,7 +90,7 @@ def fields(scenario: Scenario) -> tuple[Field, ...]:
         high32 = np.broadcast_to(np.asarray(high, dtype=np.float32), shape).copy()
         result.append(Field(name, shape, low32, high32, places[name][0]))
     for name, own in scenario.observation_fields.items():
-        if name in places:
+        if name in SENSED:
             raise ScenarioError(
                 f"observation_fields.{name}: this name is taken: the observation has such a field already"
             )

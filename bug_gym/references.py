@@ -61,9 +61,9 @@ def reference_of(code: Any) -> str:
 
 
 def code_digest(code: Any) -> str:
-    """Digest of the file that a class is written in, which tells whether it is still the same; "" where there is none."""
+    """Digest of the file that code is written in, which tells whether it is still the same; "" where there is none."""
     try:
-        written = Path(inspect.getsourcefile(code) or "").read_bytes()
+        written = Path(inspect.getsourcefile(getattr(code, "py_func", code)) or "").read_bytes()
     except (TypeError, OSError):  # typed in by hand, or run without its source
         return ""
     return hashlib.sha256(written).hexdigest()[:16]
