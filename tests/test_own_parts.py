@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -530,3 +531,12 @@ def test_weights_are_bounded_and_a_term_is_made_in_python_too() -> None:
     with pytest.raises(ScenarioError, match=r"reward_terms\.t\.weight"):
         load("dynamic", reward_terms={"t": {"function": near_wall, "weight": 1e10}})
     assert bug_gym.RewardTerm is RewardTerm
+
+
+def test_the_guide_names_every_array() -> None:
+    page = Path(__file__).resolve().parents[1] / "docs" / "guide" / "own_rewards.md"
+    text = page.read_text(encoding="utf-8")
+    rows = "\n".join(line.split("|")[1] for line in text.splitlines() if line.startswith("| `"))
+    assert set(re.findall(r"`(\w+)`", rows)) == set(ARRAYS)
+    sentence = text[text.index("`last_` before") :].split(" is the same\n")[0]
+    assert set(re.findall(r"`(\w+)`", sentence)) == {LAST, *EARLIER}
