@@ -139,7 +139,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         self._spec: EnvSpec | None = None
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]
+    def spec(self) -> EnvSpec | None:
         """What `gymnasium.make` made it from; its `max_episode_steps` cuts episodes off as the scenario's time limit does."""
         return self._spec
 

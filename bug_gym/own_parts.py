@@ -217,9 +217,9 @@ def asked_names(function: Callable[..., Any], told: str) -> tuple[str, ...]:
         ScenarioError: a name of no array, or none at all.
     """
     try:
-        parameters = inspect.signature(getattr(function, "py_func", function)).parameters.values()
+        parameters = [*inspect.signature(getattr(function, "py_func", function)).parameters.values()]
     except (TypeError, ValueError):
-        parameters = ()  # of some that are written in C
+        parameters = []  # of some that are written in C
     names = []
     for parameter in parameters:
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):

@@ -64,7 +64,7 @@ class Plan:
                 "scenario": dump(entry.scenario),
                 "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
                 "digest": entry.scenario.digest,
-                **({"code": code} if (code := own_code(entry.scenario)) else {}),
+                **({"code": own} if (own := own_code(entry.scenario)) else {}),
             }
             for entry in self.scenarios
         }
