@@ -275,20 +275,25 @@ def test_robots_that_start_again_begin_anew_while_others_go_on() -> None:
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
     from bug_gym.agents.sb3 import make_robots_vec_env
 
-    env = make_robots_vec_env("crossing_robots", 2, 4, seed=0, restart="robot", **OWN)
+    before = {"function": lambda last_action: last_action, "shape": [2], "low": -1.0, "high": 1.0}
+    own = {**OWN, "observation_fields": {"before": before, **FIELDS}}
+    env = make_robots_vec_env("crossing_robots", 2, 4, seed=0, restart="robot", **own)
     env.reset()
-    begun = 0
-    for step in range(150):
+    begun, previous = 0, np.zeros((8, 2), dtype=np.float32)
+    for step in range(250):
         chosen = actions(8, step)
+        chosen[1::2, 0] = -0.5  # every other robot nearly stands
         step_taken: Any = env.step(chosen)
         flat, _, done, _ = step_taken
         going = env.simulation.world.active.ravel() & ~done
         assert np.array_equal(flat[going, -3:-1], chosen[going])
+        assert np.array_equal(flat[going, -5:-3], previous[going])
         again = env.simulation.world.active.ravel() & done
         told = env.simulation.status(env.simulation.all_rows).terms.reshape(8, -1)
-        assert not flat[again, -3:].any() and not told[again].any()
-        begun += int(again.sum())
-    assert begun > 0
+        assert not flat[again, -5:].any() and not told[again].any()
+        previous = np.where(again[:, None], 0.0, chosen).astype(np.float32)
+        begun += int((again & going[np.arange(8) ^ 1]).sum())
+    assert begun > 0  # beside one that went on
 
 
 def test_gymnasium_makes_and_checks_it() -> None:
