@@ -21,17 +21,15 @@ from typing import Any, NamedTuple
 from bug_gym.agents.outside import (
     GROUP,
     Spec,
-    from_anywhere,
     imported_class,
     is_object,
-    is_reference,
-    reference_of,
     require_constructor,
     required_policy,
 )
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.naming import nearest_hint
 from bug_gym.policy import MisfitError, Policy, is_discrete, source_scenario
+from bug_gym.references import from_anywhere, is_reference, reference_of
 from bug_gym.team_policy import EachAlone, PeersAsMovers, TeamPolicy, agents_of, without_peers
 from bug_gym.view import Sensors
 

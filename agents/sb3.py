@@ -22,6 +22,9 @@ from bug_gym.spaces import (
     ActionForm,
     Observation,
     ObservationForm,
+    OwnArguments,
+    OwnFields,
+    OwnTerms,
     RobotSpaces,
     ScenarioSource,
     require_one_of,
@@ -55,6 +58,10 @@ def make_vec_env(
     action: ActionForm = "continuous",
     render_mode: str | None = None,
     threads: int = 1,
+    scenario: ScenarioSource | None = None,
+    reward_terms: OwnTerms | None = None,
+    observation_fields: OwnFields | None = None,
+    trust: bool = False,
 ) -> NavigationVecEnv:
     """Make a `VecEnv` of stable-baselines3.
 
@@ -67,13 +74,23 @@ def make_vec_env(
         action: "continuous" or "discrete".
         render_mode: None or "rgb_array", which SB3's VecVideoRecorder needs.
         threads: how many threads share the worlds; more pay from some two thousand worlds on.
+        scenario: takes the place of the one that the id binds, as with `gym.make(id, scenario=...)`.
+        reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
+        observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
+        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
-        ValueError: an id that is not registered, or a scenario that can't be or has several robots.
+        ValueError: an id that is not registered, a scenario that can't be or has several robots, or two scenarios.
     """
     if isinstance(source, str) and source.startswith("BugGym/"):
         source = bound_scenario(source)
-    simulation = Simulation(source, n_envs, overrides=overrides, threads=threads)
+    elif scenario is not None:
+        raise ValueError(
+            f"scenario goes with a registered id, such as 'BugGym/Navigation-v0', got {source!r} beside it"
+        )
+    own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+    settings = load(source if scenario is None else scenario, overrides, **own)
+    simulation = Simulation(settings, n_envs, threads=threads)
     made = NavigationVecEnv(simulation, observation=observation, action=action, render_mode=render_mode)
     if seed is not None:
         made.seed(seed)
@@ -91,6 +108,9 @@ def make_robots_vec_env(
     action: ActionForm = "continuous",
     restart: Restart = "world",
     threads: int = 1,
+    reward_terms: OwnTerms | None = None,
+    observation_fields: OwnFields | None = None,
+    trust: bool = False,
 ) -> RobotsVecEnv:
     """Make a `VecEnv` of stable-baselines3 whose rows are the robots of several worlds, for one policy that drives them all.
 
@@ -105,11 +125,15 @@ def make_robots_vec_env(
         restart: "world": all robots of a world start its next episode when the last one's run has ended; "robot": see
             RobotsVecEnv.
         threads: how many threads share the worlds; more pay from some two thousand worlds on.
+        reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
+        observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
+        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: a scenario that can't be, or without places for so many robots; another form than these.
     """
-    scenario = load(source, overrides)
+    own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+    scenario = load(source, overrides, **own)
     if robots is not None:
         scenario = load(scenario, {"robots.count": robots})
     made = RobotsVecEnv(

@@ -15,10 +15,11 @@ import pettingzoo
 
 if TYPE_CHECKING:
     from bug_gym.robots_env import env, parallel_env
+    from bug_gym.schema.own import ObservationField, RewardTerm
 
 __version__ = "0.1.0"
 
-__all__ = ["__version__", "env", "parallel_env", "register_envs"]
+__all__ = ["ObservationField", "RewardTerm", "__version__", "env", "parallel_env", "register_envs"]
 
 SCENARIOS_BY_ID = {
     "BugGym/Navigation-v0": "static",  # unless `scenario=` says another
@@ -40,6 +41,14 @@ FORMS: dict[str, dict[str, str]] = {
 
 PREDICTION_ID = "BugGym/Prediction-v0"
 """The id of the task to say where a tracked mover will be."""
+
+LAZY = {
+    "env": "bug_gym.robots_env",
+    "parallel_env": "bug_gym.robots_env",
+    "ObservationField": "bug_gym.schema.own",
+    "RewardTerm": "bug_gym.schema.own",
+}
+"""Names of this package -> the modules that have them."""
 
 ROBOTS_ID = "BugGym/Robots-v0"
 """The id in PettingZoo's registries."""
@@ -64,9 +73,9 @@ def register_envs() -> None:
 
 
 def __getattr__(name: str) -> Any:
-    """The functions that make a PettingZoo environment, imported on first use: they load compiled code."""
-    if name in ("env", "parallel_env"):
-        return getattr(import_module("bug_gym.robots_env"), name)
+    """What is imported on first use: the functions that make a PettingZoo environment load compiled code."""
+    if name in LAZY:
+        return getattr(import_module(LAZY[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

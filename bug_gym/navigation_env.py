@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
+from types import FrameType
 from typing import Any
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 from bug_gym.checks import checked_options
+from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
     ActionForm,
+    InfoForm,
     Observation,
     ObservationForm,
+    OwnArguments,
+    OwnFields,
+    OwnTerms,
     RobotSpaces,
     ScenarioSource,
+    is_numeric,
+    numeric_info,
     require_one_of,
     require_one_robot,
+    with_most_steps,
 )
 
 
@@ -72,7 +83,8 @@ class NavigationEnv(gym.Env[Any, Any]):
     The same keys after each step and reset: `is_success`, `collision`, `outcome` ("running", "success", "collision",
     "timeout"), `path_length` [m], `time` [s], `min_clearance` [m], `goal_distance` [m], `reward_terms` (name -> value).
     `reset(options={"shortest_path": True})` adds `shortest_path_length` [m], which takes time; it is infinite where
-    there is no way. Other options are ignored.
+    there is no way. Other options are ignored. With `info="numeric"` there are numbers alone: `outcome` is its code (0 running,
+    1 success, 2 collision, 3 timeout), and each reward term has a key, `reward_terms.progress` and so on.
 
     ## Arguments
     | Argument | Default | Meaning |
@@ -82,6 +94,10 @@ class NavigationEnv(gym.Env[Any, Any]):
     | `observation` | `"dict"` | or `"flat"` |
     | `action` | `"continuous"` | or `"discrete"` |
     | `render_mode` | `None` | or `"rgb_array"`, `"human"` |
+    | `info` | `"named"` | or `"numeric"` |
+    | `reward_terms` | `None` | further terms of the reward, name -> function over named arrays: see `bug_gym.own_parts` |
+    | `observation_fields` | `None` | further fields, name -> `bug_gym.ObservationField` or a dict that says the same |
+    | `trust` | `False` | whether functions that the scenario only names may be imported, which runs their modules' code |
 
     The attribute `simulation` is the core that the env stands on.
 
@@ -104,9 +120,14 @@ class NavigationEnv(gym.Env[Any, Any]):
         observation: ObservationForm = "dict",
         action: ActionForm = "continuous",
         render_mode: str | None = None,
+        info: InfoForm = "named",
+        reward_terms: OwnTerms | None = None,
+        observation_fields: OwnFields | None = None,
+        trust: bool = False,
     ) -> None:
         require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
-        self.simulation = Simulation(scenario, overrides=overrides)
+        own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+        self.simulation = Simulation(load(scenario, overrides, **own))
         require_one_robot(self.simulation)
         self.spaces = RobotSpaces(self.simulation, observation, action)
         self.observation_space = self.spaces.observation
@@ -114,6 +135,21 @@ class NavigationEnv(gym.Env[Any, Any]):
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": 1.0 / self.simulation.scenario.time.step}
         self._pictures = Pictures(self.simulation, render_mode)
+        self._is_numeric = is_numeric(info)
+        self._spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make` made it from; its `max_episode_steps` cuts episodes off as the scenario's time limit does."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec
+        most = steps_asked_of_make(inspect.currentframe())
+        if most is not None:
+            self.simulation = Simulation(with_most_steps(self.simulation.scenario, most))
+            self._pictures = Pictures(self.simulation, self.render_mode)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -130,7 +166,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         if wanted.get("shortest_path"):
             info["shortest_path_length"] = self.simulation.shortest_path().length
         self._pictures.record()
-        return self.spaces.present(flat[0, 0]), info
+        return self.spaces.present(flat[0, 0]), numeric_info(info) if self._is_numeric else info
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for one step."""
@@ -138,6 +174,8 @@ class NavigationEnv(gym.Env[Any, Any]):
         flat, reward, terminated, truncated, info = self.simulation.step_one(first, second)
         if self.render_mode is not None:
             self._pictures.record()
+        if self._is_numeric:
+            info = numeric_info(info)
         return self.spaces.present(flat), reward, terminated, truncated, info
 
     def render(self) -> Any:
@@ -147,3 +185,21 @@ class NavigationEnv(gym.Env[Any, Any]):
     def close(self) -> None:
         """Close the window."""
         self._pictures.close()
+
+
+def steps_asked_of_make(frame: FrameType | None) -> int | None:
+    """The `max_episode_steps` of the `gymnasium.make` that is giving an env its spec; None: there is no such.
+
+    Gymnasium does not hand it to the env, but puts a TimeLimit round it, and what that cuts off the env's info could not
+    tell. So it is read where `make` keeps it; where that is not found, the wrapper cuts off and the outcome stays "running".
+
+    Args:
+        frame: of the setter of the env's spec.
+    """
+    maker = None if frame is None else frame.f_back
+    if maker is None or maker.f_globals.get("__name__") != EnvSpec.__module__:
+        return None
+    asked = maker.f_locals.get("max_episode_steps")
+    if asked is None:
+        asked = getattr(maker.f_locals.get("env_spec"), "max_episode_steps", None)
+    return asked if isinstance(asked, int) and asked > 0 else None  # -1: no limit; of others TimeLimit complains

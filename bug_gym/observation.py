@@ -15,8 +15,11 @@ import numpy as np
 
 from bug_gym import kernels
 from bug_gym.checks import float32_numbers
-from bug_gym.config import Scenario
+from bug_gym.config import Scenario, ScenarioError
 from bug_gym.geometry import F32
+
+SENSED = tuple(kernels.observation_places(beams=1, regions=0, robots=1))
+"""Names of the fields that the core fills, whether a scenario has them or not; others are a scenario's own."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,11 @@ def fields(scenario: Scenario) -> tuple[Field, ...]:
     | velocity | (2,) | forward speed [m/s] and turn rate [rad/s], or velocity ahead and to the left [m/s] |
     | terrain | (32, 16) | only with regions: cost factor at 32 bearings, heading first, every 0.25 m up to 4 m |
     | peers | (R - 1, 4) | only with several robots: position [m] and velocity [m/s] in the robot's frame |
+
+    Then come the scenario's own `observation_fields`.
+
+    Raises:
+        ScenarioError: one of them has a name that the observation has already.
     """
     robot, lidar, span = scenario.robot, scenario.lidar, world_span(scenario)
     if robot.kinematics == "holonomic":
@@ -81,6 +89,12 @@ def fields(scenario: Scenario) -> tuple[Field, ...]:
         low32 = np.broadcast_to(np.asarray(low, dtype=np.float32), shape).copy()
         high32 = np.broadcast_to(np.asarray(high, dtype=np.float32), shape).copy()
         result.append(Field(name, shape, low32, high32, places[name][0]))
+    for name, own in scenario.observation_fields.items():
+        if name in SENSED:
+            raise ScenarioError(
+                f"observation_fields.{name}: this name is taken: the observation has such a field already"
+            )
+        result.append(Field(name, own.shape, *own.bounds, result[-1].end))
     return tuple(result)
 
 

@@ -18,10 +18,16 @@ from bug_gym.observation import flat_space
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
     ActionForm,
+    InfoForm,
     Observation,
     ObservationForm,
+    OwnArguments,
+    OwnFields,
+    OwnTerms,
     RobotSpaces,
     ScenarioSource,
+    is_numeric,
+    numeric_info,
     require_one_of,
     with_most_steps,
 )
@@ -55,7 +61,13 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
     }
 
     def __init__(
-        self, scenario: Scenario, *, observation: ObservationForm, action: ActionForm, render_mode: str | None
+        self,
+        scenario: Scenario,
+        *,
+        observation: ObservationForm,
+        action: ActionForm,
+        render_mode: str | None,
+        info: InfoForm = "named",
     ) -> None:
         require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         self.simulation = Simulation(scenario)
@@ -70,6 +82,7 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": 1.0 / scenario.time.step}
         self._pictures = Pictures(self.simulation, render_mode)
+        self._is_numeric = is_numeric(info)
 
     def observation_space(self, agent: str) -> gym.spaces.Space[Any]:
         """What the robot may observe; the same object at each call."""
@@ -91,7 +104,7 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
             for robot, info in enumerate(infos.values()):
                 info["shortest_path_length"] = self.simulation.shortest_path(robot=robot).length
         self._pictures.record()
-        return self._observe(self.agents), infos
+        return self._observe(self.agents), self._told(infos)
 
     def step(
         self, actions: dict[str, Any]
@@ -117,7 +130,10 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
             rewards[agent], terminated[agent], truncated[agent], infos[agent] = reported[self._numbers[agent]]
         self.agents = [agent for agent in moved if not (terminated[agent] or truncated[agent])]
         self._pictures.record()
-        return self._observe(moved), rewards, terminated, truncated, infos
+        return self._observe(moved), rewards, terminated, truncated, self._told(infos)
+
+    def _told(self, infos: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        return {agent: numeric_info(info) for agent, info in infos.items()} if self._is_numeric else infos
 
     def state(self) -> NDArray[np.float32]:
         """What all robots observe (R * D,), whether they are still in play or not."""
@@ -145,6 +161,10 @@ def parallel_env(
     action: ActionForm = "continuous",
     render_mode: str | None = None,
     max_cycles: int | None = None,
+    reward_terms: OwnTerms | None = None,
+    observation_fields: OwnFields | None = None,
+    trust: bool = False,
+    info: InfoForm = "named",
 ) -> RobotsEnv:
     """Make a PettingZoo `ParallelEnv` of one world with several robots, see RobotsEnv.
 
@@ -156,15 +176,20 @@ def parallel_env(
         action: "continuous" or "discrete".
         render_mode: None, "rgb_array" or "human".
         max_cycles: cuts off episodes after so many steps where the scenario's time limit comes later.
+        info: "named", or "numeric": codes of outcomes and no dicts, see NavigationEnv.
+        reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
+        observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
+        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: a scenario that can't be, or without places for so many robots; another form or mode than these.
     """
-    settings = load(scenario, overrides)
+    own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+    settings = load(scenario, overrides, **own)
     if robots is not None:
         settings = load(settings, {"robots.count": robots})
     settings = with_most_steps(settings, max_cycles)
-    return RobotsEnv(settings, observation=observation, action=action, render_mode=render_mode)
+    return RobotsEnv(settings, observation=observation, action=action, render_mode=render_mode, info=info)
 
 
 def env(scenario: ScenarioSource = "crossing_robots", **settings: Any) -> AECEnv[str, Any, Any]:

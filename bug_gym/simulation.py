@@ -23,6 +23,7 @@ from bug_gym.checks import checked_seed, real_numbers
 from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
 from bug_gym.log import warn_once
+from bug_gym.own_parts import OwnParts
 from bug_gym.world import Capacity, Snapshot, World
 from bug_gym.worlds.field import FieldWorld
 
@@ -73,7 +74,7 @@ class RobotStatus(NamedTuple):
     min_clearance: NDArray[np.float64]
     goal_distance: NDArray[np.float64]
     terms: NDArray[np.float64]
-    """Reward terms (n, R, terms), as task.REWARD_TERMS."""
+    """Reward terms (n, R, terms), as Simulation.term_names."""
 
 
 class RobotStep(NamedTuple):
@@ -96,7 +97,8 @@ class Simulation:
         threads: how many threads share the rows of a call; results do not depend on it.
 
     Raises:
-        ValueError: a scenario that can't be, a count or a number of threads below 1, or more worlds than memory holds.
+        ValueError: a scenario that can't be, or that names functions which nobody trusts (`config.load`), a count or a
+            number of threads below 1, or more worlds than memory holds.
     """
 
     def __init__(
@@ -127,8 +129,12 @@ class Simulation:
             weights=task.weights(self.scenario.reward),
             clearance_scale=task.CLEARANCE_SCALE,
             span=observation.world_span(self.scenario),
+            own_terms=len(self.scenario.reward_terms),
             capacity=capacity,
         )
+        has_own = self.scenario.reward_terms or self.scenario.observation_fields
+        self._own = OwnParts(self.scenario, self.world, self.fields) if has_own else None
+        self.term_names = (*task.REWARD_TERMS, *self.scenario.reward_terms)
         self.all_rows: Rows = np.arange(count)
         self._seeded = np.zeros(count, dtype=bool)
         self._all_seeded = False
@@ -181,6 +187,8 @@ class Simulation:
     def begin(self, rows: Rows) -> None:
         """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
         self._do(kernels.BEGIN, rows, self._no_actions(rows))
+        if self._own is not None:
+            self._own.begin(rows)
 
     def restart_robots(self, rows: Rows, starts: NDArray[np.float64]) -> NDArray[np.float32]:
         """Put robots whose runs have ended back to a start, while their worlds go on; not where something stands there.
@@ -196,8 +204,11 @@ class Simulation:
             self._bind()
         world = self.world
         starts = np.ascontiguousarray(starts, dtype=np.float64)
+        rested = ~world.active[rows]
         kernels.restart_robots(world.floats, world.ints, world.spec, self._footprint, starts, rows)
         self._do(kernels.LOOK, rows, self._no_actions(rows))
+        if self._own is not None:
+            self._own.begin(rows, (rested & world.active[rows]).ravel())
         return self.observations(rows)
 
     def _next_episodes(self, rows: Rows, seeds: Sequence[int | None] | None) -> Starts:
@@ -268,7 +279,12 @@ class Simulation:
             raise ValueError(f"actions must be finite, got {array[~np.isfinite(array)][0]}")
         if not self._all_seeded:
             self._require_episodes(rows)
-        self._do(kernels.STEP, rows, array)
+        if self._own is None:
+            self._do(kernels.STEP, rows, array)
+        else:
+            before = self._own.before(rows)
+            self._do(kernels.STEP, rows, array)
+            self._own.after(rows, before)
 
     def step_one(self, first: float, second: float) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Advance the one world of one robot: what `step` and `robot_step` do, in a third of their time.
@@ -355,7 +371,7 @@ class Simulation:
         self._one_body_and_ground = self._arrays[-2:]
         steering = (world.floats, world.ints, world.spec, world.footprint, *scratch, self.all_rows)
         self._one_steering = steering if world.capacity.steered else ()
-        if kernels.HAS_ADDRESSES:
+        if kernels.HAS_ADDRESSES and self._own is None:
             table = kernels.address_table(kernels.run_rows, (kernels.STEP, *arguments))
             self._one_address, self._one_kept = table.ctypes.data, (table, arguments)
         self._one_observation = self.world.observation[0, 0]
@@ -376,6 +392,8 @@ class Simulation:
         kernels.read_status(self.world.floats, self.world.ints, self.world.spec, rows, numbers, outcome)
         reward, path_length, time, min_clearance, goal_distance = numbers[: kernels.STATUS]
         terms = numbers[kernels.STATUS :].transpose(1, 2, 0)
+        if self._own is not None:
+            terms = np.concatenate([terms, self._own.terms(rows)], axis=2)
         return RobotStatus(outcome, reward, path_length, time, min_clearance, goal_distance, terms)
 
     def transition(self, rows: Rows, status: RobotStatus | None = None) -> Transition:
@@ -385,7 +403,7 @@ class Simulation:
         return Transition(self.observations(rows), reward, terminated, outcome >= kernels.TIMEOUT)
 
     def info(self, rows: Rows | None = None, status: RobotStatus | None = None) -> dict[str, NDArray[Any]]:
-        """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms), as task.REWARD_TERMS."""
+        """The contract's info as arrays (n, R), by name; `reward_terms` is (n, R, terms), as `term_names`."""
         status = status or self.status(self.all_rows if rows is None else rows)
         _, _, path_length, time, min_clearance, goal_distance, terms = status
         outcome = task.OUTCOME_NAMES.take(status.outcome)
@@ -411,7 +429,7 @@ class Simulation:
         begin = self._begins
         outcome = self.world.ints.item(row, begin["outcome"] + robot)
         terms = begin["terms"] + kernels.TERMS * robot
-        return RobotStep(
+        step = RobotStep(
             *robot_step_of(
                 outcome,
                 values[begin["reward"] + robot],
@@ -422,6 +440,9 @@ class Simulation:
                 *values[terms : terms + kernels.TERMS],
             )
         )
+        if self._own is not None:
+            step.info["reward_terms"] |= self._own.told(row, robot)
+        return step
 
     def shortest_path(self, row: int = 0, robot: int = 0) -> ShortestPath:
         """The shortest path among the still obstacles for a robot of a row from where it stands to its goal.

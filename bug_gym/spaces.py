@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import gymnasium as gym
 import numpy as np
@@ -16,13 +16,26 @@ from bug_gym.geometry import F32
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict, dict_space, flat_space
 from bug_gym.simulation import Simulation
+from bug_gym.task import OUTCOMES
 from bug_gym.view import Sensors
 
 ObservationForm = Literal["dict", "flat"]
 ActionForm = Literal["continuous", "discrete"]
+InfoForm = Literal["named", "numeric"]
 Observation = Any  # F32, or F32 by field, as the env was made; a union would make every caller tell them apart
+OUTCOME_CODES = {name: code for code, name in enumerate(OUTCOMES)}
 FLOAT32 = np.dtype(np.float32)
 ScenarioSource = str | Path | Mapping[str, Any] | Scenario
+OwnTerms = Mapping[str, Any]  # of functions, references to some, or RewardTerms
+OwnFields = Mapping[str, Any]  # of ObservationFields
+
+
+class OwnArguments(TypedDict):
+    """What the faces take beside a scenario and hand to `config.load`, which says what each is."""
+
+    reward_terms: OwnTerms | None
+    observation_fields: OwnFields | None
+    trust: bool
 
 
 class ActionBox(gym.spaces.Box):
@@ -126,6 +139,32 @@ class RobotSpaces:
             raise ValueError(f"an action is an integer from 0 to {len(self._table) - 1}, got {actions!r}")
         chosen: NDArray[np.float64] = self._table[numbers]
         return chosen
+
+
+def is_numeric(info_form: str) -> bool:
+    """Whether infos hold numbers alone: codes of task.OUTCOMES, and each reward term under a key of its own.
+
+    Raises:
+        ValueError: no form of infos.
+    """
+    require_one_of("info", info_form, ("named", "numeric"))
+    return info_form == "numeric"
+
+
+def numeric_info(info: Mapping[str, Any]) -> dict[str, Any]:
+    """The contract's info of one robot as numbers: what `with_codes` says."""
+    return with_codes(info, OUTCOME_CODES[info["outcome"]])
+
+
+def with_codes(info: Mapping[str, Any], codes: Any) -> dict[str, Any]:
+    """The contract's info with `outcome` as code, and `reward_terms.progress` and its like instead of a dict in it.
+
+    Args:
+        info: of one robot, or as arrays of many.
+        codes: of their outcomes.
+    """
+    flat = {name: value for name, value in info.items() if name != "reward_terms"} | {"outcome": codes}
+    return flat | {f"reward_terms.{name}": value for name, value in info["reward_terms"].items()}
 
 
 def require_one_of(name: str, value: object, known: tuple[object, ...]) -> None:

@@ -18,15 +18,20 @@ from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import RobotStatus, Simulation
 from bug_gym.spaces import (
     ActionForm,
+    InfoForm,
     Observation,
     ObservationForm,
+    OwnArguments,
+    OwnFields,
+    OwnTerms,
     RobotSpaces,
     ScenarioSource,
+    is_numeric,
     require_one_of,
     require_one_robot,
+    with_codes,
     with_most_steps,
 )
-from bug_gym.task import REWARD_TERMS
 
 Bools = NDArray[np.bool_]
 Infos = dict[str, Any]
@@ -50,6 +55,10 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             resets it, `reset(options={"reset_mask": mask})`.
         max_episode_steps: cuts off episodes after so many steps where the scenario's time limit comes later.
         threads: how many threads share the rows; more pay from some two thousand worlds on.
+        info: "named", or "numeric": codes of outcomes and no dicts for reward terms, see NavigationEnv.
+        reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
+        observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
+        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: a scenario that can't be, or with several robots; another form or mode than these.
@@ -73,9 +82,14 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         threads: int = 1,
+        info: InfoForm = "named",
+        reward_terms: OwnTerms | None = None,
+        observation_fields: OwnFields | None = None,
+        trust: bool = False,
     ) -> None:
         require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
-        settings = with_most_steps(load(scenario, overrides), max_episode_steps)
+        own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
+        settings = with_most_steps(load(scenario, overrides, **own), max_episode_steps)
         self.simulation = Simulation(settings, num_envs, threads=threads)
         require_one_robot(self.simulation)
         self.spaces = RobotSpaces(self.simulation, observation, action)
@@ -93,6 +107,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         }
         self._pictures = Pictures(self.simulation, render_mode)
         self._ended = np.zeros(num_envs, dtype=bool)
+        self._is_numeric = is_numeric(info)
+        self._of_rows: dict[str, tuple[Any, ...]] = {}  # attributes that callers have given the rows
 
     def reset(
         self,
@@ -178,8 +194,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         """The contract's info of the rows in the mask, as arrays with masks; `status`: of those rows, if read before."""
         status = status or self.simulation.status(np.flatnonzero(mask))
         infos: Infos = {name: values[:, 0] for name, values in self.simulation.info(status=status).items()}
-        infos["reward_terms"] = dict(zip(REWARD_TERMS, infos["reward_terms"].T, strict=True))
-        return with_masks(infos, mask)
+        infos["reward_terms"] = dict(zip(self.simulation.term_names, infos["reward_terms"].T, strict=True))
+        return with_masks(with_codes(infos, status.outcome[:, 0]) if self._is_numeric else infos, mask)
 
     def _final_infos(self, flat: NDArray[np.float32]) -> Infos:
         """Last observations and infos of the rows that have ended, before they start anew."""
@@ -193,6 +209,50 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             "final_info": self._infos(mask),
             "_final_info": mask.copy(),
         }
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of each row, or read an attribute, as `SyncVectorEnv.call`.
+
+        Rows are rows of arrays: they share what this env has but for their spaces, `render`, and what `set_attr` gave them.
+
+        Raises:
+            AttributeError: nothing of this name, or a method that rows do not have: `reset`, `step`, `close`.
+        """
+        if name in self._of_rows:
+            found = self._of_rows[name]
+        elif name == "render":
+            return self.render() or (None,) * self.num_envs
+        elif name in ("observation_space", "action_space"):
+            found = (getattr(self, f"single_{name}"),) * self.num_envs
+        elif callable(getattr(type(self), name, None)):
+            expected = "rows have only `render`; they are stepped together, and reset by options={'reset_mask': mask}"
+            raise AttributeError(f"a row of {type(self).__name__} has no method {name!r}: {expected}")
+        else:
+            found = (getattr(self, name),) * self.num_envs
+        return tuple(value(*args, **kwargs) if callable(value) else value for value in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of each row, as `call` finds it.
+
+        Raises:
+            AttributeError: nothing of this name.
+        """
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Give each row an attribute of its own, which `get_attr` reads: a list or tuple of n values, or one for all.
+
+        Raises:
+            ValueError: another number of values.
+            AttributeError: this env has one of that name, which the rows share.
+        """
+        if not isinstance(values, (list, tuple)):
+            values = [values] * self.num_envs
+        if len(values) != self.num_envs:
+            raise ValueError(f"got {len(values)} values of {name!r} for {self.num_envs} rows")
+        if hasattr(self, name):
+            raise AttributeError(f"the rows share {name!r}: it can't be set for each of them")
+        self._of_rows[name] = tuple(values)
 
     def close_extras(self) -> None:
         """Let the threads and the pictures go."""

@@ -82,6 +82,7 @@ class World:
         weights: weight of each reward term by name.
         clearance_scale: clearance at which the reward's clearance term begins [m].
         span: longest distance inside the bounds [m].
+        own_terms: how many terms of the reward are the scenario's own.
         capacity: what to leave room for; it grows by itself where a layout needs more.
     """
 
@@ -94,9 +95,11 @@ class World:
         weights: dict[str, float],
         clearance_scale: float,
         span: float,
+        own_terms: int = 0,
         capacity: Capacity | None = None,
     ) -> None:
         self.scenario = scenario
+        self._own_terms = own_terms
         self.count = count
         self.robots = scenario.robots.count
         has_own = scenario.world.has_own_goals or any(place.goal for place in scenario.robots.places)
@@ -181,7 +184,11 @@ class World:
             places = kernels.places(table, counts)
             for name, (begin, _) in places.items():
                 self.spec[name] = begin
-            widths.append(kernels.rounded_up(max(begin + size for begin, size in places.values())))
+            end = max(begin + size for begin, size in places.values())
+            if table is kernels.FLOAT_ARRAYS:  # the scenario's own terms stand behind what kernels know
+                places["own_terms"] = (end, self._own_terms * robots)
+                end += self._own_terms * robots
+            widths.append(kernels.rounded_up(end))
             self._places |= places
         # A snapshot is as large again, but few take one of very many worlds.
         self.is_behind = False  # whether kernels have gone on since bodies were last brought to now
@@ -205,7 +212,7 @@ class World:
     # ------------------------------------------------------------------------------------------ named arrays
 
     def array(self, name: str) -> NDArray[Any]:
-        """View (N, size) of a named array of the rows (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS)."""
+        """View (N, size) of a named array of the rows: kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS, or `own_terms`."""
         if self.is_behind and name in OF_MOTION:
             kernels.locate_bodies(self.floats, self.ints, self.spec)
             self.is_behind = False
@@ -213,7 +220,7 @@ class World:
 
     def _view(self, name: str) -> NDArray[Any]:
         begin, size = self._places[name]
-        buffer: NDArray[Any] = self.floats if name in kernels.FLOAT_ARRAYS else self.ints
+        buffer: NDArray[Any] = self.ints if name in kernels.INT_ARRAYS else self.floats
         return buffer[:, begin : begin + size]
 
     def _pair(self, first: str) -> F64:

@@ -25,6 +25,7 @@ LAYERS = (
         "geometry",
         "limits",
         "naming",
+        "references",
         "files",
         "checks",
         "workers",
@@ -33,7 +34,7 @@ LAYERS = (
     ("worlds",),
     ("config",),
     ("world", "scenarios", "floor_plans", "maps"),
-    ("observation", "task", "view", "inertia", "steering"),
+    ("observation", "task", "own_parts", "view", "inertia", "steering"),
     ("simulation", "policy", "team_policy"),
     ("drawing", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
     ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name

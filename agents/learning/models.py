@@ -169,6 +169,7 @@ def card(record: Mapping[str, Any]) -> str:
         f"begun from {settings['start_from'] or 'scratch'}",
         f"- Made again by `{command(record)}`; the model here is of seed {record['seed']}, which did best in its validation",
         f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",
+        *_own_lines(record),
         "",
         "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",
         "",
@@ -186,6 +187,20 @@ def card(record: Mapping[str, Any]) -> str:
             )
     lines += ["", "Success in validation [%] by environment steps, one column a seed:", "", *_curve_lines(runs), ""]
     return "\n".join(lines)
+
+
+def _own_lines(record: Mapping[str, Any]) -> list[str]:
+    """What the scenarios have of their own."""
+    lines = []
+    for key, told in (("reward_terms", "Reward terms"), ("observation_fields", "Observation fields")):
+        found = {name: own for scenario in record["scenarios"] for name, own in scenario.get(key, {}).items()}
+        if found:
+            each = ", ".join(
+                f"{name} = {own.get('weight', '')}{' x ' * ('weight' in own)}`{own['function']}`"
+                for name, own in found.items()
+            )
+            lines.append(f"- {told} of its own: {each}")
+    return lines
 
 
 def _curve_lines(runs: Mapping[str, Any]) -> list[str]:

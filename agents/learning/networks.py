@@ -24,8 +24,8 @@ class RobotEncoding(BaseFeaturesExtractor):
     """Encodes observations, Dict or flat.
 
     Features: B clearances (1.6 at contact, 0 where nothing is seen), cosine, sine and two scales of the distance of
-    the goal, the velocity over its limits; of each peer direction, clearance and velocity; of each lag of a history
-    the speeds along the beams and the goal's velocity.
+    the goal, the velocity over its limits; of each peer direction, clearance and velocity; the scenario's own fields over their
+    greatest size; of each lag of a history the speeds along the beams and the goal's velocity.
 
     Args:
         observation_space: the Dict space, or the flat one followed by what a History gives.
@@ -43,12 +43,15 @@ class RobotEncoding(BaseFeaturesExtractor):
         linear: bool = False,
     ) -> None:
         model = RobotModel.from_dict(robot)
-        super().__init__(observation_space, model.beams + 6 + 5 * model.peers + history_width(model, lags))
+        width = model.beams + 6 + 5 * model.peers + model.own_width + history_width(model, lags)
+        super().__init__(observation_space, width)
         self.robot, self.linear = model, linear
         self.history = history_width(model, lags)
         top = (model.max_speed, model.max_turn_rate if model.kinematics == "differential" else model.max_speed)
         self.register_buffer("top_speeds", torch.tensor(top), persistent=False)
         self.top_speeds: torch.Tensor
+        self.register_buffer("own_scales", torch.tensor(model.own_scales), persistent=False)
+        self.own_scales: torch.Tensor
 
     def forward(self, observations: torch.Tensor | dict[str, torch.Tensor]) -> torch.Tensor:
         """Features (n, F) of flat observations (n, D) or fields (n, ...)."""
@@ -70,9 +73,17 @@ class RobotEncoding(BaseFeaturesExtractor):
         ]
         if others is not None:
             parts.append(self._peers(others).flatten(1))
+        if self.robot.own:
+            parts.append(self._own(observations) / self.own_scales)
         if self.history and not isinstance(observations, dict):
             parts.append(observations[:, self.robot.width :] / TOP_SPEED)
         return torch.cat(parts, dim=1)
+
+    def _own(self, observations: torch.Tensor | dict[str, torch.Tensor]) -> torch.Tensor:
+        """The scenario's own fields (n, O)."""
+        if isinstance(observations, dict):
+            return torch.cat([observations[name].flatten(1) for name, _, _ in self.robot.own], dim=1)
+        return observations[:, self.robot.width - self.robot.own_width : self.robot.width]
 
     def _ranges(self, ranges: torch.Tensor) -> torch.Tensor:
         if self.linear:

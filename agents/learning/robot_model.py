@@ -7,8 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
+from bug_gym.observation import SENSED
 from bug_gym.schema.values import AtLeastOne, Count, NotNegative, Number, Positive
 from bug_gym.view import Sensors
 
@@ -44,6 +46,8 @@ class RobotModel:
     """Range that means "nothing seen" [m]."""
     peers: Count = 0
     """Other robots that the observation tells of."""
+    own: tuple[tuple[str, int, float], ...] = ()
+    """The scenario's own fields behind them: name, how many numbers, and the greatest size that one may have."""
 
     @classmethod
     def of(cls, sensors: Sensors) -> RobotModel:
@@ -53,7 +57,7 @@ class RobotModel:
             ValueError: the observation has a field that learned policies do not know.
         """
         names = [field.name for field in sensors.fields]
-        if strange := [name for name in names if name not in LAYOUT]:
+        if strange := [name for name in names if name in SENSED and name not in LAYOUT]:
             raise ValueError(
                 f"learned policies know the fields {', '.join(LAYOUT)}, the observation has {strange[0]!r}"
             )
@@ -71,6 +75,11 @@ class RobotModel:
             angle_step=float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi,
             range=sensors.range,
             peers=sum(field.shape[0] for field in sensors.fields if field.name == "peers"),
+            own=tuple(
+                (field.name, field.end - field.begin, float(np.abs([field.low, field.high]).max()))
+                for field in sensors.fields
+                if field.name not in SENSED
+            ),
         )
 
     @classmethod
@@ -81,13 +90,13 @@ class RobotModel:
             ValueError: a key is missing or unknown.
         """
         try:
-            return cls(**data)
+            return cls(**{**data, "own": tuple(tuple(field) for field in data.get("own", ()))})
         except TypeError as error:
             raise ValueError(f"this describes no robot: {error}") from None
 
     def as_dict(self) -> dict[str, Any]:
-        """The fields as plain data."""
-        return asdict(self)
+        """The fields as plain data; `own` only where there are some."""
+        return {name: value for name, value in asdict(self).items() if name != "own" or value}
 
     def differences(self, other: RobotModel) -> Iterator[str]:
         """Each field in which another robot differs, as "field 64, not 32"."""
@@ -105,4 +114,14 @@ class RobotModel:
     @property
     def width(self) -> int:
         """Length D of the flat observation."""
-        return self.beams + 7 + 4 * self.peers
+        return self.beams + 7 + 4 * self.peers + self.own_width
+
+    @property
+    def own_width(self) -> int:
+        """How many of its numbers, the last ones, are the scenario's own."""
+        return sum(numbers for _, numbers, _ in self.own)
+
+    @property
+    def own_scales(self) -> list[float]:
+        """What each of those is divided by, so that it is a number near one."""
+        return [scale or 1.0 for _, numbers, scale in self.own for _ in range(numbers)]

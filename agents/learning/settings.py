@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, PrivateAttr, ValidationError
+from pydantic_core import PydanticSerializationError
 
 from bug_gym.agents.learning.history import MOST_STEPS
 from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, expanded, explain, load, read_yaml
@@ -86,11 +87,18 @@ class Settings(Part):
     """Held-out worlds of each scenario in which the best model is judged at the end."""
     save_freq: Steps = 250_000
     """Environment steps from one checkpoint to the next."""
+    _trust: bool = PrivateAttr(default=False)  # no key: data cannot grant itself trust
 
     @property
     def loaded(self) -> tuple[Scenario, ...]:
-        """The scenarios with their overrides."""
-        return tuple(load(source, self.overrides) for source in self.scenarios)
+        """The scenarios with their overrides; their own functions are imported where `load_settings` was told to trust."""
+        return tuple(load(source, self.overrides, trust=self._trust) for source in self.scenarios)
+
+    def trusting(self, trust: bool) -> Self:
+        """The same settings, whose scenarios may run the functions that they name or not."""
+        copy = self.model_copy()
+        copy._trust = trust
+        return copy
 
     def rate(self, remaining: float) -> float:
         """The step size where a share `remaining` of the training is left."""
@@ -186,12 +194,15 @@ def training_names() -> list[str]:
     return sorted(path.stem for path in TRAIN_FOLDER.glob("*.yaml"))
 
 
-def load_settings(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None) -> AnySettings:
+def load_settings(
+    source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, trust: bool = False
+) -> AnySettings:
     """The settings of a training.
 
     Args:
         source: a name from `training_names()`, the path of a YAML file, or a mapping that says the same.
         overrides: values by key that replace the file's.
+        trust: whether functions that its scenarios name may be imported, which runs the code of their modules.
 
     Raises:
         ScenarioError: where something is unknown, missing or not allowed.
@@ -202,10 +213,14 @@ def load_settings(source: str | Path | Mapping[str, Any], overrides: Mapping[str
     if algo not in ALGORITHMS:
         raise ScenarioError(f"{label}: algo: got {algo!r}, expected one of {', '.join(map(repr, ALGORITHMS))}")
     try:
-        settings = ALGORITHMS[algo].model_validate(data)
+        settings = ALGORITHMS[algo].model_validate(data).trusting(trust)
         settings.rate(1.0)
+        settings.model_dump_json()
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
+    except PydanticSerializationError:
+        expected = "a training is plain data: name functions, such as my_module:my_function"
+        raise ScenarioError(f"{label}: got what JSON cannot hold; {expected}") from None
     except ValueError as error:
         raise ScenarioError(f"{label}: {error}") from None
     _ = settings.loaded

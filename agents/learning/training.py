@@ -130,18 +130,19 @@ def _off_policy_model(settings: SACSettings | DQNSettings, same: Mapping[str, An
     return kind(**{**own, **same})
 
 
-def rebuild(model: str | Path) -> BaseAlgorithm:
+def rebuild(model: str | Path, *, trust: bool = False) -> BaseAlgorithm:
     """A trained model of ours in SB3, with an env of its own, to train on.
 
     Args:
         model: name or folder.
+        trust: whether functions that its scenarios name may be imported.
 
     Raises:
         ValueError: its files are missing or damaged.
     """
     folder = model_folder(model)
     config = read_config(folder)
-    settings = load_settings(config["settings"])
+    settings = load_settings(config["settings"], trust=trust)
     made = make_model(settings, make_training_env(settings, config["seed"]), config["seed"])
     load_weights(folder / WEIGHTS, made.policy, config["sha256"][WEIGHTS])
     return made

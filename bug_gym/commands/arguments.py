@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from bug_gym.workers import Workers
 
 
+TRUST = "import and run the functions that scenarios name for reward_terms and observation_fields"
+
+
 def at_least_one(text: str) -> int:
     """A whole number from 1 on."""
     number = int(text)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_overrides, add_workers, assignments, policy_entry, workers_of
+from bug_gym.commands.arguments import TRUST, add_overrides, add_workers, assignments, policy_entry, workers_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, help="folder for rows, summary, report and pictures; goes on with a run cut off"
     )
+    parser.add_argument("--trust", action="store_true", help=TRUST)
     parser.add_argument("--details", action="store_true", help="print all tables, and the paired differences")
     parser.add_argument(
         "--repair", action="store_true", help="drop lines of --out that stand there twice, or that this run cannot have"
@@ -68,6 +69,7 @@ def run(options: argparse.Namespace) -> None:
             baseline=options.baseline,
             repair=options.repair,
             privileged=options.privileged,
+            trust=options.trust,
         )
     console, summaries = Console(), summarise(rows)
     print_matrix(summaries, console)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from bug_gym.checks import needed_from
-from bug_gym.commands.arguments import above_zero, assignments, at_least_one
+from bug_gym.commands.arguments import TRUST, above_zero, assignments, at_least_one
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=at_least_one, help="environment steps (default: the training's)")
     parser.add_argument("--minutes", type=above_zero, help="end after so many minutes of training (default: all steps)")
     parser.add_argument("--threads", type=at_least_one, help="threads of torch (default: one for each core)")
+    parser.add_argument("--trust", action="store_true", help=TRUST)
     parser.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
     parser.add_argument(
         "--set",
@@ -37,7 +38,7 @@ def run(options: argparse.Namespace) -> None:
 
     overrides = assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
     overrides |= {"start_from": options.start_from} if options.start_from else {}
-    settings = load_settings(options.name, overrides)
+    settings = load_settings(options.name, overrides, trust=options.trust)
     options.out = options.out or Path("results", "train", settings.name)
     best = train_seeds(
         settings,

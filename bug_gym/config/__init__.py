@@ -11,6 +11,7 @@ from bug_gym.config.scenario import Scenario
 from bug_gym.schema.errors import ScenarioError
 from bug_gym.schema.motions import LAWS, Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
 from bug_gym.schema.movers import SAME_PLACE, Mover, Shape, Target
+from bug_gym.schema.own import ObservationField, RewardTerm
 from bug_gym.schema.polygons import Bounds, Polygon, Ring, WeightedRegion
 from bug_gym.schema.robot import FULL_TURN, FULL_TURN_TOLERANCE, Lidar, Odometry, Place, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
@@ -103,6 +104,7 @@ __all__ = [
     "ONI_WANG_PLACES",
     "ONI_WANG_POLYGON",
     "Odometry",
+    "ObservationField",
     "OniWangWorld",
     "Part",
     "Place",
@@ -116,6 +118,7 @@ __all__ = [
     "Replay",
     "ReplayWorld",
     "Reward",
+    "RewardTerm",
     "Ring",
     "RingWorld",
     "Robot",

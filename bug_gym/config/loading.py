@@ -14,7 +14,9 @@ from bug_gym.config.errors import explain
 from bug_gym.config.scenario import Scenario
 from bug_gym.limits import MOST_DEPTH, MOST_NODES, TEXT, told_bytes
 from bug_gym.naming import nearest_hint
+from bug_gym.references import is_reference
 from bug_gym.schema.errors import ScenarioError, shortened
+from bug_gym.schema.own import OWN_PARTS, Named, ObservationField, RewardTerm, trusted
 from bug_gym.schema.values import Part
 from bug_gym.schema.yaml_text import parse_yaml, told_fault
 
@@ -28,21 +30,56 @@ def scenario_names() -> list[str]:
     return sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))
 
 
-def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Mapping[str, Any] | None = None) -> Scenario:
+def load(
+    source: str | Path | Mapping[str, Any] | Scenario,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    reward_terms: Mapping[str, Any] | None = None,
+    observation_fields: Mapping[str, Any] | None = None,
+    trust: bool = False,
+) -> Scenario:
     """Makes a scenario.
 
     Args:
         source: a name from `scenario_names()`, the path of a YAML file, a mapping that says the same, or a scenario.
         overrides: values by dotted key, such as `{"lidar.beams": 360}`; each replaces all that stands there. Relative
             paths in a file start from its folder, those in mappings and overrides from the working directory.
+        reward_terms: further terms of the reward, by name: a function, or what RewardTerm says.
+        observation_fields: further fields of the observation, by name: what ObservationField says.
+        trust: whether functions that are only named may be imported, which runs the code of their modules. Without it a
+            scenario that names some can be read, but no world of it is made.
 
     Raises:
         ScenarioError: where something is unknown, missing or not allowed.
     """
-    if isinstance(source, Scenario) and not overrides:
+    own = {"reward_terms": reward_terms, "observation_fields": observation_fields}
+    given = {f"{key}.{name}": part for key, parts in own.items() for name, part in _checked_own(key, parts).items()}
+    if isinstance(source, Scenario) and not (overrides or given or trust):
         return source
+    scenario = _loaded(source, {**(overrides or {}), **given})
+    return _with_trust(scenario) if trust else scenario
+
+
+def _checked_own(key: str, parts: object) -> Mapping[str, Any]:
+    if not isinstance(parts, Mapping | None):
+        raise ScenarioError(f"{key}: got {shortened(parts)}, expected a mapping of names to functions")
+    if wrong := [name for name in parts or () if not isinstance(name, str) or "." in name]:
+        raise ScenarioError(f"{key}: got the name {shortened(wrong[0])}, expected letters, digits and underscores")
+    return parts or {}
+
+
+def _with_trust(scenario: Scenario) -> Scenario:
+    """The scenario with its functions imported, where they are only named."""
+    parts = {
+        key: Named({name: trusted(own, f"{key}.{name}") for name, own in getattr(scenario, key).items()})
+        for key in OWN_PARTS
+    }
+    return scenario.model_copy(update={key: own for key, own in parts.items() if own})
+
+
+def _loaded(source: str | Path | Mapping[str, Any] | Scenario, overrides: Mapping[str, Any]) -> Scenario:
     label, data = _read(source)
-    for key, value in (overrides or {}).items():
+    for key, value in overrides.items():
         _override(data, key, _plain(value, f"{label}: override {shortened(key)}"), label)
     try:
         return Scenario.model_validate(data)
@@ -56,6 +93,14 @@ def dump(scenario: Scenario) -> dict[str, Any]:
     return data
 
 
+def _with_functions(data: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
+    """A dump of the scenario in which its functions stand themselves, not where they are."""
+    for key in OWN_PARTS:
+        for name, own in getattr(scenario, key).items():
+            data[key][name]["function"] = own.function
+    return data
+
+
 def to_yaml(scenario: Scenario) -> str:
     """The scenario's differences from the defaults, as the text of a YAML file."""
     return yaml.safe_dump(dump(scenario), sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
@@ -64,7 +109,7 @@ def to_yaml(scenario: Scenario) -> str:
 def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[str, Any]]:
     """A name for errors, and the scenario as plain data."""
     if isinstance(source, Scenario):
-        return source.name, dump(source)
+        return source.name, _with_functions(dump(source), source)
     if isinstance(source, Mapping):
         return "scenario", _plain(source, "scenario")
     if not isinstance(source, (str, Path)):
@@ -121,6 +166,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         data = {"world": {"family": "ros_map", "path": path.name}}
     data = _plain(data, str(path))  # what two aliases share comes apart, so that each can change alone
     _resolve_paths(data, path.parent)
+    _resolve_functions(data, path.parent)
     return {"name": path.stem, **data}
 
 
@@ -132,6 +178,20 @@ def _resolve_paths(data: Any, folder: Path) -> None:
             data[key] = str(folder / Path(value).expanduser())
         else:
             _resolve_paths(value, folder)
+
+
+def _resolve_functions(data: dict[str, Any], folder: Path) -> None:
+    """Makes "file.py:function" start from the file's folder, in place."""
+
+    def resolved(value: Any) -> Any:
+        if isinstance(value, dict) and "function" in value:
+            return {**value, "function": resolved(value["function"])}
+        is_file = isinstance(value, str) and is_reference(value) and value.rpartition(":")[0].endswith(".py")
+        return str(folder / Path(value).expanduser()) if is_file else value
+
+    for key in OWN_PARTS:
+        if isinstance(data.get(key), dict):
+            data[key] = {name: resolved(value) for name, value in data[key].items()}
 
 
 def _plain(value: Any, label: str) -> Any:
@@ -149,6 +209,8 @@ def _plain(value: Any, label: str) -> Any:
             raise ScenarioError(f"{label}: nested deeper than {MOST_DEPTH} levels")
         if count > MOST_NODES:
             raise ScenarioError(f"{label}: more than {MOST_NODES:,} values")
+        if isinstance(value, (RewardTerm, ObservationField)):
+            return {**value.model_dump(mode="json"), "function": value.function}
         if isinstance(value, Part):
             return value.model_dump(mode="json")
         if isinstance(value, Mapping):

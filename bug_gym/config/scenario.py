@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from bug_gym.limits import WIDEST_SWING
 from bug_gym.schema.errors import wrong
+from bug_gym.schema.own import OWN_PARTS, Named, ObservationFields, RewardTerms
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
 from bug_gym.schema.values import Part
@@ -39,6 +40,10 @@ class Scenario(Part):
     """The family of worlds and its parameters."""
     reward: Reward = Reward()
     """Weights of the reward's terms."""
+    reward_terms: RewardTerms = Named()
+    """Further terms of the reward, by name: functions over named arrays (bug_gym.own_parts)."""
+    observation_fields: ObservationFields = Named()
+    """Further fields of the observation, by name: functions likewise."""
     robots: Robots = Robots()
     """How many robots."""
     mission: Literal["all", "first"] = "all"
@@ -47,7 +52,9 @@ class Scenario(Part):
     @property
     def digest(self) -> str:
         """What tells it from other scenarios: of all values, defaults too, which may change with the version."""
-        text = json.dumps(self.model_dump(mode="json"), sort_keys=True)
+        data = self.model_dump(mode="json")
+        said = {key: value for key, value in data.items() if value or key not in OWN_PARTS}
+        text = json.dumps(said, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
@@ -64,6 +71,9 @@ class Scenario(Part):
             raise wrong(context["reason"], f"world.{context['key']}") from None
         self._check_swing()
         self._check_places()
+        for name in self.reward_terms:
+            if name in Reward.model_fields:
+                raise wrong("this name is taken: the reward has such a term already", f"reward_terms.{name}")
         return self
 
     def _check_swing(self) -> None:

@@ -39,6 +39,7 @@ def evaluate(
     baseline: str | None = None,
     repair: bool = False,
     privileged: bool = True,
+    trust: bool = False,
 ) -> list[EpisodeRow]:
     """Drive policies through the same worlds and measure each episode.
 
@@ -60,6 +61,8 @@ def evaluate(
             not read the map, see `summary.default_baseline`.
         repair: whether lines of `out` that this run cannot have, or has twice, are dropped; else they are an error.
         privileged: whether policies that read the map take part; tables mark them.
+        trust: whether functions that scenarios name (reward_terms, observation_fields) may be imported, which runs the code
+            of their modules; workers import them too.
 
     Returns:
         One row an episode and robot, by scenario, policy, seed and robot.
@@ -78,6 +81,7 @@ def evaluate(
         overrides=overrides,
         data=data,
         privileged=privileged,
+        trust=trust,
     )
     labels = [policy.label for policy in plan.policies]
     if baseline is not None and baseline not in labels:

@@ -10,10 +10,11 @@ from types import NoneType
 from typing import Any
 
 from bug_gym.agents import Spec, make_policy, outside_reference, reads_map
-from bug_gym.agents.outside import code_digest, imported_class, is_object, reference_of, required_policy
+from bug_gym.agents.outside import imported_class, is_object, required_policy
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import Policy
+from bug_gym.references import code_digest, reference_of
 from bug_gym.simulation import Simulation
 
 EXPECTED = (

@@ -17,15 +17,23 @@ import numpy as np
 
 import bug_gym
 from bug_gym.agents import Spec, playable_names
-from bug_gym.config import ScenarioError, dump, load
+from bug_gym.config import Scenario, ScenarioError, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
 from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.policy import MisfitError
+from bug_gym.references import code_digest
+from bug_gym.schema.own import OWN_PARTS, required_function
 
 logger = logging.getLogger("bug_gym")
+
+
+def own_code(scenario: Scenario) -> dict[str, str]:
+    """Digests of the files that a scenario's own functions are written in, by key and name."""
+    parts = {f"{key}.{name}": own for key in OWN_PARTS for name, own in getattr(scenario, key).items()}
+    return {told: code_digest(required_function(own, told)) for told, own in parts.items()}
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,7 @@ class Plan:
                 "scenario": dump(entry.scenario),
                 "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
                 "digest": entry.scenario.digest,
+                **({"code": own} if (own := own_code(entry.scenario)) else {}),
             }
             for entry in self.scenarios
         }
@@ -85,6 +94,7 @@ def make_plan(
     overrides: Mapping[str, Any] | None = None,
     data: str | os.PathLike[str] | None = None,
     privileged: bool = True,
+    trust: bool = False,
 ) -> Plan:
     """What to evaluate, from the arguments of `evaluate`, each policy tried once in each scenario.
 
@@ -96,7 +106,7 @@ def make_plan(
     scenarios, found = [], suite.overrides(data)
     for number, item in enumerate(suite.scenarios):
         try:
-            scenario = load(item.scenario, {**item.overrides, **found, **(overrides or {})})
+            scenario = load(item.scenario, {**item.overrides, **found, **(overrides or {})}, trust=trust)
         except ScenarioError as error:
             raise ScenarioError(f"{name}: scenarios.{number}: {error}" if name else str(error)) from None
         seeds = item.seeds or suite.seeds

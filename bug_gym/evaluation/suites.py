@@ -10,9 +10,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, field_validator, model_validator
 
-from bug_gym.agents.outside import Spec, is_reference
+from bug_gym.agents.outside import Spec
 from bug_gym.config import Scenario, ScenarioError, checked, dump, expanded, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
+from bug_gym.references import is_reference
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.values import AtLeastOne, Count, Episodes, Part
 

@@ -31,7 +31,7 @@ def test_a_world_has_a_way_exactly_where_its_answer_says_so(robot: str, seed: in
     shut = cylinder_claims.is_shut(seed)
     one = cylinder_claims.scenario(robot, shut=shut)
     layout = draw_layout(one, seed, 0)
-    for radius in (one.robot.reach, cylinder_claims.PARAMETERS[robot]["clearance"]):
+    for radius in (one.robot.reach, PARAMETERS[robot]["clearance"]):
         way = reachable(
             layout.circles, layout.polygons, layout.border, layout.starts[0, :2], layout.goals[0], radius=radius
         )
