@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+from typing import Any
+
+from site_pages import docstrings
 
 import bug_gym
 
@@ -13,8 +17,6 @@ release = bug_gym.__version__
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
-    "sphinx.ext.napoleon",
-    "sphinx.ext.viewcode",
     "sphinx_copybutton",
     "sphinx_design",
 ]
@@ -39,9 +41,8 @@ nb_merge_streams = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
-autodoc_mock_imports: list[str] = []
-napoleon_numpy_docstring = False
-napoleon_use_rtype = False
+autodoc_mock_imports = [name for name in ("stable_baselines3", "minari") if importlib.util.find_spec(name) is None]
+default_role = "code"
 
 html_theme = "furo"
 html_title = f"bug_gym {release}"
@@ -52,3 +53,8 @@ html_show_sourcelink = False
 copybutton_exclude = ".linenos, .gp, .go"
 pygments_style = "friendly"
 pygments_dark_style = "monokai"
+
+
+def setup(app: Any) -> None:
+    """Docstrings are read as they are written here."""
+    app.connect("autodoc-process-docstring", docstrings.prepare)

@@ -34,8 +34,12 @@ def entry(folder: Path, name: str, commit: str, *, about: str = "", code: str = 
     if not re.fullmatch(r"\w+", name):
         raise ValueError(f"got {name!r} as the name of an entry, expected letters, digits and _")
     if not (folder / "manifest.json").is_file() or not (folder / "summary.json").is_file():
-        raise ValueError(f"{folder}: expected what `bug-gym evaluate --out` writes, with manifest.json and summary.json")
-    manifest, found = (json.loads((folder / f"{one}.json").read_text(encoding="utf-8")) for one in ("manifest", "summary"))
+        raise ValueError(
+            f"{folder}: expected what `bug-gym evaluate --out` writes, with manifest.json and summary.json"
+        )
+    manifest, found = (
+        json.loads((folder / f"{one}.json").read_text(encoding="utf-8")) for one in ("manifest", "summary")
+    )
     summaries = [one for one in found["summaries"] if one["scenario"] != "(all)"]
     for one in summaries:
         count = manifest["scenarios"][one["scenario"]]["seeds"]["count"]

@@ -17,7 +17,10 @@ from bug_gym.reproductions import REPRODUCTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
-PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in page.parts),
+]
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 RESULTS = ROOT / "docs" / "results"
 ARCHITECTURE = ROOT / "docs" / "architecture.md"

@@ -9,12 +9,12 @@ from dataclasses import MISSING
 
 from make_policies import KINDS, ROOT, Entry, arrives_always, entries, names_of, reports, summary
 from result_pages.words import number, percent
-from site_pages import Pages
-from site_pages.markup import one_line, paragraphs, prose, table, toctree
-from site_pages.numbers import Fare, fares
 
 from bug_gym.agents import AGENTS
 from bug_gym.agents.parameters import Parameter, parameters_of
+from site_pages import Pages
+from site_pages.markup import one_line, paragraphs, prose, table, toctree
+from site_pages.numbers import Fare, fares
 
 LABELS = ("Source", "Sensing assumed", "Told", "Memory kept", "States", "Guarantee", "Length bound", "Length")
 """What the paragraph of facts of a docstring is divided by."""
@@ -125,7 +125,9 @@ def about(entry: Entry, facts: Mapping[str, str]) -> dict[str, str]:
 def how_to_play(entry: Entry) -> str:
     """The lines that make it, on the command line and in Python."""
     name = entry.names[0]
-    where = "oni_wang_pair" if entry.family == "team" else "crossing_robots" if entry.family == "reciprocal" else "static"
+    where = (
+        "oni_wang_pair" if entry.family == "team" else "crossing_robots" if entry.family == "reciprocal" else "static"
+    )
     env = f'bug_gym.parallel_env("{where}", robots=2)' if where != "static" else 'gym.make("BugGym/Static-v0")'
     code = f'policy = make_policy("{name}", {env})'
     run = f"bug-gym evaluate --scenario {where} --policies {name} --episodes 20\n"

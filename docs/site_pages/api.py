@@ -16,7 +16,13 @@ MODULES: dict[str, tuple[str, ...]] = {
         "bug_gym.agents.sb3",
     ),
     "Scenarios": ("bug_gym.config", "bug_gym.schema.robot", "bug_gym.schema.task", "bug_gym.schema.motions"),
-    "Policies": ("bug_gym.agents", "bug_gym.policy", "bug_gym.team_policy", "bug_gym.view", "bug_gym.agents.parameters"),
+    "Policies": (
+        "bug_gym.agents",
+        "bug_gym.policy",
+        "bug_gym.team_policy",
+        "bug_gym.view",
+        "bug_gym.agents.parameters",
+    ),
     "Evaluation": (
         "bug_gym.evaluation",
         "bug_gym.evaluation.entries",
@@ -25,10 +31,24 @@ MODULES: dict[str, tuple[str, ...]] = {
         "bug_gym.evaluation.collection",
         "bug_gym.intervals",
     ),
-    "The core": ("bug_gym.simulation", "bug_gym.observation", "bug_gym.task", "bug_gym.spaces", "bug_gym.shortest_path"),
+    "The core": (
+        "bug_gym.simulation",
+        "bug_gym.observation",
+        "bug_gym.task",
+        "bug_gym.spaces",
+        "bug_gym.shortest_path",
+    ),
     "Pictures": ("bug_gym.drawing.canvas", "bug_gym.drawing.clips", "bug_gym.evaluation.pictures"),
 }
 """The public modules, by what they are for."""
+
+
+FEW: dict[str, tuple[str, ...]] = {
+    "bug_gym": ("register_envs",),
+    "bug_gym.config": ("load", "dump", "to_yaml", "expanded", "scenario_names", "Scenario", "ScenarioError"),
+    "bug_gym.evaluation": ("evaluate",),
+}
+"""Modules that pass on what others hold -> what is shown of them."""
 
 
 def pages() -> Pages:
@@ -53,8 +73,6 @@ def index() -> str:
 
 def page(name: str) -> str:
     """The page of a module."""
-    what = ":members:\n   :show-inheritance:"
-    if name in ("bug_gym", "bug_gym.evaluation", "bug_gym.agents"):
-        what += "\n   :ignore-module-all:" if name == "bug_gym.agents" else ""
-    directive = f".. automodule:: {name}\n   {what}\n"
+    members = ", ".join(FEW.get(name, ()))
+    directive = f".. automodule:: {name}\n   :members: {members}\n   :show-inheritance:\n"
     return f"# `{name}`\n\n```{{eval-rst}}\n{directive}```\n"

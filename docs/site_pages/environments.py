@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 from make_worlds import default_of, tag
-from site_pages import Pages
-from site_pages.markup import one_line, paragraphs, table, toctree
 
 import bug_gym
 from bug_gym.config import SCENARIO_FOLDER, Scenario, load, scenario_names
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.observation import fields
-
 from bug_gym.schema.task import Reward
 from bug_gym.schema.values import Part
+from site_pages import Pages
+from site_pages.markup import one_line, paragraphs, table, toctree
 
 Captions = Mapping[str, Sequence[tuple[str, str]]]
 """Policy and what its picture shows, by scenario."""
@@ -123,7 +122,9 @@ def settings(scenario: Scenario) -> str:
     for label, part in parts.items():
         for key, field in type(part).model_fields.items():
             value = getattr(part, key)
-            plain = value if value is None or isinstance(value, str | int | float) else part.model_dump(mode="json")[key]
+            plain = (
+                value if value is None or isinstance(value, str | int | float) else part.model_dump(mode="json")[key]
+            )
             differs = "" if value == field.default else " *"
             rows.append([f"`{label}.{key}`", default_of(plain) + differs, one_line(str(field.description))])
     return table(["key", "value", "meaning"], rows) + "\n\n\\* not the default."
@@ -179,5 +180,3 @@ def env_page() -> str:
     text = inspect.cleandoc(str(NavigationEnv.__doc__)).partition("\n\nRaises:")[0]
     first, _, rest = text.partition("\n\n")
     return paragraphs("# NavigationEnv", f"`bug_gym.navigation_env.NavigationEnv`: {first}", rest)
-
-

@@ -7,6 +7,7 @@ from typing import Any
 
 from make_results import command
 from result_pages.words import number, percent
+
 from site_pages import Pages
 from site_pages.markup import paragraphs, table
 from site_pages.numbers import BOARD, RESULTS, fares

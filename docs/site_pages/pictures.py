@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from site_pages.algorithms import one_a_model
-
 from bug_gym.agents import make_policy
 from bug_gym.config import load, scenario_names
 from bug_gym.drawing.canvas import Canvas
@@ -16,6 +14,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.pictures import portrait
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.policy import MisfitError
+from site_pages.algorithms import one_a_model
 
 SIZE = 460
 """Longer side of a picture [pixels]."""
