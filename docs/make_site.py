@@ -56,8 +56,16 @@ def gather(source: Path, *, pictures: bool) -> None:
     for place, text in made.items():
         (source / place).parent.mkdir(parents=True, exist_ok=True)
         (source / place).write_text(text, encoding="utf-8")
+    if "GITHUB_REPOSITORY" in os.environ:  # as workflows have it: else nobody here knows where the project lies
+        add_badges(source / "index.md", os.environ["GITHUB_REPOSITORY"])
     with (source / "results" / "README.md").open("a", encoding="utf-8") as page:
         page.write("\n" + markup.toctree(sorted(path.stem for path in (DOCS / "results").glob("*.json"))) + "\n")
+
+
+def add_badges(page: Path, repository: str) -> None:
+    """Put the buttons under the title of a page."""
+    title, _, rest = page.read_text(encoding="utf-8").partition("\n\n")
+    page.write_text(f"{title}\n\n{staging.badges(repository)}\n\n{rest}", encoding="utf-8")
 
 
 def tutorials() -> str:

@@ -113,7 +113,7 @@ def making(name: str, scenario: Scenario) -> str:
 
 
 def settings(scenario: Scenario) -> str:
-    """The numbers of the robot, its scanner, clock and goal, each with its meaning; those that no robot of the kind has left out."""
+    """The numbers of the robot, its scanner, clock and goal, each with its meaning."""
     rows = []
     parts: dict[str, Part] = {
         "robot": scenario.robot, "lidar": scenario.lidar, "odometry": scenario.odometry, "time": scenario.time,

@@ -82,6 +82,18 @@ def led(text: str, source: str, place: str, folder: Path, known: dict[str, str])
     return LINK.sub(target, text)
 
 
+def badges(repository: str) -> str:
+    """The buttons of the front page: what the tests of the main branch said last, and the notebook in Colab.
+
+    Args:
+        repository: owner and name on GitHub.
+    """
+    actions = f"https://github.com/{repository}/actions/workflows/test.yml"
+    notebook = f"https://colab.research.google.com/github/{repository}/blob/main/notebooks/colab.ipynb"
+    colab = "https://colab.research.google.com/assets/colab-badge.svg"
+    return f"[![tests]({actions}/badge.svg?branch=main)]({actions}) [![Open in Colab]({colab})]({notebook})"
+
+
 def relative(place: str, page: str) -> str:
     """The way from a page to a place of the site."""
     return os.path.relpath(place, Path(page).parent).replace(os.sep, "/")
