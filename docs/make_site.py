@@ -100,6 +100,7 @@ def build(out: Path, *, notebooks: bool, pictures: bool, online: bool) -> int:
     Returns:
         0 if all is well; else what Sphinx says, or 1 for links that lead nowhere.
     """
+    shutil.rmtree(out / "html", ignore_errors=True)  # pages of a removed policy would stay
     gather(out / "source", pictures=pictures)
     os.environ["BUG_GYM_DOCS_NOTEBOOKS"] = "force" if notebooks else "off"
     if online:

@@ -97,10 +97,12 @@ def parts_of(docstring: str) -> tuple[str, dict[str, str], list[str]]:
     first, *others = inspect.cleandoc(docstring).split("\n\n")
     facts: dict[str, str] = {}
     rest = []
+    labels = [one[1] for paragraph in others for one in FACTS.finditer(one_line(paragraph))]
+    two_algorithms = len(labels) > len({*labels})  # of one name: each keeps its facts in its text
     for paragraph in others:
         text = one_line(paragraph)
         found = list(FACTS.finditer(text))
-        if not found:
+        if not found or two_algorithms:
             rest.append(paragraph)
             continue
         if text[: found[0].start()].strip():
