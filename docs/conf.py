@@ -12,6 +12,7 @@ import bug_gym
 
 project = "bug_gym"
 author = "The bug_gym developers"
+copyright = author  # noqa: A001
 release = bug_gym.__version__
 
 extensions = [

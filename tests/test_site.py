@@ -140,7 +140,7 @@ def test_how_a_policy_fares_is_what_the_json_says() -> None:
             record[key] for key in ("n", "success", "low", "high")
         )
     assert all(fare.low <= fare.success <= fare.high and fare.n > 0 for fare in told)
-    (barn,) = [fare for fare in told if fare.result == "barn" and fare[1:4] == ("holonomic", "bug1", "")]
+    (barn,) = [fare for fare in told if fare.result == "barn" and fare[1:4] == ("BARN, robot holonomic", "bug1", "")]
     assert barn.n == 50
 
 

@@ -169,7 +169,7 @@ def how_it_fares(entry: Entry, told: list[Fare]) -> str:
     ]
     if not rows:
         return "No table of [results](../results/README.md) has its success in worlds of one kind yet."
-    header = ["result", "worlds", "as", "number", "reached [%] (95 %)", "path / shortest", "time [s]"]
+    header = ["result", "worlds", "variant", "number", "reached [%] (95 %)", "path / shortest", "time [s]"]
     return (
         f"{table(header, rows)}\n\nPaths and times are means over the worlds reached. Each result's page has its command, "
         "its commit and what else was measured; results with few worlds say little, as their intervals show."

@@ -84,7 +84,8 @@ def capital(text: str) -> str:
 def page(name: str, captions: Sequence[tuple[str, str]]) -> str:
     """The page of a scenario."""
     scenario = load(name)
-    shown = "\n\n".join(f"![{policy} in {name}]({name}-{policy}.png)\n\n*{caption}*" for policy, caption in captions)
+    pictures = " ".join(f"![{policy} in {name}]({name}-{policy}.png){{width=49%}}" for policy, _ in captions)
+    shown = f"{pictures}\n\n*{' '.join(caption for _, caption in captions)}*" if captions else ""
     yaml = (SCENARIO_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
     family = f"Worlds of the family [{tag(type(scenario.world), 'family')}](../worlds.md)."
     return paragraphs(
@@ -125,6 +126,7 @@ def settings(scenario: Scenario) -> str:
             plain = (
                 value if value is None or isinstance(value, str | int | float) else part.model_dump(mode="json")[key]
             )
+            plain = round(plain, 4) if isinstance(plain, float) else plain
             differs = "" if value == field.default else " *"
             rows.append([f"`{label}.{key}`", default_of(plain) + differs, one_line(str(field.description))])
     return table(["key", "value", "meaning"], rows) + "\n\n\\* not the default."

@@ -20,6 +20,15 @@ LEFT_OUT = {"ppo-curve", "hd-bug-ablation"}
 LEFT_TO_THEIR_PAGE = {"ring", "ranges", "(all)"}
 """Words of records that no line can tell: no one can arrive in a ring; a sweep of ranges is a curve; sums over worlds."""
 
+SAID = {
+    "hd-bug-tables": "field, range {0}, {1} obstacles",
+    "barn": "BARN, robot {0}",
+    "dynabarn": "DynaBARN",
+    "hd-bug-traps": "{0}",
+    "hd-bug-targets": "target: {0}",
+}
+"""What the words about its worlds mean, of results whose words are short."""
+
 PARTS = {"Traps": "traps", "Mazes": "mazes", "policies": "", "models": "", "results": "", "summaries": ""}
 """Keys on the way to a record -> what they say of its worlds; other words stand for themselves."""
 
@@ -83,9 +92,11 @@ def _fare(result: str, record: dict[str, Any], way: tuple[str, ...]) -> Fare | N
     by_policy = place == 0 and way[0] in ("models", "policies")
     worlds = words[1:] if by_policy else [*words[:place], before]
     variant = [] if by_policy else words[place + 1 :]
+    told = [word for word in worlds if word]
+    where = SAID[result].format(*told) if result in SAID else ", ".join(told)
     n = int(record.get("n", record.get("worlds", 0)))
     return Fare(
-        result, ", ".join(filter(None, worlds)), policy, ", ".join(variant), n, record["success"], low, high,
+        result, where, policy, ", ".join(variant), n, record["success"], low, high,
         record.get("path_ratio"), record.get("time"),
     )  # fmt: skip
 
