@@ -129,9 +129,12 @@ def _needed(extra: str, what: str, packages: str) -> str:
 def install_command(extra: str) -> str:
     """What installs an extra, from where the package itself was installed: a checkout, an address, or the package index."""
     try:
-        told = metadata.distribution("bug_gym").read_text("direct_url.json")
-    except metadata.PackageNotFoundError:  # run from a folder, not installed
+        installed = metadata.distribution("bug_gym")
+    except metadata.PackageNotFoundError:
+        installed = None
+    if installed is None or installed.read_text("WHEEL") is None:  # run from a folder, not installed
         return f"pip install -e '{Path(__file__).parents[1]}[{extra}]'"
+    told = installed.read_text("direct_url.json")
     if told is None:  # it came from the index
         return f"pip install 'bug-gym[{extra}]'"
     origin = json.loads(told)
