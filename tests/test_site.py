@@ -77,6 +77,11 @@ def test_the_page_of_a_bug_says_what_its_docstring_says(policies: Mapping[str, s
     assert "| `turn` | `'left' \\| 'right'` | `'left'` |" in text
 
 
+def test_the_page_of_a_model_says_what_it_was_trained_by_and_in(policies: Mapping[str, str]) -> None:
+    assert "\n\nPPO, trained in the scenario rush. " in policies["algorithms/ppo_rush.md"]
+    assert "| DQN, trained in the scenario dynamic |" in policies["algorithms/index.md"]
+
+
 def test_no_sentence_of_a_docstring_is_lost(policies: Mapping[str, str]) -> None:
     algorithms = part("site_pages.algorithms")
     for entry in algorithms.one_a_model():
@@ -204,6 +209,13 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
     broken, elsewhere = part("site_pages.links").check(tmp_path)
     assert broken == ["b.html: a.html#gone", "b.html: lost.png"]
     assert elsewhere == ["https://example.org/"]
+
+
+def test_the_buttons_of_the_front_page_are_of_the_repository_that_builds_it() -> None:
+    said = part("site_pages.staging").badges("me/gym")
+    assert said.count("github.com/me/gym/actions/workflows/test.yml") == 2
+    assert "colab.research.google.com/github/me/gym/blob/main/notebooks/colab.ipynb" in said
+    assert (ROOT / "notebooks" / "colab.ipynb").is_file() and (ROOT / ".github" / "workflows" / "test.yml").is_file()
 
 
 def test_every_notebook_is_a_tutorial_of_the_site() -> None:

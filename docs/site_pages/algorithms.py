@@ -64,13 +64,21 @@ def index(everything: list[Entry]) -> str:
     parts = [HEAD]
     for kind in dict.fromkeys(entry.family for entry in everything):
         rows = [
-            [f"[{names_of(entry)}]({entry.names[0]}.md)", prose(summary(entry)), arrives_always(entry), entry.reference]
+            [f"[{names_of(entry)}]({entry.names[0]}.md)", prose(idea(entry)), arrives_always(entry), entry.reference]
             for entry in everything
             if entry.family == kind
         ]
         header = ["name", "what it does", "arrives always", "source"]
         parts += [f"## {TITLES[kind][0].upper()}{TITLES[kind][1:]}", table(header, rows)]
     return paragraphs(*parts, reports(), toctree(entry.names[0] for entry in everything))
+
+
+def idea(entry: Entry) -> str:
+    """What a policy does, in a sentence without its end; of a model, what it was trained by and in."""
+    if entry.family != "learned":
+        return summary(entry)
+    told = dict(re.findall(r"^- (Task|Algorithm): (.*)$", card(entry.names[0]), re.MULTILINE))
+    return f"{told['Algorithm'].partition(' ')[0]}, trained in {told['Task']}"
 
 
 def page(entry: Entry, told: list[Fare], captions: Mapping[str, str]) -> str:
@@ -81,7 +89,7 @@ def page(entry: Entry, told: list[Fare], captions: Mapping[str, str]) -> str:
     more = "\n\n".join(map(prose, rest))
     return paragraphs(
         f"# {names_of(entry)}",
-        prose(first),
+        prose(first) if entry.family != "learned" else f"{idea(entry)}. {prose(first)}",
         shown,
         table(["", ""], [[f"**{label}**", prose(text)] for label, text in about(entry, facts).items()]),
         f"## More about it\n\n{more}" if more else "",
