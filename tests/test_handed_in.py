@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
@@ -153,7 +154,7 @@ def test_an_extra_of_a_package_that_is_not_installed_is_installed_from_its_folde
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def none(name: str) -> Any:
-        raise checks.metadata.PackageNotFoundError(name)
+        raise PackageNotFoundError(name)
 
     monkeypatch.setattr("importlib.metadata.distribution", none)
     command = install_command("render")
