@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 from make_results import command
@@ -34,7 +35,7 @@ HOW = """## Add yours
    learned one, which seeds it was trained on (those below 2^40 are held out). The rows stay with you; the review runs the
    command again.
 
-Policies that read the map are marked; they are not compared with those that don't.
+Policies that read the map are marked: they know more than the others.
 """
 
 SCENARIOS = ("static", "dynamic", "moving_target", "rush", "crowd", "maze")
@@ -99,15 +100,17 @@ def others() -> str:
     for name in dict.fromkeys(fare.result for fare in told):
         found = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
         mine = [fare for fare in told if fare.result == name]
-        best = max(mine, key=lambda fare: (fare.low, -(fare.path_ratio or 0.0)))
-        policies = len({fare.policy for fare in mine})
-        rows.append([
-            f"[{name}](results/{name}.md)", str(policies), str(len(mine)),
-            f"`{best.policy}`: {percent(best.success)} ({100 * best.low:.1f} - {100 * best.high:.1f})",
-            f"`{found['commit'][:12]}`", f"`{command(name)}`",
-        ])  # fmt: skip
-    header = ["result", "policies", "lines", "highest lower bound [%]", "commit", "command"]
+        policies, worlds = ({getattr(fare, part) for fare in mine} for part in ("policy", "worlds"))
+        counts = [str(len(policies)), str(len(worlds)), told_range(fare.n for fare in mine)]
+        rows.append([f"[{name}](results/{name}.md)", *counts, f"`{found['commit'][:12]}`", f"`{command(name)}`"])
+    header = ["result", "policies", "kinds of worlds", "worlds of each", "commit", "command"]
     return (
         "## Tables of papers, and larger ones\n\nEach has worlds of its own, whose seeds its command fixes; they are not one "
         f"board.\n\n{table(header, rows)}"
     )
+
+
+def told_range(counts: Iterable[int]) -> str:
+    """Least and greatest of some counts, or the one that they are."""
+    different = sorted({*counts})
+    return f"{different[0]} - {different[-1]}" if len(different) > 1 else str(different[0])
