@@ -8,7 +8,7 @@ SOAK_MINUTES ?= 60
 BIN := .venv/bin
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt
 
-.PHONY: help run test lint soak clean
+.PHONY: help run test lint docs soak clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
@@ -26,12 +26,15 @@ lint: .venv/test.stamp  ## ruff and mypy --strict
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: .venv/docs.stamp  ## set up once, then build the site into docs/_build/html and follow its links
+	$(BIN)/python docs/make_site.py
+
 soak: .venv/test.stamp  ## an hour of work with random kills; its figures go to docs/results
 	$(BIN)/python tests/soak.py --minutes $(SOAK_MINUTES) --out docs/results/soak.json; \
 	held=$$?; $(BIN)/python docs/make_results.py && exit $$held
 
 clean:  ## remove .venv, caches and build products; results stay
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache build dist *.egg-info
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache build dist docs/_build *.egg-info
 	find agents bug_gym tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/run.stamp: pyproject.toml constraints.txt | $(BIN)/python
@@ -40,6 +43,10 @@ clean:  ## remove .venv, caches and build products; results stay
 
 .venv/test.stamp: pyproject.toml constraints.txt | $(BIN)/python
 	$(INSTALL) -e '.[dev,render,report,play,train,data]'
+	touch $@
+
+.venv/docs.stamp: pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) -e '.[docs,render,report,play,train,data]'
 	touch $@
 
 $(BIN)/python:

@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.checks import checked_seed
+from bug_gym.checks import checked_seed, install_command
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.geometry import F32
@@ -37,7 +37,7 @@ try:
     from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 except ModuleNotFoundError as error:
     raise ImportError(
-        "bug_gym.agents.sb3 needs stable-baselines3, of the extra `train`: pip install 'bug-gym[train]'"
+        f"bug_gym.agents.sb3 needs stable-baselines3, of the extra `train`: {install_command('train')}"
     ) from error
 
 

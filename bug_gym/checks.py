@@ -5,12 +5,15 @@ An error says in one line what came and what was expected.
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import metadata
+from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +123,26 @@ def needed_from(extra: str, what: str, *, whole: bool = False) -> Iterator[None]
 
 
 def _needed(extra: str, what: str, packages: str) -> str:
-    return f"{what} needs {packages}, of the extra `{extra}`: pip install 'bug-gym[{extra}]'"
+    return f"{what} needs {packages}, of the extra `{extra}`: {install_command(extra)}"
+
+
+def install_command(extra: str) -> str:
+    """What installs an extra, from where the package itself was installed: a checkout, an address, or the package index."""
+    try:
+        installed = metadata.distribution("bug_gym")
+    except metadata.PackageNotFoundError:
+        installed = None
+    if installed is None or installed.read_text("WHEEL") is None:  # run from a folder, not installed
+        return f"pip install -e '{Path(__file__).parents[1]}[{extra}]'"
+    told = installed.read_text("direct_url.json")
+    if told is None:  # it came from the index
+        return f"pip install 'bug-gym[{extra}]'"
+    origin = json.loads(told)
+    if origin.get("dir_info", {}).get("editable"):
+        folder = re.sub(r"^/(?=[A-Za-z]:)", "", unquote(urlsplit(origin["url"]).path))  # of Windows: /C:/...
+        return f"pip install -e '{folder}[{extra}]'"
+    kind = f"{origin['vcs_info']['vcs']}+" if "vcs_info" in origin else ""
+    return f"pip install 'bug-gym[{extra}] @ {kind}{origin['url']}'"
 
 
 def missing_of(extra: str) -> list[str]:

@@ -10,16 +10,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+import bug_gym
 from bug_gym.agents.learning.settings import training_names
 from bug_gym.cli import main
 from bug_gym.reproductions import REPRODUCTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
-PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in page.parts),
+]
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 RESULTS = ROOT / "docs" / "results"
+FORMS = [path for path in sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml")) if path.stem != "config"]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 
 
@@ -127,3 +133,24 @@ def code_in(text: str) -> list[str]:
     """Code in a page: in blocks and between single marks."""
     blocks = re.findall(r"```\w*\n(.*?)```", text, re.DOTALL)
     return blocks + re.findall(r"`([^`]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+
+
+# ------------------------------------------------------------------------------------------------ for those who take part
+
+
+def test_the_citation_bears_the_version_and_the_license_of_the_package() -> None:
+    said = yaml.safe_load(text_of(ROOT / "CITATION.cff"))
+    assert {"cff-version", "message", "title", "authors"} <= said.keys()
+    assert said["version"] == bug_gym.__version__ and said["license"] == "MIT"
+
+
+@pytest.mark.parametrize("path", FORMS, ids=[path.stem for path in FORMS])
+def test_a_form_for_issues_asks_what_helps(path: Path) -> None:
+    said = yaml.safe_load(text_of(path))
+    assert {"name", "description", "body"} <= said.keys()
+    for field in said["body"]:
+        assert field["type"] in ("textarea", "input") and field["attributes"]["label"].endswith(
+            ("?", "Versions", "Source")
+        )
+        assert field["validations"]["required"] is True
+    assert len({field["id"] for field in said["body"]}) == len(said["body"])

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -14,7 +18,15 @@ from hypothesis import strategies as st
 
 import bug_gym
 from bug_gym import checks
-from bug_gym.checks import checked_count, checked_options, checked_seed, checked_time, needed_from, real_numbers
+from bug_gym.checks import (
+    checked_count,
+    checked_options,
+    checked_seed,
+    checked_time,
+    install_command,
+    needed_from,
+    real_numbers,
+)
 from bug_gym.evaluation import evaluate
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.simulation import Simulation
@@ -105,11 +117,49 @@ def test_anything_is_real_numbers_or_a_value_error(value: Any) -> None:
 def test_a_missing_package_is_named_with_its_extra() -> None:
     with (
         pytest.raises(
-            ImportError, match=r"it needs no_such_package, of the extra `train`: pip install 'bug-gym\[train\]'"
+            ImportError, match=re.escape(f"it needs no_such_package, of the extra `train`: {install_command('train')}")
         ),
         needed_from("train", "it"),
     ):
         import no_such_package.below  # type: ignore[import-not-found]  # noqa: F401
+
+
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        (None, "pip install 'bug-gym[render]'"),  # from the index, which leaves no note
+        ({"url": "file:///home/a%20b/gym", "dir_info": {"editable": True}}, "pip install -e '/home/a b/gym[render]'"),
+        ({"url": "file:///C:/gym", "dir_info": {"editable": True}}, "pip install -e 'C:/gym[render]'"),
+        ({"url": "file:///gym", "dir_info": {}}, "pip install 'bug-gym[render] @ file:///gym'"),
+        ({"url": "file:///x.whl", "archive_info": {}}, "pip install 'bug-gym[render] @ file:///x.whl'"),
+        (
+            {"url": "https://example.org/gym", "vcs_info": {"vcs": "git", "commit_id": "1"}},
+            "pip install 'bug-gym[render] @ git+https://example.org/gym'",
+        ),
+    ],
+)
+def test_an_extra_is_installed_from_where_the_package_came_from(
+    origin: Any, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Installed:
+        def read_text(self, name: str) -> str | None:
+            told = {"WHEEL": "Wheel-Version: 1.0"} | ({} if origin is None else {"direct_url.json": json.dumps(origin)})
+            return told.get(name)
+
+    monkeypatch.setattr("importlib.metadata.distribution", lambda name: Installed())
+    assert install_command("render") == command
+
+
+def test_an_extra_of_a_package_that_is_not_installed_is_installed_from_its_folder(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def none(name: str) -> Any:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr("importlib.metadata.distribution", none)
+    command = install_command("render")
+    assert re.fullmatch(r"pip install -e '(.*)\[render\]'", command)
+    assert command.partition("'")[2].startswith(str(Path(bug_gym.__file__).parents[1]))
 
 
 def test_packages_of_an_extra_are_looked_for_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,7 @@ SOURCES = {
     path.relative_to(ROOT).as_posix(): path
     for folder in ("bug_gym", "agents", "docs")  # bug_gym/agents is a link, which is not followed
     for path in sorted((ROOT / folder).rglob("*.py"))
+    if "_build" not in path.parts
 }
 
 READERS = {"load", "loads", "load_all", "Unpickler", "PackageImporter"}

@@ -36,7 +36,7 @@ def commands(name: str) -> str:
 
 
 def test_the_workflows_are_there() -> None:
-    assert set(WORKFLOWS) == {"test.yml", "nightly.yml"}
+    assert set(WORKFLOWS) == {"test.yml", "nightly.yml", "docs.yml"}
 
 
 @pytest.mark.parametrize("name", WORKFLOWS)

@@ -19,6 +19,7 @@ from pydantic import AfterValidator, Field, model_validator
 from bug_gym.agents.learning.hub import HUB, fetched
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import Lags
+from bug_gym.checks import install_command
 from bug_gym.config import checked
 from bug_gym.files import from_json
 from bug_gym.naming import nearest_hint
@@ -205,9 +206,7 @@ def open_graph(path: Path, checksum: str) -> Any:
     try:
         import onnxruntime
     except ModuleNotFoundError as error:
-        raise ImportError(
-            "learned agents need onnxruntime, of the extra `play`: pip install 'bug-gym[play]'"
-        ) from error
+        raise ImportError(f"learned agents need onnxruntime, of the extra `play`: {install_command('play')}") from error
     graph = read_checked(path, checksum)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1

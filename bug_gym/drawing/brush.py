@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.checks import install_command
+
 if TYPE_CHECKING:
     import pygame
 
@@ -101,7 +103,7 @@ def load_pygame() -> ModuleType:
         import pygame.font
         import pygame.surfarray
     except ImportError as error:
-        raise ImportError("drawing needs pygame-ce: pip install 'bug-gym[render]'") from error
+        raise ImportError(f"drawing needs pygame-ce: {install_command('render')}") from error
     return pygame
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.checks import install_command
 from bug_gym.files import replaced_when_done, writable
 
 PNG, GIF, MP4 = ".png", ".gif", ".mp4"
@@ -125,7 +126,7 @@ def save_mp4(path: str | Path, frames: Iterable[Frame], fps: float) -> None:
     try:
         import imageio_ffmpeg  # comes with moviepy
     except ImportError as error:
-        raise ImportError("writing MP4 needs moviepy: pip install 'bug-gym[render]'") from error
+        raise ImportError(f"writing MP4 needs moviepy: {install_command('render')}") from error
     writable(path, [MP4])
     checked = same_size(frames, fps)
     first = even_sided(next(checked))
@@ -168,5 +169,5 @@ def load_pillow() -> ModuleType:
     try:
         from PIL import Image
     except ImportError as error:
-        raise ImportError("writing pictures needs pillow: pip install 'bug-gym[render]'") from error
+        raise ImportError(f"writing pictures needs pillow: {install_command('render')}") from error
     return Image

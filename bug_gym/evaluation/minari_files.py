@@ -18,6 +18,7 @@ import numpy as np
 
 import bug_gym
 from bug_gym import kernels
+from bug_gym.checks import install_command
 from bug_gym.config import Scenario, dump
 from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations
 from bug_gym.files import from_json, moved_when_done, replaced_when_done
@@ -71,7 +72,7 @@ def require_minari() -> None:
         import h5py  # noqa: F401
         import minari  # noqa: F401
     except ImportError as error:
-        raise ImportError("datasets need minari and h5py: pip install 'bug-gym[data]'") from error
+        raise ImportError(f"datasets need minari and h5py: {install_command('data')}") from error
 
 
 def in_name(label: str) -> str:

@@ -15,6 +15,7 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from bug_gym.checks import install_command
 from bug_gym.drawing.clips import PNG
 from bug_gym.evaluation.matrix import percent, told_interval
 from bug_gym.evaluation.rows import EpisodeRow, json_fields
@@ -187,7 +188,7 @@ def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ImportError("curves need matplotlib: pip install 'bug-gym[report]'") from error
+        raise ImportError(f"curves need matplotlib: {install_command('report')}") from error
     figure = Figure(figsize=(6.5 * len(curves), 4.5), layout="constrained")
     names = list(dict.fromkeys(name for one in curves for name in one.lines))
     for axes, one in zip(figure.subplots(1, len(curves), squeeze=False)[0], curves, strict=True):

@@ -22,6 +22,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from bug_gym.checks import install_command
 from bug_gym.geometry import F64
 from bug_gym.limits import DATA, FAR, SMALL, STEEP, TEXT, read_file
 from bug_gym.schema.errors import shortened
@@ -240,7 +241,7 @@ def _read_other(file: Path) -> F64:
     try:
         from PIL import Image
     except ImportError as error:
-        raise ImportError(f"{file}: reading it needs pillow: pip install 'bug-gym[maps]'") from error
+        raise ImportError(f"{file}: reading it needs pillow: {install_command('maps')}") from error
     bombs = (Image.DecompressionBombError, Image.DecompressionBombWarning)
     with _told_as_no_picture(file, bombs), warnings.catch_warnings():
         warnings.simplefilter("error", Image.DecompressionBombWarning)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from bug_gym.checks import install_command
 from bug_gym.cli import main
 
 OPEN = ["--set", "world.goal=[2, 0]", "--set", "lidar.beams=8"]
@@ -48,7 +49,7 @@ def test_a_command_that_trains_names_the_extra(
     monkeypatch.chdir(tmp_path)
     hide(package, monkeypatch)
     line = failed(arguments, capsys)
-    assert f"{package}, of the extra `train`: pip install 'bug-gym[train]'" in line
+    assert f"{package}, of the extra `train`: {install_command('train')}" in line
     assert not list(tmp_path.iterdir())
 
 
@@ -74,7 +75,7 @@ def test_a_command_names_the_extra_that_it_lacks(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, package, None)
-    assert f"pip install 'bug-gym[{extra}]'" in failed(arguments, capsys)
+    assert install_command(extra) in failed(arguments, capsys)
 
 
 @pytest.mark.parametrize("is_there", [True, False])

@@ -6,6 +6,7 @@ from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.reproductions import cylinder_claims, reproduction
+from bug_gym.reproductions.barn import PARAMETERS
 from bug_gym.reproductions.bug_no_way import PROVEN
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout

@@ -1,6 +1,7 @@
 """Maps of ROS's map_server: cells, outlines, worlds and scans against pictures that the tests draw, and bad files."""
 
 import math
+import re
 import sys
 import time
 from pathlib import Path
@@ -12,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from ros_maps import picture_of, write_map, write_pgm, write_yaml
 
+from bug_gym.checks import install_command
 from bug_gym.config import ScenarioError, load
 from bug_gym.evaluation import evaluate
 from bug_gym.scenarios import draw_layout
@@ -495,7 +497,7 @@ def test_without_pillow_another_picture_than_a_graymap_names_the_extra(
 ) -> None:
     (tmp_path / "plan.png").write_bytes(b"")
     monkeypatch.setitem(sys.modules, "PIL", None)
-    with pytest.raises(ImportError, match=r"pip install 'bug-gym\[maps\]'"):
+    with pytest.raises(ImportError, match=re.escape(install_command("maps"))):
         load(map_scenario(write_yaml(tmp_path, image="plan.png")))
 
 
