@@ -14,11 +14,12 @@ import gymnasium as gym
 import pettingzoo
 
 if TYPE_CHECKING:
+    from bug_gym.replay import show
     from bug_gym.robots_env import env, parallel_env
 
 __version__ = "0.1.0"
 
-__all__ = ["__version__", "env", "parallel_env", "register_envs"]
+__all__ = ["__version__", "env", "parallel_env", "register_envs", "show"]
 
 SCENARIOS_BY_ID = {
     "BugGym/Navigation-v0": "static",  # unless `scenario=` says another
@@ -63,10 +64,14 @@ def register_envs() -> None:
         pettingzoo.register("aec", ROBOTS_ID, "bug_gym.robots_env:env")
 
 
+LAZY = {"env": "bug_gym.robots_env", "parallel_env": "bug_gym.robots_env", "show": "bug_gym.replay"}
+"""What makes a PettingZoo environment, and what plays episodes, with their modules: these load compiled code."""
+
+
 def __getattr__(name: str) -> Any:
-    """The functions that make a PettingZoo environment, imported on first use: they load compiled code."""
-    if name in ("env", "parallel_env"):
-        return getattr(import_module("bug_gym.robots_env"), name)
+    """What is imported on first use."""
+    if name in LAZY:
+        return getattr(import_module(LAZY[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
