@@ -107,16 +107,27 @@ def _record(wanted: _Wanted) -> str:
 def chosen(rows: Sequence[EpisodeRow], count: int, *, successes: bool = False) -> list[EpisodeRow]:
     """The episodes to record: of each policy and scenario the first failure of each kind, one a world.
 
-    Scenarios take turns, in each of them the policies that fail least: what they still cannot do is worth a look.
+    Scenarios take turns, in each of them the policies that fail least: what they still cannot do is worth a look. After each
+    failure comes the best policy that arrived in that world, to be played beside it.
+
+    Args:
+        rows: of all policies.
+        count: most episodes.
+        successes: whether the first success of each policy and scenario counts as a kind, too.
     """
     failed = Counter(row.policy for row in rows if not row.success)
+    ordered = sorted(rows, key=lambda row: failed[row.policy])
     first: dict[tuple[str, str, str, str], EpisodeRow] = {}
-    for row in rows:
+    arrived: dict[tuple[str, int], EpisodeRow] = {}
+    for row in ordered:
+        if row.success:
+            arrived.setdefault((row.scenario, row.seed), row)
         if not row.success or successes:
             first.setdefault((row.scenario, row.policy, row.outcome, row.verdict), row)
     worlds: dict[Key, EpisodeRow] = {}
-    for row in _in_turns(sorted(first.values(), key=lambda row: failed[row.policy])):
-        worlds.setdefault((row.policy, row.scenario, row.seed), row)
+    for row in _in_turns(list(first.values())):
+        for one in (row, arrived.get((row.scenario, row.seed), row)):
+            worlds.setdefault((one.policy, one.scenario, one.seed), one)
     return list(worlds.values())[:count]
 
 
