@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from bug_gym.config import load  # loads pydantic
-    from bug_gym.drawing.clips import GIF, MP4, PNG  # loads numpy
+    from bug_gym.drawing.clips import GIF, MP4, PNG  # loads the compiler
     from bug_gym.evaluation.entries import ScenarioEntry  # loads the compiler
     from bug_gym.evaluation.rollout import Rollout  # loads the compiler
     from bug_gym.replay.player import HTML  # loads the compiler
