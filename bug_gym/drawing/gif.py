@@ -38,7 +38,7 @@ def taken(frames: Iterable[Frame]) -> Clip:
     last = places = colors = np.zeros(0, dtype=np.uint32)
     for frame in frames:
         if clip is None:
-            clip = Clip(*frame.shape[:2], [], np.zeros(COLORS, dtype=np.int32))
+            clip = Clip(frame.shape[0], frame.shape[1], [], np.zeros(COLORS, dtype=np.int32))
             last = np.full(clip.height * clip.width, pixels.NOTHING)
             places, colors = np.empty_like(last), np.empty_like(last)
         count = pixels.take_changes(np.ascontiguousarray(frame), last, places, colors, clip.counts)

@@ -49,10 +49,10 @@ def compress(pixels: Bytes, table: Table, stamp: int, out: Bytes) -> tuple[int, 
     """
     size, new = BITS + 1, END + 1
     bit = _put(CLEAR, size, out, 0)
-    run = np.int64(pixels[0])
+    run = int(pixels[0])
     for number in range(1, pixels.shape[0]):
-        pixel = np.int64(pixels[number])
-        known = table[run, pixel]
+        pixel = int(pixels[number])
+        known = int(table[run, pixel])
         if known >> 12 == stamp:
             run = known & 0xFFF
             continue
