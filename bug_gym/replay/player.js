@@ -3,7 +3,7 @@
 // by side. Texts come into the page as text nodes only. Nothing is told by colour alone: labels have marks and dashes.
 const Replay = (() => {
   const POINT = 0, AREA = 2; // what a shape is; 1 is a segment
-  const SPARSE = 0.21; // angle between two beams [rad] from which on they are drawn as rays: an area would claim what lies between
+  const SPARSE = 0.21; // angle between two beams [rad] from which on they are rays: an area would claim what lies between
   const HORIZON = 1.5; // a dart reaches as far as a mover comes in this time [s]
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
   const TICK = 15; // between two looks at the clock while it plays [ms]
@@ -70,6 +70,40 @@ const Replay = (() => {
     return ["running", "collision", "timeout", "success"].find((name) => names.includes(name)) ?? names[0];
   };
 
+  const SURROUNDINGS = 0.06; // what is shown around everything that there is, as a share of its longer side
+
+  // The part of a world in which something is: obstacles, goals, movers and robots on their ways.
+  function boxOf(episode) {
+    const columns = [[], []];
+    const add = (x, y, radius = 0) => { columns[0].push(x - radius, x + radius); columns[1].push(y - radius, y + radius); };
+    episode.polygons.forEach((rings) => rings[0].forEach(([x, y]) => add(x, y)));
+    episode.regions.forEach(({ rings }) => rings[0].forEach(([x, y]) => add(x, y)));
+    for (let at = 0; at < episode.circles.length; at += 3)
+      add(...episode.circles.slice(at, at + 3).map((number) => number * 0.001));
+    for (let frame = 0; frame < episode.frames; frame += 1) {
+      const poses = episode.poses.at(frame), goals = episode.goals.at(frame), places = episode.places.at(frame);
+      for (let at = 0; at < poses.length; at += 3) add(poses[at], poses[at + 1], 0.5);
+      for (let at = 0; at < goals.length; at += 2) add(goals[at], goals[at + 1], episode.goalRadius);
+      for (let at = 0; at < places.length; at += 2) add(places[at], places[at + 1], 0.5);
+    }
+    const [left, bottom] = columns.map((values) => values.reduce((a, b) => Math.min(a, b), Infinity));
+    const [right, top] = columns.map((values) => values.reduce((a, b) => Math.max(a, b), -Infinity));
+    const span = Math.max(right - left, top - bottom), more = SURROUNDINGS * span, [first, low, last, high] = episode.box;
+    // Where the border is not far, all of it is shown.
+    const least = (side, edge) => (side - edge < 3 * more ? edge : side - more);
+    return [least(left, first), least(bottom, low), -least(-right, -last), -least(-top, -high)];
+  }
+
+  // The same part for all episodes of one world, so that they can be compared.
+  function boxes(episodes) {
+    const found = new Map();
+    for (const episode of episodes) {
+      const world = `${episode.seed} ${episode.scenario}`, own = boxOf(episode), other = found.get(world) ?? own;
+      found.set(world, own.map((side, at) => (at < 2 ? Math.min(side, other[at]) : Math.max(side, other[at]))));
+    }
+    return episodes.map((episode) => found.get(`${episode.seed} ${episode.scenario}`));
+  }
+
   // -- Drawing -----------------------------------------------------------------------------------------------------------
 
   function palette(root) {
@@ -98,13 +132,24 @@ const Replay = (() => {
     if (rim) { context.strokeStyle = rim; context.lineWidth = width; context.stroke(); }
   }
 
+  // A ring counter-clockwise, so that rings that overlap do not cut holes into one another.
+  function turned(ring) {
+    const area = ring.reduce((sum, [x, y], at) => {
+      const [nextX, nextY] = ring[(at + 1) % ring.length];
+      return sum + x * nextY - y * nextX;
+    }, 0);
+    return area < 0 ? [...ring].reverse() : ring;
+  }
+
   // One mark of a label, with a light edge that lifts it off what lies beneath.
   function mark(context, kind, [x, y], size, color, edge) {
     const corners = {
       square: [[-1, -1], [1, -1], [1, 1], [-1, 1]], triangle: [[0, -1.2], [1.1, 0.9], [-1.1, 0.9]],
       wedge: [[0, 1.2], [1.1, -0.9], [-1.1, -0.9]], diamond: [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]],
     }[kind];
-    const strokes = { cross: [[[-1, -1], [1, 1]], [[-1, 1], [1, -1]]], plus: [[[-1.2, 0], [1.2, 0]], [[0, -1.2], [0, 1.2]]] }[kind];
+    const strokes = {
+      cross: [[[-1, -1], [1, 1]], [[-1, 1], [1, -1]]], plus: [[[-1.2, 0], [1.2, 0]], [[0, -1.2], [0, 1.2]]],
+    }[kind];
     const at = ([ahead, down]) => [x + ahead * size, y + down * size];
     context.setLineDash([]);
     context.beginPath();
@@ -121,8 +166,8 @@ const Replay = (() => {
   });
 
   class Pane {
-    constructor(episode, labels, root) {
-      Object.assign(this, { episode, root, styles: episode.labels.map((label) => labels.indexOf(label)) });
+    constructor(episode, box, labels, root) {
+      Object.assign(this, { episode, box, root, styles: episode.labels.map((label) => labels.indexOf(label)) });
       this.figure = document.createElement("figure");
       this.state = document.createElement("div");
       this.state.className = "state";
@@ -136,7 +181,7 @@ const Replay = (() => {
 
     // Fits the canvas into the room there is, with others above one another or not; sharp on every screen.
     resize(above) {
-      const [left, bottom, right, top] = this.episode.box, margin = 10;
+      const [left, bottom, right, top] = this.box, margin = 10;
       const room = this.figure.clientWidth, highest = Math.max(200, (above > 1 ? 0.7 / above : 0.66) * window.innerHeight);
       const scale = Math.min((room - 2 * margin) / (right - left), (highest - 2 * margin) / (top - bottom));
       if (!(scale > 0)) return;
@@ -198,7 +243,7 @@ const Replay = (() => {
       ends.forEach((scan, robot) => this.paintScan(context, scan, robot));
       this.paintGround(context);
       const shapes = options.mind ? episode.shown[frame] : [];
-      shapes.forEach((shape) => shape.kind === AREA && this.paintShape(context, shape));
+      this.paintAreas(context, shapes.filter((shape) => shape.kind === AREA));
       this.paintGoalAreas(context, frame);
       context.drawImage(this.standing(), 0, 0, this.width, this.height);
       this.paintMovers(context, frame);
@@ -208,7 +253,23 @@ const Replay = (() => {
       shapes.forEach((shape) => shape.kind === POINT && this.paintShape(context, shape));
       this.paintGoals(context, frame);
       for (let robot = 0; robot < episode.robots; robot += 1) this.paintRobot(context, frame, robot);
+      this.paintScale(context);
       this.tell(frame);
+    }
+
+    // A bar for scale, of 1, 2, 5, 10, ... metres.
+    paintScale(context) {
+      const longest = (0.2 * this.width) / this.scale, power = 10 ** Math.floor(Math.log10(longest));
+      const metres = power * [5, 2, 1].find((times) => times * power <= longest);
+      const right = this.width - 16, left = right - metres * this.scale, y = this.height - 15;
+      for (const [color, width] of [[this.colors.paper, 5], [this.colors.faint, 2]]) {
+        path(context, [[left, y], [right, y]], false);
+        context.strokeStyle = color; context.lineWidth = width; context.stroke();
+      }
+      context.font = "11px system-ui, sans-serif";
+      context.textAlign = "right";
+      context.strokeStyle = this.colors.paper; context.lineWidth = 3; context.strokeText(metres + " m", right, y - 5);
+      context.fillStyle = this.colors.faint; context.fillText(metres + " m", right, y - 5);
     }
 
     tell(frame) {
@@ -308,16 +369,37 @@ const Replay = (() => {
       context.fillStyle = color; context.fill();
     }
 
+    // The areas of a label as one: where many lie upon one another they are as light as one alone, with one outline.
+    paintAreas(context, shapes) {
+      for (const label of new Set(shapes.map((shape) => shape.label))) {
+        const style = styleOf(this.styles[label], this.colors), layer = document.createElement("canvas");
+        layer.width = this.canvas.width;
+        layer.height = this.canvas.height;
+        const above = this.context(layer);
+        above.beginPath();
+        for (const shape of shapes) if (shape.label === label) trace(above, this.pixels(turned(shape.places)));
+        above.setLineDash(style.dash);
+        above.strokeStyle = above.fillStyle = style.color;
+        above.lineWidth = 2.5;
+        above.stroke();
+        above.globalCompositeOperation = "destination-out"; // leaves the outer half of the outline
+        above.fill();
+        above.globalCompositeOperation = "source-over";
+        above.globalAlpha = 0.18;
+        above.fill();
+        context.drawImage(layer, 0, 0, this.width, this.height);
+      }
+    }
+
     paintShape(context, { kind, label, places }) {
       const style = styleOf(this.styles[label], this.colors), pixels = this.pixels(places);
       if (kind === POINT) {
         mark(context, style.mark, pixels[0], 3.6, style.color, this.colors.paper);
         return;
       }
-      path(context, pixels, kind === AREA);
-      if (kind === AREA) { context.globalAlpha = 0.18; context.fillStyle = style.color; context.fill(); context.globalAlpha = 1; }
+      path(context, pixels, false);
       context.setLineDash(style.dash);
-      context.strokeStyle = style.color; context.lineWidth = kind === AREA ? 1 : 1.75; context.stroke();
+      context.strokeStyle = style.color; context.lineWidth = 1.75; context.stroke();
       context.setLineDash([]);
     }
 
@@ -396,8 +478,8 @@ const Replay = (() => {
         const angle = (Math.PI * ray) / 10, reach = ray % 2 ? 0.6 * radius : radius;
         return [x + reach * Math.cos(angle), y + reach * Math.sin(angle)];
       }));
-      context.fillStyle = this.colors["mind"][0]; context.fill();
-      context.strokeStyle = this.colors.ink; context.lineWidth = 1; context.stroke();
+      context.fillStyle = this.colors.ink; context.fill();
+      context.strokeStyle = this.colors.paper; context.lineWidth = 1.5; context.stroke();
     }
   }
 
@@ -415,7 +497,7 @@ const Replay = (() => {
     const labels = [...new Set(episodes.flatMap((episode) => episode.labels))];
     const step = Math.min(...episodes.map((episode) => episode.step)); // all run by one clock
     const last = Math.max(...episodes.map((episode) => Math.ceil(((episode.frames - 1) * episode.step) / step - 1e-6)));
-    const panes = episodes.map((episode) => new Pane(episode, labels, root));
+    const shown = boxes(episodes), panes = episodes.map((episode, number) => new Pane(episode, shown[number], labels, root));
     const options = { scan: true, track: true, mind: true };
     let frame = 0, clock = 0, before = 0, isPlaying = false, timer = 0;
 
@@ -506,9 +588,11 @@ const Replay = (() => {
     // What the marks and lines mean, drawn as they are drawn in the panes.
     function paintLegend() {
       const colors = palette(root), ratio = window.devicePixelRatio || 1, kinds = labels.map(() => new Set());
-      episodes.forEach((episode) => episode.shapes.forEach(([kind, label]) => kinds[labels.indexOf(episode.labels[label])].add(kind)));
+      for (const episode of episodes)
+        for (const [kind, label] of episode.shapes) kinds[labels.indexOf(episode.labels[label])].add(kind);
       legend.replaceChildren(...labels.map((label, number) => {
-        const sample = made("canvas", "", { width: 28 * ratio, height: 16 * ratio, style: "width:28px;height:16px", "aria-hidden": "true" });
+        const sample = made("canvas", "", { width: 28 * ratio, height: 16 * ratio, "aria-hidden": "true" });
+        sample.style.cssText = "width: 28px; height: 16px";
         const context = sample.getContext("2d"), style = styleOf(number, colors);
         context.setTransform(ratio, 0, 0, ratio, 0, 0);
         if (kinds[number].has(AREA)) {
