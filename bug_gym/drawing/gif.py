@@ -58,7 +58,7 @@ def encoded(clip: Clip, fps: float) -> Iterator[bytes]:
     yield b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
     delay = max(1, round(100.0 / fps))  # in hundredths of a second
     last = np.full((clip.height, clip.width), SAME, dtype=np.uint8)
-    table, stamp, box = np.zeros((lzw.FULL, 256), dtype=np.int64), 0, np.zeros(4, dtype=np.int64)
+    table, stamp, box = np.zeros((256, lzw.FULL), dtype=np.int64), 0, np.zeros(4, dtype=np.int64)
     for letters in clip.changes:
         places, colors = np.frombuffer(zlib.decompress(letters), dtype=np.uint32).reshape(2, -1)
         shown = np.full_like(last, SAME)

@@ -39,8 +39,9 @@ def compress(pixels: Bytes, table: Table, stamp: int, out: Bytes) -> tuple[int, 
 
     Args:
         pixels: at least one.
-        table: (FULL, 256) what a run and a next pixel make: the code of the longer run, and above it the stamp it was
-            made under. What other stamps have left counts as nothing, so that forgetting costs nothing.
+        table: (256, FULL) what a next pixel makes of a run: the code of the longer run, and above it the stamp it was
+            made under. What other stamps have left counts as nothing, so that forgetting costs nothing. Long runs of one
+            pixel are neighbours in it.
         stamp: above all that the table has seen.
         out: zeros, `room_for` so many pixels.
 
@@ -52,13 +53,13 @@ def compress(pixels: Bytes, table: Table, stamp: int, out: Bytes) -> tuple[int, 
     run = int(pixels[0])
     for number in range(1, pixels.shape[0]):
         pixel = int(pixels[number])
-        known = int(table[run, pixel])
+        known = int(table[pixel, run])
         if known >> 12 == stamp:
             run = known & 0xFFF
             continue
         bit = _put(run, size, out, bit)
         if new < FULL:
-            table[run, pixel] = stamp << 12 | new
+            table[pixel, run] = stamp << 12 | new
             if new == 1 << size:  # whoever reads this is one code behind
                 size += 1
             new += 1

@@ -168,7 +168,7 @@ def unpacked_runs(data: bytes) -> list[int]:
 def test_compressed_pixels_are_read_back_by_the_book(colors: int, count: int) -> None:
     """Noise of 256 colours fills the table of runs several times over."""
     random = np.random.default_rng(count)
-    table, stamp = np.zeros((FULL, 256), dtype=np.int64), 0
+    table, stamp = np.zeros((256, FULL), dtype=np.int64), 0
     for _ in range(2):  # the table is used again, without being emptied
         pixels = random.integers(colors, size=count).astype(np.uint8)
         out = np.zeros(room_for(count), dtype=np.uint8)
