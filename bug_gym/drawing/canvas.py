@@ -37,6 +37,7 @@ from bug_gym.drawing.parts import (
     goal_color,
     mover_sprites,
     paint_areas,
+    paint_around,
     paint_free_area,
     paint_goal_areas,
     paint_goals,
@@ -81,13 +82,22 @@ class Canvas:
         size: longer side of the frame [pixels]; the bounds keep their proportions.
         row: which world.
         title: put before the scenario's name in the caption, such as the policy's name.
+        box: what is shown: xmin, ymin, xmax, ymax [m]; None: all of the world.
 
     Raises:
         ImportError: pygame-ce is not installed.
         ValueError: a size below 100 pixels or above LARGEST, or no such row.
     """
 
-    def __init__(self, simulation: Simulation, *, size: int = 600, row: int = 0, title: str = "") -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        size: int = 600,
+        row: int = 0,
+        title: str = "",
+        box: tuple[float, float, float, float] | None = None,
+    ) -> None:
         load_pygame()
         if size < 100:
             raise ValueError(f"size must be at least 100 pixels, got {size}")
@@ -100,7 +110,8 @@ class Canvas:
         self.row = row
         self.title = title
         self.unit = size / 600.0
-        xmin, ymin, xmax, ymax = simulation.scenario.world.box
+        self.box = box
+        xmin, ymin, xmax, ymax = box or simulation.scenario.world.box
         margin = 24.0 * max(self.unit, 0.8)
         scale = (size - 2.0 * margin) / max(xmax - xmin, ymax - ymin)
         # Even sides, because video codecs want them; wide enough for the caption.
@@ -267,6 +278,8 @@ class Canvas:
             self._still = self._surface()
             brush = self._brush_on(self._still)
             paint_still(brush, world, row)
+            if self.box is not None:
+                paint_around(brush, self.box)
             self._still.set_colorkey(KEY, load_pygame().RLEACCEL)
             self._sprites = mover_sprites(brush, world, row)
             self._painted_of = key

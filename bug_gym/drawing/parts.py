@@ -68,6 +68,16 @@ def paint_still(brush: Brush, world: World, row: int) -> None:
     brush.line([*border, border[0]], INK, 2.5)
 
 
+def paint_around(brush: Brush, box: tuple[float, float, float, float]) -> None:
+    """Page around a box of the world [m], which is all that is shown of it."""
+    (left, bottom), (right, top) = brush.view.pixel(*box[:2]), brush.view.pixel(*box[2:])
+    width, height = brush.surface.get_size()
+    strips = ((0, 0, width, top), (0, bottom, width, height), (0, 0, left, height), (right, 0, width, height))
+    for strip in strips:
+        brush.surface.fill(PAGE, strip)
+    brush.line([(left, top), (right, top), (right, bottom), (left, bottom), (left, top)], FAINT, 1.0)
+
+
 def shell_extent(ring: NDArray[np.float64]) -> float:
     """Area of the box around a ring (k, 2) [m^2]."""
     width, height = np.ptp(ring, axis=0)
