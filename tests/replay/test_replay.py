@@ -164,6 +164,10 @@ const press = (key) => document.body.dispatchEvent(new KeyboardEvent("keydown", 
   told.states = [...root.querySelectorAll(".state")].map((state) => state.textContent);
   told.legend = [...root.querySelectorAll(".legend li")].map((item) => item.textContent);
   told.last = Number(slider.max);
+  const [one] = await Replay.unpackAll(JSON.parse(document.getElementById("episodes").textContent));
+  for (const name of ["poses", "places", "ranges", "goals"])
+    told[name] = [0, 7, 20].map((frame) => [...one[name].at(frame)]);
+  told.hit = one.shown[5].find((shape) => one.labels[shape.label] === "hit").places;
   const first = look();
   press("ArrowRight"); told.stepped = frame(); told.hasMoved = look().every((sum, pane) => sum !== first[pane]);
   press("ArrowLeft"); told.back = frame(); told.isSame = look().every((sum, pane) => sum === first[pane]);
@@ -201,8 +205,12 @@ def browsed(text: str, folder: Path, steps: str, *, width: int = 1000) -> dict[s
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
 @pytest.mark.parametrize("width", [1000, 500])
 def test_a_browser_plays_two_episodes_side_by_side(width: int, tmp_path: Path) -> None:
-    page = bug_gym.show(driven("one", TWO), driven(HOSTILE, steps=30)).page()
+    one = driven("one", TWO)
+    page = bug_gym.show(one, driven(HOSTILE, steps=30)).page()
     told = browsed(page, tmp_path, STEPS, width=width)
+    for name, unit in (("poses", MILLI), ("places", MILLI), ("ranges", CENTI), ("goals", MILLI)):
+        np.testing.assert_allclose(told[name], read(one, name, unit)[[0, 7, 20]], atol=1e-9)
+    np.testing.assert_allclose(told["hit"], [np.array(one.data["shapes"][2][2:]) * CENTI], atol=1e-9)
     assert told["errors"] == []
     assert told["panes"] == ["one", HOSTILE] and told["states"] == ["0.0 s · off it goes"] * 2
     assert told["legend"] == ["light", "m line", "hit", HOSTILE.replace("_", " ")]
