@@ -617,7 +617,12 @@ const Replay = (() => {
       redraw();
     }
 
-    const observer = new ResizeObserver(() => layOut());
+    let width = row.clientWidth;
+    const observer = new ResizeObserver(() => {
+      if (row.clientWidth === width) return; // its height is what we make of it
+      width = row.clientWidth;
+      setTimeout(layOut); // after the observer is done: sizes that change meanwhile are an error of the page
+    });
     observer.observe(row);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", layOut);
     window.addEventListener("resize", layOut);

@@ -425,7 +425,7 @@ def test_the_legend_shows_a_dashed_line_for_a_dashed_line_and_the_mark_of_a_poin
     edge = int(canvas.height - canvas.margin) + 4
 
     def painted(drawing: Drawing, label: str) -> np.ndarray:
-        return (canvas.draw(drawing)[edge:] == brush.LABEL_COLORS[label]).all(axis=2)
+        return np.asarray((canvas.draw(drawing)[edge:] == brush.LABEL_COLORS[label]).all(axis=2))
 
     line = painted(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "path")]), "path")
     dashes = painted(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "m_line")]), "m_line")
