@@ -14,12 +14,13 @@ import gymnasium as gym
 import pettingzoo
 
 if TYPE_CHECKING:
+    from bug_gym.replay import show
     from bug_gym.robots_env import env, parallel_env
     from bug_gym.schema.own import ObservationField, RewardTerm
 
 __version__ = "0.1.0"
 
-__all__ = ["ObservationField", "RewardTerm", "__version__", "env", "parallel_env", "register_envs"]
+__all__ = ["ObservationField", "RewardTerm", "__version__", "env", "parallel_env", "register_envs", "show"]
 
 SCENARIOS_BY_ID = {
     "BugGym/Navigation-v0": "static",  # unless `scenario=` says another
@@ -45,10 +46,11 @@ PREDICTION_ID = "BugGym/Prediction-v0"
 LAZY = {
     "env": "bug_gym.robots_env",
     "parallel_env": "bug_gym.robots_env",
+    "show": "bug_gym.replay",
     "ObservationField": "bug_gym.schema.own",
     "RewardTerm": "bug_gym.schema.own",
 }
-"""Names of this package -> the modules that have them."""
+"""Names of this package -> the modules that have them; those of environments and replays load compiled code."""
 
 ROBOTS_ID = "BugGym/Robots-v0"
 """The id in PettingZoo's registries."""
@@ -73,7 +75,7 @@ def register_envs() -> None:
 
 
 def __getattr__(name: str) -> Any:
-    """What is imported on first use: the functions that make a PettingZoo environment load compiled code."""
+    """What is imported on first use."""
     if name in LAZY:
         return getattr(import_module(LAZY[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -33,16 +33,16 @@ def checked_seed(value: object) -> int:
     return int(value)
 
 
-def checked_count(name: str, value: object) -> int:
+def checked_count(name: str, value: object, *, least: int = 1) -> int:
     """How many of something, as an int, NumPy's integers too.
 
     Raises:
-        ValueError: it is no integer from 1 on.
+        ValueError: it is no integer, or one below `least`.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise ValueError(f"{name} must be an integer, got {value!r}")
-    if value < 1:
-        raise ValueError(f"{name} must be at least 1, got {value!r}")
+    if value < least:
+        raise ValueError(f"{name} must be at least {least}, got {value!r}")
     return int(value)
 
 

@@ -36,7 +36,7 @@ LAYERS = (
     ("world", "scenarios", "floor_plans", "maps"),
     ("observation", "task", "own_parts", "view", "inertia", "steering"),
     ("simulation", "policy", "team_policy"),
-    ("drawing", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
+    ("drawing", "replay", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
     ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name
     ("evaluation", "cluster"),
     ("reproductions", "benchmark"),

@@ -43,7 +43,8 @@ def shipped_files() -> set[str]:
     own = (ROOT / "bug_gym").rglob("*.py")  # agents and configs are links, which it leaves out
     files = {path.relative_to(ROOT).as_posix() for path in own} | {"bug_gym/py.typed"}
     linked = [*ROOT.glob("agents/**/*.py"), *ROOT.glob("configs/**/*.yaml"), *ROOT.glob("agents/trained/**/*.*")]
-    files |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "bug_gym" / "evaluation" / "page").glob("page.*")}
+    parts = [*(ROOT / "bug_gym" / "evaluation" / "page").glob("page.*"), *(ROOT / "bug_gym" / "replay").glob("*.*")]
+    files |= {path.relative_to(ROOT).as_posix() for path in parts if path.suffix in (".css", ".html", ".js")}
     return files | {f"bug_gym/{path.relative_to(ROOT).as_posix()}" for path in linked}
 
 

@@ -34,6 +34,11 @@ def above_zero(text: str) -> float:
 def add_scenario(parser: argparse.ArgumentParser) -> None:
     """A scenario with its seed and overrides, and the size of its picture."""
     parser.add_argument("scenario", metavar="SCENARIO", help="name or path of a scenario")
+    add_world(parser)
+
+
+def add_world(parser: argparse.ArgumentParser) -> None:
+    """The seed and the overrides of a scenario, and the size of its picture."""
     parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
     parser.add_argument("--size", type=int, default=600, help="longer side of the picture in pixels (default: 600)")
     add_overrides(parser)

@@ -35,8 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-privileged", dest="privileged", action="store_false", help="leave out policies that read the map"
     )
     parser.add_argument("--data", type=Path, help="somebody else's data that a suite needs")
+    parser.add_argument("--out", type=Path, help="folder for rows, summary and report; goes on with a run cut off")
     parser.add_argument(
-        "--out", type=Path, help="folder for rows, summary, report and pictures; goes on with a run cut off"
+        "--pictures", action="store_true", help="draw a typical episode of each policy and scenario into --out, too"
+    )
+    parser.add_argument(
+        "--replays", type=int, default=24, help="most episodes, failures, that the report replays (default: 24)"
+    )
+    parser.add_argument(
+        "--replay-successes", action="store_true", help="a success of each policy and scenario is among them"
     )
     parser.add_argument("--trust", action="store_true", help=TRUST)
     parser.add_argument("--details", action="store_true", help="print all tables, and the paired differences")
@@ -70,6 +77,9 @@ def run(options: argparse.Namespace) -> None:
             repair=options.repair,
             privileged=options.privileged,
             trust=options.trust,
+            pictures=options.pictures,
+            replays=options.replays,
+            replay_successes=options.replay_successes,
         )
     console, summaries = Console(), summarise(rows)
     print_matrix(summaries, console)

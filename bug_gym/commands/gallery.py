@@ -24,7 +24,7 @@ def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from bug_gym.agents import AGENTS  # loads the compiler
     from bug_gym.config import load  # loads pydantic
-    from bug_gym.drawing.clips import GIF, PNG  # loads numpy
+    from bug_gym.drawing.clips import GIF, PNG  # loads the compiler
     from bug_gym.evaluation.entries import PolicyEntry  # loads the compiler
     from bug_gym.evaluation.gallery import draw_gallery  # loads the compiler
 

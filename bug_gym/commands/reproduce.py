@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from rich.console import Console
 
-    from bug_gym.drawing.clips import PNG  # loads numpy
+    from bug_gym.drawing.clips import PNG  # loads the compiler
     from bug_gym.evaluation.report import draw_curves, print_text_table  # loads the compiler
 
     out = options.out and writable(options.out, [".json"])

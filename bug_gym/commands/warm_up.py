@@ -64,11 +64,12 @@ def _use_world(scenario: str, overrides: dict[str, Any]) -> None:
 
 def _draw() -> None:
     from bug_gym.drawing.canvas import Canvas  # loads the compiler
+    from bug_gym.drawing.gif import encoded, taken  # loads the compiler
     from bug_gym.simulation import Simulation  # loads the compiler
 
     simulation = Simulation("static")
     simulation.reset(seeds=[0])
-    Canvas(simulation).draw()
+    list(encoded(taken([Canvas(simulation).draw()]), fps=10.0))
 
 
 def _use_policies() -> Iterator[str]:

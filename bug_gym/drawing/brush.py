@@ -52,7 +52,7 @@ OUTCOME_COLORS: dict[str, Color] = {
 LABEL_COLORS: dict[str, Color] = {
     "hit": (208, 44, 44),
     "leave": (28, 150, 92),
-    "candidate": (120, 72, 190),
+    "candidate": (16, 120, 160),
     "attraction": (26, 148, 82),
     "repulsion": (208, 44, 44),
     "force": (32, 36, 48),
@@ -60,6 +60,7 @@ LABEL_COLORS: dict[str, Color] = {
     "waypoint": (16, 140, 150),
     "nearest": (196, 128, 0),
     "m_line": (120, 120, 130),
+    "list": (120, 120, 130),
     "path": (120, 72, 190),
     "plan": (120, 72, 190),
     "light": (245, 205, 60),
@@ -67,8 +68,8 @@ LABEL_COLORS: dict[str, Color] = {
     "cheap": (28, 150, 92),
     "dear": (208, 44, 44),
     "closed": (120, 120, 130),
-    "chosen": (20, 60, 200),
-    "way": (20, 60, 200),
+    "chosen": (32, 36, 48),
+    "way": (120, 72, 190),
     "forecast": (193, 42, 120),
     "to_goal": (208, 44, 44),
     "open_point": (196, 128, 0),
@@ -78,6 +79,24 @@ LABEL_COLORS: dict[str, Color] = {
 
 DASHED = {"m_line"}
 """Labels whose segments are drawn dashed."""
+
+AREA_SHARE = 0.3
+"""How much of its label's colour an area has."""
+
+SQUARE = ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9))
+TRIANGLE = ((0.0, -1.25), (1.15, 0.85), (-1.15, 0.85))
+DIAMOND = ((-1.3, 0.0), (0.0, -1.3), (1.3, 0.0), (0.0, 1.3))
+MARKS: dict[str, tuple[Pixel, ...]] = {
+    "hit": SQUARE,
+    "dear": SQUARE,
+    "leave": TRIANGLE,
+    "cheap": TRIANGLE,
+    "chosen": DIAMOND,
+    "closed": DIAMOND,
+    "target": DIAMOND,
+    "nearest": TRIANGLE,
+}
+"""Corners of the marks of labels, so that no colour is needed to tell them apart; the points of others are discs."""
 
 
 def mixed(color: Color, ground: Color, share: float) -> Color:
@@ -173,6 +192,15 @@ class Brush:
                 circle(surface, rim, at, max(radius, 1.0))
                 circle(surface, color, at, max(radius - width, 1.0))
 
+    def mark(self, at: Pixel, label: str, radius: float) -> None:
+        """The mark of a label's points, with a light edge."""
+        for size, color in ((radius + self.unit, PAGE), (radius, label_color(label))):
+            if label in MARKS:
+                corners = [(at[0] + size * column, at[1] + size * line) for column, line in MARKS[label]]
+                self.pygame.draw.polygon(self.surface, color, corners)
+            else:
+                self.disc(at, size, color)
+
     def ring(self, at: Pixel, radius: float, color: Color, units: float) -> None:
         """A circle that is not filled."""
         self.pygame.draw.circle(self.surface, color, at, radius, self.width(units))
@@ -193,14 +221,22 @@ class Brush:
 
     def veil(self, pixels: Sequence[Pixel], tint: Color) -> None:
         """A filled polygon of coloured glass: what lies beneath it is multiplied by the tint."""
-        corners = np.array(pixels)
+        self.veils([pixels], tint)
+
+    def veils(self, rings: Sequence[Sequence[Pixel]], tint: Color) -> None:
+        """Polygons cut out of one pane of coloured glass: where they overlap it is as light as elsewhere."""
+        shapes = [np.array(ring) for ring in rings if len(ring) >= 3]
+        if not shapes:
+            return
+        corners = np.concatenate(shapes)
         low = np.maximum(np.floor(corners.min(axis=0)), 0.0).astype(int)
         high = np.minimum(np.ceil(corners.max(axis=0)) + 1.0, self.surface.get_size()).astype(int)
-        if len(pixels) < 3 or (high <= low).any():
+        if (high <= low).any():
             return
         glass = self.pygame.Surface((high - low).tolist(), 0, 32)
         glass.fill(PAGE)
-        self.pygame.draw.polygon(glass, tint, (corners - low).tolist())
+        for shape in shapes:
+            self.pygame.draw.polygon(glass, tint, (shape - low).tolist())
         self.surface.blit(glass, low.tolist(), special_flags=self.pygame.BLEND_RGB_MULT)
 
     def dashes(self, start: Pixel, end: Pixel, color: Color, units: float) -> None:

@@ -27,17 +27,17 @@ from bug_gym.drawing.brush import (
     Color,
     Pixel,
     Projection,
-    label_color,
     load_pygame,
     mixed,
 )
 from bug_gym.drawing.clips import Frame
 from bug_gym.drawing.parts import (
+    Sample,
     Sprites,
     goal_color,
-    labels_of,
     mover_sprites,
     paint_areas,
+    paint_around,
     paint_free_area,
     paint_goal_areas,
     paint_goals,
@@ -46,9 +46,11 @@ from bug_gym.drawing.parts import (
     paint_points,
     paint_returns,
     paint_robot,
+    paint_sample,
     paint_segments,
     paint_still,
     paint_trail,
+    samples_of,
     scan_ends,
 )
 from bug_gym.limits import told_bytes
@@ -80,13 +82,22 @@ class Canvas:
         size: longer side of the frame [pixels]; the bounds keep their proportions.
         row: which world.
         title: put before the scenario's name in the caption, such as the policy's name.
+        box: what is shown: xmin, ymin, xmax, ymax [m]; None: all of the world.
 
     Raises:
         ImportError: pygame-ce is not installed.
         ValueError: a size below 100 pixels or above LARGEST, or no such row.
     """
 
-    def __init__(self, simulation: Simulation, *, size: int = 600, row: int = 0, title: str = "") -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        size: int = 600,
+        row: int = 0,
+        title: str = "",
+        box: tuple[float, float, float, float] | None = None,
+    ) -> None:
         load_pygame()
         if size < 100:
             raise ValueError(f"size must be at least 100 pixels, got {size}")
@@ -99,7 +110,8 @@ class Canvas:
         self.row = row
         self.title = title
         self.unit = size / 600.0
-        xmin, ymin, xmax, ymax = simulation.scenario.world.box
+        self.box = box
+        xmin, ymin, xmax, ymax = box or simulation.scenario.world.box
         margin = 24.0 * max(self.unit, 0.8)
         scale = (size - 2.0 * margin) / max(xmax - xmin, ymax - ymin)
         # Even sides, because video codecs want them; wide enough for the caption.
@@ -217,7 +229,7 @@ class Canvas:
         paint_goals(brush, world, row)
         for robot in range(world.robots):
             paint_robot(brush, world, row, robot)
-        return self._finish(brush.surface, labels_of(drawings.values()), note)
+        return self._finish(brush.surface, samples_of(drawings.values()), note)
 
     def _drawings(self, drawing: Drawing | Sequence[Drawing | None] | None) -> dict[int, Drawing]:
         """Drawings by robot."""
@@ -266,6 +278,8 @@ class Canvas:
             self._still = self._surface()
             brush = self._brush_on(self._still)
             paint_still(brush, world, row)
+            if self.box is not None:
+                paint_around(brush, self.box)
             self._still.set_colorkey(KEY, load_pygame().RLEACCEL)
             self._sprites = mover_sprites(brush, world, row)
             self._painted_of = key
@@ -283,12 +297,12 @@ class Canvas:
 
     # ------------------------------------------------------------------------------------------ text
 
-    def _finish(self, large: pygame.Surface, labels: Sequence[str], note: str) -> Frame:
+    def _finish(self, large: pygame.Surface, samples: Sequence[Sample], note: str) -> Frame:
         """Average the large surface down, write around it and read the pixels."""
         small = load_pygame().Surface((self.width, self.height), 0, 32)
         pixels.halve(packed(large), packed(small))
         self._write_caption(small, note)
-        self._write_legend(small, labels)
+        self._write_legend(small, samples)
         frame = np.empty((self.height, self.width, 3), dtype=np.uint8)
         pixels.unpack(packed(small), frame)
         return frame
@@ -310,7 +324,7 @@ class Canvas:
         small.blit(left, (self.margin, top), (0, 0, free, left.get_height()))
         small.blit(right, (self.margin + room - right.get_width(), top))
 
-    def _write_legend(self, small: pygame.Surface, labels: Sequence[str]) -> None:
+    def _write_legend(self, small: pygame.Surface, samples: Sequence[Sample]) -> None:
         """Below the world: a bar for scale on the right, and the labels of a drawing for which there is room left."""
         draw, column, middle = load_pygame().draw, self.margin, self.height - 0.5 * self.margin
         metres = round_length(0.15 * self.width / self.view.scale)
@@ -319,14 +333,15 @@ class Canvas:
         draw.line(small, FAINT, (left, middle), (right, middle), max(1, round(2.0 * self.unit)))
         left -= text.get_width() + 0.25 * self.margin
         small.blit(text, (left, middle - 0.5 * text.get_height()))
-        for label in labels:
-            text, radius = self._text(label, INK), 0.17 * self.margin
-            end = column + 3.0 * radius + text.get_width()
-            if end > left - radius:
+        brush, width, height = Brush(small, self.view, self.unit), 0.75 * self.margin, 0.4 * self.margin
+        for sample in samples:
+            text = self._text(sample.label.replace("_", " "), INK)
+            end = column + 1.25 * width + text.get_width()
+            if end > left - 0.5 * width:
                 return
-            draw.circle(small, label_color(label), (column + radius, middle), radius)
-            small.blit(text, (column + 3.0 * radius, middle - 0.5 * text.get_height()))
-            column = end + 2.0 * radius
+            paint_sample(brush, sample, column, middle, width, height)
+            small.blit(text, (column + 1.25 * width, middle - 0.5 * text.get_height()))
+            column = end + 0.5 * width
 
     def _text(self, text: str, color: Color) -> pygame.Surface:
         """Text on a surface of its own."""

@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels
 from bug_gym.drawing.brush import (
+    AREA_SHARE,
     DASHED,
+    FAINT,
     GOAL,
     GROUND,
     INK,
@@ -64,6 +66,16 @@ def paint_still(brush: Brush, world: World, row: int) -> None:
     page.set_colorkey(KEY)
     brush.surface.blit(page, (0, 0))
     brush.line([*border, border[0]], INK, 2.5)
+
+
+def paint_around(brush: Brush, box: tuple[float, float, float, float]) -> None:
+    """Page around a box of the world [m], which is all that is shown of it."""
+    (left, bottom), (right, top) = brush.view.pixel(*box[:2]), brush.view.pixel(*box[2:])
+    width, height = brush.surface.get_size()
+    strips = ((0, 0, width, top), (0, bottom, width, height), (0, 0, left, height), (right, 0, width, height))
+    for strip in strips:
+        brush.surface.fill(PAGE, strip)
+    brush.line([(left, top), (right, top), (right, bottom), (left, bottom), (left, top)], FAINT, 1.0)
 
 
 def shell_extent(ring: NDArray[np.float64]) -> float:
@@ -316,9 +328,12 @@ def from_odometry(places: ArrayLike, origin: NDArray[np.float64]) -> NDArray[np.
 
 
 def paint_areas(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
-    """The areas of a drawing; what lies beneath them shows through."""
+    """The areas of a drawing, those of a label as one; what lies beneath them shows through."""
+    rings: dict[str, list[list[Pixel]]] = {}
     for ring, label in drawing.areas:
-        brush.veil(brush.view.pixels(from_odometry(ring, origin)), mixed(label_color(label), PAGE, 0.3))
+        rings.setdefault(label, []).append(brush.view.pixels(from_odometry(ring, origin)))
+    for label, each in rings.items():
+        brush.veils(each, mixed(label_color(label), PAGE, AREA_SHARE))
 
 
 def paint_segments(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) -> None:
@@ -335,11 +350,43 @@ def paint_points(brush: Brush, drawing: Drawing, origin: NDArray[np.float64]) ->
     """The points of a drawing."""
     for x, y, label in drawing.points:
         (at,) = brush.view.pixels(from_odometry([(x, y)], origin))
-        brush.disc(at, 4.5 * brush.unit, PAGE)
-        brush.disc(at, 3.5 * brush.unit, label_color(label))
+        brush.mark(at, label, 3.5 * brush.unit)
 
 
-def labels_of(drawings: Iterable[Drawing]) -> list[str]:
-    """The labels that occur, each once, in order."""
-    parts = [part for drawing in drawings for part in (drawing.areas, drawing.segments, drawing.points)]
-    return list(dict.fromkeys(str(item[-1]) for part in parts for item in part))
+class Sample(NamedTuple):
+    """What a label stands for in some drawings."""
+
+    label: str
+    """The label."""
+    has_area: bool
+    """Whether areas bear it."""
+    has_segment: bool
+    """Whether segments bear it."""
+    has_point: bool
+    """Whether points bear it."""
+
+
+def samples_of(drawings: Iterable[Drawing]) -> list[Sample]:
+    """The labels that occur, each once, in order, with what bears them."""
+    labels: list[dict[str, None]] = [{}, {}, {}]
+    for drawing in drawings:
+        for kind, part in enumerate((drawing.areas, drawing.segments, drawing.points)):
+            labels[kind].update((str(item[-1]), None) for item in part)
+    areas, segments, points = labels
+    return [Sample(one, one in areas, one in segments, one in points) for one in {**areas, **segments, **points}]
+
+
+def paint_sample(brush: Brush, sample: Sample, left: float, middle: float, width: float, height: float) -> None:
+    """What a legend shows before a label: the area, the segment and the point as they are drawn in the picture."""
+    color, right = label_color(sample.label), left + width
+    if sample.has_area:
+        top, bottom = middle - 0.5 * height, middle + 0.5 * height
+        corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+        brush.area(corners, mixed(color, PAGE, AREA_SHARE), FAINT, 0.75)
+    if sample.has_segment:
+        if sample.label in DASHED:
+            brush.dashes((left, middle), (right, middle), color, 1.25)
+        else:
+            brush.line([(left, middle), (right, middle)], color, 1.5)
+    if sample.has_point:
+        brush.mark((0.5 * (left + right), middle), sample.label, 0.45 * height)

@@ -1,8 +1,9 @@
 """Policies in the same worlds, measured: `evaluate` makes one row an episode and robot, paired by seed.
 
 A suite (configs/suites/*.yaml) names scenarios and seeds as data. A result folder holds manifest.json (what was asked),
-rows.jsonl (one row a line, in order of arrival), the summary, report.html and a picture of a typical episode for each
-policy and scenario. A run that was cut off goes on where it stopped: rows on disk are done.
+rows.jsonl (one row a line, in order of arrival), the summary, report.html with some episodes to replay, and where it is asked
+for a picture of a typical episode for each policy and scenario. A run that was cut off goes on where it stopped: rows on disk
+are done.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
+from bug_gym.checks import checked_count
 from bug_gym.evaluation.page import PAGE, write_page
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import progress_bar
+from bug_gym.evaluation.replays import REPLAYS, chosen, record_episode, replays_of
 from bug_gym.evaluation.report import write_summary
 from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
@@ -23,7 +26,7 @@ from bug_gym.evaluation.summary import compare, default_baseline, summarise
 from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds
 from bug_gym.workers import Workers, checked_workers, on_this_machine
 
-__all__ = ["evaluate", "make_plan"]
+__all__ = ["evaluate", "make_plan", "record_episode"]
 
 
 def evaluate(
@@ -40,6 +43,9 @@ def evaluate(
     repair: bool = False,
     privileged: bool = True,
     trust: bool = False,
+    pictures: bool = False,
+    replays: int = REPLAYS,
+    replay_successes: bool = False,
 ) -> list[EpisodeRow]:
     """Drive policies through the same worlds and measure each episode.
 
@@ -52,7 +58,7 @@ def evaluate(
         seed: of the first world, the others count up; None: as the suite says, 0 without one.
         workers: processes that share the work, or a cluster that does (`bug_gym.cluster.connected`). Times of decisions
             are fair where each process has a core of its own.
-        out: a folder for the rows as they come, the summary and pictures. A run that was cut off goes on from it; one
+        out: a folder for the rows as they come, the summary and the report. A run that was cut off goes on from it; one
             process at a time writes there.
         overrides: values by dotted key that replace those of every scenario.
         progress: whether to show a bar on the terminal.
@@ -63,6 +69,10 @@ def evaluate(
         privileged: whether policies that read the map take part; tables mark them.
         trust: whether functions that scenarios name (reward_terms, observation_fields) may be imported, which runs the code
             of their modules; workers import them too.
+        pictures: whether to draw a typical episode of each policy and scenario into `out`, too.
+        replays: most episodes that are driven once more for the report: of each policy and scenario the first failure of
+            each kind, see `replays.chosen`.
+        replay_successes: whether a success of each policy and scenario is among them, too.
 
     Returns:
         One row an episode and robot, by scenario, policy, seed and robot.
@@ -70,7 +80,7 @@ def evaluate(
     Raises:
         ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
     """
-    workers = checked_workers(workers)
+    workers, replays = checked_workers(workers), checked_count("replays", replays, least=0)
     if repair and out is None:
         raise ValueError("got nothing to repair, expected a folder `out`")
     plan = make_plan(
@@ -101,8 +111,10 @@ def evaluate(
             summaries, differences = summarise(rows), compare(rows, baseline or default_baseline(rows))
             write_summary(folder.path, rows, summaries, differences)
             title = plan.suite or ", ".join(entry.label for entry in plan.scenarios)
-            write_page(folder.path / PAGE, title, rows, summaries, differences)
-            draw_typical(plan, rows, folder.path / "pictures", on_this_machine(workers), track)
+            recorded = replays_of(plan, chosen(rows, replays, successes=replay_successes), workers, track)
+            write_page(folder.path / PAGE, title, rows, summaries, differences, recorded)
+            if pictures:
+                draw_typical(plan, rows, folder.path / "pictures", on_this_machine(workers), track)
     return rows
 
 

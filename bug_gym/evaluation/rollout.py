@@ -238,6 +238,11 @@ class Rollout:
         modes = [getattr(self.memory(robot), "mode", "") for robot in range(self.simulation.robots)]
         return self.verdict() or (" / ".join(mode.replace("_", " ") for mode in modes) if len(modes) > 1 else "")
 
+    def state(self) -> str:
+        """What a replay says of the first row: the verdict, or the states of its robots."""
+        modes = [str(getattr(self.memory(robot), "mode", "")) for robot in range(self.simulation.robots)]
+        return self.verdict() or (" / ".join(modes) if any(modes) else "").replace("_", " ")
+
     def worlds(self) -> Iterator[list[EpisodeRow]]:
         """Drives to the end; yields the rows of each world, one a robot, as it ends."""
         while not self.is_over:

@@ -224,7 +224,7 @@ def test_benchmark_measures_something_everywhere(
         ("reproduce oni-wang-table-1 --out a.txt", "expected a name that ends in .json"),
         ("benchmark --out ..", ".. is a folder"),
         ("evaluate --scenario static --repair", "got nothing to repair, expected a folder"),
-        ("render bug2 static --out film.avi", "ends in .gif, .mp4 or .png"),
+        ("render bug2 static --out film.avi", "ends in .html, .gif, .mp4 or .png"),
         ("render bug2 static --out nowhere/film.gif", "no folder nowhere"),
         ("render bug2 static --every 0 --out film.gif", "invalid at_least_one value: '0'"),
         ("render bug3 static --out film.gif", "'bug2'"),

@@ -88,7 +88,7 @@ def test_pictures_are_spoken_of_where_there_are_some(
         monkeypatch.setitem(sys.modules, "pygame", None)
     out = tmp_path / "out"
     arguments = ["--scenario", "empty", *OPEN, "--policies", "go_to_goal", "--episodes", "1", "--out", str(out)]
-    assert main(["evaluate", *arguments]) == 0
+    assert main(["evaluate", *arguments, "--pictures"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last == f"{'rows, summary and pictures' if is_there else 'rows and summary'}: {out}"
     assert (out / "pictures").exists() == is_there

@@ -11,6 +11,7 @@ import pytest
 
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.drawing.clips import Frame, grid, save_gif, save_mp4, save_png, together
+from bug_gym.drawing.lzw import CLEAR, END, FULL, compress, room_for
 from bug_gym.simulation import Simulation
 
 
@@ -133,3 +134,82 @@ def test_films_run_together_until_the_last_has_ended() -> None:
     short, long = [plain(1), plain(2)], [plain(11), plain(12), plain(13), plain(14)]
     shown = [(int(sheet[0, 0, 0]), int(sheet[0, -1, 0])) for sheet in together([iter(short), iter(long)])]
     assert shown == [(1, 11), (2, 12), (2, 13), (2, 14)]
+
+
+# ---------------------------------------------------------------------------------------------- GIF
+
+
+def unpacked_runs(data: bytes) -> list[int]:
+    """The pixels of GIF's compressed bytes, by the book: runs as lists, bits one by one."""
+    bits = [byte >> number & 1 for byte in data for number in range(8)]
+    pixels: list[int] = []
+    runs: list[list[int]] = []
+    size, at, before = 9, 0, None
+    while True:
+        code = sum(bit << number for number, bit in enumerate(bits[at : at + size]))
+        at += size
+        if code == END:
+            assert 0 <= len(bits) - at < 8  # all of the last code is there, and nothing after it
+            return pixels
+        if code == CLEAR:
+            runs, size, before = [[number] for number in range(CLEAR)] + [[], []], 9, None
+            continue
+        run = runs[code] if code < len(runs) else [*(before or []), (before or [])[0]]
+        if before is not None and len(runs) < FULL:
+            runs.append([*before, run[0]])
+        if len(runs) == 1 << size and size < 12:
+            size += 1
+        pixels += run
+        before = run
+
+
+@pytest.mark.parametrize("colors", [1, 2, 3, 256])
+@pytest.mark.parametrize("count", [1, 2, *range(250, 260), 5000, 40_000])
+def test_compressed_pixels_are_read_back_by_the_book(colors: int, count: int) -> None:
+    """Noise of 256 colours fills the table of runs several times over."""
+    random = np.random.default_rng(count)
+    table, stamp = np.zeros((256, FULL), dtype=np.int64), 0
+    for _ in range(2):  # the table is used again, without being emptied
+        pixels = random.integers(colors, size=count).astype(np.uint8)
+        out = np.zeros(room_for(count), dtype=np.uint8)
+        size, stamp = compress(pixels, table, stamp + 1, out)
+        assert unpacked_runs(out[:size].tobytes()) == pixels.tolist()
+
+
+def test_a_gif_of_few_colours_holds_every_frame_to_the_bit_and_one_in_which_nothing_happens(tmp_path: Path) -> None:
+    from PIL import Image
+
+    random = np.random.default_rng(3)
+    frames = [random.integers(2, size=(40, 30, 3)).astype(np.uint8) * 255 for _ in range(3)]
+    frames[2] = frames[1].copy()
+    frames.append(frames[2].copy())
+    frames[3][11:14, 5:9] = 0
+    save_gif(tmp_path / "clip.gif", frames, fps=20.0)
+    with Image.open(tmp_path / "clip.gif") as image:
+        assert getattr(image, "n_frames", 1) == 4 and image.info["duration"] == 50
+        for number, frame in enumerate(frames):
+            image.seek(number)
+            np.testing.assert_array_equal(np.asarray(image.convert("RGB")), frame)
+
+
+def test_only_what_has_changed_is_written(tmp_path: Path) -> None:
+    still = np.random.default_rng(3).integers(200, size=(60, 60, 3)).astype(np.uint8)
+    moved = still.copy()
+    moved[50:52, 50:52] = 255
+    sizes = []
+    for name, frames in (("one", [still]), ("many", [still, *[moved, still] * 50])):
+        save_gif(tmp_path / f"{name}.gif", frames, fps=10.0)
+        sizes.append((tmp_path / f"{name}.gif").stat().st_size)
+    assert sizes[1] - sizes[0] < 100 * 40
+
+
+def test_a_palette_is_of_the_colours_that_are_painted_most_and_the_rest_goes_to_the_nearest(tmp_path: Path) -> None:
+    from PIL import Image
+
+    frame = np.zeros((30, 30, 3), dtype=np.uint8)
+    frame[:20, :, 0] = np.arange(600).reshape(20, 30) % 254 + 1  # 254 reds, each twice at least, and black
+    frame[29, 29] = (100, 1, 0)
+    save_gif(tmp_path / "clip.gif", [frame], fps=10.0)
+    shown = np.asarray(Image.open(tmp_path / "clip.gif").convert("RGB"))
+    assert shown[29, 29].tolist() == [100, 0, 0]
+    np.testing.assert_array_equal(shown[:29], frame[:29])

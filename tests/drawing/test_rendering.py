@@ -408,6 +408,44 @@ def test_the_labels_of_a_drawing_are_listed_below_the_world() -> None:
     assert (listed == brush.LABEL_COLORS["hit"]).all(axis=2).sum() > 0
 
 
+def test_areas_of_a_label_are_as_light_where_they_overlap_as_alone_and_so_is_the_legend() -> None:
+    canvas = Canvas(yard())
+    ring = np.array([[7.5, -1.5], [8.5, -1.5], [8.5, -2.5], [7.5, -2.5]])
+    one, many = (canvas.draw(Drawing(areas=[(ring, "shadow")] * count), scan=False) for count in (1, 9))
+    np.testing.assert_array_equal(one, many)
+    tint = brush.mixed(brush.LABEL_COLORS["shadow"], brush.PAGE, brush.AREA_SHARE)
+    legend = one[int(canvas.height - canvas.margin) + 4 :]
+    assert (legend == tint).all(axis=2).sum() > 20
+    on_floor = np.array(tint) * np.array(brush.FLOOR) / 255.0  # glass upon the floor
+    np.testing.assert_allclose(color_at(canvas, one, 1.0, 0.0), on_floor, atol=2.0)
+
+
+def test_the_legend_shows_a_dashed_line_for_a_dashed_line_and_the_mark_of_a_point() -> None:
+    canvas = Canvas(yard())
+    edge = int(canvas.height - canvas.margin) + 4
+
+    def painted(drawing: Drawing, label: str) -> np.ndarray:
+        return np.asarray((canvas.draw(drawing)[edge:] == brush.LABEL_COLORS[label]).all(axis=2))
+
+    line = painted(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "path")]), "path")
+    dashes = painted(Drawing(segments=[(6.0, -3.0, 9.0, -3.0, "m_line")]), "m_line")
+    columns = np.flatnonzero(line.any(axis=0))
+    assert np.diff(columns).max() == 1 and len(columns) >= 0.7 * canvas.margin  # without a gap
+    assert np.diff(np.flatnonzero(dashes.any(axis=0))).max() > 1
+    marks = [painted(Drawing(points=[(1.0, 0.0, label)]), label) for label in ("hit", "leave", "chosen")]
+    heights = [mark.sum(axis=1)[mark.any(axis=1)] for mark in marks]
+    assert heights[0].min() == heights[0].max()  # a square
+    assert heights[1][-1] > heights[1][0] and heights[2][len(heights[2]) // 2] > heights[2][-1]  # a triangle, a diamond
+
+
+def test_no_two_labels_of_a_policy_look_the_same() -> None:
+    """Hit and leave, cheap and dear, chosen and way: told apart by mark or kind as well as by colour."""
+    for one, other in (("hit", "leave"), ("cheap", "dear"), ("candidate", "chosen"), ("closed", "candidate")):
+        assert brush.MARKS.get(one) != brush.MARKS.get(other)
+        assert brush.LABEL_COLORS[one] != brush.LABEL_COLORS[other]
+    assert brush.LABEL_COLORS["chosen"] != brush.LABEL_COLORS["way"] != brush.ROBOTS[0]
+
+
 def test_each_robot_may_have_a_drawing() -> None:
     simulation = Simulation("crossing_robots")
     simulation.reset(seeds=[0])

@@ -426,7 +426,7 @@ def test_a_scenario_twice_without_labels_is_told() -> None:
 
 
 def test_a_folder_holds_rows_summary_and_a_picture_of_each_policy_and_scenario(tmp_path: Path) -> None:
-    rows = evaluate(["bug0", "go_to_goal"], ["static", OPEN], episodes=2, out=tmp_path)
+    rows = evaluate(["bug0", "go_to_goal"], ["static", OPEN], episodes=2, out=tmp_path, pictures=True)
     read = [EpisodeRow.from_dict(json.loads(line)) for line in lines_of(tmp_path)]
     assert sorted(map(str, read)) == sorted(map(str, rows))
     assert json.loads((tmp_path / "summary.json").read_text())["summaries"]

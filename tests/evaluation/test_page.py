@@ -22,8 +22,11 @@ from bug_gym.evaluation.page import PAGE, page, write_page
 from bug_gym.evaluation.page.distributions import BINS, HEIGHT, counts, histogram
 from bug_gym.evaluation.page.failures import told_seeds
 from bug_gym.evaluation.page.markup import Markup, element
+from bug_gym.evaluation.replays import chosen
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import compare, summarise
+from bug_gym.replay.packing import unpacked
+from bug_gym.task import OUTCOMES
 
 BLANK = EpisodeRow(
     "bug2", "box", 0, 0, "success", "", True, 8.0, 80, 8.0, 0.2, 8.0, 0.9, nan, 0.5, 0, 0.0, 0.004, 0.01, 0.1
@@ -276,25 +279,113 @@ document.title = JSON.stringify(told);
 """
 
 
+def browsed(text: str, folder: Path, steps: str) -> dict[str, Any]:
+    """What a script at the end of a page has written into its title, in a browser that opened it from disk."""
+    digest = base64.b64encode(hashlib.sha256(steps.encode()).digest()).decode()
+    text = text.replace("script-src ", f"script-src 'sha256-{digest}' ").replace(
+        "</body>", f"<script>{steps}</script></body>"
+    )
+    (folder / PAGE).write_text(text, encoding="utf-8")
+    assert CHROMIUM is not None
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=600,900", "--enable-logging=stderr"]
+    command = [CHROMIUM, *options, f"--user-data-dir={folder}/user", "--virtual-time-budget=20000", "--dump-dom"]
+    done = subprocess.run([*command, (folder / PAGE).as_uri()], capture_output=True, text=True, check=True, timeout=120)
+    assert "CONSOLE" not in done.stderr, done.stderr
+    return dict(json.loads(Reader(done.stdout).texts["title"]))
+
+
+# ---------------------------------------------------------------------------------------------- replays
+
+
+def test_the_first_failure_of_each_kind_is_recorded_and_the_best_policy_that_arrived_there() -> None:
+    found = [(row.policy, row.scenario, row.seed) for row in chosen(ROWS, 99)]
+    # One failure of `best`, of `middling` one of each of three kinds, of `worst` one of each of three.
+    assert found[:3] == [("best", "maze", 3), ("middling", "box", 2), ("best", "box", 2)]
+    failures = {(row.policy, row.scenario, row.outcome, row.verdict) for row in ROWS if not row.success}
+    recorded = [row for row in chosen(ROWS, 99) if not row.success]
+    assert {(row.policy, row.scenario, row.outcome, row.verdict) for row in recorded} == failures
+    assert len(recorded) == len(failures) and len(set(found)) == len(found)
+    assert {("best", "box", 0), ("best", "maze", 2)} <= set(found)
+    assert [(row.policy, row.scenario, row.seed) for row in chosen(ROWS, 4)] == found[:4] and chosen(ROWS, 0) == []
+    kinds = {(row.policy, row.scenario) for row in chosen(ROWS, 99, successes=True) if row.success}
+    assert kinds == {(row.policy, row.scenario) for row in ROWS if row.success}
+
+
+def evaluated(folder: Path, **options: Any) -> tuple[list[EpisodeRow], str]:
+    """Rows and page of two policies before a wall, the one of which stops there."""
+    rows = evaluate(["go_to_goal", "bug2"], "disc", episodes=2, out=folder, overrides={"time.limit": 40}, **options)
+    return rows, (folder / PAGE).read_text(encoding="utf-8")
+
+
+def test_a_report_replays_what_happened_and_holds_no_more_than_it_may(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows, text = evaluated(tmp_path / "one")
+    keys = [(row.policy, row.scenario, row.seed) for row in chosen(rows, 24)]
+    letters = re.findall(r'<script id="replay-\d+" type="text/plain">(.*?)</script>', text)
+    assert len(letters) == len(keys) == 2
+    by_key = {(row.policy, row.scenario, row.seed): row for row in rows}
+    for key, packed in zip(keys, letters, strict=True):
+        data = unpacked(packed)
+        assert (data["title"], data["scenario"], data["seed"]) == (key[0], key[1], str(key[2]))
+        assert OUTCOMES[sum(data["outcomes"])] == by_key[key].outcome
+        assert sum(data["times"]) == pytest.approx(1000 * by_key[key].time)
+    assert "data-replay" not in evaluated(tmp_path / "none", replays=0)[1].partition("<script>")[0]
+    monkeypatch.setattr("bug_gym.evaluation.replays.MOST_LETTERS", len(letters[0]))
+    assert evaluated(tmp_path / "small")[1].count('id="replay-') == 1
+
+
+def test_long_episodes_are_recorded_in_longer_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bug_gym.evaluation.replays.MOST_FRAMES", 100)
+    rows, text = evaluated(tmp_path)
+    for packed in re.findall(r'<script id="replay-\d+" type="text/plain">(.*?)</script>', text):
+        data = unpacked(packed)
+        (steps,) = {row.steps for row in rows if (row.policy, str(row.seed)) == (data["title"], data["seed"])}
+        assert 50 < data["frames"] <= 102 < steps
+
+
+# What a reader would do: press the button of a failure, look, put another policy beside it, play to the end, close.
+REPLAYED = """
+{
+const told = {};
+const until = async (is) => { for (let n = 0; n < 300 && !is(); n += 1) await new Promise((done) => setTimeout(done, 20)); };
+(async () => {
+  const dialog = document.getElementById("replay"), beside = document.getElementById("beside");
+  const titles = () => [...dialog.querySelectorAll("figcaption b")].map((title) => title.textContent);
+  told.wasOpen = dialog.open;
+  const button = document.querySelector("#failures button[data-replay]");
+  told.seed = button.textContent; button.click();
+  await until(() => titles().length === 1);
+  told.isOpen = dialog.open; told.alone = titles();
+  told.offered = [...beside.options].map((option) => option.textContent);
+  beside.selectedIndex = 1; beside.dispatchEvent(new Event("change"));
+  await until(() => titles().length === 2);
+  told.both = titles();
+  const root = dialog.querySelector(".replay");
+  root.dispatchEvent(new KeyboardEvent("keydown", { key: "End" }));
+  told.states = [...dialog.querySelectorAll(".state")].map((state) => state.textContent);
+  told.isWide = document.documentElement.scrollWidth > window.innerWidth || dialog.scrollWidth > dialog.clientWidth;
+  document.getElementById("close").click(); told.isClosed = !dialog.open;
+  told.inTable = document.querySelectorAll("#rows button[data-replay]").length;
+  document.title = JSON.stringify(told);
+})();
+}
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
+def test_a_browser_replays_a_failure_and_another_policy_beside_it(tmp_path: Path) -> None:
+    rows, text = evaluated(tmp_path)
+    told = browsed(text, tmp_path, REPLAYED)
+    assert (told["wasOpen"], told["isOpen"], told["isClosed"], told["isWide"]) == (False, True, True, False)
+    assert told["seed"] == "0" and told["alone"] == ["go_to_goal"]
+    assert told["offered"] == ["nothing", "bug2, disc, seed 0"] and told["both"] == ["go_to_goal", "bug2"]
+    assert "timeout" in told["states"][0] and "success" in told["states"][1] and told["inTable"] == 2
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
 def test_a_browser_sorts_and_filters_the_page(tmp_path: Path) -> None:
-    text = page_of(ROWS)
-    digest = base64.b64encode(hashlib.sha256(STEPS.encode()).digest()).decode()
-    text = text.replace("script-src ", f"script-src 'sha256-{digest}' ").replace(
-        "</body>", f"<script>{STEPS}</script></body>"
-    )
-    (tmp_path / PAGE).write_text(text, encoding="utf-8")
-    assert CHROMIUM is not None
-    options = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--window-size=600,900",
-        f"--user-data-dir={tmp_path}/user",
-    ]
-    command = [CHROMIUM, *options, "--dump-dom", (tmp_path / PAGE).as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    told = json.loads(Reader(done.stdout).texts["title"])
+    told = browsed(page_of(ROWS), tmp_path, STEPS)
     assert told["descending"] == ["best", "middling", "worst"] and told["ascending"] == ["worst", "middling", "best"]
     assert told["named"] == ["best", "middling", "worst"]
     assert (told["all"], told["filtered"], told["fewer"]) == (len(ROWS), ["best", "worst"], 16)

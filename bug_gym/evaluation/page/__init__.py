@@ -1,14 +1,13 @@
 """One page of HTML about an evaluation: a file that needs no server, no network and nothing installed.
 
 Tables and drawings stand in the page as they are, for those who read it without scripts; its script sorts and filters
-them, and makes the table of all episodes of the rows that are kept as JSON. Texts are escaped (`markup`), and the page
-forbids itself to load anything (Content-Security-Policy).
+them, makes the table of all episodes of the rows that are kept as JSON, and plays the episodes that were recorded, each of
+which is unpacked when it is asked for. Texts are escaped (`markup`), and the page forbids itself to load anything
+(Content-Security-Policy).
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from math import isfinite
@@ -21,10 +20,12 @@ from bug_gym.evaluation.matrix import matrix
 from bug_gym.evaluation.page.distributions import distributions
 from bug_gym.evaluation.page.failures import end, failures
 from bug_gym.evaluation.page.markup import Markup, element, joined
+from bug_gym.evaluation.page.recorded import Key, Recorded, episodes_of
 from bug_gym.evaluation.page.tables import differences_to_baseline, matrix_table, summaries_by_scenario
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import PairedDifference, Summary, path_ratio
 from bug_gym.files import replaced_when_done
+from bug_gym.replay.page import digest, part
 
 PAGE = "report.html"
 """Name of the page in a results folder."""
@@ -40,6 +41,7 @@ def write_page(
     rows: Sequence[EpisodeRow],
     summaries: Sequence[Summary],
     differences: Sequence[PairedDifference] = (),
+    replays: Mapping[Key, str] | None = None,
 ) -> None:
     """Write the page about some rows.
 
@@ -49,19 +51,25 @@ def write_page(
         rows: one an episode and robot.
         summaries: what `summarise` makes of them.
         differences: what `compare` makes of them.
+        replays: episodes that were recorded, packed, by policy, scenario and seed.
 
     Raises:
         ValueError: no rows, or a path that cannot be written to.
     """
-    text = page(title, rows, summaries, differences)
+    text = page(title, rows, summaries, differences, replays)
     with replaced_when_done(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
 
 def page(
-    title: str, rows: Sequence[EpisodeRow], summaries: Sequence[Summary], differences: Sequence[PairedDifference] = ()
+    title: str,
+    rows: Sequence[EpisodeRow],
+    summaries: Sequence[Summary],
+    differences: Sequence[PairedDifference] = (),
+    replays: Mapping[Key, str] | None = None,
 ) -> str:
     """The text of the page, see `write_page`."""
+    recorded = Recorded(replays or {})
     policies, scenarios = _numbered(row.policy for row in rows), _numbered(row.scenario for row in rows)
     sections = [
         _section(
@@ -85,23 +93,25 @@ def page(
         ),
         _section(
             "Failures",
-            "With the seeds of their worlds. Of a policy and a scenario by name, bug-gym render POLICY SCENARIO --seed SEED "
-            "--out film.gif shows one.",
-            failures(rows, scenarios, policies),
+            "With the seeds of their worlds"
+            + ("; a button replays the episode. " if replays else ". ")
+            + "Any episode of a policy and a scenario by name is replayed by bug-gym render POLICY SCENARIO --seed SEED "
+            "--out race.html, several policies side by side by bug-gym render SCENARIO --policies POLICY,POLICY.",
+            failures(rows, scenarios, policies, recorded.numbers),
         ),
     ]
-    script = _part("page.js")
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    script = "\n".join([part("player.js"), _part("page.js")])
     worlds = len({(row.scenario, row.seed) for row in rows})
     counts = (_told(len(policies), "policy", "policies"), _told(len(scenarios), "scenario"), _told(worlds, "world"))
     return Template(_part("page.html")).substitute(
         title=joined([title]),
         subtitle=joined([f"{', '.join(counts)}, {_told(len(rows), 'episode')}; bug_gym {bug_gym.__version__}"]),
-        style=_part("page.css"),
+        style=_part("page.css") + part("player.css"),
         sections=joined(sections),
-        data=_embedded(_data(rows, policies, scenarios)),
+        data=_embedded(_data(rows, policies, scenarios, recorded)),
+        replays=episodes_of(recorded),
         script=script,
-        digest=digest,
+        digest=digest(script),
     )
 
 
@@ -140,19 +150,24 @@ COLUMNS = (
 """Columns of the table of all episodes; policy, scenario and how are numbers in lists of names."""
 
 
-def _data(rows: Sequence[EpisodeRow], policies: Mapping[str, int], scenarios: Mapping[str, int]) -> dict[str, Any]:
-    """What the script shows of every episode: names once, and a short list of numbers a row."""
+def _data(
+    rows: Sequence[EpisodeRow], policies: Mapping[str, int], scenarios: Mapping[str, int], recorded: Recorded
+) -> dict[str, Any]:
+    """What the script shows of every episode: names once, and a short list of numbers a row; and what was recorded."""
     ends = _numbered(map(end, rows))
     return {
         "columns": COLUMNS,
         "names": [list(policies), list(scenarios), None, None, list(ends)],
         "rows": [[policies[row.policy], scenarios[row.scenario], *_numbers(row, ends)] for row in rows],
+        "replays": [
+            [policies[policy], scenarios[scenario], _seed(seed)] for policy, scenario, seed in recorded.numbers
+        ],
     }
 
 
 def _numbers(row: EpisodeRow, ends: Mapping[str, int]) -> list[Any]:
     return [
-        row.seed if row.seed < LARGEST_WHOLE else str(row.seed),
+        _seed(row.seed),
         row.robot,
         ends[end(row)],
         _short(row.time, 2),
@@ -161,6 +176,10 @@ def _numbers(row: EpisodeRow, ends: Mapping[str, int]) -> list[Any]:
         _short(row.spl, 3),
         _short(row.min_clearance, 3),
     ]
+
+
+def _seed(seed: int) -> int | str:
+    return seed if seed < LARGEST_WHOLE else str(seed)
 
 
 def _short(value: float, digits: int) -> float | int | None:

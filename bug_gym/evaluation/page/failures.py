@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from bug_gym.evaluation.page.markup import Cell, Markup, element, table
+from bug_gym.evaluation.page.recorded import Key, buttons
 from bug_gym.evaluation.rows import EpisodeRow
 
 KINDS = {
@@ -39,23 +40,33 @@ def failed(rows: Sequence[EpisodeRow]) -> dict[tuple[str, str], dict[str, list[E
     return found
 
 
-def failures(rows: Sequence[EpisodeRow], scenarios: Mapping[str, int], policies: Mapping[str, int]) -> Markup:
+def failures(
+    rows: Sequence[EpisodeRow],
+    scenarios: Mapping[str, int],
+    policies: Mapping[str, int],
+    replays: Mapping[Key, int] | None = None,
+) -> Markup:
     """A table with a line for each scenario, policy and kind of failure.
 
     Args:
         rows: of all policies.
         scenarios: their numbers, by label.
         policies: likewise.
+        replays: numbers of the episodes that were recorded; without them there is no column of buttons.
     """
     lines = []
     for (scenario, policy), kinds in failed(rows).items():
         place: str | None = mark(scenarios[scenario], policies[policy])
         for kind, mine in sorted(kinds.items(), key=lambda item: -len(item[1])):
-            lines.append([Cell(scenario, mark=place), Cell(policy), Cell(kind), Cell(str(len(mine))), _seeds(mine)])
+            line = [Cell(scenario, mark=place), Cell(policy), Cell(kind), Cell(str(len(mine))), _seeds(mine)]
+            if replays:
+                line.append(Cell(buttons(((policy, scenario, row.seed) for row in mine), replays)))
+            lines.append(line)
             place = None
     if not lines:
         return element("p", "Every episode succeeded.")
-    return table(["scenario", "policy", "how", "episodes", "seeds"], lines, policy=1)
+    header = ["scenario", "policy", "how", "episodes", "seeds", *(["replay"] if replays else [])]
+    return table(header, lines, policy=1)
 
 
 def _seeds(rows: Sequence[EpisodeRow]) -> Cell:

@@ -68,6 +68,8 @@ const choices = data.names.map((names, column) => {
 });
 const shownColumns = data.columns.map((_, column) => column)
   .filter((column) => data.rows.some((row) => row[column] !== null) && (data.columns[column] !== "robot" || data.rows.some((row) => row[column])));
+const replays = new Map(data.replays.map((key, number) => [key.join(), number]));
+const replayOf = (row) => replays.get(row.slice(0, 3).join());
 const textOf = (row, column) => (data.names[column] ? data.names[column][row[column]] : row[column]);
 
 let ordered = data.rows;
@@ -97,12 +99,60 @@ function addRows() {
       const value = textOf(row, column);
       line.append(column < 2 ? make("th", value, { scope: "row" }) : make("td", value === null ? NOTHING : String(value)));
     });
+    const replay = replayOf(row);
+    if (replay !== undefined) {
+      const seed = line.cells[shownColumns.indexOf(2)];
+      seed.replaceChildren(make("button", seed.textContent, { type: "button", class: "replayed", "data-replay": replay }));
+    }
     return line;
   }));
   waiting = waiting.slice(STEP);
   more.hidden = waiting.length === 0;
 }
 more.addEventListener("click", addRows);
+
+// -- Replays -----------------------------------------------------------------------------------------------------------
+
+const dialog = document.getElementById("replay"), beside = document.getElementById("beside");
+const nameOf = (number) => `${data.names[0][data.replays[number][0]]}, ${data.names[1][data.replays[number][1]]}, seed ${data.replays[number][2]}`;
+let player = null, first = 0;
+
+function opened(number) {
+  return Replay.unpack(document.getElementById(`replay-${number}`).textContent);
+}
+
+// Plays an episode, and another one beside it where one is chosen: those of the same world come first.
+async function replay(number, other = "") {
+  player?.pause();
+  const root = make("div");
+  document.getElementById("player").replaceChildren(root);
+  if (!dialog.open) dialog.showModal();
+  try {
+    const episodes = await Promise.all([number, ...(other === "" ? [] : [other])].map(opened));
+    player = Replay.mount(root, episodes);
+    root.focus();
+  } catch (error) {
+    root.textContent = `This episode cannot be read: ${error}`;
+  }
+}
+
+function offerOthers(number) {
+  const isSame = (other) => other[1] === data.replays[number][1] && other[2] === data.replays[number][2];
+  const others = data.replays.map((_, other) => other).filter((other) => other !== number);
+  others.sort((a, b) => Number(isSame(data.replays[b])) - Number(isSame(data.replays[a])) || a - b);
+  beside.replaceChildren(make("option", "nothing", { value: "" }), ...others.map((other) => make("option", nameOf(other), { value: other })));
+}
+
+document.addEventListener("click", ({ target }) => {
+  const button = target.closest?.("button[data-replay]");
+  if (!button) return;
+  first = Number(button.dataset.replay);
+  offerOthers(first);
+  replay(first);
+});
+beside.addEventListener("change", () => replay(first, beside.value));
+document.getElementById("close").addEventListener("click", () => dialog.close());
+dialog.addEventListener("close", () => player?.pause());
 
 // -- Filtering by policy --------------------------------------------------------------------------------------------------
 
