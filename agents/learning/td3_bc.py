@@ -1,0 +1,78 @@
+"""TD3+BC (Fujimoto and Gu 2021): TD3, whose actor also stays near the recorded actions.
+
+The actor climbs lambda Q(s, pi(s)) - (pi(s) - a)^2 with lambda = alpha over the mean of |Q| in the batch (their equation 5),
+so that alpha means the same whatever the scale of rewards. Inputs are scaled by the encoding of observations instead of by
+the mean and deviation of the data set. The actor is PPO's network, whose mean is cut to [-1, 1] instead of squashed.
+"""
+
+from __future__ import annotations
+
+import torch
+from stable_baselines3.common.policies import ActorCriticPolicy
+
+from bug_gym.agents.learning.regression import (
+    Batch,
+    TwinCritics,
+    actor_parameters,
+    descend,
+    follow,
+    mean_action,
+    target_of,
+)
+from bug_gym.agents.learning.settings import TD3BCSettings
+
+
+def actor_loss(values: torch.Tensor, answers: torch.Tensor, actions: torch.Tensor, alpha: float) -> torch.Tensor:
+    """What the actor descends.
+
+    Args:
+        values: what the critic makes of its answers (b,).
+        answers: of the actor (b, 2), not cut: beyond [-1, 1] only their distance to the recorded ones counts.
+        actions: recorded (b, 2).
+        alpha: weight of the values against that distance.
+    """
+    scale = alpha / values.detach().abs().mean().clamp(min=1e-9)
+    return -scale * values.mean() + (answers - actions).square().mean()
+
+
+class TD3BC:
+    """TD3+BC.
+
+    Args:
+        actor: what learns.
+        settings: of the training.
+    """
+
+    def __init__(self, actor: ActorCriticPolicy, settings: TD3BCSettings) -> None:
+        self.actor, self.settings = actor, settings
+        self.critics = TwinCritics(actor.features_dim, settings.policy_kwargs)
+        self.target_critics, self.target_actor = target_of(self.critics), target_of(actor)
+        self._of_critics = torch.optim.Adam(self.critics.parameters())
+        self._of_actor = torch.optim.Adam(actor_parameters(actor))
+        self.optimizers = [self._of_critics, self._of_actor]
+        self._updates = 0
+
+    def update(self, batch: Batch) -> None:
+        """One gradient step of the critics, and every few of them one of the actor."""
+        settings = self.settings
+        descend(self._of_critics, self.critics.error(batch.features, batch.actions, self._target(batch)))
+        self._updates += 1
+        if self._updates % settings.policy_delay:
+            return
+        answers = mean_action(self.actor, batch.features)
+        values, _ = self.critics(batch.features, answers.clamp(-1.0, 1.0))
+        descend(self._of_actor, actor_loss(values, answers, batch.actions, settings.alpha))
+        follow(self.target_critics, self.critics, settings.tau)
+        follow(self.target_actor, self.actor, settings.tau)
+
+    @torch.no_grad()
+    def _target(self, batch: Batch) -> torch.Tensor:
+        """What the critics are to say (b,): of the next action, a little blurred, the lower value."""
+        settings = self.settings
+        noise = (settings.policy_noise * torch.randn_like(batch.actions)).clamp(
+            -settings.noise_clip, settings.noise_clip
+        )
+        assert isinstance(self.target_actor, ActorCriticPolicy)
+        following = (mean_action(self.target_actor, batch.following).clamp(-1.0, 1.0) + noise).clamp(-1.0, 1.0)
+        values = torch.minimum(*self.target_critics(batch.following, following))
+        return batch.rewards + settings.gamma * batch.goes_on * values
