@@ -3,12 +3,11 @@
 Their parameter-free choice of who drives (section 3): the expert in the first round, the learner alone in all that follow;
 a round's answers join those of all earlier ones. What is learnt is cloned by agents/learning/cloning.py.
 
-A scripted expert has a memory: a map, tracks of what moves, the state of its machine. It is asked at every step from the
-first one of an episode on, also where nobody will learn from it, so that its memory runs along the learner's way: it holds
-what the expert would know and intend had somebody else held its wheel all along. What it reads of its own motion is odometry
-and not its commands, so nothing in it supposes that its advice was taken. Its state machine may mean to follow a wall that
-the learner has left; such answers are learnt too, for the learner will stand there again. Where it gives up, it says to stand
-once, and the episode ends.
+A scripted expert has a memory: a map, tracks of what moves, the state of its machine, what it meant to do last. It is asked at
+every step from the first one of an episode on, so that its memory runs along the learner's way: it holds what the expert
+would know and intend had somebody else held its wheel all along. What it knows of its motion is its odometry, so nothing
+there supposes that its advice was taken; what it intends may lag behind, a wall to follow that the learner has left. Such
+answers are learnt too, for the learner will stand there again. Where it gives up it says to stand once, and the episode ends.
 """
 
 from __future__ import annotations

@@ -179,7 +179,8 @@ def card(record: Mapping[str, Any]) -> str:
         f"- Task: the scenario{'s' * (len(settings['scenarios']) > 1)} {scenarios}",
         f"- Robot: {robot['kinematics']}, radius {robot['radius']} m, up to {robot['max_speed']} m/s; "
         f"{robot['beams']} beams of {robot['range']} m; a step of {robot['step']} s. Any other robot is refused.",
-        f"- Algorithm: {_algorithm(record)}, layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}, "
+        f"- Algorithm: {_algorithm(record)}, "
+        f"layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}, "
         f"begun from {settings['start_from'] or 'scratch'}",
         f"- Made again by `{command(record)}`; the model here is of seed {record['seed']}, which did best in its validation",
         f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",
