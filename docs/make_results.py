@@ -53,6 +53,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "circle-swap": crowds.circle_swap,
     "learned": learning.learned,
     "ppo-curve": learning.ppo_curve,
+    "offline": learning.offline_learning,
     "predictors": learning.predictor_errors,
     "scripted-and-learned": learning.side_by_side,
     "price-of-not-knowing": planners.price_of_not_knowing,

@@ -219,12 +219,14 @@ def _learnt_from(record: Mapping[str, Any]) -> list[str]:
     """What an offline training learnt from, as a line."""
     if not _is_offline(record):
         return []
-    settings, data = record["settings"], record.get("data") or {}
+    settings, data = record["settings"], record.get("data")
     if settings["algo"] == "dagger":
         return [f"- Learnt from: the answers of {settings['expert']} along the learner's own ways"]
-    drivers = ", ".join(data.get("of", [data.get("policy")]))
-    worlds = f"{data.get('scenario')}, seeds from {data.get('first_seed')}"
-    return [f"- Learnt from: {data.get('episodes')} episodes of {drivers} in worlds of {worlds}"]
+    if not data:
+        return ["- Learnt from: episodes that were handed in"]
+    drivers = ", ".join(data.get("of", [data["policy"]]))
+    worlds = f"{data['scenario']}, seeds from {data['first_seed']}"
+    return [f"- Learnt from: {data['episodes']} episodes of {drivers} in worlds of {worlds}"]
 
 
 def _curve_lines(runs: Mapping[str, Any]) -> list[str]:

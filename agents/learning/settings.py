@@ -189,12 +189,16 @@ class OfflineSettings(Settings):
     """Which actions the robot takes."""
     n_envs: AtLeastOne = 64
     """Worlds side by side, where worlds are driven in."""
-    n_timesteps: Steps = 30_000
+    n_timesteps: Steps = 20_000
     """Gradient steps of the whole training."""
-    batch_size: Samples = 512
+    batch_size: Samples = 256
     """Steps of episodes that a gradient step learns from."""
     eval_freq: Steps = 5_000
-    """Gradient steps from one validation to the next."""
+    """Gradient steps from one validation to the next; in DAgger as well from one round of questions to the next."""
+    eval_episodes: Episodes = 500
+    """Validation worlds."""
+    test_episodes: Episodes = 1000
+    """Held-out worlds in which the best model is judged at the end."""
     gamma: Share = 0.99
     """Discount of a step."""
     reward_scale: Coefficient = 0.1

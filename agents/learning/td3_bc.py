@@ -27,12 +27,24 @@ def actor_loss(values: torch.Tensor, answers: torch.Tensor, actions: torch.Tenso
 
     Args:
         values: what the critic makes of its answers (b,).
-        answers: of the actor (b, 2), not cut: beyond [-1, 1] only their distance to the recorded ones counts.
+        answers: of the actor (b, 2), not cut.
         actions: recorded (b, 2).
         alpha: weight of the values against that distance.
     """
     scale = alpha / values.detach().abs().mean().clamp(min=1e-9)
     return -scale * values.mean() + (answers - actions).square().mean()
+
+
+def held(answers: torch.Tensor) -> torch.Tensor:
+    """Answers cut to [-1, 1]; beyond, the gradient passes only where it leads back (after Hausknecht and Stone 2016).
+
+    A plain cut would leave an answer that has gone too far where it is; with all of the gradient it would go on for ever.
+    """
+    cut = answers + (answers.clamp(-1.0, 1.0) - answers).detach()
+    place = answers.detach()
+    if cut.requires_grad:
+        cut.register_hook(lambda slope: torch.where((place.abs() > 1.0) & (place * slope < 0.0), 0.0, slope))
+    return cut
 
 
 class TD3BC:
@@ -60,7 +72,7 @@ class TD3BC:
         if self._updates % settings.policy_delay:
             return
         answers = mean_action(self.actor, batch.features)
-        values, _ = self.critics(batch.features, answers.clamp(-1.0, 1.0))
+        values, _ = self.critics(batch.features, held(answers))
         descend(self._of_actor, actor_loss(values, answers, batch.actions, settings.alpha))
         follow(self.target_critics, self.critics, settings.tau)
         follow(self.target_actor, self.actor, settings.tau)

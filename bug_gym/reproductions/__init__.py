@@ -32,6 +32,7 @@ REPRODUCTIONS: dict[str, str] = {
     "apf-wall-following": "apf_wall_following",
     "learned": "learned",
     "ppo-curve": "ppo_curve",
+    "offline": "offline",
     "predictors": "predictors",
     "scripted-and-learned": "scripted_and_learned",
     "d2t-eaco": "d2t_eaco",

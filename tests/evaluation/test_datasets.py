@@ -11,7 +11,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-minari = pytest.importorskip("minari", reason="minari comes with the extra `data`")
+pytest.importorskip("minari", reason="minari comes with the extra `data`")
+
+import minari
 
 from bug_gym.agents.learning.settings import load_settings
 from bug_gym.cli import main

@@ -27,7 +27,7 @@ from bug_gym.agents.learning.recorded import Recorded, joined
 from bug_gym.agents.learning.regression import Batch, follow, mean_action, regression_loss, target_of, value
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnyOffline, AnySettings, load_settings
-from bug_gym.agents.learning.td3_bc import TD3BC, actor_loss
+from bug_gym.agents.learning.td3_bc import TD3BC, actor_loss, held
 from bug_gym.agents.learning.training import rebuild, robot_of, train
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError, load
@@ -48,6 +48,12 @@ TINY = {
     "test_episodes": 4,
 }
 DATA = {"policies": ["bug2", "random"], "episodes": 3}
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> None:
+    """Threads of torch cost more than they give where networks are this small."""
+    torch.set_num_threads(1)
 
 
 def tiny(algo: str, **changes: Any) -> Any:
@@ -163,6 +169,15 @@ def test_td3_bc_weighs_values_by_their_own_size() -> None:
     assert torch.allclose(slopes[0], torch.full((2,), -1.25 / 2.0))
 
 
+def test_an_answer_that_went_too_far_is_led_back_and_no_farther() -> None:
+    answers = torch.tensor([-2.0, -2.0, 0.5, 2.0, 2.0], requires_grad=True)
+    worth = torch.tensor([1.0, -1.0, 1.0, 1.0, -1.0])  # slopes of what is to be climbed
+    cut = held(answers)
+    (slopes,) = torch.autograd.grad((-worth * cut).sum(), answers)
+    assert cut.tolist() == [-1.0, -1.0, 0.5, 1.0, 1.0]
+    assert slopes.tolist() == [-1.0, 0.0, -1.0, 0.0, 1.0]
+
+
 def test_a_target_follows_by_its_share() -> None:
     network = torch.nn.Linear(1, 1)
     target = target_of(network)
@@ -231,7 +246,7 @@ def test_the_chains_oracle_tells_a_random_walkers_values_and_nears_the_best() ->
     assert chain_values(0.9999) == pytest.approx(best, abs=1e-3)
 
 
-@pytest.mark.parametrize(("alpha", "expected"), [(1e-6, -0.5), (1e3, 0.5)])
+@pytest.mark.parametrize(("alpha", "expected"), [(1e-6, -0.5), (100.0, 0.5)])
 def test_td3_bc_goes_from_what_was_done_to_what_is_worth_most_with_alpha(alpha: float, expected: float) -> None:
     """One place, one step: actions about -0.5 were done, 0.5 is worth most."""
     torch.manual_seed(0)
@@ -242,10 +257,10 @@ def test_td3_bc_goes_from_what_was_done_to_what_is_worth_most_with_alpha(alpha: 
         optimizer.param_groups[0]["lr"] = 1e-2
     done = torch.cat([torch.linspace(-1.5, 0.5, 64).clamp(-1.0, 1.0), torch.linspace(-1.0, 1.0, 16)])
     mean = done.mean().item()
-    actions = torch.stack([done, torch.zeros(80)], dim=1)
+    actions = torch.stack([done, torch.linspace(-1.0, 1.0, 80).flip(0)], dim=1)
     ones, nothing = torch.ones(80, 1), torch.zeros(80)
     batch = Batch(ones, actions, 1.0 - (done - 0.5).square(), ones, nothing, nothing)
-    for _ in range(600):
+    for _ in range(900):
         learner.update(batch)
     aim = mean if alpha < 1.0 else expected
     assert mean_action(actor, ones[:1])[0, 0].item() == pytest.approx(aim, abs=0.12)
@@ -255,13 +270,13 @@ def test_td3_bc_goes_from_what_was_done_to_what_is_worth_most_with_alpha(alpha: 
 
 
 def test_a_clone_of_ten_episodes_does_what_they_did() -> None:
-    settings = tiny("bc", batch_size=256)
+    settings = tiny("bc", batch_size=128)
     actor, samples = make_actor(settings, 0), Samples(make_actor(settings, 0), settings, 0)
     episodes = answered(10)
     samples.add(episodes)
     learner = Cloning(actor)
-    for step in range(1200):
-        learner.optimizers[0].param_groups[0]["lr"] = 3e-3 * (1.0 - step / 1200)
+    for step in range(800):
+        learner.optimizers[0].param_groups[0]["lr"] = 3e-3 * (1.0 - step / 800)
         learner.update(samples.draw())
     answers, _ = actor.predict(episodes.observations[episodes.seen], deterministic=True)
     assert np.abs(answers - episodes.actions).mean() < 0.03 < 0.3 < np.abs(episodes.actions).mean()
@@ -321,7 +336,7 @@ def test_the_expert_drives_where_nobody_else_does() -> None:
 
 
 @pytest.mark.parametrize(
-    ("expert", "said"), [("a_star", "does not read the map"), ("ppo_dynamic", "scripted"), ("hd_bugg", "hd_bug")]
+    ("expert", "said"), [("a_star", "reads the map"), ("ppo_dynamic", "scripted"), ("hd_bugg", "hd_bug")]
 )
 def test_an_expert_that_cannot_be_asked_is_refused(expert: str, said: str) -> None:
     with pytest.raises(ValueError, match=said):
