@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -147,20 +146,23 @@ def test_a_dataset_of_minaris_own_is_refused(tmp_path: Path, monkeypatch: pytest
         episodes_for(settings_of(["bug2"]), "other/mine-v0")
 
 
-def test_minaris_collector_wraps_a_live_env_as_far_as_its_extra_goes(tmp_path: Path) -> None:
+def test_minaris_collector_wraps_a_live_env_as_far_as_its_extra_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Minari 0.5.4 appends steps with jax, of its extra `create`; the env itself passes through its wrapper."""
     env = minari.DataCollector(gym.make("BugGym/DynamicFlat-v0", overrides=SHORT))
     assert env.observation_space.shape == (71,)
     try:
         import jax  # noqa: F401
     except ImportError:
+        env.reset(seed=3)
         with pytest.raises(ImportError, match=r"minari\[create\]"):
-            env.reset(seed=3)
+            env.step(np.float32([0.0, 0.0]))
         return
     seen, _ = env.reset(seed=3)
     for _ in range(5):
         seen, *_ = env.step(np.float32([0.0, 0.0]))
-    os.environ["MINARI_DATASETS_PATH"] = str(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     dataset = env.create_dataset("collected/live-v0", algorithm_name="still", author="me", author_email="me@example.org",
                                  code_permalink="https://example.org", description="of a live env")  # fmt: skip
     assert np.array_equal(dataset[0].observations[-1], seen)
