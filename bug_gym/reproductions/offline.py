@@ -29,7 +29,7 @@ from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 SEEDS = 3
-WORLDS = 500
+WORLDS = 300
 """Held-out worlds of each model."""
 SCENARIO = "dynamic"
 MIXED: dict[str, Any] = {"data": {"policies": ["hd_bug", "tangent_bug", "bug2", "random"], "episodes": 250}}
