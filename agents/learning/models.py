@@ -24,7 +24,6 @@ from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, re
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
     ALGORITHMS,
-    AnyOffline,
     AnySettings,
     OfflineSettings,
     load_settings,
@@ -101,7 +100,7 @@ def training_machine() -> dict[str, Any]:
 def write_agent(
     folder: Path,
     policy: BasePolicy,
-    settings: AnySettings | AnyOffline,
+    settings: AnySettings,
     robot: RobotModel,
     runs: Mapping[str, Any],
     data: Mapping[str, Any] | None = None,

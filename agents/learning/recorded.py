@@ -99,5 +99,11 @@ class Recorded:
 
 def joined(parts: Sequence[Recorded]) -> Recorded:
     """The episodes of several, one after the other's; they are of the origin of the first."""
-    names = ("observations", "actions", "rewards", "steps", "terminated")
-    return Recorded(*(np.concatenate([getattr(part, name) for part in parts]) for name in names), parts[0].origin)
+    return Recorded(
+        np.concatenate([part.observations for part in parts]),
+        np.concatenate([part.actions for part in parts]),
+        np.concatenate([part.rewards for part in parts]),
+        np.concatenate([part.steps for part in parts]),
+        np.concatenate([part.terminated for part in parts]),
+        parts[0].origin,
+    )

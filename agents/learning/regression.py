@@ -39,8 +39,10 @@ class Batch(NamedTuple):
 class Learner(Protocol):
     """An algorithm: it changes the actor's weights, batch by batch."""
 
-    optimizers: Sequence[torch.optim.Optimizer]
-    """Whose step sizes a training sets."""
+    @property
+    def optimizers(self) -> Sequence[torch.optim.Optimizer]:
+        """Whose step sizes a training sets."""
+        ...
 
     def update(self, batch: Batch) -> None:
         """Take one gradient step of each of its networks."""
@@ -102,15 +104,12 @@ class TwinCritics(torch.nn.Module):
     def forward(self, features: torch.Tensor, actions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Both values (b,) of actions (b, 2)."""
         both = torch.cat([features, actions], dim=1)
-        return self.first(both)[:, 0], self.second(both)[:, 0]
-
-    def lower(self, features: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
-        """The lower of both values (b,)."""
-        return torch.minimum(*self(features, actions))
+        first, second = self.first(both)[:, 0], self.second(both)[:, 0]
+        return first, second
 
     def error(self, features: torch.Tensor, actions: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
         """Mean squared error of both against the same target (b,)."""
-        first, second = self(features, actions)
+        first, second = self.forward(features, actions)
         return (first - target).square().mean() + (second - target).square().mean()
 
 

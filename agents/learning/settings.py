@@ -257,14 +257,14 @@ class DaggerSettings(OfflineSettings):
     """Worlds that are driven in before every `eval_freq` gradient steps, the first of them by the expert."""
 
 
-AnySettings = PPOSettings | SACSettings | DQNSettings
-"""Of a training in worlds, with stable-baselines3."""
 FromData = CloningSettings | IQLSettings | TD3BCSettings
 """Of an offline training that is given episodes."""
 AnyOffline = FromData | DaggerSettings
 """Of an offline training."""
+AnySettings = PPOSettings | SACSettings | DQNSettings | AnyOffline
+"""Of a training."""
 
-ALGORITHMS: dict[str, type[AnySettings] | type[AnyOffline]] = {
+ALGORITHMS: dict[str, type[AnySettings]] = {
     "ppo": PPOSettings,
     "sac": SACSettings,
     "dqn": DQNSettings,
@@ -281,9 +281,7 @@ def training_names() -> list[str]:
     return sorted(path.stem for path in TRAIN_FOLDER.glob("*.yaml"))
 
 
-def load_settings(
-    source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None
-) -> AnySettings | AnyOffline:
+def load_settings(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None) -> AnySettings:
     """The settings of a training.
 
     Args:

@@ -7,6 +7,8 @@ the mean and deviation of the data set. The actor is PPO's network, whose mean i
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
@@ -40,11 +42,24 @@ def held(answers: torch.Tensor) -> torch.Tensor:
 
     A plain cut would leave an answer that has gone too far where it is; with all of the gradient it would go on for ever.
     """
-    cut = answers + (answers.clamp(-1.0, 1.0) - answers).detach()
-    place = answers.detach()
-    if cut.requires_grad:
-        cut.register_hook(lambda slope: torch.where((place.abs() > 1.0) & (place * slope < 0.0), 0.0, slope))
+    cut: torch.Tensor = _Held.apply(answers)  # type: ignore[no-untyped-call]
     return cut
+
+
+class _Held(torch.autograd.Function):
+    """See `held`."""
+
+    @staticmethod
+    def forward(ctx: Any, answers: torch.Tensor) -> torch.Tensor:
+        """The answers, cut."""
+        ctx.save_for_backward(answers)
+        return answers.clamp(-1.0, 1.0)
+
+    @staticmethod
+    def backward(ctx: Any, *slopes: torch.Tensor) -> torch.Tensor:
+        """The gradient, but for what leads farther away."""
+        (answers,), (slope,) = ctx.saved_tensors, slopes
+        return torch.where((answers.abs() > 1.0) & (answers * slope < 0.0), 0.0, slope)
 
 
 class TD3BC:

@@ -33,7 +33,6 @@ from bug_gym.agents.learning.networks import RobotEncoding
 from bug_gym.agents.learning.progress import CURVE, Progress, write_curve
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
-    AnyOffline,
     AnySettings,
     DQNSettings,
     OfflineSettings,
@@ -71,7 +70,7 @@ def robot_of(scenarios: Sequence[Scenario]) -> RobotModel:
     return first
 
 
-def make_training_env(settings: AnySettings | AnyOffline, seed: int) -> TrainingEnv:
+def make_training_env(settings: AnySettings, seed: int) -> TrainingEnv:
     """The worlds of a training, seeded.
 
     Raises:
@@ -85,7 +84,7 @@ def make_training_env(settings: AnySettings | AnyOffline, seed: int) -> Training
     return env
 
 
-def network_arguments(settings: AnySettings | AnyOffline) -> dict[str, Any]:
+def network_arguments(settings: AnySettings) -> dict[str, Any]:
     """What stable-baselines3 makes the network of a policy of."""
     kwargs = settings.policy_kwargs
     return {
@@ -123,8 +122,10 @@ def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgori
             rollout_buffer_class=Rollouts,
             rollout_buffer_kwargs={"seed": seed},
         )
-    else:
+    elif isinstance(settings, OffPolicySettings):
         model = _off_policy_model(settings, {**same, "policy_kwargs": policy_kwargs})
+    else:
+        raise ValueError(f"{settings.algo} is no algorithm of stable-baselines3: it learns offline")
     env.seed(TRAINING_SEEDS + seed * SEED_BLOCK)  # SB3 has just seeded it as it seeds itself
     return model
 
@@ -252,9 +253,7 @@ class ProgressKeeper(BaseCallback):
             self.logger.record(f"validation/{name}", getattr(point, name))
 
 
-def validate(
-    network: BasePolicy, settings: AnySettings | AnyOffline, steps: int, progress: Progress, folder: Path
-) -> Point:
+def validate(network: BasePolicy, settings: AnySettings, steps: int, progress: Progress, folder: Path) -> Point:
     """Drive through the validation worlds, and keep the network's weights if none did better so far.
 
     Args:
@@ -312,8 +311,11 @@ def train(
         progress: whether to show a bar on the terminal.
 
     Raises:
-        ValueError: a seed below 0, a model to begin with that does not fit, or `out` is of another training or in use.
+        ValueError: a training that learns offline, a seed below 0, a model to begin with that does not fit, or `out` is of
+            another training or in use.
     """
+    if isinstance(settings, OfflineSettings):
+        raise ValueError(f"{settings.algo} learns offline, from recorded episodes: see agents/learning/offline.py")
     work = partial(_train_in, threads=threads, tensorboard=tensorboard, progress=progress)
     return train_in_folder(settings, out, seed, minutes, work)
 
@@ -337,7 +339,7 @@ class Work(Protocol):
 
 
 def train_in_folder(
-    settings: AnySettings | AnyOffline, out: str | os.PathLike[str], seed: int, minutes: float | None, work: Work
+    settings: AnySettings, out: str | os.PathLike[str], seed: int, minutes: float | None, work: Work
 ) -> Progress:
     """Have a model trained in a folder that nobody else writes to, and that holds no other training's model.
 
@@ -362,7 +364,7 @@ def train_in_folder(
             torch.set_flush_denormal(False)  # it holds for all that this process computes, not for torch alone
 
 
-def require_same(folder: Path, settings: AnySettings | AnyOffline, seeds: Sequence[int]) -> None:
+def require_same(folder: Path, settings: AnySettings, seeds: Sequence[int]) -> None:
     """Refuse a folder with a model that another training has made.
 
     Raises:
@@ -457,7 +459,7 @@ def resume(
 
 def write_best(
     folder: Path,
-    settings: AnySettings | AnyOffline,
+    settings: AnySettings,
     network: BasePolicy,
     kept: Progress,
     seed: int,
@@ -482,7 +484,7 @@ def write_best(
     write_agent(folder, network, settings, policy.robot, {str(seed): run}, data)
 
 
-def is_done(settings: AnySettings | AnyOffline, folder: Path, seed: int) -> bool:
+def is_done(settings: AnySettings, folder: Path, seed: int) -> bool:
     """Whether a folder holds the model of this training, and all of its steps were taken."""
     if not (folder / CONFIG).exists():
         return False
@@ -520,7 +522,7 @@ def train_seeds(
 
 
 def each_seed(
-    settings: AnySettings | AnyOffline, out: str | os.PathLike[str], seeds: Sequence[int], one: Callable[..., Progress]
+    settings: AnySettings, out: str | os.PathLike[str], seeds: Sequence[int], one: Callable[..., Progress]
 ) -> Path:
     """Train a model for each seed, as `train_seeds` says.
 
@@ -538,7 +540,7 @@ def each_seed(
 
 
 @contextmanager
-def bar(settings: AnySettings | AnyOffline, *, shown: bool) -> Iterator[Callable[[int, Point | None], None]]:
+def bar(settings: AnySettings, *, shown: bool) -> Iterator[Callable[[int, Point | None], None]]:
     """A way to show how far a training is."""
     if not shown:
         yield lambda steps, point: None

@@ -9,7 +9,7 @@ a share of the way from the random policy's to HD-BUG's.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import mean
 from typing import Any
@@ -29,7 +29,7 @@ from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 SEEDS = 3
-WORLDS = 300
+WORLDS = 200
 """Held-out worlds of each model."""
 SCENARIO = "dynamic"
 MIXED: dict[str, Any] = {"data": {"policies": ["hd_bug", "tangent_bug", "bug2", "random"], "episodes": 250}}
@@ -76,7 +76,7 @@ def reproduce(settings: Settings) -> Reproduction:
     )
 
 
-def claims_of(data: dict[str, Any]) -> dict[str, bool]:
+def claims_of(data: Mapping[str, Any]) -> dict[str, bool]:
     """What the plan of the project asks for, and whether it is so."""
     success = {label: pooled(runs)["success"] for label, runs in data["trainings"].items()}
     single = max(data["beside"][name]["success"] for name in MIXED["data"]["policies"])
@@ -87,7 +87,7 @@ def claims_of(data: dict[str, Any]) -> dict[str, bool]:
     }
 
 
-def pooled(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def pooled(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Success over the worlds of all runs with its Wilson interval, mean score and mean minutes."""
     n = sum(run["n"] for run in runs)
     won = round(sum(run["n"] * run["success"] for run in runs))
@@ -132,7 +132,7 @@ def _judged(policy: str, worlds: range) -> dict[str, Any]:
     return {"n": len(worlds), **shares, "return": round(float(driven.returns().mean()), 3), "minutes": None}
 
 
-def _rows(data: dict[str, Any]) -> Iterator[list[str]]:
+def _rows(data: Mapping[str, Any]) -> Iterator[list[str]]:
     for label, runs in (*data["trainings"].items(), *((name, [one]) for name, one in data["beside"].items())):
         one = pooled(runs)
         minutes = "-" if one["minutes"] is None else f"{one['minutes']:.1f}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,7 @@ def settings_of(policies: list[str], **changes: Any) -> Any:
 def collected(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the datasets of two policies."""
     out = tmp_path_factory.mktemp("datasets")
-    seed = {"episodes": len(SEEDS), "seed": SEEDS[0], "expert": "bug2"}
-    collect("dynamic", ["bug2", "random"], out, overrides=SHORT, **seed)
+    collect("dynamic", ["bug2", "random"], out, overrides=SHORT, expert="bug2", episodes=len(SEEDS), seed=SEEDS[0])
     return out
 
 
@@ -114,8 +114,8 @@ def test_a_dataset_that_does_not_fit_is_refused_in_a_line(
     spoil: Any, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    told = {"episodes": len(SEEDS), "seed": SEEDS[0], "expert": "bug2"}
-    collect("dynamic", ["bug2"], tmp_path, overrides=SHORT, forms=("flat",), **told)
+    own = {"overrides": SHORT, "forms": ("flat",), "expert": "bug2"}
+    collect("dynamic", ["bug2"], tmp_path, episodes=len(SEEDS), seed=SEEDS[0], **own)  # type: ignore[arg-type]
     folder = spoil(tmp_path / "bug_gym" / "dynamic" / "bug2_flat-v0")
     with pytest.raises(ValueError, match=said):
         episodes_for(settings_of(["bug2"]), folder)
@@ -127,11 +127,14 @@ def test_a_dataset_that_does_not_fit_is_refused_in_a_line(
 
 def test_a_dataset_of_another_scenario_or_of_another_observation_is_refused(collected: Path) -> None:
     folder = collected / "bug_gym/dynamic/bug2_flat-v0"
-    for changes in ({"scenarios": ["static"]}, {"overrides": {**SHORT, "lidar.beams": 32}}, {"overrides": {}}):
+    others: list[dict[str, Any]]
+    others = [{"scenarios": ["static"]}, {"overrides": {**SHORT, "lidar.beams": 32}}, {"overrides": {}}]
+    for changes in others:
         with pytest.raises(ValueError, match=r"is of the scenario dynamic \w+, expected"):
             episodes_for(settings_of(["bug2"], **changes), folder)
 
 
+@pytest.mark.filterwarnings("ignore:`eval_env` is set to None")
 def test_a_dataset_of_minaris_own_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     env = gym.make("BugGym/Dynamic-v0", overrides=SHORT, observation="flat")
@@ -152,16 +155,14 @@ def test_minaris_collector_wraps_a_live_env_as_far_as_its_extra_goes(
     """Minari 0.5.4 appends steps with jax, of its extra `create`; the env itself passes through its wrapper."""
     env = minari.DataCollector(gym.make("BugGym/DynamicFlat-v0", overrides=SHORT))
     assert env.observation_space.shape == (71,)
-    try:
-        import jax  # noqa: F401
-    except ImportError:
+    if find_spec("jax") is None:
         env.reset(seed=3)
         with pytest.raises(ImportError, match=r"minari\[create\]"):
-            env.step(np.float32([0.0, 0.0]))
+            env.step(np.zeros(2, dtype=np.float32))
         return
     seen, _ = env.reset(seed=3)
     for _ in range(5):
-        seen, *_ = env.step(np.float32([0.0, 0.0]))
+        seen, *_ = env.step(np.zeros(2, dtype=np.float32))
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     dataset = env.create_dataset("collected/live-v0", algorithm_name="still", author="me", author_email="me@example.org",
                                  code_permalink="https://example.org", description="of a live env")  # fmt: skip

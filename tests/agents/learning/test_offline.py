@@ -26,7 +26,7 @@ from bug_gym.agents.learning.offline import Samples, make_actor, train_offline
 from bug_gym.agents.learning.recorded import Recorded, joined
 from bug_gym.agents.learning.regression import Batch, follow, mean_action, regression_loss, target_of, value
 from bug_gym.agents.learning.robot_model import RobotModel
-from bug_gym.agents.learning.settings import AnyOffline, AnySettings, load_settings
+from bug_gym.agents.learning.settings import AnySettings, load_settings
 from bug_gym.agents.learning.td3_bc import TD3BC, actor_loss, held
 from bug_gym.agents.learning.training import rebuild, robot_of, train
 from bug_gym.cli import main
@@ -152,7 +152,8 @@ def test_the_regression_is_the_negative_likelihood_of_a_gaussian() -> None:
     actor, features = one_hot_actor(3), torch.eye(3)
     actions, some = torch.tensor([[0.1, -0.2], [0.5, 1.0], [-1.0, 0.0]]), torch.tensor([1.0, 0.0, 2.0])
     gaussian = torch.distributions.Normal(mean_action(actor, features), actor.log_std.exp())
-    expected = -gaussian.log_prob(actions).sum(dim=1) - math.log(2.0 * math.pi)
+    densities = gaussian.log_prob(actions)  # type: ignore[no-untyped-call]
+    expected = -densities.sum(dim=1) - math.log(2.0 * math.pi)
     assert torch.isclose(regression_loss(actor, features, actions), expected.mean())
     assert torch.isclose(regression_loss(actor, features, actions, some), (some * expected).mean())
 
@@ -165,7 +166,7 @@ def test_td3_bc_weighs_values_by_their_own_size() -> None:
     slopes = [
         torch.autograd.grad(actor_loss(scale * values, answers, actions, 2.5), values)[0] for scale in (1.0, 50.0)
     ]
-    assert torch.allclose(*slopes)
+    assert torch.allclose(slopes[0], slopes[1])
     assert torch.allclose(slopes[0], torch.full((2,), -1.25 / 2.0))
 
 
@@ -306,7 +307,7 @@ class Straight:
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Any, Any]:
-        return np.tile(np.float32([1.0, 0.3]), (len(observation), 1)), None
+        return np.tile(np.array([1.0, 0.3], dtype=np.float32), (len(observation), 1)), None
 
 
 @pytest.mark.parametrize("expert", ["bug2", "hd_bug"])
@@ -321,7 +322,7 @@ def test_the_experts_memory_runs_along_the_learners_way(expert: str) -> None:
             assert np.array_equal(seen, found.observations[first + step])
             answer, state = policy.predict(seen, state)
             assert np.array_equal(answer, found.actions[taken + step])
-            seen, reward, terminated, _, _ = env.step(np.float32([1.0, 0.3]))
+            seen, reward, terminated, _, _ = env.step(np.array([1.0, 0.3], dtype=np.float32))
             assert reward == found.rewards[taken + step]
         assert np.array_equal(seen, found.observations[first + steps]) and terminated == found.terminated[number]
         first, taken = first + steps + 1, taken + steps
@@ -407,7 +408,6 @@ def test_a_ppo_training_begins_with_a_clone_and_a_clone_with_a_ppo_model(clone: 
     still = {"n_timesteps": 128, "learning_rate": 1e-30, "start_from": str(clone)}
     worlds = {"n_envs": 8, "n_steps": 16, "batch_size": 32, "eval_episodes": 4, "test_episodes": 4}
     settings = load_settings({"algo": "ppo", "scenarios": ["dynamic"], "overrides": SHORT, **worlds, **still})
-    assert isinstance(settings, AnySettings)
     train(settings, tmp_path / "ppo", threads=1, tensorboard=False)
     first, second = weights(clone), weights(tmp_path / "ppo")
     assert first.keys() == second.keys() and all(torch.allclose(first[name], second[name]) for name in first)
@@ -481,6 +481,12 @@ def test_a_training_that_takes_no_dataset_says_so(
     assert "dataset" in capsys.readouterr().err
 
 
+def test_each_trainer_refuses_the_others_settings(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="bc learns offline"):
+        train(tiny("bc"), tmp_path / "model")
+    assert not (tmp_path / "model").exists()
+
+
 def test_offline_settings_are_those_of_the_table() -> None:
-    settings: AnyOffline | AnySettings = load_settings("bc_hd_bug")
+    settings: AnySettings = load_settings("bc_hd_bug")
     assert robot_of(settings.loaded).beams == 64 and settings.history == ()
