@@ -20,6 +20,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 
 from bug_gym.agents.learning.cloning import Cloning
 from bug_gym.agents.learning.dagger import ask, make_expert
+from bug_gym.agents.learning.folder import CONFIG, read_config
 from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
@@ -43,6 +44,8 @@ from bug_gym.held_out import TRAINING_SEEDS
 
 AT_ONCE = 65_536
 """Observations that are encoded together."""
+TOLD = 100
+"""Gradient steps from one time that progress is shown to the next."""
 
 
 class Samples:
@@ -141,18 +144,29 @@ def train_offline(
     if (episodes is None) != isinstance(settings, DaggerSettings):
         expected = "no episodes" if isinstance(settings, DaggerSettings) else "episodes to learn from"
         raise ValueError(f"{settings.algo}: expected {expected}, got {'none' if episodes is None else 'some'}")
+    if isinstance(settings, DaggerSettings):
+        make_expert(
+            settings.expert, settings.loaded[0]
+        )  # one that cannot be asked is found out before anything is written
+    require_same_data(Path(out), episodes)
     work = partial(_train_in, episodes=episodes, threads=threads, progress=progress)
     return train_in_folder(settings, out, seed, minutes, work)
 
 
 def train_offline_seeds(
-    settings: AnyOffline, out: str | os.PathLike[str], *, seeds: Sequence[int] = (0,), **arguments: Any
+    settings: AnyOffline,
+    out: str | os.PathLike[str],
+    *,
+    episodes: Recorded | None = None,
+    seeds: Sequence[int] = (0,),
+    **arguments: Any,
 ) -> Path:
     """Train a model for each seed; what is done already is not done again.
 
     Args:
         settings: what to train.
         out: folder of the model; with several seeds `seed-0`, `seed-1` ... in it, and the best in `agent`.
+        episodes: to learn from, as `train_offline` takes them.
         seeds: one a model.
         **arguments: as `train_offline` takes them.
 
@@ -162,7 +176,27 @@ def train_offline_seeds(
     Raises:
         ValueError: as `train_offline` has it.
     """
-    return each_seed(settings, out, seeds, partial(train_offline, **arguments))
+    for folder in (Path(out), *(Path(out) / f"seed-{seed}" for seed in seeds)):
+        require_same_data(folder, episodes)
+    return each_seed(settings, out, seeds, partial(train_offline, episodes=episodes, **arguments))
+
+
+def require_same_data(folder: Path, episodes: Recorded | None) -> None:
+    """Refuse a folder with a model that has learnt from other episodes.
+
+    Raises:
+        ValueError: it has.
+    """
+    if not (folder / CONFIG).exists():
+        return
+    was, now = read_config(folder).get("data"), None if episodes is None else episodes.origin
+    if was != now:
+        keys = [
+            key for key in dict.fromkeys([*(was or {}), *(now or {})]) if (was or {}).get(key) != (now or {}).get(key)
+        ]
+        raise ValueError(
+            f"{folder} is of another training: it learnt from other episodes ({', '.join(keys[:3])} differ)"
+        )
 
 
 def _train_in(
@@ -186,13 +220,14 @@ def _train_in(
         while done < settings.n_timesteps and not (minutes is not None and kept.seconds >= 60.0 * minutes):
             with timed(kept):
                 gather(done // settings.eval_freq)
-                done = _learn(learner, samples, settings, done)
+                last = kept.points[-1] if kept.points else None
+                done = _learn(learner, samples, settings, done, partial(report, point=last))
             report(done, validate(actor, settings, done, kept, folder))
     write_best(folder, settings, actor, kept, seed, None if episodes is None else episodes.origin)
     return kept
 
 
-def _learn(learner: Learner, samples: Samples, settings: AnyOffline, done: int) -> int:
+def _learn(learner: Learner, samples: Samples, settings: AnyOffline, done: int, report: Callable[[int], None]) -> int:
     """Take the gradient steps up to the next validation; returns how many have been taken then."""
     end = min(done + settings.eval_freq, settings.n_timesteps)
     for step in range(done, end):
@@ -200,6 +235,8 @@ def _learn(learner: Learner, samples: Samples, settings: AnyOffline, done: int) 
         for optimizer in learner.optimizers:
             optimizer.param_groups[0]["lr"] = rate
         learner.update(samples.draw())
+        if step % TOLD == 0:
+            report(step)
     return end
 
 

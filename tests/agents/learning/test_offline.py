@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.iql import IQL, expectile_loss
-from bug_gym.agents.learning.offline import Samples, make_actor, train_offline
+from bug_gym.agents.learning.offline import Samples, make_actor, train_offline, train_offline_seeds
 from bug_gym.agents.learning.recorded import Recorded, joined
 from bug_gym.agents.learning.regression import Batch, follow, mean_action, regression_loss, target_of, value
 from bug_gym.agents.learning.robot_model import RobotModel
@@ -338,9 +339,11 @@ def test_the_expert_drives_where_nobody_else_does() -> None:
 @pytest.mark.parametrize(
     ("expert", "said"), [("a_star", "reads the map"), ("ppo_dynamic", "scripted"), ("hd_bugg", "hd_bug")]
 )
-def test_an_expert_that_cannot_be_asked_is_refused(expert: str, said: str) -> None:
+def test_an_expert_that_cannot_be_asked_is_refused(expert: str, said: str, tmp_path: Path) -> None:
+    settings = load_settings({"algo": "dagger", "scenarios": ["dynamic"], "expert": expert})
     with pytest.raises(ValueError, match=said):
-        make_expert(expert, load("dynamic"))
+        train_offline(settings, tmp_path / "model")  # type: ignore[arg-type]
+    assert not (tmp_path / "model").exists()
 
 
 # ----------------------------------------------------------------------------------------------- trainings and folders
@@ -393,6 +396,15 @@ def test_the_same_seed_makes_the_same_model_and_another_one_another(algo: str, t
         train_offline(settings, tmp_path / name, episodes=episodes, seed=seed)
     one, again, other = (weights(tmp_path / name) for name in ("one", "again", "other"))
     assert same(one, again) and not same(one, other)
+
+
+def test_a_folder_that_learnt_from_other_episodes_is_refused(clone: Path) -> None:
+    again = answered(3)
+    train_offline_seeds(tiny("bc"), clone, episodes=again)  # is done already
+    other = replace(again, origin={"policy": "bug1"})
+    for train_it in (train_offline, train_offline_seeds):
+        with pytest.raises(ValueError, match="other episodes.*policy"):
+            train_it(tiny("bc"), clone, episodes=other)
 
 
 def test_the_graph_answers_as_the_network(clone: Path) -> None:
