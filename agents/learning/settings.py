@@ -189,11 +189,11 @@ class OfflineSettings(Settings):
     """Which actions the robot takes."""
     n_envs: AtLeastOne = 64
     """Worlds side by side, where worlds are driven in."""
-    n_timesteps: Steps = 10_000
+    n_timesteps: Steps = 6_000
     """Gradient steps of the whole training."""
     batch_size: Samples = 256
     """Steps of episodes that a gradient step learns from."""
-    eval_freq: Steps = 2_500
+    eval_freq: Steps = 2_000
     """Gradient steps from one validation to the next; in DAgger as well from one round of questions to the next."""
     eval_episodes: Episodes = 500
     """Validation worlds."""
