@@ -112,13 +112,12 @@ def offline_learning(found: Record) -> Page:
         ends = [percent(sum(run[end] for run in runs) / len(runs)) for end in ("collision", "timeout")]
         by_seed = ", ".join(percent(run["success"]) for run in runs)
         success = f"{percent(one['success'])} ({between(one['low'], one['high'])})"
-        return [label, seeds, success, by_seed, *ends, number(100 * one["score"], 1), number(one["minutes"], 1)]
+        return [f"`{label}`", seeds, success, by_seed, *ends, number(100 * one["score"], 1), number(one["minutes"], 1)]
 
     rows = [line(label, runs, str(len(runs))) for label, runs in found["trainings"].items()]
-    rows += [line(f"`{name}`", [one], "-") for name, one in found["beside"].items()]
+    rows += [line(name, [one], "-") for name, one in found["beside"].items()]
     drivers = offline.MIXED["data"]["policies"]
     best = max(drivers, key=lambda name: float(found["beside"][name]["success"]))
-    success = {label: offline.pooled(runs)["success"] for label, runs in found["trainings"].items()}
     seeds = f"{found['seeds']} training seed{'s' * (found['seeds'] != 1)}"
     return Page(
         [
@@ -136,12 +135,9 @@ def offline_learning(found: Record) -> Page:
         f"`{offline.EXPERT}`, by their mean returns in the same worlds. Minutes are of training, the questions to DAgger's "
         "expert included, collection and validation not; the machine was shared, so they are upper bounds.\n\n"
         f"The mixed dataset holds as many episodes of each of {listed(f'`{name}`' for name in drivers)}, of which `{best}` "
-        f"does best ({percent(found['beside'][best]['success'])} %). Cloning all of it gives "
-        f"{percent(success['BC, mixed'])} %, cloning its best tenth {percent(success['filtered BC, mixed'])} %, IQL "
-        f"{percent(success['IQL, mixed'])} % and TD3+BC {percent(success['TD3+BC, mixed'])} %. Cloning the expert alone "
-        f"gives {percent(success['BC, HD-BUG'])} %, asking it again along the learner's own ways "
-        f"{percent(success['DAgger, HD-BUG'])} %. The expert remembers obstacles and follows the tracks of what moves; "
-        "a network that sees one scan cannot tell apart what it tells apart.",
+        f"does best ({percent(found['beside'][best]['success'])} %); `filtered_bc_mixed` clones the tenth of them with the "
+        "highest returns. The expert remembers obstacles and follows the tracks of what moves; a network that sees one scan, "
+        "or one scan and what changed, cannot tell apart all that it tells apart.",
         list(found["claims"].items()),
     )
 

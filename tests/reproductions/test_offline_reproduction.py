@@ -48,6 +48,11 @@ def test_every_kind_is_trained_and_judged_in_the_same_worlds(tmp_path: Path, mon
     assert [row[0] for row in table.rows] == [*offline.TRAININGS, *offline.BESIDE]
 
 
+def test_a_row_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ValueError, match="bc_hd_bug.*got 'bc'"):
+        reproduction("offline")(Settings(policies=("bc",)))
+
+
 def test_runs_are_pooled_over_their_worlds() -> None:
     runs = [
         {"n": 100, "success": 0.9, "score": 0.8, "minutes": 1.0},
@@ -63,7 +68,7 @@ def test_iql_is_compared_with_the_best_policy_of_its_dataset(iql: float, *, hold
     def runs(success: float) -> list[dict[str, Any]]:
         return [{"n": 100, "success": success, "score": success, "minutes": 1.0}]
 
-    trainings = {label: runs(0.5) for label in offline.TRAININGS} | {"IQL, mixed": runs(iql)}
+    trainings = {label: runs(0.5) for label in offline.TRAININGS} | {"iql_mixed": runs(iql)}
     beside = {name: runs(0.9)[0] if name == "hd_bug" else runs(0.1)[0] for name in offline.BESIDE}
     beside["ppo_dynamic"] = runs(0.99)[0]  # is not in the dataset
     claims = offline.claims_of({"trainings": trainings, "beside": beside})
