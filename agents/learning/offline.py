@@ -20,7 +20,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 
 from bug_gym.agents.learning.cloning import Cloning
 from bug_gym.agents.learning.dagger import ask, make_expert
-from bug_gym.agents.learning.folder import CONFIG, read_config
+from bug_gym.agents.learning.folder import CONFIG, Point, read_config
 from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
@@ -221,7 +221,7 @@ def _train_in(
             with timed(kept):
                 gather(done // settings.eval_freq)
                 last = kept.points[-1] if kept.points else None
-                done = _learn(learner, samples, settings, done, partial(report, point=last))
+                done = _learn(learner, samples, settings, done, _with(report, last))
             report(done, validate(actor, settings, done, kept, folder))
     write_best(folder, settings, actor, kept, seed, None if episodes is None else episodes.origin)
     return kept
