@@ -227,6 +227,11 @@ def _train_in(
     return kept
 
 
+def _with(report: Callable[[int, Point | None], None], last: Point | None) -> Callable[[int], None]:
+    """What shows the number of steps, beside the last validation."""
+    return lambda steps: report(steps, last)
+
+
 def _learn(learner: Learner, samples: Samples, settings: AnyOffline, done: int, report: Callable[[int], None]) -> int:
     """Take the gradient steps up to the next validation; returns how many have been taken then."""
     end = min(done + settings.eval_freq, settings.n_timesteps)
