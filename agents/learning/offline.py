@@ -145,9 +145,7 @@ def train_offline(
         expected = "no episodes" if isinstance(settings, DaggerSettings) else "episodes to learn from"
         raise ValueError(f"{settings.algo}: expected {expected}, got {'none' if episodes is None else 'some'}")
     if isinstance(settings, DaggerSettings):
-        make_expert(
-            settings.expert, settings.loaded[0]
-        )  # one that cannot be asked is found out before anything is written
+        make_expert(settings.expert, settings.loaded[0])  # what cannot be asked is found out before anything is written
     require_same_data(Path(out), episodes)
     work = partial(_train_in, episodes=episodes, threads=threads, progress=progress)
     return train_in_folder(settings, out, seed, minutes, work)
