@@ -41,6 +41,7 @@ from bug_gym.agents.learning.training import (
     write_best,
 )
 from bug_gym.held_out import TRAINING_SEEDS
+from bug_gym.workers import Workers, are_several
 
 AT_ONCE = 65_536
 """Observations that are encoded together."""
@@ -157,6 +158,7 @@ def train_offline_seeds(
     *,
     episodes: Recorded | None = None,
     seeds: Sequence[int] = (0,),
+    workers: Workers = 1,
     **arguments: Any,
 ) -> Path:
     """Train a model for each seed; what is done already is not done again.
@@ -166,6 +168,7 @@ def train_offline_seeds(
         out: folder of the model; with several seeds `seed-0`, `seed-1` ... in it, and the best in `agent`.
         episodes: to learn from, as `train_offline` takes them.
         seeds: one a model.
+        workers: who trains: this process, so many others, or a cluster.
         **arguments: as `train_offline` takes them.
 
     Returns:
@@ -176,7 +179,9 @@ def train_offline_seeds(
     """
     for folder in (Path(out), *(Path(out) / f"seed-{seed}" for seed in seeds)):
         require_same_data(folder, episodes)
-    return each_seed(settings, out, seeds, partial(train_offline, episodes=episodes, **arguments))
+    if are_several(workers):
+        arguments = {**arguments, "progress": False}
+    return each_seed(settings, out, seeds, partial(train_offline, episodes=episodes, **arguments), workers)
 
 
 def require_same_data(folder: Path, episodes: Recorded | None) -> None:

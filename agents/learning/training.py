@@ -26,6 +26,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.policies import BasePolicy
 
 from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
+from bug_gym.agents.learning.elsewhere import Job, train_each
 from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Point, model_folder, read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
@@ -47,6 +48,7 @@ from bug_gym.config import Scenario
 from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
 from bug_gym.view import Sensors
+from bug_gym.workers import Workers, are_several
 
 SEED_BLOCK = 2**20
 """Seeds of one training's worlds."""
@@ -503,6 +505,7 @@ def train_seeds(
     minutes: float | None = None,
     threads: int | None = None,
     progress: bool = False,
+    workers: Workers = 1,
 ) -> Path:
     """Train a model for each seed; what is done already is not done again.
 
@@ -510,7 +513,8 @@ def train_seeds(
         settings: what to train.
         out: folder of the model; with several seeds `seed-0`, `seed-1` ... in it, and the best in `agent`.
         seeds: one a model.
-        minutes, threads, progress: as `train` takes them.
+        minutes, threads, progress: as `train` takes them; where others do the work, a thread each and no bar.
+        workers: who trains: this process, so many others, or a cluster.
 
     Returns:
         The folder of the model, of several the one that did best in its validation.
@@ -519,23 +523,37 @@ def train_seeds(
         ValueError: as `train` has it; nothing is trained then that would replace the model of another training.
     """
     one = partial(train, minutes=minutes, threads=threads, progress=progress)
-    return each_seed(settings, out, seeds, one)
+    if are_several(workers):
+        one = partial(train, minutes=minutes, threads=threads or 1, tensorboard=False)
+    return each_seed(settings, out, seeds, one, workers)
 
 
 def each_seed(
-    settings: AnySettings, out: str | os.PathLike[str], seeds: Sequence[int], one: Callable[..., Progress]
+    settings: AnySettings,
+    out: str | os.PathLike[str],
+    seeds: Sequence[int],
+    one: Callable[..., Progress],
+    workers: Workers = 1,
 ) -> Path:
     """Train a model for each seed, as `train_seeds` says.
 
     Args:
-        settings, out, seeds: as `train_seeds` takes them.
+        settings, out, seeds, workers: as `train_seeds` takes them.
         one: trains one, of settings and folder and `seed`.
     """
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
     if len(folders) > 1:
         require_same(Path(out) / "agent", settings, seeds)
-    for seed, folder in zip(seeds, folders, strict=True):
-        if not is_done(settings, folder, seed):
+    missing = [
+        (seed, folder) for seed, folder in zip(seeds, folders, strict=True) if not is_done(settings, folder, seed)
+    ]
+    if are_several(workers):
+        for seed, folder in missing:
+            require_same(folder, settings, [seed])
+        for _ in train_each([Job(one, settings, seed, folder) for seed, folder in missing], workers):
+            pass
+    else:
+        for seed, folder in missing:
             one(settings, folder, seed=seed)
     return folders[0] if len(folders) == 1 else gather(folders, Path(out) / "agent")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bug_gym.checks import needed_from
-from bug_gym.commands.arguments import TRUST, above_zero, assignments, at_least_one
+from bug_gym.commands.arguments import TRUST, above_zero, add_workers, assignments, at_least_one, workers_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--threads", type=at_least_one, help="threads of torch (default: one for each core, offline one)"
     )
     parser.add_argument("--trust", action="store_true", help=TRUST)
+    add_workers(parser, at_least_one)
     parser.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
     parser.add_argument(
         "--dataset",
@@ -52,12 +53,14 @@ def run(options: argparse.Namespace) -> None:
     settings = load_settings(options.name, overrides, trust=options.trust)
     options.out = options.out or Path("results", "train", settings.name)
     arguments = {"seeds": range(options.seed, options.seed + options.seeds), "minutes": options.minutes}
-    if isinstance(settings, OfflineSettings):
-        best = _train_offline(settings, options, arguments)
-    elif options.dataset is not None:
+    if options.dataset is not None and not isinstance(settings, OfflineSettings):
         raise ValueError(f"{settings.name} learns in worlds: only offline trainings take a dataset")
-    else:
-        best = train_seeds(settings, options.out, threads=options.threads, progress=True, **arguments)
+    with workers_of(options) as workers:
+        arguments["workers"] = workers
+        if isinstance(settings, OfflineSettings):
+            best = _train_offline(settings, options, arguments)
+        else:
+            best = train_seeds(settings, options.out, threads=options.threads, progress=True, **arguments)
     print(f"{best}: play it with --policies {best}/")
 
 
