@@ -30,7 +30,7 @@ LAYERS = (
         "checks",
         "workers",
     ),
-    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
+    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals", "by_hand"),
     ("worlds",),
     ("config",),
     ("world", "scenarios", "floor_plans", "maps"),
@@ -65,7 +65,7 @@ LEARNING = ("agents.sb3", "agents.learning") + tuple(
 )
 """The only modules and folders that know torch and stable-baselines3."""
 PLAYING = {"agents.learning"} | {
-    f"agents.learning.{name}" for name in ("folder", "history", "play", "recorded", "robot_model", "settings")
+    f"agents.learning.{name}" for name in ("folder", "history", "hub", "play", "recorded", "robot_model", "settings")
 }
 """What plays a learned policy, and what is learnt from as arrays, without torch."""
 
