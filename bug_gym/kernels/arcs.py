@@ -68,7 +68,7 @@ def sample_chain(chain: Floats, spacing: float, samples: Floats) -> int:
             left += spacing
         left -= length
     if count < len(samples):
-        samples[count, 0], samples[count, 1] = chain[-1, 0], chain[-1, 1]
+        samples[count, 0], samples[count, 1] = chain[len(chain) - 1, 0], chain[len(chain) - 1, 1]
         count += 1
     return count
 
