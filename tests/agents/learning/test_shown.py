@@ -192,6 +192,7 @@ def test_the_best_model_of_a_training_that_is_stopped_can_be_played(
     assert best is not None
     require_playable(best)
     assert read_config(best)["runs"]["0"]["held_out"] == {}
+    assert "not yet judged in held-out worlds" in (best / "card.md").read_text(encoding="utf-8")
     assert main(["evaluate", "--scenario", "dynamic", "--episodes", "1", "--policies", f"{tmp_path}/"]) == 2
     assert f"its training has not ended, its best model so far is {best}/" in capsys.readouterr().err
 
@@ -224,6 +225,7 @@ def test_nothing_is_left_beside_the_model_in_the_end_and_what_others_put_there_s
     train(tiny(n_timesteps=256), tmp_path, threads=1, tensorboard=False)
     assert sorted(path.name for path in tmp_path.glob("best-*")) == ["best-3", "best-of-all"]
     assert read_config(tmp_path)["runs"]["0"]["held_out"]
+    assert "not yet judged" not in (tmp_path / "card.md").read_text(encoding="utf-8")
 
 
 def test_another_training_does_not_go_over_what_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
