@@ -30,7 +30,7 @@ LAYERS = (
         "checks",
         "workers",
     ),
-    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
+    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals", "by_hand"),
     ("worlds",),
     ("config",),
     ("world", "scenarios", "floor_plans", "maps"),
