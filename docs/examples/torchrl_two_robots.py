@@ -12,6 +12,7 @@ from pettingzoo.utils import BaseParallelWrapper
 from tensordict.nn import TensorDictModule
 from tensordict.nn.distributions import NormalParamExtractor
 from torchrl.envs import PettingZooWrapper, RewardSum, TransformedEnv
+from torchrl.envs.utils import step_mdp
 from torchrl.modules import MultiAgentMLP, ProbabilisticActor, TanhNormal
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
@@ -62,6 +63,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=1.0, help="how long to train")
     minutes = parser.parse_args().minutes
     torch.manual_seed(0)
+    torch.set_num_threads(1)  # nets this small are slower on several
     env = make_env()
     width = env.observation_spec[SEEN].shape[-1]
     actor = ProbabilisticActor(
@@ -95,7 +97,7 @@ def main() -> None:
             loss.value_estimator(
                 batch, params=loss.critic_network_params, target_params=loss.target_critic_network_params
             )
-        at = batch[-1]["next"].clone()
+        at = step_mdp(batch[-1])
         if at["done"].any():
             at = env.reset()
         for _ in range(EPOCHS):
