@@ -12,7 +12,6 @@ from pettingzoo.utils import BaseParallelWrapper
 from tensordict.nn import TensorDictModule
 from tensordict.nn.distributions import NormalParamExtractor
 from torchrl.envs import PettingZooWrapper, RewardSum, TransformedEnv
-from torchrl.envs.utils import step_mdp
 from torchrl.modules import MultiAgentMLP, ProbabilisticActor, TanhNormal
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
@@ -91,13 +90,14 @@ def main() -> None:
     loss.make_value_estimator(ValueEstimators.GAE, gamma=0.995, lmbda=0.95)
     optimiser = torch.optim.Adam(loss.parameters(), 3e-4)
     begin, steps, at = time.monotonic(), 0, env.reset()
+    begun = list(at.keys(include_nested=True, leaves_only=True))  # what a rollout begins with, and nothing else
     while time.monotonic() - begin < 60.0 * minutes:
         with torch.no_grad():
             batch = env.rollout(STEPS, actor, tensordict=at, auto_reset=False, break_when_any_done=False)
             loss.value_estimator(
                 batch, params=loss.critic_network_params, target_params=loss.target_critic_network_params
             )
-        at = step_mdp(batch[-1])
+        at = batch[-1]["next"].select(*begun).clone()
         if at["done"].any():
             at = env.reset()
         for _ in range(EPOCHS):
