@@ -136,6 +136,7 @@ LEARNED = {
     "ppo_moving_target": "Schulman et al. 2017",
     "ppo_rush": "Schulman et al. 2017",
     "ppo_mixed": "Schulman et al. 2017",
+    "ppo_crossing_robots": "Schulman et al. 2017",
     "sac_dynamic": "Haarnoja et al. 2018",
     "dqn_candidates": "Mnih et al. 2015",
 }
