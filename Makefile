@@ -42,7 +42,7 @@ clean:  ## remove .venv, caches and build products; results stay
 	touch $@
 
 .venv/test.stamp: pyproject.toml constraints.txt | $(BIN)/python
-	$(INSTALL) -e '.[dev,render,report,play,train,data]'
+	$(INSTALL) -e '.[dev,render,report,play,train,data,hub,cluster,sweep]'
 	touch $@
 
 .venv/docs.stamp: pyproject.toml constraints.txt | $(BIN)/python

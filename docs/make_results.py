@@ -54,6 +54,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "circle-swap": crowds.circle_swap,
     "learned": learning.learned,
     "ppo-curve": learning.ppo_curve,
+    "offline": learning.offline_learning,
     "predictors": learning.predictor_errors,
     "tracking": tracking.tracks,
     "scripted-and-learned": learning.side_by_side,

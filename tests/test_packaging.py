@@ -98,7 +98,7 @@ def test_no_module_bears_the_name_of_a_public_function() -> None:
 def test_every_dependency_has_its_locked_version() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    unlocked = {"cluster", "all"}
+    unlocked = {"all"}
     lines = [*project["dependencies"], *(line for name in extras.keys() - unlocked for line in extras[name])]
     locked = distributions((ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines())
     assert distributions(lines) <= locked

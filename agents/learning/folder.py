@@ -103,6 +103,8 @@ class ModelRecord(Part):
     """What it was trained on."""
     sha256: Annotated[dict[str, Checksum], checksums_of(GRAPH, WEIGHTS)]
     """Checksums of its files, by name."""
+    data: dict[str, Any] | None = None
+    """Of an offline training: what its episodes were collected of, as their dataset says."""
     runs: dict[str, RunRecord]
     """Its trainings, by seed."""
 

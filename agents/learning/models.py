@@ -16,13 +16,19 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.dqn.policies import DQNPolicy
 from stable_baselines3.sac.policies import SACPolicy
 
 from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, read_checked, read_config
 from bug_gym.agents.learning.robot_model import RobotModel
-from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
+from bug_gym.agents.learning.settings import (
+    ALGORITHMS,
+    AnySettings,
+    OfflineSettings,
+    load_settings,
+    training_names,
+)
 from bug_gym.config import dump
 from bug_gym.files import machine, replaced_when_done
 
@@ -42,9 +48,9 @@ TELLING: dict[str, type[BaseAlgorithm]] = {
 class Decision(torch.nn.Module):
     """What a model does, without chance: observations (n, D) to actions (n, 2), or to numbers (n,) of actions."""
 
-    def __init__(self, model: BaseAlgorithm) -> None:
+    def __init__(self, policy: BasePolicy) -> None:
         super().__init__()
-        self.policy = model.policy
+        self.policy = policy
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         """The actions."""
@@ -57,11 +63,11 @@ class Decision(torch.nn.Module):
         return torch.clamp(self.policy.action_net(self.policy.mlp_extractor.forward_actor(features)), -1.0, 1.0)
 
 
-def write_onnx(path: Path, model: BaseAlgorithm) -> None:
+def write_onnx(path: Path, policy: BasePolicy) -> None:
     """Write a model's decisions as an ONNX graph, encoding of the observation included."""
-    shape = model.observation_space.shape
+    shape = policy.observation_space.shape
     assert shape is not None
-    write_graph(path, Decision(model).eval(), shape)
+    write_graph(path, Decision(policy).eval(), shape)
 
 
 def write_graph(path: Path, decision: torch.nn.Module, shape: Sequence[int]) -> None:
@@ -92,19 +98,25 @@ def training_machine() -> dict[str, Any]:
 
 
 def write_agent(
-    folder: Path, model: BaseAlgorithm, settings: AnySettings, robot: RobotModel, runs: Mapping[str, Any]
+    folder: Path,
+    policy: BasePolicy,
+    settings: AnySettings,
+    robot: RobotModel,
+    runs: Mapping[str, Any],
+    data: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a model and all that made it into a folder.
 
     Args:
         folder: where to.
-        model: the model, with the weights that did best.
+        policy: the model's network, with the weights that did best.
         settings: of its training.
         robot: what it was trained for.
         runs: by seed: curve, best point of it, and held-out results.
+        data: of an offline training: what its episodes were collected of.
     """
-    write_onnx(folder / GRAPH, model)
-    write_weights(folder / WEIGHTS, model.policy)
+    write_onnx(folder / GRAPH, policy)
+    write_weights(folder / WEIGHTS, policy)
     record = {
         "name": settings.name,
         "robot": robot.as_dict(),
@@ -117,6 +129,8 @@ def write_agent(
         "sha256": checksums(folder, (GRAPH, WEIGHTS)),
         "runs": dict(runs),
     }
+    if data is not None:
+        record["data"] = dict(data)
     _write_record(folder, record)
 
 
@@ -164,12 +178,13 @@ def card(record: Mapping[str, Any]) -> str:
         f"- Task: the scenario{'s' * (len(settings['scenarios']) > 1)} {scenarios}",
         f"- Robot: {robot['kinematics']}, radius {robot['radius']} m, up to {robot['max_speed']} m/s; "
         f"{robot['beams']} beams of {robot['range']} m; a step of {robot['step']} s. Any other robot is refused.",
-        f"- Algorithm: {settings['algo'].upper()} of stable-baselines3 {made_on['stable_baselines3']}, "
+        f"- Algorithm: {_algorithm(record)}, "
         f"layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}, "
         f"begun from {settings['start_from'] or 'scratch'}",
         f"- Made again by `{command(record)}`; the model here is of seed {record['seed']}, which did best in its validation",
         f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",
         *_own_lines(record),
+        *_learnt_from(record),
         "",
         "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",
         "",
@@ -201,6 +216,31 @@ def _own_lines(record: Mapping[str, Any]) -> list[str]:
             )
             lines.append(f"- {told} of its own: {each}")
     return lines
+
+
+def _is_offline(record: Mapping[str, Any]) -> bool:
+    return issubclass(ALGORITHMS[record["settings"]["algo"]], OfflineSettings)
+
+
+def _algorithm(record: Mapping[str, Any]) -> str:
+    name = record["settings"]["algo"].upper()
+    if _is_offline(record):
+        return f"{name} of bug_gym {record['machine']['bug_gym']}, its steps those of the gradient"
+    return f"{name} of stable-baselines3 {record['machine']['stable_baselines3']}"
+
+
+def _learnt_from(record: Mapping[str, Any]) -> list[str]:
+    """What an offline training learnt from, as a line."""
+    if not _is_offline(record):
+        return []
+    settings, data = record["settings"], record.get("data")
+    if settings["algo"] == "dagger":
+        return [f"- Learnt from: the answers of {settings['expert']} along the learner's own ways"]
+    if not data:
+        return ["- Learnt from: episodes that were handed in"]
+    drivers = ", ".join(data.get("of", [data["policy"]]))
+    worlds = f"{data['scenario']}, seeds from {data['first_seed']}"
+    return [f"- Learnt from: {data['episodes']} episodes of {drivers} in worlds of {worlds}"]
 
 
 def _curve_lines(runs: Mapping[str, Any]) -> list[str]:

@@ -179,14 +179,110 @@ class DQNSettings(OffPolicySettings):
     """Share of random actions from then on."""
 
 
-ALGORITHMS: dict[str, type[PPOSettings] | type[SACSettings] | type[DQNSettings]] = {
+class Data(Part):
+    """Episodes that an offline training learns from, collected first where it is given none."""
+
+    policies: tuple[str, ...] = Field(min_length=1)
+    """Who drives, NAME[:PARAMETER=VALUE...]; several: the dataset of all their episodes."""
+    episodes: Episodes
+    """Worlds, an episode of each policy."""
+
+
+class OfflineSettings(Settings):
+    """What trainings have that learn from what others did, not from trying."""
+
+    scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1, max_length=1)
+    """The scenario of the episodes, in which the model is judged."""
+    action: Literal["continuous"] = "continuous"
+    """Which actions the robot takes."""
+    n_envs: AtLeastOne = 64
+    """Worlds side by side, where worlds are driven in."""
+    n_timesteps: Steps = 4_000
+    """Gradient steps of the whole training."""
+    batch_size: Samples = 256
+    """Steps of episodes that a gradient step learns from."""
+    eval_freq: Steps = 2_000
+    """Gradient steps from one validation to the next; in DAgger as well from one round of questions to the next."""
+    eval_episodes: Episodes = 500
+    """Validation worlds."""
+    test_episodes: Episodes = 1000
+    """Held-out worlds in which the best model is judged at the end."""
+    gamma: Share = 0.99
+    """Discount of a step."""
+    reward_scale: Coefficient = 0.1
+    """Rewards are multiplied by it, so that returns are a few units [1]."""
+
+
+class CloningSettings(OfflineSettings):
+    """Behaviour cloning, Pomerleau 1991."""
+
+    algo: Literal["bc"]
+    data: Data
+    """What it learns from."""
+    keep_best: Share = 1.0
+    """Share of the episodes, those with the highest returns, that it learns from."""
+
+
+class IQLSettings(OfflineSettings):
+    """Implicit Q-learning, Kostrikov, Nair and Levine 2021."""
+
+    algo: Literal["iql"]
+    data: Data
+    """What it learns from."""
+    expectile: Share = 0.9
+    """Of what recorded actions are worth, which a state is worth: 0.5 is their mean, 1 their maximum."""
+    beta: NotNegative = 100.0
+    """How much more actions weigh that were worth more, in exp(beta * advantage) [1]: a step of 0.1 s moves a robot by a tenth
+    of a metre, so that one action is worth some hundredths more than another."""
+    tau: Share = 0.005
+    """Share by which the target network follows."""
+
+
+class TD3BCSettings(OfflineSettings):
+    """TD3+BC, Fujimoto and Gu 2021."""
+
+    algo: Literal["td3_bc"]
+    data: Data
+    """What it learns from."""
+    alpha: Coefficient = 2.5
+    """Weight of the values against nearness to the recorded actions [1]."""
+    tau: Share = 0.005
+    """Share by which the target networks follow."""
+    policy_delay: AtLeastOne = 2
+    """Gradient steps of the critics for one of the actor."""
+    policy_noise: NotNegative = 0.2
+    """Standard deviation of the noise on the next action that the critics learn from [1]."""
+    noise_clip: NotNegative = 0.5
+    """That noise is cut to this [1]."""
+
+
+class DaggerSettings(OfflineSettings):
+    """DAgger, Ross, Gordon and Bagnell 2011: the expert is asked again, along the learner's own ways."""
+
+    algo: Literal["dagger"]
+    expert: str
+    """Name of a scripted policy that is asked."""
+    episodes_per_round: Episodes = 50
+    """Worlds that are driven in before every `eval_freq` gradient steps, the first of them by the expert."""
+
+
+FromData = CloningSettings | IQLSettings | TD3BCSettings
+"""Of an offline training that is given episodes."""
+AnyOffline = FromData | DaggerSettings
+"""Of an offline training."""
+AnySettings = PPOSettings | SACSettings | DQNSettings | AnyOffline
+"""Of a training."""
+
+ALGORITHMS: dict[str, type[AnySettings]] = {
     "ppo": PPOSettings,
     "sac": SACSettings,
     "dqn": DQNSettings,
+    "bc": CloningSettings,
+    "iql": IQLSettings,
+    "td3_bc": TD3BCSettings,
+    "dagger": DaggerSettings,
 }
 """Settings by `algo`."""
-
-AnySettings = PPOSettings | SACSettings | DQNSettings
 
 
 def training_names() -> list[str]:

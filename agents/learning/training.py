@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -23,8 +23,10 @@ from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.policies import BasePolicy
 
 from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
+from bug_gym.agents.learning.elsewhere import Job, train_each
 from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Point, model_folder, read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
@@ -34,6 +36,7 @@ from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
     AnySettings,
     DQNSettings,
+    OfflineSettings,
     OffPolicySettings,
     PPOSettings,
     SACSettings,
@@ -45,6 +48,7 @@ from bug_gym.config import Scenario
 from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
 from bug_gym.view import Sensors
+from bug_gym.workers import Workers, are_several
 
 SEED_BLOCK = 2**20
 """Seeds of one training's worlds."""
@@ -82,10 +86,10 @@ def make_training_env(settings: AnySettings, seed: int) -> TrainingEnv:
     return env
 
 
-def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgorithm:
-    """An untrained model of stable-baselines3."""
+def network_arguments(settings: AnySettings) -> dict[str, Any]:
+    """What stable-baselines3 makes the network of a policy of."""
     kwargs = settings.policy_kwargs
-    policy_kwargs: dict[str, Any] = {
+    return {
         "features_extractor_class": RobotEncoding,
         "features_extractor_kwargs": {
             "robot": robot_of(settings.loaded).as_dict(),
@@ -95,6 +99,11 @@ def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgori
         "net_arch": list(kwargs.net_arch),
         "activation_fn": {"relu": partial(torch.nn.ReLU, inplace=True), "tanh": torch.nn.Tanh}[kwargs.activation_fn],
     }
+
+
+def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgorithm:
+    """An untrained model of stable-baselines3."""
+    policy_kwargs = network_arguments(settings)
     same: dict[str, Any] = {
         "policy": settings.policy,
         "env": env,
@@ -106,7 +115,7 @@ def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgori
     }
     model: BaseAlgorithm
     if isinstance(settings, PPOSettings):
-        policy_kwargs["log_std_init"] = kwargs.log_std_init
+        policy_kwargs["log_std_init"] = settings.policy_kwargs.log_std_init
         own = ("n_steps", "n_epochs", "gae_lambda", "clip_range", "ent_coef", "vf_coef", "max_grad_norm")
         model = PPO(
             **same,
@@ -115,8 +124,10 @@ def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgori
             rollout_buffer_class=Rollouts,
             rollout_buffer_kwargs={"seed": seed},
         )
-    else:
+    elif isinstance(settings, OffPolicySettings):
         model = _off_policy_model(settings, {**same, "policy_kwargs": policy_kwargs})
+    else:
+        raise ValueError(f"{settings.algo} is no algorithm of stable-baselines3: it learns offline")
     env.seed(TRAINING_SEEDS + seed * SEED_BLOCK)  # SB3 has just seeded it as it seeds itself
     return model
 
@@ -143,6 +154,8 @@ def rebuild(model: str | Path, *, trust: bool = False) -> BaseAlgorithm:
     folder = model_folder(model)
     config = read_config(folder)
     settings = load_settings(config["settings"], trust=trust)
+    if isinstance(settings, OfflineSettings):
+        raise ValueError(f"{folder} was trained offline: begin a training of its own with it (--start-from)")
     made = make_model(settings, make_training_env(settings, config["seed"]), config["seed"])
     load_weights(folder / WEIGHTS, made.policy, config["sha256"][WEIGHTS])
     return made
@@ -151,7 +164,7 @@ def rebuild(model: str | Path, *, trust: bool = False) -> BaseAlgorithm:
 class InTraining:
     """A model in training as a policy: flat observations, and a History where it has one."""
 
-    def __init__(self, model: BaseAlgorithm, robot: RobotModel, lags: Sequence[int]) -> None:
+    def __init__(self, model: BaseAlgorithm | BasePolicy, robot: RobotModel, lags: Sequence[int]) -> None:
         self.model, self.robot, self.lags = model, robot, lags
 
     def predict(
@@ -197,8 +210,6 @@ class ProgressKeeper(BaseCallback):
         super().__init__()
         self.settings, self.progress, self.folder = settings, progress, folder
         self._save, self._limit, self._report = save, None if minutes is None else 60.0 * minutes, report
-        self._scenarios = settings.loaded
-        self._robot = robot_of(self._scenarios)
         self._began = self._began_cpu = 0.0
         self._saved_at = -1
         self.is_over = False
@@ -240,26 +251,40 @@ class ProgressKeeper(BaseCallback):
 
     def validate(self) -> None:
         """Drive through the validation worlds, and keep the model if none did better so far."""
-        policy = InTraining(self.model, self._robot, self.settings.history)
-        seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + self.settings.eval_episodes)
-        runs = [play(policy, scenario, seeds) for scenario in self._scenarios]
-        shares = {name: round(float(np.mean([run.ended(name).mean() for run in runs])), 6) for name in ENDS}
-        times = np.concatenate([run.time[run.ended("success")] for run in runs])
-        point = Point(
-            self.num_timesteps,
-            round(self.progress.seconds, 2),
-            round(self.progress.cpu_seconds, 2),
-            **shares,
-            time=round(float(times.mean()), 3) if len(times) else None,
-        )
-        self.progress.points.append(point)
-        if self.progress.best_point is None or point.success >= self.progress.best_point.success:
-            self.progress.best_point = point
-            weights = self.model.policy.state_dict()
-            self.progress.best = {name: value.detach().clone() for name, value in weights.items()}
-        for name, value in shares.items():
-            self.logger.record(f"validation/{name}", value)
-        write_curve(self.folder / CURVE, self.progress.points)
+        point = validate(self.model.policy, self.settings, self.num_timesteps, self.progress, self.folder)
+        for name in ENDS:
+            self.logger.record(f"validation/{name}", getattr(point, name))
+
+
+def validate(network: BasePolicy, settings: AnySettings, steps: int, progress: Progress, folder: Path) -> Point:
+    """Drive through the validation worlds, and keep the network's weights if none did better so far.
+
+    Args:
+        network: of the model in training.
+        settings: of the training.
+        steps: how far it is.
+        progress: what is known of it, which is added to.
+        folder: where the curve goes.
+    """
+    scenarios = settings.loaded
+    policy = InTraining(network, robot_of(scenarios), settings.history)
+    seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.eval_episodes)
+    runs = [play(policy, scenario, seeds) for scenario in scenarios]
+    shares = {name: round(float(np.mean([run.ended(name).mean() for run in runs])), 6) for name in ENDS}
+    times = np.concatenate([run.time[run.ended("success")] for run in runs])
+    point = Point(
+        steps,
+        round(progress.seconds, 2),
+        round(progress.cpu_seconds, 2),
+        **shares,
+        time=round(float(times.mean()), 3) if len(times) else None,
+    )
+    progress.points.append(point)
+    if progress.best_point is None or point.success >= progress.best_point.success:
+        progress.best_point = point
+        progress.best = {name: value.detach().clone() for name, value in network.state_dict().items()}
+    write_curve(folder / CURVE, progress.points)
+    return point
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -289,7 +314,40 @@ def train(
         progress: whether to show a bar on the terminal.
 
     Raises:
-        ValueError: a seed below 0, a model to begin with that does not fit, or `out` is of another training or in use.
+        ValueError: a training that learns offline, a seed below 0, a model to begin with that does not fit, or `out` is of
+            another training or in use.
+    """
+    if isinstance(settings, OfflineSettings):
+        raise ValueError(f"{settings.algo} learns offline, from recorded episodes: see agents/learning/offline.py")
+    work = partial(_train_in, threads=threads, tensorboard=tensorboard, progress=progress)
+    return train_in_folder(settings, out, seed, minutes, work)
+
+
+class Work(Protocol):
+    """What trains a model in its folder."""
+
+    def __call__(
+        self, folder: Path, settings: Any, seed: int, begun: Path | None, *, minutes: float | None
+    ) -> Progress:
+        """Train it.
+
+        Args:
+            folder: which is there, and belongs to this process alone.
+            settings: what to train.
+            seed: of the network and the worlds.
+            begun: folder of the model that it begins with, if any.
+            minutes: time of training after which it ends early.
+        """
+        ...
+
+
+def train_in_folder(
+    settings: AnySettings, out: str | os.PathLike[str], seed: int, minutes: float | None, work: Work
+) -> Progress:
+    """Have a model trained in a folder that nobody else writes to, and that holds no other training's model.
+
+    Raises:
+        ValueError: as `train` has it.
     """
     seed = checked_seed(seed)
     if minutes is not None:
@@ -304,16 +362,7 @@ def train(
         require_same(folder, settings, [seed])  # somebody may have ended just now
         torch.set_flush_denormal(True)
         try:
-            return _train_in(
-                folder,
-                settings,
-                seed,
-                begun,
-                minutes=minutes,
-                threads=threads,
-                tensorboard=tensorboard,
-                progress=progress,
-            )
+            return work(folder, settings, seed, begun, minutes=minutes)
         finally:
             torch.set_flush_denormal(False)  # it holds for all that this process computes, not for torch alone
 
@@ -350,20 +399,29 @@ def _train_in(
     torch.set_num_threads(threads or usable_cores())
     env = make_training_env(settings, seed)
     model = make_model(settings, env, seed)
-    if begun is not None:
-        load_weights(begun / WEIGHTS, model.policy, read_config(begun)["sha256"][WEIGHTS])
+    begin_with(model.policy, begun)
     goes_on = isinstance(model, PPO) and (folder / CHECKPOINT).exists()
     kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
     left = settings.n_timesteps - model.num_timesteps
-    with _bar(settings, shown=progress) as report:
+    with bar(settings, shown=progress) as report:
         keeper = ProgressKeeper(settings, kept, folder, save=save, minutes=minutes, report=report)
         model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
     if save is not None and not keeper.is_over:
         save()
-    write_best(folder, settings, model, kept, seed)
+    write_best(folder, settings, model.policy, kept, seed)
     env.close()
     return kept
+
+
+def begin_with(network: BasePolicy, begun: Path | None) -> None:
+    """Give a network the weights of the model that its training begins with, if any.
+
+    Raises:
+        ValueError: its files are damaged, or it is another network.
+    """
+    if begun is not None:
+        load_weights(begun / WEIGHTS, network, read_config(begun)["sha256"][WEIGHTS])
 
 
 def usable_cores() -> int:
@@ -402,15 +460,31 @@ def resume(
     return kept, partial(save_checkpoint, path, model, env, kept, identity)
 
 
-def write_best(folder: Path, settings: AnySettings, model: BaseAlgorithm, kept: Progress, seed: int) -> None:
-    """Judge the weights that did best in the held-out worlds, and write them as an agent."""
+def write_best(
+    folder: Path,
+    settings: AnySettings,
+    network: BasePolicy,
+    kept: Progress,
+    seed: int,
+    data: Mapping[str, Any] | None = None,
+) -> None:
+    """Judge the weights that did best in the held-out worlds, and write them as an agent.
+
+    Args:
+        folder: where to.
+        settings: of the training.
+        network: of its model.
+        kept: its validations, with the weights that did best.
+        seed: of the training.
+        data: of an offline training: what its episodes were collected of.
+    """
     assert kept.best_point is not None  # the end of learning validates
-    model.policy.load_state_dict(kept.best)
-    policy = InTraining(model, robot_of(settings.loaded), settings.history)
+    network.load_state_dict(kept.best)
+    policy = InTraining(network, robot_of(settings.loaded), settings.history)
     tests = range(TEST_SEEDS, TEST_SEEDS + settings.test_episodes)
     held_out = {scenario.name: play(policy, scenario, tests).summary() for scenario in settings.loaded}
     run = {"curve": [asdict(point) for point in kept.points], "best": asdict(kept.best_point), "held_out": held_out}
-    write_agent(folder, model, settings, policy.robot, {str(seed): run})
+    write_agent(folder, network, settings, policy.robot, {str(seed): run}, data)
 
 
 def is_done(settings: AnySettings, folder: Path, seed: int) -> bool:
@@ -431,6 +505,7 @@ def train_seeds(
     minutes: float | None = None,
     threads: int | None = None,
     progress: bool = False,
+    workers: Workers = 1,
 ) -> Path:
     """Train a model for each seed; what is done already is not done again.
 
@@ -438,7 +513,8 @@ def train_seeds(
         settings: what to train.
         out: folder of the model; with several seeds `seed-0`, `seed-1` ... in it, and the best in `agent`.
         seeds: one a model.
-        minutes, threads, progress: as `train` takes them.
+        minutes, threads, progress: as `train` takes them; where others do the work, a thread each and no bar.
+        workers: who trains: this process, so many others, or a cluster.
 
     Returns:
         The folder of the model, of several the one that did best in its validation.
@@ -446,17 +522,44 @@ def train_seeds(
     Raises:
         ValueError: as `train` has it; nothing is trained then that would replace the model of another training.
     """
+    one = partial(train, minutes=minutes, threads=threads, progress=progress)
+    if are_several(workers):
+        one = partial(train, minutes=minutes, threads=threads or 1, tensorboard=False)
+    return each_seed(settings, out, seeds, one, workers)
+
+
+def each_seed(
+    settings: AnySettings,
+    out: str | os.PathLike[str],
+    seeds: Sequence[int],
+    one: Callable[..., Progress],
+    workers: Workers = 1,
+) -> Path:
+    """Train a model for each seed, as `train_seeds` says.
+
+    Args:
+        settings, out, seeds, workers: as `train_seeds` takes them.
+        one: trains one, of settings and folder and `seed`.
+    """
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
     if len(folders) > 1:
         require_same(Path(out) / "agent", settings, seeds)
-    for seed, folder in zip(seeds, folders, strict=True):
-        if not is_done(settings, folder, seed):
-            train(settings, folder, seed=seed, minutes=minutes, threads=threads, progress=progress)
+    missing = [
+        (seed, folder) for seed, folder in zip(seeds, folders, strict=True) if not is_done(settings, folder, seed)
+    ]
+    if are_several(workers):
+        for seed, folder in missing:
+            require_same(folder, settings, [seed])
+        for _ in train_each([Job(one, settings, seed, folder) for seed, folder in missing], workers):
+            pass
+    else:
+        for seed, folder in missing:
+            one(settings, folder, seed=seed)
     return folders[0] if len(folders) == 1 else gather(folders, Path(out) / "agent")
 
 
 @contextmanager
-def _bar(settings: AnySettings, *, shown: bool) -> Iterator[Callable[[int, Point | None], None]]:
+def bar(settings: AnySettings, *, shown: bool) -> Iterator[Callable[[int, Point | None], None]]:
     """A way to show how far a training is."""
     if not shown:
         yield lambda steps, point: None

@@ -51,6 +51,12 @@ COMMANDS: dict[str, Command] = {
         "bug-gym train ppo_dynamic --out results/ppo_dynamic",
         goes_on=True,
     ),
+    "sweep": Command(
+        "bug_gym.commands.sweep",
+        "Train with other values each, every combination or by a search, and tell which did best.",
+        "bug-gym sweep ppo_dynamic --workers 2 --out results/sweep",
+        goes_on=True,
+    ),
     "push": Command(
         "bug_gym.commands.push",
         "Put a trained model onto the Hugging Face Hub; `hf://user/name` then is a policy anywhere.",

@@ -1,4 +1,4 @@
-"""`bug-gym list`: names of scenarios, policies, suites, trainings and reproductions."""
+"""`bug-gym list`: names of scenarios, policies, suites, trainings, sweeps and reproductions."""
 
 from __future__ import annotations
 
@@ -57,6 +57,12 @@ def _trainings() -> list[tuple[str, str]]:
     return [(name, _first_comment(TRAIN_FOLDER / f"{name}.yaml")) for name in training_names()]
 
 
+def _sweeps() -> list[tuple[str, str]]:
+    from bug_gym.agents.learning.sweep_settings import SWEEP_FOLDER, sweep_names  # loads the compiler
+
+    return [(name, _first_comment(SWEEP_FOLDER / f"{name}.yaml")) for name in sweep_names()]
+
+
 def _parameters() -> list[tuple[str, str]]:
     from bug_gym.agents import parameters_table  # loads the compiler
 
@@ -72,6 +78,7 @@ LISTS = {
     "policies": _policies,
     "suites": _suites,
     "trainings": _trainings,
+    "sweeps": _sweeps,
     "reproductions": _reproductions,
 }
 """What `bug-gym list` prints, in this order."""

@@ -33,6 +33,7 @@ REPRODUCTIONS: dict[str, str] = {
     "apf-wall-following": "apf_wall_following",
     "learned": "learned",
     "ppo-curve": "ppo_curve",
+    "offline": "offline",
     "predictors": "predictors",
     "tracking": "tracking",
     "scripted-and-learned": "scripted_and_learned",

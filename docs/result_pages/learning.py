@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from bug_gym.reproductions import scripted_and_learned
+from bug_gym.reproductions import offline, scripted_and_learned
 from result_pages import Page, Record
 from result_pages.words import between, listed, number, percent, picture, table
 
@@ -101,6 +101,44 @@ def ppo_curve(found: Record) -> Page:
         "Validation does not count as time. The step size falls to 0 at the last step: this is a whole training, not the "
         "beginning of a longer one.",
         [(f"each training ends with at least {percent(gate)} % in validation worlds", min(last) >= gate)],
+    )
+
+
+def offline_learning(found: Record) -> Page:
+    """Models of recorded episodes, beside who drove them and beside PPO."""
+
+    def line(label: str, runs: Sequence[Record], seeds: str) -> list[str]:
+        one = offline.pooled(runs)
+        ends = [percent(sum(run[end] for run in runs) / len(runs)) for end in ("collision", "timeout")]
+        by_seed = ", ".join(percent(run["success"]) for run in runs)
+        success = f"{percent(one['success'])} ({between(one['low'], one['high'])})"
+        return [f"`{label}`", seeds, success, by_seed, *ends, number(100 * one["score"], 1), number(one["minutes"], 1)]
+
+    rows = [line(label, runs, str(len(runs))) for label, runs in found["trainings"].items()]
+    rows += [line(name, [one], "-") for name, one in found["beside"].items()]
+    drivers = offline.MIXED["data"]["policies"]
+    best = max(drivers, key=lambda name: float(found["beside"][name]["success"]))
+    seeds = f"{found['seeds']} training seed{'s' * (found['seeds'] != 1)}"
+    return Page(
+        [
+            table(
+                f"{found['worlds']} held-out worlds of `{found['scenario']}`, {seeds} a row",
+                [
+                    *("", "seeds", "success [%] (95 %)", "by seed [%]", "collision [%]", "timeout [%]"),
+                    *("normalised score", "minutes of one core"),
+                ],
+                rows,
+            )
+        ],
+        f"Each number is of {seeds} of each kind ({offline.SEEDS} unless `--seeds` says otherwise). The interval is of "
+        "the worlds of all seeds together and says nothing of how seeds differ. The score is 0 for `random` and 100 for "
+        f"`{offline.EXPERT}`, by their mean returns in the same worlds. Minutes are of training, the questions to DAgger's "
+        "expert included, collection and validation not; the machine was shared, so they are upper bounds.\n\n"
+        f"The mixed dataset holds as many episodes of each of {listed(f'`{name}`' for name in drivers)}, of which `{best}` "
+        f"does best ({percent(found['beside'][best]['success'])} %); `filtered_bc_mixed` clones the tenth of them with the "
+        "highest returns. The expert remembers obstacles and follows the tracks of what moves; a network that sees one scan, "
+        "or one scan and what changed, cannot tell apart all that it tells apart.",
+        list(found["claims"].items()),
     )
 
 

@@ -1,0 +1,38 @@
+"""Behaviour cloning: do what was recorded, by supervision (Pomerleau 1991).
+
+A Gaussian's mean is fitted to the actions by maximum likelihood. Filtered cloning keeps the episodes of the highest returns
+only (the "%BC" of Chen et al. 2021, section 5), which needs rewards but no critic. PPO's value is fitted beside it to the
+returns that followed, for a PPO training that begins with the clone.
+"""
+
+from __future__ import annotations
+
+import torch
+from stable_baselines3.common.policies import ActorCriticPolicy
+
+from bug_gym.agents.learning.regression import (
+    Batch,
+    actor_parameters,
+    descend,
+    regression_loss,
+    value,
+    value_parameters,
+)
+
+
+class Cloning:
+    """Behaviour cloning.
+
+    Args:
+        actor: what learns.
+    """
+
+    def __init__(self, actor: ActorCriticPolicy) -> None:
+        self.actor = actor
+        self.optimizers = [torch.optim.Adam([*actor_parameters(actor), *value_parameters(actor)])]
+
+    def update(self, batch: Batch) -> None:
+        """One gradient step."""
+        error = (value(self.actor, batch.features) - batch.returns).square().mean()
+        loss = regression_loss(self.actor, batch.features, batch.actions) + error
+        descend(self.optimizers[0], loss)

@@ -1,0 +1,278 @@
+"""Training on recorded episodes: batches in, the same folder out as that of every other training.
+
+A training that is cut off begins again: it takes minutes, and its networks and their optimisers would be a megabyte to keep
+at each validation. What it learns from is kept, and a seed that is done is not done again.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.policies import ActorCriticPolicy
+
+from bug_gym.agents.learning.cloning import Cloning
+from bug_gym.agents.learning.dagger import ask, make_expert
+from bug_gym.agents.learning.folder import CONFIG, Point, read_config
+from bug_gym.agents.learning.iql import IQL
+from bug_gym.agents.learning.progress import Progress
+from bug_gym.agents.learning.recorded import Recorded
+from bug_gym.agents.learning.regression import Batch, Learner
+from bug_gym.agents.learning.settings import AnyOffline, CloningSettings, DaggerSettings, IQLSettings, TD3BCSettings
+from bug_gym.agents.learning.td3_bc import TD3BC
+from bug_gym.agents.learning.training import (
+    SEED_BLOCK,
+    InTraining,
+    bar,
+    begin_with,
+    each_seed,
+    make_training_env,
+    network_arguments,
+    robot_of,
+    train_in_folder,
+    validate,
+    write_best,
+)
+from bug_gym.held_out import TRAINING_SEEDS
+from bug_gym.workers import Workers, are_several
+
+AT_ONCE = 65_536
+"""Observations that are encoded together."""
+TOLD = 100
+"""Gradient steps from one time that progress is shown to the next."""
+
+
+class Samples:
+    """The steps of recorded episodes as tensors, encoded, to draw batches from.
+
+    Args:
+        actor: whose encoding it is.
+        settings: of the training.
+        seed: of the draws.
+    """
+
+    def __init__(self, actor: ActorCriticPolicy, settings: AnyOffline, seed: int) -> None:
+        self._actor, self._settings = actor, settings
+        self._robot = robot_of(settings.loaded)
+        self._generator = torch.Generator().manual_seed(seed)
+        self._parts: list[Batch] = []
+        self._all: Batch | None = None
+
+    def add(self, episodes: Recorded) -> None:
+        """Take in some episodes."""
+        scaled = self._settings.reward_scale
+        features = self._encoded(episodes.with_history(self._robot, self._settings.history))
+        seen = torch.from_numpy(episodes.seen)
+        self._parts.append(
+            Batch(
+                features[seen],
+                torch.from_numpy(episodes.actions),
+                _tensor(scaled * episodes.rewards),
+                features[seen + 1],
+                _tensor(~episodes.is_final),
+                _tensor(scaled * episodes.returns(self._settings.gamma)),
+            )
+        )
+        self._all = Batch(*(torch.cat(parts) for parts in zip(*self._parts, strict=True)))
+        self._parts = [self._all]
+
+    @torch.no_grad()
+    def _encoded(self, episodes: Recorded) -> torch.Tensor:
+        pieces = torch.split(torch.from_numpy(episodes.observations), AT_ONCE)
+        return torch.cat([self._actor.pi_features_extractor(piece) for piece in pieces])
+
+    def draw(self) -> Batch:
+        """A batch of steps, each drawn from all of them."""
+        assert self._all is not None
+        count = len(self._all.rewards)
+        chosen = torch.randint(count, (self._settings.batch_size,), generator=self._generator)
+        return Batch(*(part[chosen] for part in self._all))
+
+
+def _tensor(values: Any) -> torch.Tensor:
+    return torch.from_numpy(np.asarray(values, dtype=np.float32))
+
+
+def make_actor(settings: AnyOffline, seed: int) -> ActorCriticPolicy:
+    """An untrained actor: the network of stable-baselines3's PPO."""
+    env = make_training_env(settings, seed)
+    torch.manual_seed(seed)
+    arguments = network_arguments(settings) | {"log_std_init": settings.policy_kwargs.log_std_init}
+    actor = ActorCriticPolicy(env.observation_space, env.action_space, settings.rate, **arguments)
+    env.close()
+    return actor
+
+
+def make_learner(settings: AnyOffline, actor: ActorCriticPolicy) -> Learner:
+    """The algorithm of a training."""
+    if isinstance(settings, IQLSettings):
+        return IQL(actor, settings)
+    return TD3BC(actor, settings) if isinstance(settings, TD3BCSettings) else Cloning(actor)
+
+
+def train_offline(
+    settings: AnyOffline,
+    out: str | os.PathLike[str],
+    *,
+    episodes: Recorded | None = None,
+    seed: int = 0,
+    minutes: float | None = None,
+    threads: int = 1,
+    progress: bool = False,
+) -> Progress:
+    """Train a model on recorded episodes, or on an expert's answers.
+
+    Args:
+        settings: what to train, from `load_settings`.
+        out: its folder: curve.csv, and in the end the agent, for `make_policy`.
+        episodes: to learn from; DAgger has the expert's answers and takes none.
+        seed: of the networks and batches, and of DAgger's worlds.
+        minutes: time of training after which it ends early, at a validation; None: it does not.
+        threads: of torch. Runs with different numbers differ in the last bits.
+        progress: whether to show a bar on the terminal.
+
+    Raises:
+        ValueError: no episodes, or such that DAgger has no use for; a seed below 0, a model to begin with that does not
+            fit, an expert that cannot be asked, or `out` is of another training or in use.
+    """
+    if (episodes is None) != isinstance(settings, DaggerSettings):
+        expected = "no episodes" if isinstance(settings, DaggerSettings) else "episodes to learn from"
+        raise ValueError(f"{settings.algo}: expected {expected}, got {'none' if episodes is None else 'some'}")
+    if isinstance(settings, DaggerSettings):
+        make_expert(settings.expert, settings.loaded[0])  # what cannot be asked is found out before anything is written
+    require_same_data(Path(out), episodes)
+    work = partial(_train_in, episodes=episodes, threads=threads, progress=progress)
+    return train_in_folder(settings, out, seed, minutes, work)
+
+
+def train_offline_seeds(
+    settings: AnyOffline,
+    out: str | os.PathLike[str],
+    *,
+    episodes: Recorded | None = None,
+    seeds: Sequence[int] = (0,),
+    workers: Workers = 1,
+    **arguments: Any,
+) -> Path:
+    """Train a model for each seed; what is done already is not done again.
+
+    Args:
+        settings: what to train.
+        out: folder of the model; with several seeds `seed-0`, `seed-1` ... in it, and the best in `agent`.
+        episodes: to learn from, as `train_offline` takes them.
+        seeds: one a model.
+        workers: who trains: this process, so many others, or a cluster.
+        **arguments: as `train_offline` takes them.
+
+    Returns:
+        The folder of the model, of several the one that did best in its validation.
+
+    Raises:
+        ValueError: as `train_offline` has it.
+    """
+    for folder in (Path(out), *(Path(out) / f"seed-{seed}" for seed in seeds)):
+        require_same_data(folder, episodes)
+    if are_several(workers):
+        arguments = {**arguments, "progress": False}
+    return each_seed(settings, out, seeds, partial(train_offline, episodes=episodes, **arguments), workers)
+
+
+def require_same_data(folder: Path, episodes: Recorded | None) -> None:
+    """Refuse a folder with a model that has learnt from other episodes.
+
+    Raises:
+        ValueError: it has.
+    """
+    if not (folder / CONFIG).exists():
+        return
+    was, now = read_config(folder).get("data"), None if episodes is None else episodes.origin
+    if was != now:
+        keys = [
+            key for key in dict.fromkeys([*(was or {}), *(now or {})]) if (was or {}).get(key) != (now or {}).get(key)
+        ]
+        raise ValueError(
+            f"{folder} is of another training: it learnt from other episodes ({', '.join(keys[:3])} differ)"
+        )
+
+
+def _train_in(
+    folder: Path,
+    settings: AnyOffline,
+    seed: int,
+    begun: Path | None,
+    *,
+    minutes: float | None,
+    episodes: Recorded | None,
+    threads: int,
+    progress: bool,
+) -> Progress:
+    torch.set_num_threads(threads)
+    actor = make_actor(settings, seed)
+    begin_with(actor, begun)
+    learner, samples, kept = make_learner(settings, actor), Samples(actor, settings, seed), Progress()
+    gather = _gatherer(settings, actor, samples, seed, episodes)
+    done = 0
+    with bar(settings, shown=progress) as report:
+        while done < settings.n_timesteps and not (minutes is not None and kept.seconds >= 60.0 * minutes):
+            with timed(kept):
+                gather(done // settings.eval_freq)
+                last = kept.points[-1] if kept.points else None
+                done = _learn(learner, samples, settings, done, _with(report, last))
+            report(done, validate(actor, settings, done, kept, folder))
+    write_best(folder, settings, actor, kept, seed, None if episodes is None else episodes.origin)
+    return kept
+
+
+def _with(report: Callable[[int, Point | None], None], last: Point | None) -> Callable[[int], None]:
+    """What shows the number of steps, beside the last validation."""
+    return lambda steps: report(steps, last)
+
+
+def _learn(learner: Learner, samples: Samples, settings: AnyOffline, done: int, report: Callable[[int], None]) -> int:
+    """Take the gradient steps up to the next validation; returns how many have been taken then."""
+    end = min(done + settings.eval_freq, settings.n_timesteps)
+    for step in range(done, end):
+        rate = settings.rate(1.0 - step / settings.n_timesteps)
+        for optimizer in learner.optimizers:
+            optimizer.param_groups[0]["lr"] = rate
+        learner.update(samples.draw())
+        if step % TOLD == 0:
+            report(step)
+    return end
+
+
+def _gatherer(
+    settings: AnyOffline, actor: ActorCriticPolicy, samples: Samples, seed: int, episodes: Recorded | None
+) -> Callable[[int], None]:
+    """What gives the samples more to learn from, before each round of gradient steps."""
+    if isinstance(settings, DaggerSettings):
+        return partial(_ask_expert, settings, actor, samples, seed)
+    assert episodes is not None
+    kept = episodes.best(settings.keep_best) if isinstance(settings, CloningSettings) else episodes
+    return lambda number: samples.add(kept) if number == 0 else None
+
+
+def _ask_expert(settings: DaggerSettings, actor: ActorCriticPolicy, samples: Samples, seed: int, number: int) -> None:
+    """A round of DAgger, in worlds that no other round sees; in the first the expert drives."""
+    (scenario,) = settings.loaded
+    count = settings.episodes_per_round
+    first = TRAINING_SEEDS + seed * SEED_BLOCK + number * count
+    learner = InTraining(actor, robot_of([scenario]), settings.history) if number else None
+    expert = make_expert(settings.expert, scenario)
+    samples.add(ask(expert, learner, scenario, range(first, first + count), settings.n_envs))
+
+
+@contextmanager
+def timed(kept: Progress) -> Iterator[None]:
+    """Count what is done meanwhile as training."""
+    began, began_cpu = time.perf_counter(), time.process_time()
+    yield
+    kept.seconds += time.perf_counter() - began
+    kept.cpu_seconds += time.process_time() - began_cpu

@@ -1,0 +1,132 @@
+"""What offline algorithms share: the actor, which is PPO's network, its regression onto actions, and critics.
+
+The actor answers with the mean of a Gaussian, cut to [-1, 1] in play. It is the network of stable-baselines3's PPO, key for
+key, so that a PPO training can begin with a cloned model and the other way round.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import torch
+from stable_baselines3.common.policies import ActorCriticPolicy
+
+from bug_gym.agents.learning.settings import PolicyKwargs
+
+LEAST_LOG_STD = -2.0
+"""Lowest logarithm of the standard deviation of actions; below it, the last bits of an action would decide."""
+
+
+class Batch(NamedTuple):
+    """Some steps (b,) of recorded episodes."""
+
+    features: torch.Tensor
+    """What the network sees, encoded (b, F)."""
+    actions: torch.Tensor
+    """(b, 2)."""
+    rewards: torch.Tensor
+    """(b,), scaled."""
+    following: torch.Tensor
+    """Features of what came of it (b, F)."""
+    goes_on: torch.Tensor
+    """0 where the episode terminated with the step (b,), else 1."""
+    returns: torch.Tensor
+    """Discounted sum of the scaled rewards from here on (b,)."""
+
+
+class Learner(Protocol):
+    """An algorithm: it changes the actor's weights, batch by batch."""
+
+    @property
+    def optimizers(self) -> Sequence[torch.optim.Optimizer]:
+        """Whose step sizes a training sets."""
+        ...
+
+    def update(self, batch: Batch) -> None:
+        """Take one gradient step of each of its networks."""
+        ...
+
+
+def mean_action(actor: ActorCriticPolicy, features: torch.Tensor) -> torch.Tensor:
+    """The actor's answer (b, 2) before it is cut to [-1, 1]."""
+    answer: torch.Tensor = actor.action_net(actor.mlp_extractor.forward_actor(features))
+    return answer
+
+
+def actor_parameters(actor: ActorCriticPolicy) -> list[torch.nn.Parameter]:
+    """The weights that an action depends on, and its standard deviation."""
+    return [*actor.mlp_extractor.policy_net.parameters(), *actor.action_net.parameters(), actor.log_std]
+
+
+def value_parameters(actor: ActorCriticPolicy) -> list[torch.nn.Parameter]:
+    """The weights of the value that PPO begins with."""
+    return [*actor.mlp_extractor.value_net.parameters(), *actor.value_net.parameters()]
+
+
+def value(actor: ActorCriticPolicy, features: torch.Tensor) -> torch.Tensor:
+    """What the actor's own critic, PPO's, makes of some features (b,)."""
+    found: torch.Tensor = actor.value_net(actor.mlp_extractor.forward_critic(features))[:, 0]
+    return found
+
+
+def regression_loss(
+    actor: ActorCriticPolicy, features: torch.Tensor, actions: torch.Tensor, weights: torch.Tensor | None = None
+) -> torch.Tensor:
+    """Mean negative logarithm of the density that the actor's Gaussian gives some actions (b, 2), weighted by (b,)."""
+    log_std = torch.clamp(actor.log_std, min=LEAST_LOG_STD)
+    errors = (actions - mean_action(actor, features)) * torch.exp(-log_std)
+    losses = (0.5 * errors.square() + log_std).sum(dim=1)
+    return (losses if weights is None else weights * losses).mean()
+
+
+def layers(inputs: int, kwargs: PolicyKwargs) -> torch.nn.Sequential:
+    """A network of one output, with the hidden layers of the actor."""
+    kind = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}[kwargs.activation_fn]
+    widths = [inputs, *kwargs.net_arch]
+    hidden = [(torch.nn.Linear(a, b), kind()) for a, b in zip(widths[:-1], widths[1:], strict=True)]
+    return torch.nn.Sequential(*(part for pair in hidden for part in pair), torch.nn.Linear(widths[-1], 1))
+
+
+class TwinCritics(torch.nn.Module):
+    """Two independent judges of features and action, of which the lower is believed: TD3's clipped double Q-learning.
+
+    Args:
+        features: how many.
+        kwargs: of the network.
+    """
+
+    def __init__(self, features: int, kwargs: PolicyKwargs) -> None:
+        super().__init__()
+        self.first, self.second = (layers(features + 2, kwargs) for _ in range(2))
+
+    def forward(self, features: torch.Tensor, actions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Both values (b,) of actions (b, 2)."""
+        both = torch.cat([features, actions], dim=1)
+        first, second = self.first(both)[:, 0], self.second(both)[:, 0]
+        return first, second
+
+    def error(self, features: torch.Tensor, actions: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+        """Mean squared error of both against the same target (b,)."""
+        first, second = self.forward(features, actions)
+        return (first - target).square().mean() + (second - target).square().mean()
+
+
+def target_of(network: torch.nn.Module) -> torch.nn.Module:
+    """A copy that follows a network slowly and takes no gradient."""
+    return copy.deepcopy(network).requires_grad_(False)
+
+
+@torch.no_grad()
+def follow(target: torch.nn.Module, network: torch.nn.Module, tau: float) -> None:
+    """Move a target by a share of the way to its network."""
+    for slow, fast in zip(target.parameters(), network.parameters(), strict=True):
+        slow.lerp_(fast, tau)
+
+
+def descend(optimizer: torch.optim.Optimizer, loss: torch.Tensor) -> None:
+    """One gradient step."""
+    optimizer.zero_grad()
+    torch.autograd.backward(loss)
+    optimizer.step()

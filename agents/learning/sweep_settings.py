@@ -1,0 +1,156 @@
+"""What a sweep over trainings is, as data: configs/sweeps/*.yaml."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
+
+from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, load_settings
+from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, read_yaml
+from bug_gym.naming import nearest_hint
+from bug_gym.schema.errors import wrong
+from bug_gym.schema.values import AtLeastOne, Number, Part
+
+if TYPE_CHECKING:
+    import optuna
+
+SWEEP_FOLDER = SCENARIO_FOLDER.parent / "sweeps"
+
+
+class Range(Part):
+    """Numbers from which a search takes one."""
+
+    low: Number
+    """The least."""
+    high: Number
+    """The greatest."""
+    log: bool = False
+    """Whether their logarithms are equally likely."""
+    step: Number | None = None
+    """Only the least and so many more; whole numbers where all three are."""
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        if self.low >= self.high:
+            raise wrong(f"got {self.high}, expected more than low ({self.low})", "high")
+        if self.log and (self.low <= 0.0 or self.step is not None):
+            raise wrong(f"got low {self.low} and step {self.step}, expected a low above 0 and no step with log", "low")
+        return self
+
+    def suggested(self, trial: optuna.Trial, name: str) -> float:
+        """What a trial takes."""
+        numbers = [self.low, self.high, *([] if self.step is None else [self.step])]
+        if self.step is not None and all(float(number).is_integer() for number in numbers):
+            return trial.suggest_int(name, int(self.low), int(self.high), step=int(self.step))
+        return trial.suggest_float(name, self.low, self.high, log=self.log, step=self.step)
+
+
+Choice = str | bool | int | float
+"""A value that a key of a training takes."""
+
+
+def _kind(values: object) -> str:
+    return "range" if isinstance(values, Mapping | Range) else "values"
+
+
+Choices = Annotated[
+    Annotated[tuple[Choice, ...], Tag("values")] | Annotated[Range, Tag("range")],
+    Discriminator(_kind),
+]
+"""Values to choose from, or a range."""
+
+
+class SweepSettings(Part):
+    """What a sweep is."""
+
+    name: str = "sweep"
+    """What it is called; a file's stem where the file gives none."""
+    training: str
+    """The training that is changed, by name or path."""
+    overrides: dict[str, Any] = {}
+    """Values of the training that are the same in all trials."""
+    seeds: AtLeastOne = 1
+    """Models of a trial, which counts by the mean of their best validations."""
+    sampler: Literal["grid", "tpe"] = "grid"
+    """Every combination of values, or a search by the tree-structured Parzen estimator (Bergstra et al. 2011)."""
+    trials: AtLeastOne | None = None
+    """How many a search makes."""
+    space: dict[str, Choices] = Field(min_length=1)
+    """By key of the training: values to choose from, or of a search a range."""
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        ranges = [key for key, values in self.space.items() if isinstance(values, Range)]
+        if self.sampler == "grid" and ranges:
+            raise wrong(
+                f"got a range, expected a list of values in a grid, or sampler: tpe ({', '.join(ranges)})", "space"
+            )
+        if (self.sampler == "tpe") != (self.trials is not None):
+            raise wrong(f"got {self.trials}, expected a number with sampler tpe and none with grid", "trials")
+        if empty := [key for key, values in self.space.items() if not isinstance(values, Range) and not values]:
+            raise wrong(f"got no values of {', '.join(empty)}, expected some", "space")
+        return self
+
+    @property
+    def grid(self) -> dict[str, tuple[Choice, ...]]:
+        """The values to choose from, by key."""
+        return {key: values for key, values in self.space.items() if not isinstance(values, Range)}
+
+    @property
+    def total(self) -> int:
+        """How many trials it has."""
+        return math.prod(map(len, self.grid.values())) if self.trials is None else self.trials
+
+
+def sweep_names() -> list[str]:
+    """Names of the sweeps that come with the package, sorted."""
+    return sorted(path.stem for path in SWEEP_FOLDER.glob("*.yaml"))
+
+
+def load_sweep(source: str | Path | Mapping[str, Any]) -> SweepSettings:
+    """The settings of a sweep, each combination of which is a training.
+
+    Args:
+        source: a name of `sweep_names()`, the path of a YAML file, or a mapping.
+
+    Raises:
+        ScenarioError: what is unknown or not allowed, with its key.
+    """
+    label, data = str(source), source
+    if isinstance(source, Mapping):
+        label, data = "sweep", dict(source)
+    elif isinstance(source, str) and source in sweep_names():
+        data = read_yaml(SWEEP_FOLDER / f"{source}.yaml")
+    elif isinstance(source, str) and "/" not in source and not source.endswith((".yaml", ".yml")):
+        hint = nearest_hint(source, sweep_names())
+        raise ScenarioError(f"no sweep {source!r}{hint} (known: {', '.join(sweep_names())})")
+    else:
+        data = read_yaml(expanded(source))
+    try:
+        settings = SweepSettings.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, label)) from None
+    if isinstance(trained_with(settings, _first_values(settings)), OfflineSettings):
+        raise ScenarioError(
+            f"{label}: training: {settings.training} learns offline, expected one that learns in worlds"
+        )
+    return settings
+
+
+def _first_values(settings: SweepSettings) -> dict[str, Any]:
+    """A value for each key: so that a key or a value that cannot be is told before anything is trained."""
+    return {
+        key: (int(values.low) if float(values.low).is_integer() and values.step else values.low)
+        if isinstance(values, Range)
+        else values[0]
+        for key, values in settings.space.items()
+    }
+
+
+def trained_with(settings: SweepSettings, values: Mapping[str, Any]) -> AnySettings:
+    """The settings of one trial's training."""
+    return load_settings(settings.training, {**settings.overrides, **values})

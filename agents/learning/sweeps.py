@@ -1,0 +1,164 @@
+"""Many trainings with other values each, every one or by a search, and which did best: Optuna proposes, workers train.
+
+What is done is kept in Optuna's own storage, `study.db` in the folder, and in a folder for each trial and seed: a sweep that
+was cut off goes on, and Optuna's tools read it.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import product
+from pathlib import Path
+from statistics import mean
+from typing import TYPE_CHECKING
+
+from bug_gym.agents.learning.elsewhere import Job, train_each
+from bug_gym.agents.learning.folder import read_config
+from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings, trained_with
+from bug_gym.agents.learning.training import is_done, require_same, train
+from bug_gym.checks import needed_from
+from bug_gym.files import one_writer, replaced_when_done
+from bug_gym.workers import Crew, Workers
+
+if TYPE_CHECKING:
+    import optuna
+
+STUDY, TABLE = "study.db", "sweep.csv"
+"""Files of a sweep: what Optuna keeps, and its trials as a table."""
+
+
+def sweep(
+    settings: SweepSettings,
+    out: Path,
+    *,
+    workers: Workers = 1,
+    report: Callable[[str], None] = lambda line: None,
+) -> Path:
+    """Train all trials that are not done yet, a seed on each worker at a time.
+
+    Args:
+        settings: from `load_sweep`.
+        out: its folder: study.db, sweep.csv, and `trial-0/seed-0` ... with the models.
+        workers: who trains.
+        report: is told a line for each trial that has ended.
+
+    Returns:
+        The folder of the best trial.
+
+    Raises:
+        ImportError: Optuna is not installed; the message names the extra.
+        ValueError: the folder is of another sweep, or in use.
+    """
+    with needed_from("sweep", "a sweep"):
+        import optuna
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    out.mkdir(parents=True, exist_ok=True)
+    with one_writer(out):
+        study = _study(settings, out)
+        _begin_unfinished_again(study)
+        if settings.sampler == "grid":
+            _ask_whole_grid(study, settings.grid)
+        while (left := settings.total - _finished(study)) > 0:
+            at_once = max(workers.size if isinstance(workers, Crew) else workers, 1)
+            trials = [study.ask() for _ in range(min(left, max(at_once // settings.seeds, 1)))]
+            _train_trials(settings, out, trials, workers)
+            for trial in trials:
+                value = _value(settings, out, trial.number)
+                study.tell(trial, value)
+                report(f"trial {trial.number}: {100.0 * value:.1f} % with {trial.params}")
+                _write_table(study, out / TABLE)
+    return out / f"trial-{study.best_trial.number}"
+
+
+def _study(settings: SweepSettings, out: Path) -> optuna.Study:
+    """The study of a folder, or a new one.
+
+    Raises:
+        ValueError: it is of another sweep.
+    """
+    import optuna
+
+    study = optuna.create_study(
+        storage=f"sqlite:///{out.absolute() / STUDY}",
+        sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),  # a grid's trials are all enqueued
+        study_name="sweep",
+        direction="maximize",
+        load_if_exists=True,
+    )
+    here = settings.model_dump(mode="json")
+    was = study.user_attrs.get("settings", here)
+    for key in here:
+        if was[key] != here[key]:
+            raise ValueError(f"{out} is of another sweep: {key} was {was[key]!r}, is now {here[key]!r}")
+    study.set_user_attr("settings", here)
+    return study
+
+
+def _finished(study: optuna.Study) -> int:
+    from optuna.trial import TrialState
+
+    return sum(trial.state == TrialState.COMPLETE for trial in study.trials)
+
+
+def _begin_unfinished_again(study: optuna.Study) -> None:
+    """What was under way when a sweep was cut off is asked for again, with the same values."""
+    from optuna.trial import TrialState
+
+    for trial in study.trials:
+        if trial.state == TrialState.RUNNING:
+            study.tell(trial.number, state=TrialState.FAIL)
+            study.enqueue_trial(trial.params)
+
+
+def _ask_whole_grid(study: optuna.Study, grid: Mapping[str, Sequence[Choice]]) -> None:
+    """Have each combination waiting, but for those that are done or waiting already."""
+    from optuna.trial import TrialState
+
+    done = [trial.params for trial in study.trials if trial.state == TrialState.COMPLETE]
+    waiting = [
+        trial.system_attrs["fixed_params"] for trial in study.trials if trial.state == TrialState.WAITING
+    ]  # where Optuna keeps what was enqueued
+    for values in product(*grid.values()):
+        combination = dict(zip(grid, values, strict=True))
+        if combination not in done and combination not in waiting:
+            study.enqueue_trial(combination)
+
+
+def _train_trials(settings: SweepSettings, out: Path, trials: Sequence[optuna.Trial], workers: Workers) -> None:
+    one = partial(train, threads=1, tensorboard=False)
+    jobs = []
+    for trial in trials:
+        values = {
+            key: choices.suggested(trial, key)
+            if isinstance(choices, Range)
+            else trial.suggest_categorical(key, list(choices))
+            for key, choices in settings.space.items()
+        }
+        trained = trained_with(settings, values)
+        for seed in range(settings.seeds):
+            folder = out / f"trial-{trial.number}" / f"seed-{seed}"
+            require_same(folder, trained, [seed])
+            if not is_done(trained, folder, seed):
+                jobs.append(Job(one, trained, seed, folder))
+    for _ in train_each(jobs, workers):
+        pass
+
+
+def _value(settings: SweepSettings, out: Path, number: int) -> float:
+    """What a trial counts: success in the best validation, mean over its seeds."""
+    records = [read_config(out / f"trial-{number}" / f"seed-{seed}") for seed in range(settings.seeds)]
+    return float(mean(record["runs"][str(record["seed"])]["best"]["success"] for record in records))
+
+
+def _write_table(study: optuna.Study, path: Path) -> None:
+    """The trials that are done, best first."""
+    done = sorted((trial for trial in study.trials if trial.value is not None), key=lambda trial: -(trial.value or 0.0))
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(["trial", "success", *done[0].params])
+    writer.writerows([trial.number, round(trial.value or 0.0, 6), *trial.params.values()] for trial in done)
+    with replaced_when_done(path) as partial_file:
+        partial_file.write_text(text.getvalue(), encoding="utf-8")

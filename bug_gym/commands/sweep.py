@@ -1,0 +1,32 @@
+"""`bug-gym sweep`: trainings with other values each, from a sweep of configs/sweeps or of a YAML file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from bug_gym.checks import needed_from
+from bug_gym.commands.arguments import add_workers, at_least_one, workers_of
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument("name", metavar="NAME", help="a sweep (bug-gym list sweeps), or the path of a YAML file")
+    parser.add_argument("--out", type=Path, help="folder of its models (default: results/sweeps/NAME)")
+    add_workers(parser, at_least_one)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the command."""
+    with needed_from("train", "training", whole=True):
+        from bug_gym.agents.learning.sweeps import sweep  # loads torch
+    from rich.console import Console
+
+    from bug_gym.agents.learning.sweep_settings import load_sweep  # loads the compiler
+
+    settings = load_sweep(options.name)
+    options.out = options.out or Path("results", "sweeps", settings.name)
+    console = Console(stderr=True)
+    with workers_of(options) as workers:
+        best = sweep(settings, options.out, workers=workers, report=lambda line: console.print(line, highlight=False))
+    print(f"{best / 'seed-0'}: play it with --policies {best / 'seed-0'}/; all trials: {options.out / 'sweep.csv'}")

@@ -1,0 +1,152 @@
+"""Learning from what others did, among still and moving obstacles: five ways beside the expert and beside PPO.
+
+Behaviour cloning (of HD-BUG's episodes, and of a mixed dataset of HD-BUG, two bugs and chance), cloning of the best tenth of
+the mixed episodes, implicit Q-learning and TD3+BC on the mixed ones, and DAgger, which asks HD-BUG again. Each model is judged
+in the same worlds, which neither collection, training nor validation saw. The normalised score is Minari's: the mean return as
+a share of the way from the random policy's to HD-BUG's.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from statistics import mean
+from typing import Any
+
+import numpy as np
+
+from bug_gym.agents.learning.folder import read_config
+from bug_gym.agents.learning.settings import AnyOffline, DaggerSettings, OfflineSettings, load_settings
+from bug_gym.checks import needed_from
+from bug_gym.config import load
+from bug_gym.evaluation.datasets import COLLECTED, episodes_for
+from bug_gym.evaluation.demonstrations import ENDINGS, demonstrate
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.progress import progress_bar
+from bug_gym.held_out import TEST_SEEDS
+from bug_gym.intervals import wilson_interval
+from bug_gym.reproductions.result import Reproduction, Settings, Table
+
+SEEDS = 3
+WORLDS = 200
+"""Held-out worlds of each model."""
+SCENARIO = "dynamic"
+MIXED: dict[str, Any] = {"data": {"policies": ["hd_bug", "tangent_bug", "bug2", "random"], "episodes": 250}}
+TRAININGS: dict[str, tuple[str, dict[str, Any]]] = {
+    "bc_hd_bug": ("bc_hd_bug", {}),
+    "bc_mixed": ("bc_hd_bug", MIXED),
+    "filtered_bc_mixed": ("bc_hd_bug", {**MIXED, "keep_best": 0.1}),
+    "iql_mixed": ("iql_mixed", {}),
+    "td3_bc_mixed": ("td3_bc_mixed", {}),
+    "dagger_hd_bug": ("dagger_hd_bug", {}),
+}
+"""Training of configs/train, and what is changed in it, by the name of a row."""
+EXPERT, FLOOR, ONLINE = "hd_bug", "random", "ppo_dynamic"
+BESIDE = (EXPERT, "tangent_bug", "bug2", FLOOR, ONLINE)
+"""Policies that are judged in the same worlds: those of the datasets, and PPO."""
+DAGGER_AIM = 0.97
+"""Success of DAgger that the plan of the project asks for."""
+
+
+def reproduce(settings: Settings) -> Reproduction:
+    """Train and judge; `seeds` is the number of trainings of each row, `policies` names the rows.
+
+    Datasets are kept in results/datasets.
+
+    Raises:
+        ValueError: no such row.
+    """
+    with needed_from("train", "offline"):
+        from bug_gym.agents.learning.offline import train_offline  # noqa: F401  # loads torch
+    if unknown := [name for name in settings.policies if name not in TRAININGS]:
+        raise ValueError(f"rows are {', '.join(TRAININGS)}, got {unknown[0]!r}")
+    count, labels = settings.seeds or SEEDS, settings.policies or tuple(TRAININGS)
+    worlds = range(TEST_SEEDS, TEST_SEEDS + WORLDS)
+    beside = {name: _judged(name, worlds) for name in BESIDE}
+    floor, ceiling = (float(beside[name]["return"]) for name in (FLOOR, EXPERT))
+    jobs = [(label, seed) for label in labels for seed in range(count)]
+    found: dict[str, list[dict[str, Any]]] = {label: [] for label in labels}
+    with progress_bar(shown=settings.progress) as track:
+        for label, seed in track(jobs, "trainings", len(jobs)):
+            found[label].append(_trained(label, seed, worlds))
+    for one in (*beside.values(), *(run for runs in found.values() for run in runs)):
+        one["score"] = round((one["return"] - floor) / (ceiling - floor), 4)
+    data = {"worlds": WORLDS, "seeds": count, "scenario": SCENARIO, "trainings": found, "beside": beside}
+    claims = claims_of(data)
+    header = ["", "seeds", "success [%]", "95 %", "score", "minutes of one core"]
+    return Reproduction(
+        "offline",
+        [Table(f"Offline learning in {WORLDS} held-out worlds of {SCENARIO}", header, list(_rows(data)))],
+        [f"not so: {claim}" for claim, holds in claims.items() if not holds],
+        {**data, "claims": claims},
+        all(claims.values()) if claims else None,
+    )
+
+
+def claims_of(data: Mapping[str, Any]) -> dict[str, bool]:
+    """What the plan of the project asks for of the rows that there are, and whether it is so."""
+    success = {label: pooled(runs)["success"] for label, runs in data["trainings"].items()}
+    single = max(data["beside"][name]["success"] for name in MIXED["data"]["policies"])
+    claims = {}
+    if "dagger_hd_bug" in success:
+        claims[f"DAgger reaches {100 * DAGGER_AIM:g} %"] = success["dagger_hd_bug"] >= DAGGER_AIM
+    if "iql_mixed" in success:
+        claims["IQL does better than the best policy in its dataset"] = success["iql_mixed"] > single
+    if {"iql_mixed", "bc_mixed"} <= success.keys():
+        claims["IQL does better than cloning the same dataset"] = success["iql_mixed"] > success["bc_mixed"]
+    return claims
+
+
+def pooled(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Success over the worlds of all runs with its Wilson interval, mean score and mean minutes."""
+    n = sum(run["n"] for run in runs)
+    won = round(sum(run["n"] * run["success"] for run in runs))
+    interval = wilson_interval(won, n)
+    minutes = [run["minutes"] for run in runs if run["minutes"] is not None]
+    return {
+        "success": won / n,
+        "low": interval.low,
+        "high": interval.high,
+        "score": mean(run["score"] for run in runs) if "score" in runs[0] else None,
+        "minutes": mean(minutes) if minutes else None,
+    }
+
+
+def _trained(label: str, seed: int, worlds: range) -> dict[str, Any]:
+    """A model of a seed, judged."""
+    from bug_gym.agents.learning.offline import train_offline  # loads torch
+
+    name, changes = TRAININGS[label]
+    training = load_settings(name, {**changes, "test_episodes": 10})  # judged here, in worlds and by measures of all
+    assert isinstance(training, OfflineSettings)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "model"
+        kept = train_offline(training, folder, episodes=_episodes(training), seed=seed)
+        record = read_config(folder)
+        return {
+            "seed": seed,
+            "steps": record["runs"][str(seed)]["curve"][-1]["steps"],
+            **_judged(f"{folder}/", worlds),
+            "minutes": round(kept.cpu_seconds / 60.0, 2),
+        }
+
+
+def _episodes(training: AnyOffline) -> Any:
+    return None if isinstance(training, DaggerSettings) else episodes_for(training, root=COLLECTED)
+
+
+def _judged(policy: str, worlds: range) -> dict[str, Any]:
+    """How a policy does in some worlds: shares of the outcomes, and the mean return."""
+    driven = demonstrate(PolicyEntry.of(policy), ScenarioEntry(SCENARIO, load(SCENARIO), worlds), worlds)
+    shares = {end: float(np.mean(driven.outcomes == ENDINGS.index(end))) for end in ("success", "collision", "timeout")}
+    return {"n": len(worlds), **shares, "return": round(float(driven.returns().mean()), 3), "minutes": None}
+
+
+def _rows(data: Mapping[str, Any]) -> Iterator[list[str]]:
+    for label, runs in (*data["trainings"].items(), *((name, [one]) for name, one in data["beside"].items())):
+        one = pooled(runs)
+        minutes = "-" if one["minutes"] is None else f"{one['minutes']:.1f}"
+        seeds = str(len(runs)) if label in data["trainings"] else "-"
+        interval = f"{100 * one['low']:.1f} - {100 * one['high']:.1f}"
+        yield [label, seeds, f"{100 * one['success']:.1f}", interval, f"{100 * one['score']:.1f}", minutes]

@@ -1,0 +1,156 @@
+"""Trainings elsewhere leave what trainings here leave; a sweep tries what it should, goes on where it was, keeps the best."""
+
+from __future__ import annotations
+
+import csv
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS
+from bug_gym.agents.learning.settings import load_settings
+from bug_gym.agents.learning.sweep_settings import load_sweep, sweep_names, trained_with
+from bug_gym.cli import main
+from bug_gym.config import ScenarioError
+from bug_gym.evaluation import evaluate
+
+optuna = pytest.importorskip("optuna", reason="of the extra `sweep`")
+pytest.importorskip("stable_baselines3", reason="of the extra `train`")
+
+from bug_gym.agents.learning import sweeps  # noqa: E402
+from bug_gym.agents.learning.training import train, train_seeds  # noqa: E402
+
+SHORT: dict[str, Any] = {
+    "n_timesteps": 1024, "n_envs": 8, "n_steps": 32, "batch_size": 128, "n_epochs": 1, "eval_freq": 512,
+    "eval_episodes": 4, "test_episodes": 4,
+}  # fmt: skip
+"""A training of a second."""
+
+
+def test_a_training_in_another_process_leaves_the_same_model(tmp_path: Path) -> None:
+    settings = load_settings("ppo_static", SHORT)
+    train(settings, tmp_path / "here", seed=1, threads=1, tensorboard=False)
+    best = train_seeds(settings, tmp_path / "there", seeds=(0, 1), workers=2)
+    assert best == tmp_path / "there" / "agent" and (best / GRAPH).is_file()
+    for name in (WEIGHTS, GRAPH):
+        assert (tmp_path / "there" / "seed-1" / name).read_bytes() == (tmp_path / "here" / name).read_bytes()
+    here, there = (json.loads((tmp_path / part / CONFIG).read_text()) for part in ("here", "there/seed-1"))
+    assert [point["success"] for point in here["runs"]["1"]["curve"]] == [
+        point["success"] for point in there["runs"]["1"]["curve"]
+    ]
+    before = (tmp_path / "there" / "seed-0" / WEIGHTS).stat().st_mtime_ns
+    train_seeds(settings, tmp_path / "there", seeds=(0, 1), workers=2)  # all is done
+    assert (tmp_path / "there" / "seed-0" / WEIGHTS).stat().st_mtime_ns == before
+    with pytest.raises(ValueError, match="is of another training"):
+        train_seeds(load_settings("ppo_static", SHORT | {"gamma": 0.9}), tmp_path / "there", seeds=(0, 1), workers=2)
+
+
+GRID: dict[str, Any] = {
+    "training": "ppo_static",
+    "overrides": SHORT,
+    "space": {"gamma": [0.9, 0.99], "learning_rate": [1e-4, 1e-3]},
+}
+
+
+def test_a_grid_tries_each_combination_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = load_sweep(GRID)
+    real, trained = sweeps._value, []
+
+    def cut_off(*arguments: Any) -> float:
+        if len(trained) == 2:
+            raise KeyboardInterrupt
+        trained.append(arguments[2])
+        return real(*arguments)
+
+    monkeypatch.setattr(sweeps, "_value", cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        sweeps.sweep(settings, tmp_path)
+    monkeypatch.setattr(sweeps, "_value", real)
+    told: list[str] = []
+    best = sweeps.sweep(settings, tmp_path, report=told.append)
+    assert len(told) == 2
+    with (tmp_path / sweeps.TABLE).open() as file:
+        header, *rows = csv.reader(file)
+    tried = [tuple(map(float, row[2:])) for row in rows]
+    assert header == ["trial", "success", "gamma", "learning_rate"]
+    assert sorted(tried) == sorted(product([0.9, 0.99], [1e-4, 1e-3]))
+    successes = [float(row[1]) for row in rows]
+    assert successes == sorted(successes, reverse=True)
+    best_of = {row[0]: float(row[1]) for row in rows}
+    assert best_of[best.name.removeprefix("trial-")] == max(successes)
+    for number, row in ((row[0], row) for row in rows):
+        record = json.loads((tmp_path / f"trial-{number}" / "seed-0" / CONFIG).read_text())
+        assert (record["settings"]["gamma"], record["settings"]["learning_rate"]) == (float(row[2]), float(row[3]))
+        assert record["runs"]["0"]["best"]["success"] == pytest.approx(float(row[1]), abs=1e-6)
+    (played,) = evaluate(f"{best / 'seed-0'}/", "static", episodes=1)
+    assert played.policy == f"{best / 'seed-0'}/"
+    assert sweeps.sweep(settings, tmp_path, report=told.append) == best and len(told) == 2, "all is done"
+    with pytest.raises(ValueError, match="is of another sweep: seeds was 1, is now 2"):
+        sweeps.sweep(load_sweep(GRID | {"seeds": 2}), tmp_path)
+
+
+def test_a_search_keeps_to_its_ranges(tmp_path: Path) -> None:
+    space = {
+        "gamma": {"low": 0.9, "high": 0.99},
+        "learning_rate": {"low": 1e-4, "high": 1e-2, "log": True},
+        "n_steps": {"low": 16, "high": 32, "step": 16},
+        "encoding": ["linear", "clearance"],
+    }
+    settings = load_sweep(GRID | {"space": space, "sampler": "tpe", "trials": 3, "seeds": 2})
+    sweeps.sweep(settings, tmp_path, workers=2)
+    with (tmp_path / sweeps.TABLE).open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3
+    for row in rows:
+        assert 0.9 <= float(row["gamma"]) <= 0.99 and 1e-4 <= float(row["learning_rate"]) <= 1e-2
+        assert row["n_steps"] in ("16", "32") and row["encoding"] in ("linear", "clearance")
+        runs = [
+            json.loads((tmp_path / f"trial-{row['trial']}" / f"seed-{seed}" / CONFIG).read_text())["runs"][str(seed)]
+            for seed in range(2)
+        ]
+        assert float(row["success"]) == pytest.approx(sum(run["best"]["success"] for run in runs) / 2, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", sweep_names())
+def test_the_sweeps_that_come_along_are_trainings(name: str) -> None:
+    settings = load_sweep(name)
+    assert settings.name == name and settings.total >= 2
+    assert trained_with(settings, {}).name
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"training": "ppo_statik"}, "did you mean 'ppo_static'"),
+        ({"training": "bc_hd_bug", "overrides": {}}, "learns offline, expected one that learns in worlds"),
+        ({"space": {}}, "space"),
+        ({"space": {"gama": [0.9]}}, "gama"),
+        ({"space": {"gamma": [2.0]}}, "gamma"),
+        ({"space": {"gamma": []}}, "got no values of gamma"),
+        ({"space": {"gamma": {"low": 0.9, "high": 0.99}}}, "expected a list of values in a grid"),
+        ({"sampler": "tpe"}, "expected a number with sampler tpe"),
+        ({"trials": 3}, "none with grid"),
+        ({"sampler": "tpe", "trials": 3, "space": {"gamma": {"low": 0.9, "high": 0.5}}}, "expected more than low"),
+        ({"sampler": "tpe", "trials": 3, "space": {"gamma": {"low": 0.0, "high": 0.5, "log": True}}}, "low above 0"),
+    ],
+)
+def test_what_is_no_sweep_is_told_before_anything_is_trained(change: dict[str, Any], told: str) -> None:
+    with pytest.raises(ScenarioError) as error:
+        load_sweep(GRID | change)
+    assert told in str(error.value) and "\n" not in str(error.value).strip()
+
+
+def test_the_command_names_sweeps_and_extras(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", "ppo_dynamik"]) == 2
+    assert "no sweep 'ppo_dynamik', did you mean 'ppo_dynamic'?" in capsys.readouterr().err
+    assert main(["list", "sweeps"]) == 0
+    assert "ppo_dynamic " in capsys.readouterr().out
+    monkeypatch.setitem(__import__("sys").modules, "optuna", None)
+    assert main(["sweep", "ppo_dynamic", "--out", "nowhere"]) == 2
+    assert "a sweep needs optuna, of the extra `sweep`" in capsys.readouterr().err
+    assert not Path("nowhere").exists()

@@ -1,0 +1,75 @@
+"""`bug-gym reproduce offline` with trainings of seconds: what it counts, and that its claims are of its numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+pytest.importorskip("minari", reason="minari comes with the extra `data`")
+
+from bug_gym.agents import make_policy
+from bug_gym.config import load
+from bug_gym.held_out import play
+from bug_gym.intervals import wilson_interval
+from bug_gym.reproductions import offline, reproduction
+from bug_gym.reproductions.result import Settings
+
+SMALL = {"n_timesteps": 20, "eval_freq": 10, "eval_episodes": 2, "batch_size": 16, "policy_kwargs": {"net_arch": [8]}}
+DATA = {"data": {"policies": ["bug2", "random"], "episodes": 2}}
+WORLDS = 4
+
+
+def small(label: str) -> tuple[str, dict[str, Any]]:
+    """A training of a second in place of one of the table."""
+    name, changes = offline.TRAININGS[label]
+    own = {"episodes_per_round": 2, "expert": "bug2"} if name == "dagger_hd_bug" else DATA
+    return name, {**changes, **SMALL, **own}
+
+
+def test_every_kind_is_trained_and_judged_in_the_same_worlds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(offline, "WORLDS", WORLDS)
+    monkeypatch.setattr(offline, "COLLECTED", tmp_path)
+    monkeypatch.setattr(offline, "TRAININGS", {label: small(label) for label in offline.TRAININGS})
+    found = reproduction("offline")(Settings(seeds=1))
+    assert found.data["worlds"] == WORLDS and found.data["seeds"] == 1
+    assert list(found.data["trainings"]) == [*offline.TRAININGS]
+    assert [len(runs) for runs in found.data["trainings"].values()] == [1] * len(offline.TRAININGS)
+    assert all(run["steps"] == 20 and run["n"] == WORLDS for (run,) in found.data["trainings"].values())
+    beside = found.data["beside"]
+    assert (beside["random"]["score"], beside["hd_bug"]["score"]) == (0.0, 1.0)
+    scenario = load("dynamic")
+    played = play(make_policy("bug2", scenario), scenario, range(WORLDS))
+    assert beside["bug2"]["success"] == played.ended("success").mean()
+    assert found.holds is all(offline.claims_of(found.data).values())
+    (table,) = found.tables
+    assert [row[0] for row in table.rows] == [*offline.TRAININGS, *offline.BESIDE]
+
+
+def test_a_row_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ValueError, match="bc_hd_bug.*got 'bc'"):
+        reproduction("offline")(Settings(policies=("bc",)))
+
+
+def test_runs_are_pooled_over_their_worlds() -> None:
+    runs = [
+        {"n": 100, "success": 0.9, "score": 0.8, "minutes": 1.0},
+        {"n": 300, "success": 0.5, "score": 0.6, "minutes": 2.0},
+    ]
+    one, interval = offline.pooled(runs), wilson_interval(240, 400)
+    assert one["success"] == 0.6 and (one["low"], one["high"]) == (interval.low, interval.high)
+    assert one["score"] == pytest.approx(0.7) and one["minutes"] == 1.5
+
+
+@pytest.mark.parametrize(("iql", "holds"), [(0.95, True), (0.8, False)])
+def test_iql_is_compared_with_the_best_policy_of_its_dataset(iql: float, *, holds: bool) -> None:
+    def runs(success: float) -> list[dict[str, Any]]:
+        return [{"n": 100, "success": success, "score": success, "minutes": 1.0}]
+
+    trainings = {label: runs(0.5) for label in offline.TRAININGS} | {"iql_mixed": runs(iql)}
+    beside = {name: runs(0.9)[0] if name == "hd_bug" else runs(0.1)[0] for name in offline.BESIDE}
+    beside["ppo_dynamic"] = runs(0.99)[0]  # is not in the dataset
+    claims = offline.claims_of({"trainings": trainings, "beside": beside})
+    assert claims["IQL does better than the best policy in its dataset"] is holds
