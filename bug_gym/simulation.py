@@ -454,13 +454,8 @@ class Simulation:
 
         layout = self.world.layout(row)
         goal = layout.goals[min(robot, len(layout.goals) - 1)]
-        start, radius = layout.starts[robot, :2], self._reach(row)
+        start, radius = layout.starts[robot, :2], self.world.own(row, "body_reach")
         return shortest_path(layout.circles, layout.polygons, layout.border, start, goal, radius=radius)
-
-    def _reach(self, row: int) -> float:
-        """Radius of the disc that holds a robot of a row [m], whose radius may be drawn."""
-        spec = self.world.spec
-        return float(spec["body_reach"][row if len(spec) > 1 else 0])
 
     def drawn(self, row: int = 0) -> dict[str, float]:
         """What the scenario drew for a row's episode, by dotted key: {"robot.max_speed": 0.83}; empty: it draws nothing."""

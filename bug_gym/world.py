@@ -227,6 +227,16 @@ class World:
         for key, values in zip(self._numbers, self.drawn.T, strict=True):
             self.spec[CONSTANTS[key]][rows] = values[rows]
 
+    def own(self, row: int, constant: str) -> float:
+        """A constant of a row's record, which may be drawn for its episode."""
+        return float(self.spec[constant][row if len(self.spec) > 1 else 0])
+
+    def body(self, row: int) -> F64:
+        """The robots' body in a row: circles x, y, radius (c, 3) [m] in their frame."""
+        if "robot.radius" not in self._numbers:
+            return self.footprint
+        return np.array([[0.0, 0.0, self.own(row, "body_reach")]])
+
     @property
     def drawn_keys(self) -> tuple[str, ...]:
         """Dotted keys of what the scenario draws for each episode, in the order of the columns of `drawn` (N, D)."""

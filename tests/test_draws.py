@@ -13,6 +13,7 @@ from scipy import stats
 import bug_gym
 from bug_gym.config import ScenarioError, dump, load, to_yaml
 from bug_gym.draws import CONSTANTS, draw, drawn_numbers
+from bug_gym.evaluation import evaluate
 from bug_gym.schema.ranges import Drawn
 from bug_gym.schema.yaml_text import parse_yaml
 from bug_gym.simulation import Simulation
@@ -210,6 +211,9 @@ def test_a_body_touches_with_its_own_radius() -> None:
         simulation.advance(np.tile([1.0, 0.0], (24, 1, 1)))
     ended = simulation.world.outcome[:, 0] == 2
     assert ended.sum() > 5
+    assert all(
+        simulation.world.body(row)[0, 2] == radius for row, radius in enumerate(drawn_of(simulation, "robot.radius"))
+    )
     # Headings are drawn: whichever wall it met, its centre lies one radius before it.
     away = wall - np.abs(simulation.world.pose[:, 0, :2]).max(axis=1)
     assert np.allclose(away[ended], drawn_of(simulation, "robot.radius")[ended], atol=1e-6)
@@ -251,6 +255,13 @@ def test_infos_tell_what_was_drawn_on_request() -> None:
     )
     _, of_robots = team.reset(seed=5, options={"drawn": True})
     assert len({info["drawn.robot.max_speed"] for info in of_robots.values()}) == 1
+
+
+@pytest.mark.parametrize("policy", ["bug2", "hd_bug", "tangent_bug"])
+def test_scripted_policies_touch_nothing_whatever_is_drawn(policy: str) -> None:
+    ranges = {key: SOME[key] for key in SOME if not key.startswith("odometry")}
+    rows = evaluate([policy], [load("static", ranges)], episodes=6)
+    assert [row.outcome for row in rows] == ["success"] * 6
 
 
 # --------------------------------------------------------------------------------------------------- files and faults
