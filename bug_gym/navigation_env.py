@@ -29,6 +29,7 @@ from bug_gym.spaces import (
     numeric_info,
     require_one_of,
     require_one_robot,
+    told_draws,
     with_most_steps,
 )
 from bug_gym.view import Sensors
@@ -85,8 +86,10 @@ class NavigationEnv(gym.Env[Any, Any]):
     The same keys after each step and reset: `is_success`, `collision`, `outcome` ("running", "success", "collision",
     "timeout"), `path_length` [m], `time` [s], `min_clearance` [m], `goal_distance` [m], `reward_terms` (name -> value).
     `reset(options={"shortest_path": True})` adds `shortest_path_length` [m], which takes time; it is infinite where
-    there is no way. Other options are ignored. With `info="numeric"` there are numbers alone: `outcome` is its code (0 running,
-    1 success, 2 collision, 3 timeout), and each reward term has a key, `reward_terms.progress` and so on.
+    there is no way. `reset(options={"drawn": True})` adds what a scenario with ranges has drawn for the episode, as
+    `drawn.robot.max_speed` and the like. Other options are ignored. With `info="numeric"` there are numbers alone: `outcome`
+    is its code (0 running, 1 success, 2 collision, 3 timeout), and each reward term has a key, `reward_terms.progress` and
+    so on.
 
     ## Arguments
     | Argument | Default | Meaning |
@@ -169,6 +172,8 @@ class NavigationEnv(gym.Env[Any, Any]):
         info = self.simulation.robot_step().info
         if wanted.get("shortest_path"):
             info["shortest_path_length"] = self.simulation.shortest_path().length
+        if wanted.get("drawn"):
+            info |= told_draws(self.simulation.drawn())
         self._pictures.record()
         return self.spaces.present(flat[0, 0]), numeric_info(info) if self._is_numeric else info
 

@@ -29,6 +29,7 @@ from bug_gym.spaces import (
     is_numeric,
     numeric_info,
     require_one_of,
+    told_draws,
     with_most_steps,
 )
 
@@ -103,6 +104,8 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         if wanted.get("shortest_path"):
             for robot, info in enumerate(infos.values()):
                 info["shortest_path_length"] = self.simulation.shortest_path(robot=robot).length
+        if wanted.get("drawn"):
+            infos = {agent: info | told_draws(self.simulation.drawn()) for agent, info in infos.items()}
         self._pictures.record()
         return self._observe(self.agents), self._told(infos)
 

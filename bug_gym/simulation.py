@@ -186,6 +186,7 @@ class Simulation:
 
     def begin(self, rows: Rows) -> None:
         """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
+        self.world.draw(rows)
         self._do(kernels.BEGIN, rows, self._no_actions(rows))
         if self._own is not None:
             self._own.begin(rows)
@@ -231,7 +232,7 @@ class Simulation:
         before = world.floats[rows], world.ints[rows]
         placed = np.zeros(len(rows), dtype=np.int64)
         world.seed[rows], world.episode[rows] = starts
-        kernels.place_fields(world.floats, world.ints, world.spec, record, rows, placed)
+        kernels.place_fields(world.floats, world.ints, world.common, record, rows, placed)
         wanted = int(record["discs"][0] + record["polygons"][0])
         failed = np.nonzero(placed < wanted)[0]
         if len(failed) == 0:
@@ -453,8 +454,12 @@ class Simulation:
 
         layout = self.world.layout(row)
         goal = layout.goals[min(robot, len(layout.goals) - 1)]
-        start, radius = layout.starts[robot, :2], self.scenario.robot.reach
+        start, radius = layout.starts[robot, :2], self.world.own(row, "body_reach")
         return shortest_path(layout.circles, layout.polygons, layout.border, start, goal, radius=radius)
+
+    def drawn(self, row: int = 0) -> dict[str, float]:
+        """What the scenario drew for a row's episode, by dotted key: {"robot.max_speed": 0.83}; empty: it draws nothing."""
+        return dict(zip(self.world.drawn_keys, self.world.drawn[row].tolist(), strict=True))
 
     # ------------------------------------------------------------------------------------------ snapshots
 

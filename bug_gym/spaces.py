@@ -167,6 +167,11 @@ def with_codes(info: Mapping[str, Any], codes: Any) -> dict[str, Any]:
     return flat | {f"reward_terms.{name}": value for name, value in info["reward_terms"].items()}
 
 
+def told_draws(drawn: Mapping[str, Any]) -> dict[str, Any]:
+    """What was drawn for an episode (or for many, as arrays) as an info tells it: `drawn.robot.max_speed` and so on."""
+    return {f"drawn.{key}": value for key, value in drawn.items()}
+
+
 def require_one_of(name: str, value: object, known: tuple[object, ...]) -> None:
     """Raise a ValueError where an argument has none of the values that it may have."""
     if value not in known:

@@ -29,6 +29,7 @@ from bug_gym.spaces import (
     is_numeric,
     require_one_of,
     require_one_robot,
+    told_draws,
     with_codes,
     with_most_steps,
 )
@@ -120,7 +121,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
         Args:
             seed: row k gets seed + k, or the k-th of a sequence; where there is none, the row's next episode begins.
-            options: `reset_mask` (n,) bool, and `shortest_path` as NavigationEnv takes it; others are ignored.
+            options: `reset_mask` (n,) bool, `shortest_path` and `drawn` as NavigationEnv takes them; others are ignored.
 
         Raises:
             ValueError: a mask or a sequence of seeds of another length than n, a seed that is no integer from 0 on,
@@ -137,6 +138,10 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         if wanted.get("shortest_path"):
             lengths = np.array([self.simulation.shortest_path(row).length for row in rows.tolist()])
             infos |= with_masks({"shortest_path_length": lengths}, mask)
+        if wanted.get("drawn"):
+            world = self.simulation.world
+            columns = dict(zip(world.drawn_keys, world.drawn[rows].T, strict=True))
+            infos |= with_masks(told_draws(columns), mask)
         self._pictures.record()
         return self.spaces.present_batch(self.simulation.observations()[:, 0]), infos
 

@@ -40,23 +40,23 @@ class Sensors:
 
     @classmethod
     def of(cls, scenario: Scenario) -> Sensors:
-        """The sensors of a scenario's robot."""
+        """The sensors of a scenario's robot; of numbers drawn for each episode, the end with which it is safe."""
         robot, lidar = scenario.robot, scenario.lidar
         acceleration = math.inf if robot.max_acceleration is None else robot.max_acceleration
         return cls(
             drive=Drive(
                 robot.kinematics,
-                robot.max_speed,
-                robot.max_reverse,
-                robot.max_turn_rate,
+                float(robot.max_speed),
+                float(robot.max_reverse),
+                float(robot.max_turn_rate),
                 scenario.time.step,
-                acceleration,
+                float(acceleration),
             ),
             radius=robot.reach,
             footprint=robot.footprint,
             angles=beam_angles(scenario),
-            range=lidar.range,
-            range_noise=lidar.noise,
+            range=float(lidar.range),
+            range_noise=float(lidar.noise),
             goal_radius=scenario.goal.radius,
             fields=fields(scenario),
         )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.config import Scenario
+from bug_gym.draws import CONSTANTS, draw, drawn_numbers
 from bug_gym.geometry import F64
 from bug_gym.limits import MEMORY, told_bytes
 from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
@@ -109,7 +110,9 @@ class World:
         angles = beam_angles(scenario)
         step = angles[1] - angles[0] if len(angles) > 1 else 2.0 * math.pi
         self.beams = np.stack(kernels.beam_table(len(angles), float(angles[0]), float(step)))
-        self.spec = np.zeros(1, dtype=kernels.SPEC)
+        self._numbers = drawn_numbers(scenario)
+        self.drawn = np.tile(np.array(list(self._numbers.values()), dtype=np.float64), (count, 1))
+        self.common = np.zeros(1, dtype=kernels.SPEC)
         self._set_constants(weights, clearance_scale, span, width)
         self._allocate(capacity or Capacity())
         self.observation: NDArray[np.float32] = np.zeros((count, self.robots, width), dtype=np.float32)
@@ -133,9 +136,13 @@ class World:
             "max_reverse": robot.max_reverse,
             "max_turn_rate": robot.max_turn_rate,
             "max_acceleration": math.inf if robot.max_acceleration is None else robot.max_acceleration,
+            "full_speed": robot.max_speed,
+            "full_reverse": robot.max_reverse,
+            "full_turn_rate": robot.max_turn_rate,
             "body_reach": robot.reach,
             "goal_radius": self.scenario.goal.radius,
             "reach": lidar.range,
+            "no_return": lidar.range,
             "min_range": lidar.min_range,
             "first_angle": angles[0],
             "angle_step": angles[1] - angles[0] if lidar.beams > 1 else 2.0 * math.pi,
@@ -153,7 +160,7 @@ class World:
         fields = kernels.observation_places(lidar.beams, len(self.scenario.world.regions), self.robots)
         constants.update({f"see_{name}": begin for name, (begin, _) in fields.items()})
         for name, value in constants.items():
-            self.spec[name] = value
+            self.common[name] = value
 
     def _allocate(self, capacity: Capacity) -> None:
         """Lay out the buffers for a capacity, empty.
@@ -168,10 +175,10 @@ class World:
         bodies = discs + capacity.polygons + self.goals
         polygons, ways = capacity.polygons, capacity.ways
         disc_room, polygon_room = kernels.list_room(discs), kernels.list_room(polygons)
-        self.spec["disc_room"], self.spec["polygon_room"] = disc_room, polygon_room
+        self.common["disc_room"], self.common["polygon_room"] = disc_room, polygon_room
         counts = {"discs": discs, "polygons": polygons, "bodies": bodies, "walls": walls, "ways": ways}
         for name, value in counts.items():
-            self.spec[name] = value
+            self.common[name] = value
         counts |= {
             "row": 1,
             "robots": robots,
@@ -183,7 +190,7 @@ class World:
         for table in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS):
             places = kernels.places(table, counts)
             for name, (begin, _) in places.items():
-                self.spec[name] = begin
+                self.common[name] = begin
             end = max(begin + size for begin, size in places.values())
             if table is kernels.FLOAT_ARRAYS:  # the scenario's own terms stand behind what kernels know
                 places["own_terms"] = (end, self._own_terms * robots)
@@ -191,6 +198,7 @@ class World:
             widths.append(kernels.rounded_up(end))
             self._places |= places
         # A snapshot is as large again, but few take one of very many worlds.
+        self._describe_rows()
         self.is_behind = False  # whether kernels have gone on since bodies were last brought to now
         memory = self.count * (8 * sum(widths) + 4 * self.robots * int(self.spec["width"][0]))
         if memory > MEMORY:
@@ -203,6 +211,36 @@ class World:
         steering = kernels.steering_floats(walls, bodies, robots * len(self.footprint)) if capacity.steered else 0
         integers = kernels.scratch_integers(max(disc_room, polygon_room, walls)) + robots
         self.scratch_sizes = (max(floats, steering), max(integers, bodies))
+
+    def _describe_rows(self) -> None:
+        """Give each row a record with its own numbers, where the scenario draws some."""
+        self.spec = np.repeat(self.common, self.count) if self._numbers else self.common
+        for key, values in zip(self._numbers, self.drawn.T, strict=True):
+            self.spec[CONSTANTS[key]] = values
+
+    def draw(self, rows: NDArray[np.int64]) -> None:
+        """Draw the numbers of the episodes that rows (n,) have; what nothing else depends on but seed and episode."""
+        if not self._numbers:
+            return
+        for row in rows.tolist():
+            self.drawn[row] = draw(self._numbers, int(self.seed[row]), int(self.episode[row]))
+        for key, values in zip(self._numbers, self.drawn.T, strict=True):
+            self.spec[CONSTANTS[key]][rows] = values[rows]
+
+    def own(self, row: int, constant: str) -> float:
+        """A constant of a row's record, which may be drawn for its episode."""
+        return float(self.spec[constant][row if len(self.spec) > 1 else 0])
+
+    def body(self, row: int) -> F64:
+        """The robots' body in a row: circles x, y, radius (c, 3) [m] in their frame."""
+        if "robot.radius" not in self._numbers:
+            return self.footprint
+        return np.array([[0.0, 0.0, self.own(row, "body_reach")]])
+
+    @property
+    def drawn_keys(self) -> tuple[str, ...]:
+        """Dotted keys of what the scenario draws for each episode, in the order of the columns of `drawn` (N, D)."""
+        return tuple(self._numbers)
 
     def make_scratch(self) -> tuple[F64, NDArray[np.int64]]:
         """Working memory for the kernels; each thread needs its own."""
@@ -380,6 +418,7 @@ class World:
         self.floats[:] = snapshot.floats
         self.ints[:] = snapshot.ints
         self.observation[:] = snapshot.observation
+        self.draw(np.arange(self.count))
 
     # ------------------------------------------------------------------------------------------ layouts
 

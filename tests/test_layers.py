@@ -33,7 +33,7 @@ LAYERS = (
     ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals", "by_hand"),
     ("worlds",),
     ("config",),
-    ("world", "scenarios", "floor_plans", "maps"),
+    ("draws", "world", "scenarios", "floor_plans", "maps"),
     ("observation", "task", "own_parts", "view", "inertia", "steering"),
     ("simulation", "policy", "team_policy"),
     ("drawing", "replay", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
@@ -65,7 +65,8 @@ LEARNING = ("agents.sb3", "agents.learning") + tuple(
 )
 """The only modules and folders that know torch and stable-baselines3."""
 PLAYING = {"agents.learning"} | {
-    f"agents.learning.{name}" for name in ("folder", "history", "hub", "play", "recorded", "robot_model", "settings")
+    f"agents.learning.{name}"
+    for name in ("curriculum", "folder", "history", "hub", "play", "recorded", "robot_model", "settings")
 }
 """What plays a learned policy, and what is learnt from as arrays, without torch."""
 

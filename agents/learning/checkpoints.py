@@ -19,7 +19,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.type_aliases import RolloutBufferSamples
 
-from bug_gym.agents.learning.folder import Point, sha256
+from bug_gym.agents.learning.folder import Entered, Point, sha256
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.vec_envs import TrainingEnv
 from bug_gym.files import replaced_when_done
@@ -72,6 +72,7 @@ def save_checkpoint(path: Path, model: PPO, env: TrainingEnv, progress: Progress
         "points": [asdict(point) for point in progress.points],
         "best": progress.best,
         "best_point": None if progress.best_point is None else asdict(progress.best_point),
+        "entered": [entered.model_dump() for entered in progress.entered],
         "seconds": progress.seconds,
         "cpu_seconds": progress.cpu_seconds,
     }
@@ -121,6 +122,7 @@ def restore(model: PPO, env: TrainingEnv, state: Mapping[str, Any]) -> Progress:
         [Point(**point) for point in state["points"]],
         state["best"],
         None if best_point is None else Point(**best_point),
+        [Entered(**entered) for entered in state["entered"]],
         state["seconds"],
         state["cpu_seconds"],
     )

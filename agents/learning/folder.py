@@ -56,6 +56,17 @@ class Point:
     """Mean time of a success [s]; None where there was none."""
 
 
+class Entered(Part):
+    """The beginning of a stage, as a record keeps it."""
+
+    stage: Count
+    """Its number, from 0 on."""
+    steps: Count
+    """Environment steps of the training when it began."""
+    success: Share
+    """Share of successes in the stage before, for which it began."""
+
+
 class RunRecord(Part):
     """The training of one seed."""
 
@@ -65,6 +76,8 @@ class RunRecord(Part):
     """The one in which it did best."""
     held_out: dict[str, dict[str, Number | None]]
     """How the best model did in held-out worlds, by scenario."""
+    entered: tuple[Entered, ...] = ()
+    """Stages of its curriculum that began, after the first."""
 
 
 Checksum = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]

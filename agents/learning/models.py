@@ -161,7 +161,7 @@ def command(record: Mapping[str, Any]) -> str:
     words = [f"bug-gym train {name}.yaml"]
     if name in training_names():
         shipped = json.loads(load_settings(name).model_dump_json())
-        changed = {key: value for key, value in record["settings"].items() if value != shipped[key]}
+        changed = {key: value for key, value in record["settings"].items() if value != shipped.get(key)}
         words = [f"bug-gym train {name}", *(f"--set '{key}={json.dumps(value)}'" for key, value in changed.items())]
     return " ".join([*words, f"--seeds {seeds}"] if seeds > 1 else words)
 
@@ -186,6 +186,7 @@ def card(record: Mapping[str, Any]) -> str:
         *_own_lines(record),
         *_learnt_from(record),
         *_unjudged(record),
+        *_stages(record),
         "",
         "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",
         "",
@@ -249,6 +250,24 @@ def _learnt_from(record: Mapping[str, Any]) -> list[str]:
     drivers = ", ".join(data.get("of", [data["policy"]]))
     worlds = f"{data['scenario']}, seeds from {data['first_seed']}"
     return [f"- Learnt from: {data['episodes']} episodes of {drivers} in worlds of {worlds}"]
+
+
+def _stages(record: Mapping[str, Any]) -> list[str]:
+    """The stages of a curriculum and when they began, a line each."""
+    lines = []
+    for number, stage in enumerate(record["settings"].get("curriculum", ())):
+        worlds = ", ".join(map(str, stage["scenarios"] or record["settings"]["scenarios"]))
+        changed = f" with {json.dumps(stage['overrides'])}" if stage["overrides"] else ""
+        until = "the last" if stage["success"] is None else f"until {100.0 * stage['success']:g} % of them are solved"
+        begun = [
+            f"{entered['steps']:,} steps (seed {seed})"
+            for seed, run in record["runs"].items()
+            for entered in run.get("entered", ())
+            if entered["stage"] == number
+        ]
+        when = "from the start" if number == 0 else f"begun at {', '.join(begun)}" if begun else "never reached"
+        lines.append(f"- Stage {number + 1}: worlds of {worlds}{changed}, {until}; {when}")
+    return lines
 
 
 def _curve_lines(runs: Mapping[str, Any]) -> list[str]:

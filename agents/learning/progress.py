@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from bug_gym.agents.learning.folder import Point
+from bug_gym.agents.learning.folder import Entered, Point
 from bug_gym.files import replaced_when_done
 
 CURVE = "curve.csv"
@@ -26,6 +26,8 @@ class Progress:
     """Weights of the policy that did best in them."""
     best_point: Point | None = None
     """How it did."""
+    entered: list[Entered] = field(default_factory=list)
+    """Stages of its curriculum that have begun, but for the first."""
     seconds: float = 0.0
     """Time spent on training [s]."""
     cpu_seconds: float = 0.0

@@ -7,9 +7,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, ValidationError
+from pydantic import (
+    Field,
+    PrivateAttr,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import PydanticSerializationError
 
+from bug_gym.agents.learning.curriculum import Curriculum, require_stages
 from bug_gym.agents.learning.history import MOST_STEPS
 from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, expanded, explain, load, read_yaml
 from bug_gym.naming import nearest_hint
@@ -134,6 +142,29 @@ class PPOSettings(Settings):
     """Weight of the value's error."""
     max_grad_norm: Coefficient = 0.5
     """Gradients are cut to this length."""
+    curriculum: Curriculum = ()
+    """Stages of the worlds that it learns in, before or instead of `scenarios`, by which it is judged; empty: `scenarios`."""
+
+    @model_validator(mode="after")
+    def _stages_follow_one_another(self) -> Self:
+        require_stages(self.curriculum)
+        return self
+
+    @model_serializer(mode="wrap")
+    def _shortest(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return data if self.curriculum else {key: value for key, value in data.items() if key != "curriculum"}
+
+    @property
+    def stages(self) -> tuple[tuple[Scenario, ...], ...]:
+        """The scenarios of each stage of the curriculum."""
+        return tuple(
+            tuple(
+                load(load(source, self.overrides), stage.overrides, trust=self._trust)
+                for source in stage.scenarios or self.scenarios
+            )
+            for stage in self.curriculum
+        )
 
 
 class OffPolicySettings(Settings):
@@ -319,8 +350,20 @@ def load_settings(
         raise ScenarioError(f"{label}: got what JSON cannot hold; {expected}") from None
     except ValueError as error:
         raise ScenarioError(f"{label}: {error}") from None
-    _ = settings.loaded
+    _ = settings.loaded, settings.stages if isinstance(settings, PPOSettings) else ()
     return settings
+
+
+def read_curriculum(source: str | Path) -> Any:
+    """The stages that a training, or a YAML file with the key `curriculum`, says.
+
+    Raises:
+        ScenarioError: there is none, or it says nothing of stages.
+    """
+    label, data = _read(source)
+    if not data.get("curriculum"):
+        raise ScenarioError(f"{label}: got no curriculum, expected the key `curriculum` with a list of stages")
+    return data["curriculum"]
 
 
 def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:

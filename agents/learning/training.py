@@ -27,8 +27,9 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.policies import BasePolicy
 
 from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
+from bug_gym.agents.learning.curriculum import rows_of_stage
 from bug_gym.agents.learning.elsewhere import Job, train_each
-from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Point, best_so_far, model_folder, read_config
+from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Entered, Point, best_so_far, model_folder, read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
@@ -45,11 +46,11 @@ from bug_gym.agents.learning.settings import (
 )
 from bug_gym.agents.learning.shown import SAVING, TESTING, VALIDATING, WRITING, Report, reported
 from bug_gym.agents.learning.so_far import BestSoFar
-from bug_gym.agents.learning.vec_envs import HistoryVecEnv, TrainingEnv, join
+from bug_gym.agents.learning.vec_envs import CurriculumVecEnv, FlatEnv, HistoryVecEnv, TrainingEnv, join
 from bug_gym.checks import checked_seed, checked_time
 from bug_gym.config import Scenario
 from bug_gym.files import one_writer
-from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
+from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
 
@@ -75,6 +76,12 @@ def robot_of(scenarios: Sequence[Scenario]) -> RobotModel:
     return first
 
 
+def curriculum_of(env: TrainingEnv) -> CurriculumVecEnv | None:
+    """The env of a training that goes by stages; None: there are none."""
+    inner = env.inner if isinstance(env, HistoryVecEnv) else env
+    return inner if isinstance(inner, CurriculumVecEnv) else None
+
+
 def make_training_env(settings: AnySettings, seed: int) -> TrainingEnv:
     """The worlds of a training, seeded.
 
@@ -82,8 +89,16 @@ def make_training_env(settings: AnySettings, seed: int) -> TrainingEnv:
         ValueError: fewer worlds than scenarios, or scenarios with different robots.
     """
     scenarios = settings.loaded
-    robot = robot_of(scenarios)
-    joined = join(scenarios, settings.n_envs, settings.action)
+    joined: FlatEnv
+    if isinstance(settings, PPOSettings) and settings.curriculum:
+        stages = settings.stages
+        robot = robot_of([*scenarios, *(scenario for stage in stages for scenario in stage)])
+        numbers = range(len(stages))
+        shared = [rows_of_stage(settings.curriculum, stages, number, settings.n_envs) for number in numbers]
+        joined = CurriculumVecEnv(shared, settings.action)
+    else:
+        robot = robot_of(scenarios)
+        joined = join(scenarios, settings.n_envs, settings.action)
     env = HistoryVecEnv(joined, robot, settings.history) if settings.history else joined
     env.seed(TRAINING_SEEDS + seed * SEED_BLOCK)
     return env
@@ -195,6 +210,7 @@ class ProgressKeeper(BaseCallback):
         settings: of the training.
         progress: of an earlier run of it, or a new one.
         folder: where the curve and checkpoints go.
+        env: its worlds.
         save: writes a checkpoint; None where the algorithm cannot go on from one.
         minutes: time of training after which it ends early; None: it does not.
         report: told the number of steps, the last validation, and what is done beside.
@@ -207,13 +223,14 @@ class ProgressKeeper(BaseCallback):
         progress: Progress,
         folder: Path,
         *,
+        env: TrainingEnv,
         save: Callable[[], None] | None,
         minutes: float | None,
         report: Report,
         best: BestSoFar,
     ) -> None:
         super().__init__()
-        self.settings, self.progress, self.folder, self._best = settings, progress, folder, best
+        self.settings, self.progress, self.folder, self.env, self._best = settings, progress, folder, env, best
         self._save, self._limit, self._report = save, None if minutes is None else 60.0 * minutes, report
         self._began = self._began_cpu = 0.0
         self._saved_at = -1
@@ -242,6 +259,7 @@ class ProgressKeeper(BaseCallback):
         steps, done = self.num_timesteps, self.progress.points
         if steps >= self.settings.eval_freq + (done[-1].steps if done else 0):
             self.validate()
+            self.go_on_to_next_stage()
         self.is_over = self._limit is not None and self.progress.seconds >= self._limit
         if self._save is not None and (self.is_over or steps >= self._saved_at + self.settings.save_freq):
             self._report.stage(SAVING)
@@ -272,6 +290,28 @@ class ProgressKeeper(BaseCallback):
             self.validate()
         self._tell(self.num_timesteps)
 
+    def go_on_to_next_stage(self) -> None:
+        """Begin the next stage of a curriculum, where enough of the validation worlds of this one are solved."""
+        worlds, settings = curriculum_of(self.env), self.settings
+        if worlds is None or not isinstance(settings, PPOSettings):
+            return
+        wanted = settings.curriculum[worlds.stage].success
+        if wanted is None:
+            return
+        scenarios = settings.stages[worlds.stage]
+        runs = play_validation(self.model.policy, settings, scenarios)
+        success = round(float(np.mean([run.ended("success").mean() for run in runs])), 6)
+        self.logger.record("validation/stage", worlds.stage)
+        self.logger.record("validation/stage_success", success)
+        if success >= wanted:
+            worlds.enter(worlds.stage + 1)
+            self.progress.entered.append(Entered(stage=worlds.stage, steps=self.num_timesteps, success=success))
+            # The rollout that begins now has yet to look at these.
+            model = self.model
+            assert isinstance(model, PPO)
+            model._last_obs = self.env.reset()
+            model._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
+
     def validate(self) -> None:
         """Drive through the validation worlds, and keep the model if none did better so far."""
         self._report.stage(VALIDATING)
@@ -291,10 +331,7 @@ def validate(network: BasePolicy, settings: AnySettings, steps: int, progress: P
         progress: what is known of it, which is added to.
         folder: where the curve goes.
     """
-    scenarios = settings.loaded
-    policy = InTraining(network, robot_of(scenarios), settings.history)
-    seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.eval_episodes)
-    runs = [play(policy, scenario, seeds) for scenario in scenarios]
+    runs = play_validation(network, settings, settings.loaded)
     shares = {name: round(float(np.mean([run.ended(name).mean() for run in runs])), 6) for name in ENDS}
     times = np.concatenate([run.time[run.ended("success")] for run in runs])
     point = Point(
@@ -310,6 +347,13 @@ def validate(network: BasePolicy, settings: AnySettings, steps: int, progress: P
         progress.best = {name: value.detach().clone() for name, value in network.state_dict().items()}
     write_curve(folder / CURVE, progress.points)
     return point
+
+
+def play_validation(network: BasePolicy, settings: AnySettings, scenarios: Sequence[Scenario]) -> list[Played]:
+    """Drive a network in training through the validation worlds of some scenarios."""
+    policy = InTraining(network, robot_of(scenarios), settings.history)
+    seeds = range(VALIDATION_SEEDS, VALIDATION_SEEDS + settings.eval_episodes)
+    return [play(policy, scenario, seeds) for scenario in scenarios]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -433,7 +477,7 @@ def _train_in(
     left = settings.n_timesteps - model.num_timesteps
     best = BestSoFar(folder, settings, robot_of(settings.loaded), seed)
     with reported(settings, shown=progress) as report, kept_when_stopped(best, model.policy, kept):
-        keeper = ProgressKeeper(settings, kept, folder, save=save, minutes=minutes, report=report, best=best)
+        keeper = ProgressKeeper(settings, kept, folder, env=env, save=save, minutes=minutes, report=report, best=best)
         model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
         if save is not None and not keeper.is_over:
             report.stage(SAVING)
@@ -528,6 +572,8 @@ def write_best(
     tests = range(TEST_SEEDS, TEST_SEEDS + settings.test_episodes)
     held_out = {scenario.name: play(policy, scenario, tests).summary() for scenario in settings.loaded}
     run = {"curve": [asdict(point) for point in kept.points], "best": asdict(kept.best_point), "held_out": held_out}
+    if kept.entered:
+        run["entered"] = [entered.model_dump() for entered in kept.entered]
     report.stage(WRITING)
     write_agent(folder, network, settings, policy.robot, {str(seed): run}, data)
 

@@ -1,4 +1,4 @@
-"""`VecEnv`s of stable-baselines3 for training: several scenarios, a history."""
+"""`VecEnv`s of stable-baselines3 for training: several scenarios, stages of them, a history."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvWrapper
 
+from bug_gym.agents.learning.curriculum import Rows, shared_evenly
 from bug_gym.agents.learning.history import TOP_SPEED, History, history_width
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.sb3 import ArrayVecEnv, NavigationVecEnv, RobotsVecEnv, Saved
@@ -92,7 +93,89 @@ class JoinedVecEnv(ArrayVecEnv):
             part.set_attr(attr_name, value)
 
 
-FlatEnv = NavigationVecEnv | RobotsVecEnv | JoinedVecEnv
+SameWorlds = NavigationVecEnv | RobotsVecEnv | JoinedVecEnv
+
+
+class CurriculumVecEnv(ArrayVecEnv):
+    """The worlds of the stage that a training is in; the rows stay as many, in `enter` they become others.
+
+    Args:
+        stages: rows of each scenario, a stage each.
+        action: which actions the robot takes.
+
+    Raises:
+        ValueError: stages with another number of robots, other observations or other actions than the first.
+    """
+
+    def __init__(self, stages: Sequence[Rows], action: ActionForm) -> None:
+        self.stages, self.action = list(stages), action
+        boxes: list[gym.spaces.Box] = []
+        rows: set[int] = set()
+        for stage in self.stages:  # made once before a training begins: what does not fit is found out then
+            made = join_rows(stage, action)
+            assert isinstance(made.observation_space, gym.spaces.Box)
+            boxes.append(made.observation_space)
+            rows.add(made.num_envs)
+            made.close()
+        if len(rows) > 1 or len({box.shape for box in boxes}) > 1:
+            came = f"{sorted(rows)} robots, {sorted({box.shape for box in boxes})} numbers observed"
+            raise ValueError(f"curriculum: stages need as many robots each, and the same observations, got {came}")
+        low, high = (np.min([box.low for box in boxes], axis=0), np.max([box.high for box in boxes], axis=0))
+        self.stage = 0
+        self.inner: SameWorlds = join_rows(self.stages[0], action)
+        self.render_mode = None
+        self._first_seed: int | None = None
+        super().__init__(rows.pop(), gym.spaces.Box(low, high, dtype=np.float32), self.inner.action_space)
+
+    def enter(self, stage: int) -> None:
+        """Go to a stage, whose worlds a reset then begins; each stage has seeds of its own."""
+        self.inner.close()
+        self.stage, self.inner = stage, join_rows(self.stages[stage], self.action)
+        self._seed_rows()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """At the next reset, row k starts episode 0 of seed + k, in stage s of seed + k + s times the number of rows."""
+        self._first_seed = None if seed is None else checked_seed(seed)
+        return self._seed_rows()
+
+    def _seed_rows(self) -> Sequence[int | None]:
+        first = self._first_seed
+        self._seeds = list(self.inner.seed(None if first is None else first + self.stage * self.num_envs))
+        return self._seeds
+
+    def reset(self) -> F32:
+        """Start an episode in each row."""
+        observation: F32 = self.inner.reset()
+        self.reset_infos = self.inner.reset_infos
+        self._reset_seeds()
+        self._reset_options()
+        return observation
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the actions of the next `step_wait`."""
+        self.inner.step_async(actions)
+
+    def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Drive for one step in each row."""
+        return self.inner.step_wait()
+
+    def save(self) -> Saved:
+        """Copy all that the future depends on, but for the actions."""
+        return {"stage": self.stage, "worlds": self.inner.save()}
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to what `save` gave, whatever stage that was."""
+        if saved["stage"] != self.stage:
+            self.enter(saved["stage"])
+            self.inner.reset()  # which gives every row an episode to put the saved one into
+        self.inner.restore(saved["worlds"])
+
+    def close(self) -> None:
+        """Close the worlds."""
+        self.inner.close()
+
+
+FlatEnv = SameWorlds | CurriculumVecEnv
 
 
 class HistoryVecEnv(VecEnvWrapper):
@@ -145,16 +228,26 @@ class HistoryVecEnv(VecEnvWrapper):
 TrainingEnv = FlatEnv | HistoryVecEnv
 
 
-def join(scenarios: Sequence[Scenario], rows: int, action: ActionForm) -> FlatEnv:
+def join(scenarios: Sequence[Scenario], rows: int, action: ActionForm) -> SameWorlds:
     """A flat VecEnv of about `rows` robots, shared evenly among the scenarios; each robot of a world is a row.
 
     Raises:
         ValueError: fewer rows than a world of each scenario has robots.
     """
+    return join_rows(shared_evenly(scenarios, rows), action)
+
+
+def join_rows(shared: Rows, action: ActionForm) -> SameWorlds:
+    """A flat VecEnv of scenarios with so many rows each; each robot of a world is a row.
+
+    Raises:
+        ValueError: fewer rows than a world of each scenario has robots.
+    """
     parts: list[NavigationVecEnv | RobotsVecEnv] = []
-    for scenario, some in zip(scenarios, np.array_split(np.arange(rows), len(scenarios)), strict=True):
-        worlds = len(some) // scenario.robots.count
+    for scenario, some in shared:
+        worlds = some // scenario.robots.count
         if worlds < 1:
+            rows = sum(count for _, count in shared)
             raise ValueError(f"n_envs: got {rows}, which leaves no world for {scenario.name}")
         simulation = Simulation(scenario, worlds)
         if scenario.robots.count > 1:

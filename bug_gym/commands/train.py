@@ -27,6 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_workers(parser, at_least_one)
     parser.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
     parser.add_argument(
+        "--curriculum",
+        metavar="NAME",
+        help="learn by the stages of another training, or of the key `curriculum` of a YAML file",
+    )
+    parser.add_argument(
         "--dataset",
         metavar="DATASET",
         help="what an offline training learns from: folder or name of a dataset of `bug-gym collect` "
@@ -46,10 +51,11 @@ def run(options: argparse.Namespace) -> None:
     """Run the command."""
     with needed_from("train", "training", whole=True):
         from bug_gym.agents.learning.training import train_seeds  # loads torch
-    from bug_gym.agents.learning.settings import OfflineSettings, load_settings  # loads the compiler
+    from bug_gym.agents.learning.settings import OfflineSettings, load_settings, read_curriculum  # loads the compiler
 
     overrides = assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
     overrides |= {"start_from": options.start_from} if options.start_from else {}
+    overrides |= {"curriculum": read_curriculum(options.curriculum)} if options.curriculum else {}
     settings = load_settings(options.name, overrides, trust=options.trust)
     options.out = options.out or Path("results", "train", settings.name)
     arguments = {"seeds": range(options.seed, options.seed + options.seeds), "minutes": options.minutes}

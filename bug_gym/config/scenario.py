@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 from bug_gym.limits import WIDEST_SWING
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.own import OWN_PARTS, Named, ObservationFields, RewardTerms
+from bug_gym.schema.ranges import Drawn
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
 from bug_gym.schema.values import Part
@@ -69,12 +70,20 @@ class Scenario(Part):
         except PydanticCustomError as error:
             context = error.context or {}
             raise wrong(context["reason"], f"world.{context['key']}") from None
+        self._check_body()
         self._check_swing()
         self._check_places()
         for name in self.reward_terms:
             if name in Reward.model_fields:
                 raise wrong("this name is taken: the reward has such a term already", f"reward_terms.{name}")
         return self
+
+    def _check_body(self) -> None:
+        """Only a round body's radius may be drawn, of one robot: others are the same circles for all."""
+        several = self.robots.count > 1 or self.robot.circles is not None
+        if isinstance(self.robot.radius, Drawn) and several:
+            reason = f"got {self.robot.radius}, expected one number where there are several robots, or circles"
+            raise wrong(reason, "robot.radius")
 
     def _check_swing(self) -> None:
         """A body beside its origin swings so little in a step that its arc can be tested chord by chord."""

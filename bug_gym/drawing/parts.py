@@ -281,14 +281,14 @@ def paint_robot(brush: Brush, world: World, row: int, robot: int) -> None:
     x, y, heading = world.pose[row, robot].tolist()
     cos, sin, scale, unit = math.cos(heading), math.sin(heading), brush.view.scale, brush.unit
     color, at = ROBOTS[robot % len(ROBOTS)], brush.view.pixel(x, y)
-    reach = max(world.scenario.robot.reach * scale, 4.0 * unit)
+    reach = max(world.own(row, "body_reach") * scale, 4.0 * unit)
     outcome = OUTCOMES[int(world.outcome[row, robot])]
     if outcome == "collision":
         brush.area(star(at, reach + 8.0 * unit), OUTCOME_COLORS[outcome], PAGE)
     elif outcome != "running":
         brush.ring(at, reach + 5.0 * unit, OUTCOME_COLORS[outcome], 2.5)
 
-    body = world.footprint
+    body = world.body(row)
     places = np.column_stack([x + cos * body[:, 0] - sin * body[:, 1], y + sin * body[:, 0] + cos * body[:, 1]])
     centers, radii = brush.view.pixels(places), np.maximum(scale * body[:, 2], 3.0 * unit).tolist()
     rim = mixed(color, INK, 0.6)

@@ -15,18 +15,25 @@ from bug_gym.kernels.randomness import hash64, normal
 def drive(f: Floats, s: Record, regions: Regions, r: int, first: float, second: float) -> None:
     """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose).
 
+    Actions are shares of what any robot of the scenario can do (full_speed and the like); this one cuts them to its own.
     The ground where its centre is now divides its greatest speeds: it enters a region as slow as that lets it be.
     """
     step = s.step
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     max_speed, max_reverse = s.max_speed, s.max_reverse
+    full_speed, full_reverse = s.full_speed, s.full_reverse
     if regions is not None:
         factor = factor_at(s, regions, x, y)
         max_speed, max_reverse = max_speed / factor, max_reverse / factor
+        full_speed, full_reverse = full_speed / factor, full_reverse / factor
         slow_down(f, s, r, max_speed, max_reverse)
     if s.kinematics == HOLONOMIC:
         norm = max(length(first, second), 1.0)
-        vx, vy = first / norm * max_speed, second / norm * max_speed
+        vx, vy = first / norm * full_speed, second / norm * full_speed
+        if full_speed > max_speed:
+            speed = length(vx, vy)
+            share = max_speed / speed if speed > max_speed else 1.0
+            vx, vy = share * vx, share * vy
         dvx, dvy = vx - f[s.velocity + 2 * r], vy - f[s.velocity + 2 * r + 1]
         change = length(dvx, dvy)
         if change > s.max_acceleration * step:
@@ -39,10 +46,12 @@ def drive(f: Floats, s: Record, regions: Regions, r: int, first: float, second: 
         f[s.velocity + 2 * r] = vx
         f[s.velocity + 2 * r + 1] = vy
         return
-    speed = -max_reverse + 0.5 * (first + 1.0) * (max_speed + max_reverse)
+    speed = -full_reverse + 0.5 * (first + 1.0) * (full_speed + full_reverse)
+    if full_speed > max_speed or full_reverse > max_reverse:
+        speed = clip(speed, -max_reverse, max_speed)
     limit = s.max_acceleration * step
     speed = min(max(speed, f[s.velocity + 2 * r] - limit), f[s.velocity + 2 * r] + limit)
-    rate = second * s.max_turn_rate
+    rate = clip(second * s.full_turn_rate, -s.max_turn_rate, s.max_turn_rate)
     half = 0.5 * rate * step
     # The chord of an arc of angle 2 half: its length over the arc's is sin(half)/half.
     half_sin, _half_cos = sin_cos(half)

@@ -31,7 +31,7 @@ TERRAIN_HEADINGS, TERRAIN_RINGS, TERRAIN_STEP = 32, 16, 0.25  # samples of the g
 
 # Streams of the counter-based random numbers: one for each use, so that none shares numbers with another.
 STREAM_WORLD, STREAM_RANGES, STREAM_ODOMETRY, STREAM_WALK, STREAM_POLICY = 1, 2, 3, 4, 5
-STREAM_CROWD, STREAM_SIDESTEP, STREAM_EVADE = 6, 7, 8
+STREAM_CROWD, STREAM_SIDESTEP, STREAM_EVADE, STREAM_DRAWS = 6, 7, 8, 9
 
 # The named arrays of a row in the order in which they lie there: an array has so many numbers for each of a count of
 # the world. To add one, add its line; SPEC, World and `places` take it from here.
@@ -154,8 +154,9 @@ def rounded_up(count: int) -> int:
     return -(-count // ALIGNED) * ALIGNED
 
 
-# The record that describes a row. Fields named like an array of the row hold the index where that array begins, those
-# named see_ and a field of the observation where that begins.
+# The record that describes a row: one for all, or one for each where a scenario draws numbers for each episode. Fields
+# named like an array of the row hold the index where that array begins, those named see_ and a field of the observation
+# where that begins.
 COUNTS = (
     "robots",
     "disc_room",
@@ -177,9 +178,13 @@ FLOAT_CONSTANTS = (
     "max_reverse",
     "max_turn_rate",
     "max_acceleration",
+    "full_speed",
+    "full_reverse",
+    "full_turn_rate",
     "body_reach",
     "goal_radius",
     "reach",
+    "no_return",
     "min_range",
     "first_angle",
     "angle_step",

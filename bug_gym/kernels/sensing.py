@@ -115,6 +115,10 @@ def scan(
     if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
         key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
         add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
+    if s.no_return > s.reach:
+        far, none = np.float32(s.reach), np.float32(s.no_return)
+        for i in range(s.beams):
+            ranges[i] = none if ranges[i] >= far else ranges[i]
 
 
 @inlined

@@ -275,6 +275,8 @@ def steer_rows(
     s = spec[0]
     for i in range(rows.size):
         f, k = floats[rows[i]], ints[rows[i]]
+        if spec.size > 1:
+            s = spec[rows[i]]
         if task == BEGIN:
             for b in range(s.bodies):
                 if k[s.body_law + b] >= CROWD and not k[s.disc_count] <= b < s.discs:
@@ -307,7 +309,7 @@ def run_rows(
         floats: the rows.
         ints: the rows.
         observation: (N, R, D), filled.
-        spec: one record of SPEC.
+        spec: one record of SPEC, or N.
         beams: as `rays.Beams`.
         footprint: the robots' body.
         regions: of the ground.
@@ -335,6 +337,8 @@ def run_rows(
             continue
         n = rows[i]
         f, k = floats[n], ints[n]
+        if spec.size > 1:
+            s = spec[n]
         if task == STEP:
             step_row(f, k, s, footprint, regions, columns, scratch, scratch_int, actions[i])
         elif task == BEGIN:
@@ -359,6 +363,8 @@ def restart_robots(
     for i in range(rows.size):
         n = rows[i]
         f, k = floats[n], ints[n]
+        if spec.size > 1:
+            s = spec[n]
         bring_all_forward(f, k, s)
         for r in range(s.robots):
             if k[s.outcome + r] == RUNNING:

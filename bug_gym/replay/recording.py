@@ -118,7 +118,7 @@ class Recorder:
             "step": scenario.time.step * self.every,
             "robots": world.robots,
             "goalRadius": scenario.goal.radius,
-            "footprint": world.footprint.tolist(),
+            "footprint": world.body(row).tolist(),
             "angles": whole(np.arctan2(world.beams[1], world.beams[0])[: scenario.lidar.beams], MILLI),
             "isFullCircle": scenario.lidar.is_full_circle,
             "range": scenario.lidar.range,

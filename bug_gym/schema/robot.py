@@ -9,22 +9,24 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
 from bug_gym.schema.errors import wrong
+from bug_gym.schema.ranges import least_of, most_of
 from bug_gym.schema.values import (
-    Acceleration,
     Beams,
-    Bias,
     Disc,
-    Noise,
-    NotNegative,
+    DrawnAcceleration,
+    DrawnBias,
+    DrawnLeastLength,
+    DrawnLength,
+    DrawnNoise,
+    DrawnShare,
+    DrawnSpeed,
+    DrawnSpread,
+    DrawnTopSpeed,
+    DrawnTurnRate,
     Part,
     Point,
     Pose,
-    Positive,
     RobotCount,
-    Share,
-    Speed,
-    TopSpeed,
-    TurnRate,
     not_tiny,
 )
 
@@ -33,34 +35,34 @@ FULL_TURN_TOLERANCE = 0.005  # a rounded 6.28 in a file still means the whole ci
 
 
 class Robot(Part):
-    """The robot's body and its limits."""
+    """The robot's body and its limits. All numbers but `circles` may be drawn for each episode (bug_gym.schema.ranges)."""
 
     kinematics: Literal["holonomic", "differential"] = "holonomic"
     """How it moves: in any direction without turning, or ahead and around."""
-    radius: Positive = 0.2
+    radius: DrawnLength = 0.2
     """Radius of a round body [m]."""
     circles: Annotated[tuple[Disc, ...], Field(min_length=1, max_length=1000)] | None = None
     """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`. While it turns they
     are tested along their arcs: no contact is missed, and none comes more than 0.01 mm too early."""
-    max_speed: TopSpeed = 1.0
+    max_speed: DrawnTopSpeed = 1.0
     """Maximum speed, of a differential robot ahead [m/s]."""
-    max_reverse: Speed = 0.3
+    max_reverse: DrawnSpeed = 0.3
     """Maximum speed backwards of a differential robot [m/s]."""
-    max_turn_rate: TurnRate = 1.5
+    max_turn_rate: DrawnTurnRate = 1.5
     """Maximum turn rate of a differential robot [rad/s]."""
-    max_acceleration: Acceleration | None = None
+    max_acceleration: DrawnAcceleration | None = None
     """Maximum change of speed [m/s^2]; none: at once."""
 
     @model_validator(mode="after")
     def _limits_fit(self) -> Self:
-        if self.max_reverse > self.max_speed:
+        if most_of(self.max_reverse) > least_of(self.max_speed):
             raise wrong(f"got {self.max_reverse}, expected at most max_speed ({self.max_speed})", "max_reverse")
         return self
 
     @property
     def footprint(self) -> tuple[tuple[float, float, float], ...]:
         """The body as circles x, y, radius [m] in the robot's frame."""
-        return self.circles or ((0.0, 0.0, self.radius),)
+        return self.circles or ((0.0, 0.0, float(self.radius)),)
 
     @property
     def reach(self) -> float:
@@ -89,24 +91,24 @@ FieldOfView = Annotated[
 
 
 class Lidar(Part):
-    """The laser scanner, at the robot's origin."""
+    """The laser scanner, at the robot's origin. Its ranges, noise and dropout may be drawn for each episode."""
 
     beams: Beams = 180
     """How many beams, spread evenly."""
-    range: Positive = 10.0
-    """Longest range; what nothing returns reads this [m]."""
-    min_range: NotNegative = 0.0
+    range: DrawnLength = 10.0
+    """Longest range; what nothing returns reads this, where it is drawn the longest that may be drawn [m]."""
+    min_range: DrawnLeastLength = 0.0
     """Shortest range [m]."""
     fov: FieldOfView = FULL_TURN
     """Field of view, symmetric about the heading; within 0.005 of a full turn it is one [rad]."""
-    noise: NotNegative = 0.0
+    noise: DrawnSpread = 0.0
     """Standard deviation of a range [m]."""
-    dropout: Share = 0.0
+    dropout: DrawnShare = 0.0
     """Share of beams that return nothing, 0 to 1."""
 
     @model_validator(mode="after")
     def _ranges_are_ordered(self) -> Self:
-        if self.min_range >= self.range:
+        if most_of(self.min_range) >= least_of(self.range):
             raise wrong(f"got {self.min_range}, expected less than range ({self.range})", "min_range")
         return self
 
@@ -117,15 +119,15 @@ class Lidar(Part):
 
 
 class Odometry(Part):
-    """How the robot's own estimate of its pose drifts."""
+    """How the robot's own estimate of its pose drifts; each number may be drawn for each episode."""
 
-    translation_noise: Noise = 0.0
+    translation_noise: DrawnNoise = 0.0
     """Standard deviation of the distance, growing with its root [m/sqrt(m)]."""
-    rotation_noise: Noise = 0.0
+    rotation_noise: DrawnNoise = 0.0
     """Standard deviation of the heading, growing with the root of the distance [rad/sqrt(m)]."""
-    translation_bias: Bias = 0.0
+    translation_bias: DrawnBias = 0.0
     """Excess of the distance [m/m]."""
-    rotation_bias: Bias = 0.0
+    rotation_bias: DrawnBias = 0.0
     """Drift of the heading [rad/m]."""
 
 

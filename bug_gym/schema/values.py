@@ -54,6 +54,7 @@ from bug_gym.limits import (
 )
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import shortened, wrong
+from bug_gym.schema.ranges import MAY_BE_DRAWN, MAY_BE_DRAWN_LEAST
 
 
 def _sequence(names: str) -> BeforeValidator:
@@ -159,6 +160,18 @@ Weight = Annotated[float, Strict(), Field(ge=-HEAVY, le=HEAVY)]
 Coefficient = Annotated[float, Strict(), Field(gt=0.0, le=HEAVY)]
 """A number of a training that is not 0 [1]."""
 Share = Annotated[float, Strict(), Field(ge=0.0, le=1.0)]
+
+# The same numbers where they may be drawn for each episode.
+DrawnLength = Annotated[Positive, *MAY_BE_DRAWN]
+DrawnLeastLength = Annotated[NotNegative, *MAY_BE_DRAWN_LEAST]
+DrawnSpread = Annotated[NotNegative, *MAY_BE_DRAWN]
+DrawnTopSpeed = Annotated[TopSpeed, *MAY_BE_DRAWN]
+DrawnSpeed = Annotated[Speed, *MAY_BE_DRAWN]
+DrawnTurnRate = Annotated[TurnRate, *MAY_BE_DRAWN]
+DrawnAcceleration = Annotated[Acceleration, *MAY_BE_DRAWN_LEAST]
+DrawnNoise = Annotated[Noise, *MAY_BE_DRAWN]
+DrawnBias = Annotated[Bias, *MAY_BE_DRAWN]
+DrawnShare = Annotated[Share, *MAY_BE_DRAWN]
 Count = Annotated[int, Strict(), Field(ge=0, le=MOST)]
 AtLeastOne = Annotated[int, Strict(), Field(ge=1, le=MOST)]
 Steps = Annotated[int, Strict(), Field(ge=1, le=1000 * MOST)]
