@@ -1,7 +1,7 @@
 """What all map planners share: plan as an episode begins, follow the way, plan anew when it is blocked or the goal moves.
 
 A planner writes one method, `plan`: the way from here to there, or why there is none. Short means short in metres: what
-regions cost is not counted.
+regions cost is not counted, but by planners over cells that have the parameter `terrain` (terrain.py) and are asked to.
 """
 
 from __future__ import annotations
