@@ -85,7 +85,7 @@ def urban(seed: int = 0) -> Task:
 
 
 BEACH = "d2t_beach"
-"""The scenario of the beach: umbrellas (sixteen corners) and loungers in nine groups, too close within for the robot, two walkers."""
+"""The scenario of the beach: 28 umbrellas and loungers in nine groups, too close within for the robot, and two walkers."""
 
 
 def beach(*, start: Point = (25.0, 3.0), goal: Point = (25.0, 96.0)) -> Task:
