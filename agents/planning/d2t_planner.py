@@ -29,6 +29,7 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
+    goal_in_obstacle,
     live_of,
     mover_discs,
 )
@@ -197,8 +198,9 @@ class D2TPlanner(MapPlanner):
                 is_narrow = way.by == "shortest path"
                 seen.room = Room(self.sensors.radius if is_narrow else self.rooms[0].radius, way.margin)
             return Plan(way.path, way.margin)
+        shut = "" if seen is not None else goal_in_obstacle(live_of(memory).still, scene.goal, self.sensors)
         what = "no way leads" if seen is None else "what has been seen leaves no way"
-        reason = f"{what} from here to the goal for a body of radius {self.sensors.radius:g} m"
+        reason = shut or f"{what} from here to the goal for a body of radius {self.sensors.radius:g} m"
         is_shut_in = scene.moving is None and self.parameters.horizon is None
         return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
 

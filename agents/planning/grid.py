@@ -129,6 +129,8 @@ def lattice_of(box: tuple[float, float, float, float], size: float) -> Lattice:
     if rows * columns > MOST_CELLS:
         what = f"{rows:,} x {columns:,} cells of resolution {size:g} m would take {told_bytes(CELL_BYTES * rows * columns)}"
         side = size * math.sqrt(1.02 * rows * columns / MOST_CELLS)
+        unit = 10.0 ** (math.floor(math.log10(side)) - 1)
+        side = math.ceil(side / unit) * unit  # two digits, rounded up: what is told must do
         raise ValueError(f"{what}, expected at most {MOST_CELLS:,} cells: a resolution of {side:.2g} m or more")
     return Lattice(first_column * size, first_row * size, size, rows, columns)
 

@@ -21,6 +21,7 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
+    goal_in_obstacle,
     live_of,
     mover_discs,
 )
@@ -179,6 +180,9 @@ class GridPlanner(MapPlanner):
     def why_not(self, scene: Scene, memory: GridMemory) -> str:
         """Why there is no way over the cells, and at which resolution there is one."""
         size, room, plan = self.parameters.resolution, self.rooms[-1], live_of(memory).still
+        shut = goal_in_obstacle(plan, scene.goal, self.sensors)
+        if shut:
+            return shut
         what = f"no way over cells of {size:g} m for a body of radius {room.radius:g} m and {room.margin:g} m beside it"
         for finer in (size * 0.5**k for k in range(1, HALVINGS + 1)):
             low_x, low_y, high_x, high_y = plan.box
