@@ -153,7 +153,9 @@ def d_star_lite_rows(side: int, repairs: int) -> dict[str, Measured]:
             search.change(nodes)
             return search.find(asked.start)
 
-        anew = lambda: a_star(asked.grid, asked.start, asked.goal)  # noqa: E731
+        def anew() -> Found:
+            return a_star(asked.grid, asked.start, asked.goal)
+
         for row, answer in zip(rows.values(), (repaired, anew), strict=True):
             began = time.process_time()
             found = answer()
