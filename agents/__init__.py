@@ -320,9 +320,13 @@ def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> 
 
 
 def reads_map(name: Any, parameters: Mapping[str, Any]) -> bool:
-    """Whether a policy reads the world's map; with `known=False` one that can do without does not."""
+    """Whether a policy reads the world's map.
+
+    With `known=False` one that can do without does not; with `privileged` one does that else would not.
+    """
     if isinstance(name, str) and name in AGENTS:
-        return AGENTS[name].privileged and bool(parameters.get("known", True))
+        is_told = AGENTS[name].privileged or bool(parameters.get("privileged", False))
+        return is_told and bool(parameters.get("known", True))
     if isinstance(name, type) or (isinstance(name, str) and outside_reference(name)):
         return bool(getattr(_entry(name)[0], "privileged", False)) and bool(parameters.get("known", True))
     return False
