@@ -352,6 +352,20 @@ class World:
         self.ints[:] = snapshot.ints
         self.observation[:] = snapshot.observation
 
+    def copy_rows(self, source: World, source_rows: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Make rows (n,) copies of rows (n,) of a World of the same scenario, or of its own; both grow to the same room.
+
+        Raises:
+            ValueError: the other World is of another scenario.
+        """
+        if source._digest != self._digest:
+            raise ValueError(f"the rows are of {source.scenario.name!r}, expected another World of this very scenario")
+        self.grow(source.capacity)
+        source.grow(self.capacity)
+        self.floats[rows] = source.floats[source_rows]
+        self.ints[rows] = source.ints[source_rows]
+        self.observation[rows] = source.observation[source_rows]
+
     # ------------------------------------------------------------------------------------------ layouts
 
     def load(self, row: int, layout: Layout) -> None:
