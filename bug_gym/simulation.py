@@ -503,7 +503,9 @@ class Simulation:
         taken = row_numbers("source_rows", source_rows, source.count)
         kept = self.all_rows if rows is None else row_numbers("rows", rows, self.count)
         if len(taken) != len(kept) or len(np.unique(kept)) != len(kept):
-            raise ValueError(f"got {len(taken)} source_rows for rows {kept.tolist()}, expected one for each, none twice")
+            raise ValueError(
+                f"got {len(taken)} source_rows for rows {kept.tolist()}, expected one for each, none twice"
+            )
         source._require_episodes(taken)
         self.world.copy_rows(source.world, taken, kept)
         if futures != "same":

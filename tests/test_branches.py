@@ -18,7 +18,7 @@ NOISY: dict[str, Any] = {
     "lidar": {"beams": 24, "noise": 0.02, "dropout": 0.05},
     "odometry": {"translation_noise": 0.1, "rotation_noise": 0.1},
 }
-PEOPLE = [
+PEOPLE: list[dict[str, Any]] = [
     {"law": "bounce", "velocity": [0.4, 0.3]},
     {"law": "random_walk", "speed": 0.6},
     {"law": "waypoints", "points": [[2, 2], [4, -2]], "speed": 0.5},

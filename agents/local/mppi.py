@@ -49,6 +49,20 @@ ROOM = 0.01
 """What the first step of a plan keeps from the scan [m]."""
 CREEP = 1e-6
 """A speed that only tells where to turn [m/s]."""
+CONTACT_WEIGHT = 20.0
+"""What a second of the horizon after a contact costs, in metres farther from the goal for as long [m]."""
+LEAST: dict[str, float] = {
+    "samples": 1,
+    "iterations": 1,
+    "horizon": 0.01,
+    "temperature": 1e-6,
+    "noise": 1e-3,
+    "control_weight": 0.0,
+    "keep": 1e-6,
+    "clearance_weight": 0.0,
+    "seed": 0,
+}
+"""The least value of each parameter."""
 SHOWN = 24
 """Sampled ways that a picture shows."""
 
@@ -75,9 +89,9 @@ class MPPIMemory(Memory):
 class MPPIParameters:
     """Parameters of MPPI."""
 
-    samples: Annotated[int, AtMost(100_000)] = 256
+    samples: Annotated[int, AtMost(10_000)] = 256
     """K, plans that are tried for a decision."""
-    iterations: Annotated[int, AtMost(100)] = 1
+    iterations: Annotated[int, AtMost(20)] = 1
     """How often a decision draws and weighs."""
     horizon: Length = 2.5
     """How far ahead it plans [s]."""
@@ -95,19 +109,9 @@ class MPPIParameters:
     """Of the noise, with the number of the decision."""
 
     def __post_init__(self) -> None:
-        for name in ("samples", "iterations"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        for name in ("horizon", "temperature", "noise", "keep"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be above 0, got {getattr(self, name)!r}")
-        for name in ("control_weight", "clearance_weight", "seed"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")
-
-
-CONTACT_WEIGHT = 20.0
-"""What a second of the horizon after a contact costs, likewise [m]."""
+        for name, least in LEAST.items():
+            if not least <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be at least {least:g}, got {getattr(self, name)!r}")
 
 
 class MPPI(ScriptedPolicy):
@@ -115,7 +119,7 @@ class MPPI(ScriptedPolicy):
 
     Raises:
         TypeError: an unknown parameter.
-        ValueError: fewer than one sample or iteration, a horizon, temperature, noise or `keep` that is not above 0.
+        ValueError: a parameter below its least value.
     """
 
     Parameters = MPPIParameters
@@ -254,13 +258,13 @@ class Controls:
         self.rate = min(drive.max_turn_rate, 0.999 * self.gain * TURN_IN_PLACE)
         """Largest turn rate at which it still drives ahead [rad/s]."""
         spacing = horizon / (KNOTS - 1)
-        self._between = interpolation((np.arange(STEPS) + 0.5) * horizon / STEPS / spacing)
-        self._later = interpolation(np.arange(KNOTS) + drive.step / spacing)
+        self._between = interpolation(np.linspace(0.5, STEPS - 0.5, STEPS) * horizon / STEPS / spacing)
+        self._later = interpolation(np.linspace(0.0, KNOTS - 1.0, KNOTS) + drive.step / spacing)
 
     def limited(self, plans: F64) -> F64:
         """Plans (..., 2) cut to what the robot can do."""
         if self.is_holonomic:
-            return plans / np.maximum(np.hypot(plans[..., :1], plans[..., 1:]), 1.0)
+            return np.asarray(plans / np.maximum(np.hypot(plans[..., :1], plans[..., 1:]), 1.0))
         turn = np.clip(plans[..., 1], -1.0, 1.0)
         return np.stack([np.clip(plans[..., 0], 0.0, np.cos(turn * self.rate / self.gain)), turn], axis=-1)
 
@@ -271,7 +275,8 @@ class Controls:
             return np.asarray(controls)
         top, back = self.drive.max_speed, self.drive.max_reverse
         forward = 2.0 * (top * controls[..., 0] + back) / (top + back) - 1.0
-        return np.stack([forward, controls[..., 1] * self.rate / self.drive.max_turn_rate], axis=-1)
+        turn = controls[..., 1] * self.rate / self.drive.max_turn_rate
+        return np.stack([forward, turn], axis=-1)
 
     def velocity(self, control: F64) -> Velocity:
         """The velocity to ask for [m/s], robot's frame, so that it is driven as a control (2,) says."""
@@ -298,5 +303,5 @@ class Controls:
 
 def interpolation(at: F64) -> F64:
     """Matrix (n, KNOTS) that takes knots to straight lines between them, at places (n,) counted in knots."""
-    at = np.minimum(at, KNOTS - 1.0)
-    return np.maximum(1.0 - np.abs(at[:, None] - np.arange(KNOTS)), 0.0)
+    within = np.minimum(at, KNOTS - 1.0)
+    return np.maximum(1.0 - np.abs(within[:, None] - np.arange(KNOTS)), 0.0)
