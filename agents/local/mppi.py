@@ -5,7 +5,8 @@ Reinforcement Learning", algorithm 2: a plan u is changed by noise, each sample 
 u + sum_k w_k e_k with w_k = exp(-(S_k - min S) / lambda) / (their sum). Williams, Drews, Goldfain, Rehg and Theodorou
 (2018), "Information-Theoretic Model Predictive Control", for the share of lambda that a plan's own size costs. Beside the
 noise some samples are plain ways, held all the time (as Trevisan and Alonso-Mora 2024, "Biased-MPPI", do with other
-controllers' plans), for which nothing is charged. The model is a Simulation of what has been seen (known_world.py).
+controllers' plans), for which nothing is charged: noise alone seldom turns a robot
+round. The model is a Simulation of what has been seen (known_world.py).
 
 Sensing assumed: the scan, the goal; movers through the tracker (agents/tracking). Memory kept: the plan, points of still
 things, the tracks. States: planning. Guarantee: none; it looks a horizon ahead, so that what has to be gone back from

@@ -130,22 +130,42 @@ def test_a_disc_that_the_robot_would_overlap_is_cut() -> None:
 # ------------------------------------------------------------------------------------------------ plans get better
 
 
-@pytest.mark.parametrize("kinematics", KINEMATICS)
-@pytest.mark.parametrize("goal", [[9.0, 0.0], [5.0, 6.0], [-7.0, 1.0]])
+@pytest.mark.parametrize(
+    ("kinematics", "goal"),
+    [
+        ("holonomic", [9.0, 0.0]),
+        ("holonomic", [-3.0, 7.0]),
+        ("differential", [9.0, 0.0]),
+        ("differential", [5.0, 6.0]),
+    ],
+)
 def test_the_cost_of_the_plan_falls_from_one_iteration_to_the_next(kinematics: str, goal: list[float]) -> None:
-    """In the open, to nearly that of the straight way for a robot that need not turn."""
-    policy, view, _ = made({"world": {**BOX, "goal": goal}}, {"robot.kinematics": kinematics})
+    """By noise alone, from standing: in the open, to nearly the cost of the straight way of a robot that need not turn."""
+    policy, view, _ = made({"world": {**BOX, "goal": goal}}, {"robot.kinematics": kinematics}, noise=0.15)
+    policy.plain *= 0.0  # no plain ways to fall back on: all of them stand
     plan, costs = np.zeros((KNOTS, 2)), []
-    for number in range(6):
+    for number in range(12):
         policy.model.begin(view, NOTHING, NOBODY)
         costs.append(policy.model.try_one(policy.controls.actions(plan[None])).costs[0])
         policy.model.begin(view, NOTHING, NOBODY)
         plan = policy.improved(plan, number)[0]
-    assert costs[-1] < costs[2] < costs[1] < costs[0]
+    assert all(later < sooner for sooner, later in zip(costs[:5], costs[1:6], strict=True))
     step = policy.model.step
     distances = math.hypot(*goal) - policy.sensors.goal_radius - step * np.arange(1, STEPS + 1)
     least = step * distances.sum()
     assert least <= costs[-1] <= (1.02 if kinematics == "holonomic" else 1.15) * least
+
+
+def test_plain_ways_turn_a_robot_round_that_noise_leaves_standing() -> None:
+    """With the goal behind it, turning is worth something only if it then drives on: noise seldom does both."""
+    policy, view, _ = made({"world": {**BOX, "goal": [-3, 7]}}, {"robot.kinematics": "differential"})
+    plain, costs = policy.plain, []
+    for plans in (0.0 * plain, plain):
+        policy.plain = plans
+        policy.model.begin(view, NOTHING, NOBODY)
+        plan = policy.improved(np.zeros((KNOTS, 2)), 0)[0]
+        costs.append(policy.model.try_one(policy.controls.actions(plan[None])).costs[0])
+    assert costs[1] < 0.95 * costs[0]
 
 
 def test_the_mean_of_two_ways_round_is_not_driven() -> None:
@@ -165,7 +185,7 @@ def test_the_mean_of_two_ways_round_is_not_driven() -> None:
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_it_arrives_in_fields_without_a_contact(kinematics: str) -> None:
-    for scenario, seeds in (("static", 3), ("dynamic", 2)):
+    for scenario, seeds in (("static", 2), ("dynamic", 1)):
         for seed in range(seeds):
             episode = run_episode("mppi", scenario, {"robot.kinematics": kinematics}, seed=seed, max_steps=400)
             assert episode.outcome == "success" and episode.min_clearance > 0.1
@@ -173,8 +193,8 @@ def test_it_arrives_in_fields_without_a_contact(kinematics: str) -> None:
 
 def test_what_has_to_be_gone_back_from_holds_it() -> None:
     """Its weakness: it looks a horizon ahead and no farther."""
-    episode = run_episode("mppi", "u_trap", max_steps=250)
-    assert episode.outcome == "running" and episode.min_clearance > 0.0
+    episode = run_episode("mppi", "u_trap", max_steps=120)
+    assert episode.outcome == "running" and episode.goal_distance > 5.0 and episode.min_clearance > 0.0
 
 
 def test_a_decision_is_a_function_of_what_is_seen_and_the_seed() -> None:
