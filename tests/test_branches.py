@@ -69,9 +69,11 @@ def test_branches_that_get_the_originals_actions_are_the_original(name: str) -> 
     many = original.branches(5, row=1)
     np.testing.assert_array_equal(many.observations(), np.repeat(original.observations()[[1]], 5, axis=0))
     for expected, found in zip(driven(original, 25, 1), driven(many, 25, 1), strict=True):
+        own: Any
         for own, others in zip(expected, found, strict=True):
             np.testing.assert_array_equal(others, np.repeat(own[[1]], 5, axis=0))
-    for key, values in original.info().items():
+    info: dict[str, Any] = original.info()
+    for key, values in info.items():
         np.testing.assert_array_equal(many.info()[key], np.repeat(values[[1]], 5, axis=0))
 
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug_map.perceive import beams_on_still, forget_movers
 from bug_gym.agents.local.known_world import KnownWorld, RollOut, Worth
@@ -224,7 +223,7 @@ class MPPI(ScriptedPolicy):
         ways = memory.ways @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
         segments = []
         for number in range(ways.shape[1]):
-            label = "chosen" if number == ways.shape[1] - 1 else "closed"
+            label = "chosen" if number == ways.shape[1] - 1 else "candidate"
             places = ways[:, number].tolist()
             segments += [(*a, *b, label) for a, b in zip(places[:-1], places[1:], strict=True)]
         return Drawing(segments=segments)
@@ -237,8 +236,8 @@ def weights_of(costs: F64, temperature: float) -> F64:
         costs: S (K,).
         temperature: lambda, above 0.
     """
-    weights: NDArray[np.float64] = np.exp((costs.min() - costs) / temperature)
-    return weights / weights.sum()
+    weights = np.exp((costs.min() - costs) / temperature)
+    return np.asarray(weights / weights.sum())
 
 
 class Controls:
