@@ -25,6 +25,7 @@ from bug_gym.config import Scenario, load
 from bug_gym.log import warn_once
 from bug_gym.world import Capacity, Snapshot, World
 from bug_gym.worlds.field import FieldWorld
+from bug_gym.worlds.layout import Layout
 
 if TYPE_CHECKING:
     from bug_gym.shortest_path import Path as ShortestPath
@@ -186,6 +187,31 @@ class Simulation:
         """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
         self._do(kernels.BEGIN, rows, self._no_actions(rows))
 
+    def place(self, layouts: Sequence[Layout], rows: Rows | None = None) -> NDArray[np.float32]:
+        """Start an episode in rows whose worlds are told instead of drawn: a planner's model of what it knows.
+
+        Args:
+            layouts: one for each row, taken as they are: nothing looks whether robots stand clear.
+            rows: numbers of the rows (n,), all by default; they keep their seeds.
+
+        Returns:
+            Flat observations (n, R, D), a copy.
+
+        Raises:
+            ValueError: another number of layouts than of rows.
+        """
+        rows = self.all_rows if rows is None else rows
+        if len(layouts) != len(rows):
+            raise ValueError(f"got {len(layouts)} layouts for {len(rows)} rows")
+        self._load(rows, layouts)
+        self._seeded[rows] = True
+        self.begin(rows)
+        return self.observations(rows)
+
+    def _load(self, rows: Rows, layouts: Sequence[Layout]) -> None:
+        for row, layout in zip(rows, layouts, strict=True):
+            self.world.load(int(row), layout)
+
     def restart_robots(self, rows: Rows, starts: NDArray[np.float64]) -> NDArray[np.float32]:
         """Put robots whose runs have ended back to a start, while their worlds go on; not where something stands there.
 
@@ -244,8 +270,7 @@ class Simulation:
         keys = zip(*(numbers.tolist() for numbers in starts), strict=True)
         layouts = [scenarios.draw_layout(self.scenario, *key) for key in keys]
         self.world.seed[rows], self.world.episode[rows] = starts
-        for row, layout in zip(rows, layouts, strict=True):
-            self.world.load(int(row), layout)
+        self._load(rows, layouts)
 
     def step(self, actions: ArrayLike, rows: Rows | None = None) -> Transition:
         """Advance the rows by one step.

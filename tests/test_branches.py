@@ -171,6 +171,18 @@ def test_other_scenarios_futures_rows_and_rows_without_an_episode_are_refused() 
         Simulation("static").branches(2)
 
 
+def test_a_layout_that_is_read_and_placed_is_the_world_again() -> None:
+    """As the robot stands there: a model begins at a start of its own, but sees the same."""
+    world = begun({**EVERY_LAW, "lidar": {"beams": 24}}, 1)
+    model = Simulation(world.scenario, 2)
+    seen = model.place([world.world.layout(0)] * 2)
+    np.testing.assert_array_equal(seen[:, 0, :24], np.repeat(world.world.ranges[:, 0], 2, axis=0))
+    np.testing.assert_array_equal(model.world.time, 0.0)
+    model.step(np.zeros((2, 1, 2)))
+    with pytest.raises(ValueError, match="got 1 layouts for 2 rows"):
+        model.place([world.world.layout(0)])
+
+
 def test_the_planner_of_the_guide_arrives() -> None:
     """Random shooting, as the page has it."""
     text = GUIDE.read_text(encoding="utf-8").partition("## A model to plan with")[2]

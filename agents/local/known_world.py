@@ -81,7 +81,7 @@ class KnownWorld:
             "world": world,
         }
         self.one = Simulation(scenario)
-        self.one.reset(seeds=[0])
+        self.one.reset(seeds=[0])  # nothing in it is drawn
         self.many = self.one.branches(samples)
         self._from = np.zeros(samples, dtype=np.int64)
 
@@ -93,7 +93,7 @@ class KnownWorld:
             still: discs (n, 3) x, y, radius [m], robot's frame.
             movers: discs that move (m, 5) x, y [m], vx, vy [m/s], radius [m], robot's frame.
         """
-        world, body = self.one.world, self.sensors.radius
+        body = self.sensors.radius
         still, movers = clear_of(still, still[:, 2], body), clear_of(movers, movers[:, 4], body)
         layout = Layout(
             border=EDGE * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
@@ -102,9 +102,8 @@ class KnownWorld:
             circles=still,
             movers=tuple(self._mover(*mover) for mover in movers.tolist()),
         )
-        world.load(0, layout)
-        self.one.begin(self.one.all_rows)
-        world.velocity[0, 0] = view.velocity
+        self.one.place([layout])
+        self.one.world.velocity[0, 0] = view.velocity
 
     def _mover(self, x: float, y: float, vx: float, vy: float, radius: float) -> Mover:
         """A mover that goes on as it does, through whatever stands there."""
