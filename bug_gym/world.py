@@ -362,9 +362,11 @@ class World:
             raise ValueError(f"the rows are of {source.scenario.name!r}, expected another World of this very scenario")
         self.grow(source.capacity)
         source.grow(self.capacity)
-        self.floats[rows] = source.floats[source_rows]
-        self.ints[rows] = source.ints[source_rows]
-        self.observation[rows] = source.observation[source_rows]
+        # One row for all of them is read once, in half the time.
+        taken = source_rows[:1] if (source_rows == source_rows[:1]).all() else source_rows
+        self.floats[rows] = source.floats[taken]
+        self.ints[rows] = source.ints[taken]
+        self.observation[rows] = source.observation[taken]
 
     # ------------------------------------------------------------------------------------------ layouts
 

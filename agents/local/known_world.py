@@ -133,7 +133,7 @@ class KnownWorld:
         places[0] = pose
         for number in range(actions.shape[1]):
             simulation.advance(actions[:, number, None])
-            nearness = np.clip(1.0 - clearance / worth.keep, 0.0, 1.0)
+            nearness = np.maximum(1.0 - clearance / worth.keep, 0.0)
             touches = outcome == kernels.COLLISION
             costs += np.maximum(distance - self.sensors.goal_radius, 0.0)
             costs += worth.clearance * nearness * nearness * (outcome == kernels.RUNNING)
