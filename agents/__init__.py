@@ -115,6 +115,7 @@ AGENTS: dict[str, Agent] = {
     ),
     "velocity_obstacle": Agent("local.velocity_obstacle:VelocityObstacle", "local", "Fiorini and Shiller 1998"),
     "dwa": Agent("local.dwa:DWA", "local", "Fox, Burgard and Thrun 1997"),
+    "mppi": Agent("local.mppi:MPPI", "local", "Williams et al. 2017"),
     "d2t_eaco": Agent("planning.d2t_eaco:D2TEaco", "planner", "Sellers et al. 2026", privileged=True),
     "d2t_dijkstra": Agent("planning.d2t_dijkstra:D2TDijkstra", "planner", "Sellers et al. 2026", privileged=True),
     "orca": Agent("reciprocal.orca:Orca", "reciprocal", "van den Berg et al. 2011"),
