@@ -10,7 +10,7 @@ import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -55,6 +55,8 @@ class Memory:
     """State of its state machine, such as "motion_to_goal"."""
     verdict: str = ""
     """One of VERDICTS; once it says something the robot stands."""
+    under_way: list[NDArray[np.float32]] = field(default_factory=list, kw_only=True)
+    """Actions (2,) of a robot with latency that have yet to act, the first one first."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +224,7 @@ class ScriptedPolicy(ABC):
         if episode_start is not None:
             for row in np.flatnonzero(checked_starts(episode_start, len(rows))).tolist():
                 memories[row] = self.first_memory(rows, row)
-        actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
+        actions = np.stack([self._sent(row, memory) for row, memory in zip(rows, memories, strict=True)])
         return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
 
     def _checked(self, state: Any, rows: int) -> list[Memory]:
@@ -235,10 +237,18 @@ class ScriptedPolicy(ABC):
     def _memory_type(self) -> type[Memory]:
         return type(self.start())
 
+    def _sent(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+        """An action, remembered where it acts later."""
+        action = self._action(flat, memory)
+        latency = self.sensors.drive.latency
+        if latency > 0 and not self.discrete:
+            memory.under_way = [*memory.under_way, action][-latency:]
+        return action
+
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         if not np.isfinite(flat).all():
             raise ValueError("the observation holds a number that is not finite")
-        view = View(flat, self.sensors)
+        view = View(flat, self.sensors, memory.under_way)
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
         course = self.course(view, memory, velocity) if self._follows_course else None
         return action_of(self.sensors, view, velocity, self._velocities, self.room, course)

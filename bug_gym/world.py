@@ -125,6 +125,7 @@ class World:
             "first_ends": int(self.scenario.mission == "first"),
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
             "regions": len(self.scenario.world.regions),
+            "latency": self.scenario.latency_steps,
             "step": self.scenario.time.step,
             "max_speed": robot.max_speed,
             "max_reverse": robot.max_reverse,
@@ -166,7 +167,8 @@ class World:
         counts = {"discs": discs, "polygons": polygons, "bodies": bodies, "walls": walls, "ways": ways}
         for name, value in counts.items():
             self.spec[name] = value
-        counts |= {"row": 1, "robots": robots, "lookers": bodies if capacity.steered else 0}
+        delayed = robots * self.scenario.latency_steps
+        counts |= {"row": 1, "robots": robots, "lookers": bodies if capacity.steered else 0, "delayed": delayed}
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
         for table in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS):

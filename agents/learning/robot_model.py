@@ -44,6 +44,8 @@ class RobotModel:
     """Range that means "nothing seen" [m]."""
     peers: Count = 0
     """Other robots that the observation tells of."""
+    latency: Count = 0
+    """Steps from an action to the one in which it acts."""
 
     @classmethod
     def of(cls, sensors: Sensors) -> RobotModel:
@@ -70,6 +72,7 @@ class RobotModel:
             first_angle=float(angles[0]),
             angle_step=float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi,
             range=sensors.range,
+            latency=drive.latency,
             peers=sum(field.shape[0] for field in sensors.fields if field.name == "peers"),
         )
 

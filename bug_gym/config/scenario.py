@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from bug_gym.limits import WIDEST_SWING
+from bug_gym.limits import MOST_DELAYED, WIDEST_SWING
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
@@ -18,6 +18,9 @@ from bug_gym.schema.values import Part
 from bug_gym.worlds import WorldFamily
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.family import Crew
+
+WHOLE = 1e-6
+"""How far from a whole number of steps a time may lie that is meant as one: decimal fractions are not exact."""
 
 
 class Scenario(Part):
@@ -62,9 +65,25 @@ class Scenario(Part):
         except PydanticCustomError as error:
             context = error.context or {}
             raise wrong(context["reason"], f"world.{context['key']}") from None
+        self._check_latency()
         self._check_swing()
         self._check_places()
         return self
+
+    @property
+    def latency_steps(self) -> int:
+        """Steps from an action to the one in which it acts."""
+        return round(self.robot.latency / self.time.step)
+
+    def _check_latency(self) -> None:
+        """An action begins to act where a step begins, and few are under way at once."""
+        steps = self.robot.latency / self.time.step
+        if not steps <= MOST_DELAYED:
+            reason = f"got {self.robot.latency:g}, expected at most {MOST_DELAYED} steps of {self.time.step:g} s"
+            raise wrong(reason, "robot.latency")
+        if abs(steps - round(steps)) > WHOLE:
+            reason = f"got {self.robot.latency:g}, expected a whole number of steps of {self.time.step:g} s"
+            raise wrong(reason, "robot.latency")
 
     def _check_swing(self) -> None:
         """A body beside its origin swings so little in a step that its arc can be tested chord by chord."""

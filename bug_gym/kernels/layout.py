@@ -73,6 +73,7 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "body_patience": (1, "lookers"),  # when it gives its goal up [s]
     "body_foresight": (1, "lookers"),  # how far ahead it avoids [s], or how far an evader sees [m]
     "body_calm": (1, "lookers"),  # speed of an evader that sees no robot [m/s]
+    "pending": (2, "delayed"),  # actions that have yet to act, robot after robot, each where its step falls in the ring
 }
 INT_ARRAYS: dict[str, tuple[int, str]] = {
     "seed": (1, "row"),
@@ -139,7 +140,7 @@ def rounded_up(count: int) -> int:
 # The record that describes a row. Fields named like an array of the row hold the index where that array begins, those
 # named see_ and a field of the observation where that begins.
 COUNTS = ("robots", "discs", "polygons", "goals", "bodies", "walls", "ways", "beams", "footprint", "width")
-INT_CONSTANTS = ("kinematics", "limit_steps", "first_ends", "goal_by_odometry", "regions")
+INT_CONSTANTS = ("kinematics", "limit_steps", "first_ends", "goal_by_odometry", "regions", "latency")
 FLOAT_CONSTANTS = (
     "step",
     "max_speed",
