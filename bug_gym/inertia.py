@@ -11,6 +11,7 @@ back, will have brought the robot.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -94,9 +95,9 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
     drive = view.sensors.drive
     if drive.kinematics == "holonomic":
         ahead = foreseen(view)
-        for share in _shares():
+        for kept, share in itertools.product(_rooms(drive, room), _shares()):
             asked = share * velocity[0], share * velocity[1]
-            if _is_clear(view, ahead, _slide(drive, ahead.velocity, asked), room):
+            if _is_clear(view, ahead, _slide(drive, ahead.velocity, asked), kept):
                 return kinematics.steering(drive, asked)
         return kinematics.steering(drive, (0.0, 0.0))
     return kinematics.differential_action(drive, *stoppable_arc(view, kinematics.turning(drive, velocity), room))
@@ -104,11 +105,23 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
 
 def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
     """The speed [m/s] and turn rate [rad/s] nearest to wished ones from which a differential robot can stop in time."""
-    ahead = foreseen(view)
-    for asked in ((share * wish[0], wish[1]) for share in (*_shares(), 0.0)):
-        if _is_clear(view, ahead, _arc(view.sensors.drive, ahead.velocity[0], asked), room):
+    drive, ahead = view.sensors.drive, foreseen(view)
+    for kept, share in itertools.product(_rooms(drive, room), (*_shares(), 0.0)):
+        asked = share * wish[0], wish[1]
+        if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), kept):
             return asked
+    back = -drive.max_reverse / SHARES, 0.0
+    if drive.latency > 0 and wish != (0.0, 0.0) and _is_clear(view, ahead, _arc(drive, ahead.velocity[0], back), 0.0):
+        return back  # it stands so near to something that it cannot turn
     return 0.0, 0.0
+
+
+def _rooms(drive: Drive, room: float) -> tuple[float, ...]:
+    """What is kept about the body [m], and what at least where that lets nothing through.
+
+    Commands that act late bring a robot nearer to walls than it means to come; there it would stand for ever.
+    """
+    return (room, 0.0) if drive.latency > 0 else (room,)
 
 
 def foreseen(view: View) -> Ahead:
@@ -128,6 +141,15 @@ def foreseen(view: View) -> Ahead:
     for velocity in asked:
         ahead = _after(drive, ahead, velocity)
     return ahead
+
+
+def as_it_will_lie(view: View, velocity: Velocity) -> Velocity:
+    """A velocity of the robot's frame of now in the one in which a command of now finds it [m/s].
+
+    Else it would turn on for as long as commands take, and back, and for ever to and fro.
+    """
+    cos, sin = math.cos(turn := foreseen(view).turn), math.sin(turn)
+    return cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
 
 
 def _after(drive: Drive, ahead: Ahead, asked: Velocity) -> Ahead:

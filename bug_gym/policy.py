@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
-from bug_gym.inertia import needs_care, stoppable_action
+from bug_gym.inertia import as_it_will_lie, needs_care, stoppable_action
 from bug_gym.observation import as_flat, width
 from bug_gym.steering import Course, steered_action
 from bug_gym.view import Sensors, View
@@ -293,6 +293,8 @@ def action_of(
         return kinematics.steering(sensors.drive, velocity)
     if course is not None and course.aside > 0.0:
         return steered_action(view, velocity, course, braking_radius(sensors), room)
+    if sensors.drive.latency > 0 and room is not None:
+        return stoppable_action(view, as_it_will_lie(view, velocity), room)
     velocity = brake(view, velocity)
     if room is not None and needs_care(sensors):
         return stoppable_action(view, velocity, room)
@@ -300,8 +302,9 @@ def action_of(
 
 
 def is_steered(sensors: Sensors) -> bool:
-    """Whether a robot is driven on arcs (steering.py): a differential one with a round body."""
-    return sensors.drive.kinematics == "differential" and len(sensors.footprint) == 1
+    """Whether a robot is driven on arcs (steering.py): a differential one with a round body that does at once what it is told."""
+    drive = sensors.drive
+    return drive.kinematics == "differential" and len(sensors.footprint) == 1 and drive.latency == 0
 
 
 def braking_radius(sensors: Sensors) -> float:
