@@ -110,9 +110,11 @@ def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
         asked = share * wish[0], wish[1]
         if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), kept):
             return asked
-    back = -drive.max_reverse / SHARES, 0.0
-    if drive.latency > 0 and wish != (0.0, 0.0) and _is_clear(view, ahead, _arc(drive, ahead.velocity[0], back), 0.0):
-        return back  # it stands so near to something that it cannot turn
+    # So near to something that it cannot turn: straight on or back, where it can.
+    speeds = (drive.max_speed, -drive.max_reverse) if drive.latency > 0 and wish != (0.0, 0.0) else ()
+    for asked in ((speed / SHARES, 0.0) for speed in speeds):
+        if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), 0.0):
+            return asked
     return 0.0, 0.0
 
 
