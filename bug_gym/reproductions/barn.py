@@ -42,7 +42,11 @@ CLAIMED = (
     "rev3",
 )
 """Bugs of which something is claimed."""
-CLEARANCE = {"holonomic": 0.295, "jackal": 0.345, "faithful": 0.345}
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "holonomic": {"clearance": 0.295},
+    "jackal": {"clearance": 0.345},
+    "faithful": {"clearance": 0.345},
+}
 """Of all that keep one [m]. All of the worlds are open at a clearance of 0.35 m, not all at 0.40. Cylinders of 0.075 m on a
 grid of 0.15 m leave gaps of 0.52, 0.60, 0.61, 0.66 and 0.70 m and none between. A gap of a little less than twice the
 clearance may count either way: none is of that kind for the holonomic robot; for the others, which need more room to brake,
@@ -203,7 +207,7 @@ def every_policy() -> list[str]:
 def entry(policy: str, robot: str) -> dict[str, Any]:
     """A policy of a suite, at the clearance of all that keep one."""
     keeps = {name for name, parameter in parameters_table() if parameter.name == "clearance"}
-    return {"name": policy, "parameters": {"clearance": CLEARANCE[robot]} if policy in keeps else {}}
+    return {"name": policy, "parameters": PARAMETERS[robot] if policy in keeps else {}}
 
 
 def refusals(policies: Sequence[str], described: Mapping[str, Any]) -> dict[str, str]:
