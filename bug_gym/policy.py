@@ -302,7 +302,7 @@ def action_of(
 
 
 def is_steered(sensors: Sensors) -> bool:
-    """Whether a robot is driven on arcs (steering.py): a differential one with a round body that does at once what it is told."""
+    """Whether a robot is driven on arcs (steering.py): a differential one with a round body and no latency."""
     drive = sensors.drive
     return drive.kinematics == "differential" and len(sensors.footprint) == 1 and drive.latency == 0
 

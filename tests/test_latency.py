@@ -35,7 +35,12 @@ ROBOTS: dict[str, dict[str, Any]] = {
 def described(robot: str, latency: float, **rest: Any) -> dict[str, Any]:
     """A world with movers for a robot of ROBOTS."""
     world = {"family": "field", "obstacles": 8, "moving": 0.5}
-    return {"robot": {**ROBOTS[robot], "latency": latency}, "lidar": {"beams": 32, "noise": 0.01}, "world": world, **rest}
+    return {
+        "robot": {**ROBOTS[robot], "latency": latency},
+        "lidar": {"beams": 32, "noise": 0.01},
+        "world": world,
+        **rest,
+    }
 
 
 def random_actions(rows: int, robots: int, seed: int = 0) -> NDArray[np.float64]:
