@@ -245,8 +245,8 @@ def barn_worlds(found: Record) -> Page:
     return Page(
         [table("Worlds of the BARN benchmark", header, rows)],
         f"Of {worlds} worlds every bug of {code(barn.CLAIMED)} reaches at least {fewest['holonomic']} as a holonomic robot, "
-        f"and at least {fewest['jackal']} as the benchmark's, a disc of {barn.ROBOTS['jackal']['radius']} m that drives at up to "
-        f"{barn.ROBOTS['jackal']['max_speed']:g} m/s. {faithful}{''.join(strangers.values())}"
+        f"and at least {fewest['jackal']} as the benchmark's, a disc of {barn.ROBOTS['jackal']['radius']} m that drives at up "
+        f"to {barn.ROBOTS['jackal']['max_speed']:g} m/s. {faithful}{''.join(strangers.values())}"
         f"A run of over {barn.SCORED:g} s is a failure in the benchmark and "
         f"scores nothing here; it goes on to its end. For context: {barn.DWA}",
         [*claims, ("none of these bugs collides as the holonomic robot", still)],
