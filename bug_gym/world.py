@@ -131,6 +131,7 @@ class World:
             "first_ends": int(self.scenario.mission == "first"),
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
             "regions": len(self.scenario.world.regions),
+            "latency": self.scenario.latency_steps,
             "step": self.scenario.time.step,
             "max_speed": robot.max_speed,
             "max_reverse": robot.max_reverse,
@@ -184,6 +185,7 @@ class World:
             "robots": robots,
             "listed": disc_room + polygon_room,
             "lookers": bodies if capacity.steered else 0,
+            "delayed": robots * self.scenario.latency_steps,
         }
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
