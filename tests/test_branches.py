@@ -191,3 +191,33 @@ def test_the_planner_of_the_guide_arrives() -> None:
     names: dict[str, Any] = {}
     exec(found[1], names)
     assert names["world"].info()["outcome"][0, 0] == "success"
+
+
+@pytest.mark.parametrize("futures", ["same", "own"])
+def test_branches_keep_the_robot_that_was_drawn(futures: Any) -> None:
+    changes = {"robot.max_speed": {"uniform": [0.5, 1.5]}, "lidar.noise": {"uniform": [0.0, 0.05]}}
+    source = Simulation("dynamic", 3, overrides=changes)
+    source.reset(seeds=[4, 5, 6])
+    many = source.branches(4, row=1, futures=futures)
+    own = source.world.own(1, "max_speed")
+    assert own != source.world.own(0, "max_speed")
+    again = Simulation("dynamic", 4, overrides=changes)
+    again.restore(many.snapshot())
+    for worlds in (many, again):
+        assert [worlds.world.own(row, "max_speed") for row in range(4)] == [own] * 4
+        worlds.step(np.ones((4, 1, 2)))
+    assert np.array_equal(many.observations(), again.observations())
+
+
+def test_branches_of_many_bodies_show_them_where_they_are() -> None:
+    """Beyond some number of bodies a row brings only those near its robot to now; what is read is brought there."""
+    source = Simulation("rush", overrides={"world.obstacles": 150, "world.bounds": [-20, -20, 20, 20]})
+    source.reset(seeds=[2])
+    for _ in range(20):
+        source.step(np.zeros((1, 1, 2)))
+    many = source.branches(2)
+    assert np.array_equal(many.world.array("body_x")[1], source.world.array("body_x")[0])
+    for _ in range(20):
+        many.step(np.zeros((2, 1, 2)))
+        source.step(np.zeros((1, 1, 2)))
+    assert np.array_equal(many.world.array("body_x")[0], source.world.array("body_x")[0])
