@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from bug_gym.by_hand import Hands
-from bug_gym.config import Scenario, load
+from bug_gym.config import load
 from bug_gym.drawing.clips import Frame
 from bug_gym.evaluation.driven import LET_GO, again, read_driven, require_same_end
 from bug_gym.evaluation.entries import PolicyEntry
 from bug_gym.evaluation.live import SMOOTH, SPEEDS, Hand, Show, endings, run, same_world
+from bug_gym.evaluation.rollout import Rollout
 
 SMALL = {"lidar.beams": 32, "time.limit": 6.0}
 GAS, ESC = Hands(held=frozenset({"up"})), Hands(pressed=("escape",))
@@ -38,13 +39,13 @@ class Watcher:
         self.rates.append(fps)
 
 
-def begin(*policies: str, scenario: str = "dynamic", **changes: object) -> tuple[Scenario, Callable[[int], list]]:
-    loaded = load(scenario, {**SMALL, **changes})
-    return loaded, same_world([PolicyEntry.of(policy) for policy in policies], loaded)
+def begin(*policies: str, limit: float = 6.0) -> Callable[[int], list[Rollout]]:
+    loaded = load("dynamic", {**SMALL, "time.limit": limit})
+    return same_world([PolicyEntry.of(policy) for policy in policies], loaded)
 
 
 def show_of(*policies: str, first: int = 0) -> Show:
-    return Show(begin(*policies)[1], first=first, size=200)
+    return Show(begin(*policies), first=first, size=200)
 
 
 def played(hands: Sequence[Hands], path: Path | None = None, *, scenario: str = "dynamic") -> tuple[Show, Hand]:
@@ -65,7 +66,7 @@ def test_each_policy_drives_in_the_same_world_as_it_drives_alone() -> None:
     while not show.is_over:
         show.step()
     for rollout, policy in zip(show.rollouts, ("bug2", "go_to_goal"), strict=True):
-        (alone,) = begin(policy)[1](3)
+        (alone,) = begin(policy)(3)
         (rows,) = alone.worlds()
         assert endings(rollout) == endings(alone)
         np.testing.assert_array_equal(rollout.simulation.world.pose, alone.simulation.world.pose)
@@ -110,7 +111,7 @@ def test_the_end_of_each_world_is_told_once() -> None:
     told: list[str] = []
     steps = 11
     hands = [*[Hands()] * steps, Hands(), Hands(pressed=("r",)), *[Hands()] * (steps + 3)]
-    run(Show(begin("bug2", **{"time.limit": 1.0})[1], size=200), Watcher(hands), told.append)
+    run(Show(begin("bug2", limit=1.0), size=200), Watcher(hands), told.append)
     assert [line for line in told if line.startswith("seed")] == ["seed 0", "seed 1"]
     assert told[1].startswith("  bug2: timeout after 1.0 s and ") and len(told) == 4
 
@@ -147,9 +148,9 @@ def test_each_world_is_an_episode_of_the_file_and_one_without_a_step_is_none(tmp
 def test_somebody_who_has_arrived_or_crashed_drives_no_more(tmp_path: Path) -> None:
     path = tmp_path / "driven.json"
     show, _ = played([GAS] * 70, path)
-    (episode,) = read_driven(path)[1]
+    loaded, (episode,) = read_driven(path)
     assert show.is_over and episode.outcome == "collision" and len(episode.actions) < 60
-    require_same_end(*[read_driven(path)[0], episode])
+    require_same_end(loaded, episode)
 
 
 def test_the_mouse_sends_the_robot_to_its_place_in_the_picture(tmp_path: Path) -> None:
