@@ -49,6 +49,8 @@ SHARED = {
     "com1_rev3": (2, 4, 8, 16),
 }
 """Robots of worlds that several share, by who drives them; the laws of a team drive alone beside it."""
+ELSEWHERE = {"ppo_crossing_robots": "crossing_robots"}
+"""Where policies decide that were made for another robot than that of `dynamic`."""
 BATCHES = 16
 """Batches of random actions, drawn beforehand and taken in turn."""
 
@@ -387,7 +389,7 @@ def compilation_time() -> float:
 def decision_tasks() -> Iterator[Task]:
     """Microseconds of a decision of each policy."""
     for name in playable_names():
-        yield Task(f"decision: {name}", "us", partial(decision_time, name, "dynamic"))
+        yield Task(f"decision: {name}", "us", partial(decision_time, name, ELSEWHERE.get(name, "dynamic")))
     for name, counts in SHARED.items():
         for robots in counts:
             title = f"decision a robot: {name}, {robots} in a world"
