@@ -6,15 +6,16 @@ leaves a whole one, and never files of two.
 
 from __future__ import annotations
 
-import copy
 import re
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import torch
 from stable_baselines3.common.policies import BasePolicy
 
 from bug_gym.agents.learning.folder import CONFIG, Point
@@ -73,19 +74,29 @@ class BestSoFar:
         self._written, self._written_at = best, time.monotonic()
 
     def _write(self, path: Path, network: BasePolicy, progress: Progress) -> None:
-        mine = copy.deepcopy(network)
-        mine.load_state_dict(progress.best)
         assert progress.best_point is not None
         run = {"curve": [asdict(point) for point in progress.points], "best": asdict(progress.best_point)}
-        with moved_when_done(self._folder / ".best.partial", path) as stage:
-            write_agent(
-                stage, mine, self._settings, self._robot, {str(self._seed): {**run, "held_out": {}}}, self._data
-            )
+        runs = {str(self._seed): {**run, "held_out": {}}}
+        with moved_when_done(self._folder / ".best.partial", path) as stage, lent(network, progress.best):
+            write_agent(stage, network, self._settings, self._robot, runs, self._data)
 
     def clear(self) -> None:
         """Remove them: the model itself is there."""
         for path in self._folder.glob("best-*"):
             _remove(path)
+
+
+@contextmanager
+def lent(network: BasePolicy, weights: Mapping[str, torch.Tensor]) -> Iterator[None]:
+    """Let a network have other weights for a while: one that is stopped while it learns cannot be copied."""
+    own = {name: value.detach().clone() for name, value in network.state_dict().items()}
+    is_training = network.training
+    network.load_state_dict(weights)
+    try:
+        yield
+    finally:
+        network.load_state_dict(own)
+        network.set_training_mode(is_training)
 
 
 def _remove(path: Path) -> None:

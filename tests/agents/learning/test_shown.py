@@ -219,6 +219,22 @@ def test_what_is_left_has_the_weights_that_did_best(tmp_path: Path, monkeypatch:
     assert all(torch.equal(written[name], weights[name]) for name in weights)
 
 
+def test_a_training_that_is_stopped_amid_an_update_leaves_its_best(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(self: training.ProgressKeeper) -> None:
+        if self.progress.points:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(so_far, "WRITE_EACH", float("inf"))  # none is written before
+    monkeypatch.setattr(training.ProgressKeeper, "_on_batch", stop)
+    with pytest.raises(KeyboardInterrupt):
+        train(tiny(), tmp_path, threads=1, tensorboard=False)
+    best = best_so_far(tmp_path)
+    assert best is not None
+    require_playable(best)
+
+
 def test_nothing_is_left_beside_the_model_in_the_end_and_what_others_put_there_stays(tmp_path: Path) -> None:
     (tmp_path / "best-3").mkdir()
     (tmp_path / "best-of-all").mkdir()
