@@ -17,7 +17,7 @@ from bug_gym.kinematics import Drive
 
 BODY = [[-0.4, 0.0, 0.22], [0.0, 0.0, 0.22], [0.4, 0.0, 0.22]]
 FOOTPRINT = np.array(BODY)
-TIMES: F64 = 0.1 * np.arange(1, 31)
+TIMES: F64 = 0.1 * np.arange(1, 31, dtype=np.float64)
 DRIVE = Drive("differential", 1.0, 0.3, 1.5, 0.1)
 
 
