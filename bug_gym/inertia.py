@@ -110,12 +110,19 @@ def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
         asked = share * wish[0], wish[1]
         if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), kept):
             return asked
-    # So near to something that it cannot turn: straight on or back, where it can.
-    speeds = (drive.max_speed, -drive.max_reverse) if drive.latency > 0 and wish != (0.0, 0.0) else ()
-    for asked in ((speed / SHARES, 0.0) for speed in speeds):
-        if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), 0.0):
-            return asked
-    return 0.0, 0.0
+    away = _straight_away(view)
+    may_leave = drive.latency > 0 and wish != (0.0, 0.0)
+    return away if may_leave and _is_clear(view, ahead, _arc(drive, ahead.velocity[0], away), 0.0) else (0.0, 0.0)
+
+
+def _straight_away(view: View) -> Velocity:
+    """Slowly straight back from what is nearest, or straight on: for who stands so near to it that he cannot turn.
+
+    A scanner that does not look behind does not see what is there.
+    """
+    drive = view.sensors.drive
+    is_ahead = math.cos(view.nearest()[1]) > 0.0
+    return (-drive.max_reverse if is_ahead else drive.max_speed) / SHARES, 0.0
 
 
 def _rooms(drive: Drive, room: float) -> tuple[float, ...]:

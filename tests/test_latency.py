@@ -66,7 +66,7 @@ def test_an_action_acts_so_many_steps_later_and_is_the_same_then(robot: str, lat
     late = Simulation(described(robot, 0.1 * latency, robots={"count": robots}), 2)
     prompt = Simulation(described(robot, 0.0, robots={"count": robots}), 2)
     seen = [simulation.reset(seeds=[3, 4]) for simulation in (late, prompt)]
-    assert np.array_equal(*seen)
+    assert np.array_equal(seen[0], seen[1])
     asked = random_actions(2, robots)
     for step in range(STEPS):
         acting = asked[step - latency] if step >= latency else standing(prompt)
@@ -100,7 +100,7 @@ def test_actions_under_way_are_part_of_a_snapshot() -> None:
     for _ in range(2):
         ends.append([simulation.step(actions).observation for actions in asked[7:12]][-1])
         simulation.restore(saved)
-    assert np.array_equal(*ends)
+    assert np.array_equal(ends[0], ends[1])
     # The first four steps after it are those that were asked for before it.
     poses = []
     for other in (1.0, -1.0):
@@ -108,7 +108,7 @@ def test_actions_under_way_are_part_of_a_snapshot() -> None:
         for _ in range(4):
             simulation.step(np.full((2, 1, 2), other))
         poses.append(simulation.world.pose.copy())
-    assert np.array_equal(*poses)
+    assert np.array_equal(poses[0], poses[1])
 
 
 def test_a_robot_that_is_put_back_forgets_what_was_under_way() -> None:

@@ -106,8 +106,11 @@ class Boundary:
         self.sensors = sensors
         self.step = step
         """The way of one step [m]."""
-        self.pace = speed_within(sensors.drive, step)
-        """Speed along walls [m/s]: a robot with inertia can stop within the step that it looks ahead."""
+        # A late robot comes off its contour by what it drives until it is told better.
+        look = step if sensors.drive.latency == 0 else min(step, clearance - radius)
+        self.pace = speed_within(sensors.drive, look)
+        """Speed along walls [m/s]: a robot with inertia can stop within the step that it looks ahead, a late one within what
+        it keeps from walls, if that is less."""
         self.clearance = clearance
         self.leave_rule = checked_leave_rule(leave_rule)
         margin = clearance - radius

@@ -94,7 +94,8 @@ def field(obstacles: int, lidar_range: float) -> dict[str, Any]:
 def reproduce(settings: Settings) -> Reproduction:
     """Run both tables."""
     policies = settings.policies or POLICIES
-    tables, data, differences, holds = [], {}, {}, True
+    tables, data, holds = [], {}, True
+    differences: dict[str, Any] = {}
     for lidar_range in RANGES:
         scenarios = [{"scenario": field(count, lidar_range), "label": str(count)} for count in OBSTACLES]
         name = f"hd-bug-tables-{lidar_range:g}"
@@ -113,8 +114,8 @@ def reproduce(settings: Settings) -> Reproduction:
                 Table(f"LIDAR of {lidar_range:g} m: hd_bug minus the other, paired", PAIRED, paired_lines(found))
             )
             holds = holds and claims_hold(rows, found)
-    data = {"results": data, "paired": differences}
-    return Reproduction("hd-bug-tables", tables, NOTES, data, holds if "hd_bug" in policies else None)
+    kept = {"results": data, "paired": differences}
+    return Reproduction("hd-bug-tables", tables, NOTES, kept, holds if "hd_bug" in policies else None)
 
 
 HEADER = [

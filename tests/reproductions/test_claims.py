@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
 
@@ -13,7 +14,7 @@ from bug_gym.reproductions import claims, hd_bug_tables
 BLANK = EpisodeRow("a", "s", 0, 0, "success", "", True, 1.0, 10, 1.0, 0.1, 8.0, nan, nan, 0.5, 0, 0.0, 0.0, 0.0, 0.0)
 
 
-def rows(policy: str, lengths: list[float | None]) -> list[EpisodeRow]:
+def rows(policy: str, lengths: Sequence[float | None]) -> list[EpisodeRow]:
     """An episode a world: the path to the goal [m], None where it was not reached."""
     return [
         replace(BLANK, policy=policy, seed=seed, path_length=length)
