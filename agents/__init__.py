@@ -115,6 +115,7 @@ AGENTS: dict[str, Agent] = {
     ),
     "velocity_obstacle": Agent("local.velocity_obstacle:VelocityObstacle", "local", "Fiorini and Shiller 1998"),
     "dwa": Agent("local.dwa:DWA", "local", "Fox, Burgard and Thrun 1997"),
+    "mppi": Agent("local.mppi:MPPI", "local", "Williams et al. 2017"),
     "d2t_eaco": Agent("planning.d2t_eaco:D2TEaco", "planner", "Sellers et al. 2026", privileged=True),
     "d2t_dijkstra": Agent("planning.d2t_dijkstra:D2TDijkstra", "planner", "Sellers et al. 2026", privileged=True),
     "orca": Agent("reciprocal.orca:Orca", "reciprocal", "van den Berg et al. 2011"),
@@ -136,6 +137,7 @@ LEARNED = {
     "ppo_moving_target": "Schulman et al. 2017",
     "ppo_rush": "Schulman et al. 2017",
     "ppo_mixed": "Schulman et al. 2017",
+    "ppo_crossing_robots": "Schulman et al. 2017",
     "sac_dynamic": "Haarnoja et al. 2018",
     "dqn_candidates": "Mnih et al. 2015",
 }
@@ -319,9 +321,13 @@ def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> 
 
 
 def reads_map(name: Any, parameters: Mapping[str, Any]) -> bool:
-    """Whether a policy reads the world's map; with `known=False` one that can do without does not."""
+    """Whether a policy reads the world's map.
+
+    With `known=False` one that can do without does not; with `privileged` one does that else would not.
+    """
     if isinstance(name, str) and name in AGENTS:
-        return AGENTS[name].privileged and bool(parameters.get("known", True))
+        is_told = AGENTS[name].privileged or bool(parameters.get("privileged", False))
+        return is_told and bool(parameters.get("known", True))
     if isinstance(name, type) or (isinstance(name, str) and outside_reference(name)):
         return bool(getattr(_entry(name)[0], "privileged", False)) and bool(parameters.get("known", True))
     return False

@@ -42,6 +42,15 @@ GROWING = (20, 100, 500, 2000, 5000)
 """Their obstacles."""
 TEAM = 2
 """Robots in a world where there are several."""
+SHARED = {
+    "com1": (1,),
+    "rev3": (1,),
+    **dict.fromkeys(("tangent_bug", "orca"), (1, 2, 4, 8, 16)),
+    "com1_rev3": (2, 4, 8, 16),
+}
+"""Robots of worlds that several share, by who drives them; the laws of a team drive alone beside it."""
+ELSEWHERE = {"ppo_crossing_robots": "crossing_robots"}
+"""Where policies decide that were made for another robot than that of `dynamic`."""
 BATCHES = 16
 """Batches of random actions, drawn beforehand and taken in turn."""
 
@@ -380,11 +389,23 @@ def compilation_time() -> float:
 def decision_tasks() -> Iterator[Task]:
     """Microseconds of a decision of each policy."""
     for name in playable_names():
-        yield Task(f"decision: {name}", "us", partial(decision_time, name))
+        yield Task(f"decision: {name}", "us", partial(decision_time, name, ELSEWHERE.get(name, "dynamic")))
+    for name, counts in SHARED.items():
+        for robots in counts:
+            title = f"decision a robot: {name}, {robots} in a world"
+            yield Task(title, "us", partial(decision_time, name, shared_world(robots)))
 
 
-def decision_time(policy: str) -> float:
-    """Mean time of a decision [us] over two episodes."""
-    rows = evaluate([policy], "dynamic", episodes=2)
+def shared_world(robots: int) -> dict[str, Any]:
+    """A world of still obstacles with room for many robots, for 5 s."""
+    world = {"family": "field", "obstacles": 80, "bounds": [-20, -20, 20, 20]}
+    lidar = {"beams": 64, "range": 5.0, "noise": 0.01}
+    robot = {"kinematics": "differential"}
+    return {"robot": robot, "robots": {"count": robots}, "lidar": lidar, "time": {"limit": 5.0}, "world": world}
+
+
+def decision_time(policy: str, scenario: str | dict[str, Any]) -> float:
+    """Mean time of a robot's decision [us] over two episodes."""
+    rows = evaluate([policy], scenario, episodes=2)
     decisions = sum(row.decision_time_total / row.decision_time_mean for row in rows)
     return 1e6 * sum(row.decision_time_total for row in rows) / decisions

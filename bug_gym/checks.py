@@ -59,6 +59,21 @@ def checked_time(name: str, value: object) -> float:
     return float(value)
 
 
+def row_numbers(name: str, values: Any, count: int) -> NDArray[np.int64]:
+    """Numbers (n,) of rows, of which there are so many.
+
+    Raises:
+        ValueError: they are no integers in one row of numbers, or there is no such row.
+    """
+    numbers = np.asarray(values)
+    if numbers.ndim != 1 or (numbers.size and numbers.dtype.kind not in "iu"):
+        raise ValueError(f"{name} are numbers of rows (n,), got shape {numbers.shape} of {numbers.dtype}")
+    outside = numbers[(numbers < 0) | (numbers >= count)]
+    if outside.size:
+        raise ValueError(f"{name} are from 0 to {count - 1}, got {outside[0]}")
+    return numbers.astype(np.int64)
+
+
 def checked_options(options: object) -> Mapping[str, Any]:
     """The options of a `reset`, none by default.
 

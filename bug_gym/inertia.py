@@ -4,10 +4,14 @@ A robot whose acceleration is limited goes on where it does not want to. So a co
 ends where braking straight on keeps clear of every point of the scan: from there the next command can do just that. Among
 things that stand still it then never touches what its scan shows. (The dynamic window of Fox, Burgard and Thrun 1997, here
 applied to what an algorithm wants.)
+
+Where commands act later than they are given, the step that one leads to begins where those before it, which nobody can take
+back, will have brought the robot.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -41,9 +45,21 @@ class Motion(NamedTuple):
     way_y: float
 
 
+class Ahead(NamedTuple):
+    """Where a robot will be when a command of now begins to act; in its frame of now."""
+
+    x: float
+    """[m]"""
+    y: float
+    turn: float
+    """How far it will have turned [rad]."""
+    velocity: Velocity
+    """The velocity of its body then, as it is observed [m/s, and rad/s or m/s]."""
+
+
 def has_inertia(drive: Drive) -> bool:
     """Whether the robot cannot change its speed at once."""
-    return math.isfinite(drive.max_acceleration)
+    return math.isfinite(drive.max_acceleration) or drive.latency > 0
 
 
 def needs_care(sensors: Sensors) -> bool:
@@ -52,13 +68,20 @@ def needs_care(sensors: Sensors) -> bool:
 
 
 def speed_within(drive: Drive, way: float) -> float:
-    """The greatest speed [m/s] at which the robot drives one step and then comes to stand within a way [m]."""
+    """The greatest speed [m/s] at which the robot drives one step and then comes to stand within a way [m].
+
+    With latency it drives on for so many steps more, until the command to brake acts.
+    """
     if not has_inertia(drive) or math.isinf(way):
         return drive.max_speed
+    free = 1 + drive.latency
+    if math.isinf(drive.max_acceleration):
+        return min(way / (drive.step * free), drive.max_speed)
     loss = drive.max_acceleration * drive.step
-    # Speeds v, v - loss, v - 2 loss ... of whole steps until nothing is left of it: the inverse of kernels.stopping_way.
-    steps = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * way / (drive.step * loss)) - 1.0))
-    return min((way / drive.step + 0.5 * loss * steps * (steps + 1)) / (steps + 1), drive.max_speed)
+    # Speeds v, ... v, v - loss, v - 2 loss ... of whole steps until nothing is left: the inverse of kernels.stopping_way.
+    twice = 2.0 * free - 1.0
+    steps = math.floor(0.5 * (math.sqrt(twice * twice + 8.0 * way / (drive.step * loss)) - twice))
+    return min((way / drive.step + 0.5 * loss * steps * (steps + 1)) / (steps + free), drive.max_speed)
 
 
 def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.float32]:
@@ -71,9 +94,10 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
     """
     drive = view.sensors.drive
     if drive.kinematics == "holonomic":
-        for share in _shares():
+        ahead = foreseen(view)
+        for kept, share in itertools.product(_rooms(drive, room), _shares()):
             asked = share * velocity[0], share * velocity[1]
-            if _is_clear(view, _slide(drive, view.velocity, asked), room):
+            if _is_clear(view, ahead, _slide(drive, ahead.velocity, asked), kept):
                 return kinematics.steering(drive, asked)
         return kinematics.steering(drive, (0.0, 0.0))
     return kinematics.differential_action(drive, *stoppable_arc(view, kinematics.turning(drive, velocity), room))
@@ -81,21 +105,84 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
 
 def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
     """The speed [m/s] and turn rate [rad/s] nearest to wished ones from which a differential robot can stop in time."""
-    for asked in ((share * wish[0], wish[1]) for share in (*_shares(), 0.0)):
-        if _is_clear(view, _arc(view.sensors.drive, view.velocity[0], asked), room):
+    drive, ahead = view.sensors.drive, foreseen(view)
+    for kept, share in itertools.product(_rooms(drive, room), (*_shares(), 0.0)):
+        asked = share * wish[0], wish[1]
+        if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), kept):
+            return asked
+    # So near to something that it cannot turn: straight on or back, where it can.
+    speeds = (drive.max_speed, -drive.max_reverse) if drive.latency > 0 and wish != (0.0, 0.0) else ()
+    for asked in ((speed / SHARES, 0.0) for speed in speeds):
+        if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), 0.0):
             return asked
     return 0.0, 0.0
+
+
+def _rooms(drive: Drive, room: float) -> tuple[float, ...]:
+    """What is kept about the body [m], and what at least where that lets nothing through.
+
+    Commands that act late bring a robot nearer to walls than it means to come; there it would stand for ever.
+    """
+    return (room, 0.0) if drive.latency > 0 else (room,)
+
+
+def foreseen(view: View) -> Ahead:
+    """Where a command of now will find the robot: here, or with latency where those under way will have brought it.
+
+    Where nobody kept them it is supposed to go on as it goes.
+    """
+    drive = view.sensors.drive
+    ahead = Ahead(0.0, 0.0, 0.0, view.velocity)
+    if drive.latency == 0:
+        return ahead
+    if view.under_way is None:
+        asked = [view.velocity] * drive.latency
+    else:
+        asked = [(0.0, 0.0)] * (drive.latency - len(view.under_way))
+        asked += [kinematics.asked_velocity(drive, action) for action in view.under_way]
+    for velocity in asked:
+        ahead = _after(drive, ahead, velocity)
+    return ahead
+
+
+def as_it_will_lie(view: View, velocity: Velocity) -> Velocity:
+    """A velocity of the robot's frame of now in the one in which a command of now finds it [m/s].
+
+    Else it would turn on for as long as commands take, and back, and for ever to and fro.
+    """
+    cos, sin = math.cos(turn := foreseen(view).turn), math.sin(turn)
+    return cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
+
+
+def _after(drive: Drive, ahead: Ahead, asked: Velocity) -> Ahead:
+    """Where a step more brings the robot that asks for a velocity."""
+    if drive.kinematics == "holonomic":
+        motion = _slide(drive, ahead.velocity, asked)
+        velocity = motion.x / drive.step, motion.y / drive.step
+    else:
+        motion = _arc(drive, ahead.velocity[0], asked)
+        limit = drive.max_acceleration * drive.step
+        velocity = min(max(asked[0], ahead.velocity[0] - limit), ahead.velocity[0] + limit), asked[1]
+    cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
+    x, y = ahead.x + cos * motion.x - sin * motion.y, ahead.y + sin * motion.x + cos * motion.y
+    return Ahead(x, y, ahead.turn + motion.turn, velocity)
 
 
 def _shares() -> Iterator[float]:
     return (part / SHARES for part in range(SHARES, 0, -1))
 
 
-def _is_clear(view: View, motion: Motion, room: float) -> bool:
-    """Whether the body keeps clear of what is seen."""
+def _is_clear(view: View, ahead: Ahead, motion: Motion, room: float) -> bool:
+    """Whether the body keeps clear of what is seen on a motion that begins where it will be."""
     x, y = view.points
+    gap = 0.5 * view.sensors.beam_spacing
     margin = max(room, LEAST_ROOM + view.sensors.range_noise)
-    return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, 0.5 * view.sensors.beam_spacing))
+    if view.sensors.drive.latency > 0:
+        cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
+        dx, dy = x - ahead.x, y - ahead.y
+        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        margin += gap * math.hypot(ahead.x, ahead.y)  # what is hidden between beams is as wide as it is from here
+    return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, gap))
 
 
 def _slide(drive: Drive, velocity: Velocity, asked: Velocity) -> Motion:

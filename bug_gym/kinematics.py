@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 TURN_GAIN = 4.0
 """Turn rate per radian of heading error [1/s]: the error is gone in about four time constants, one second."""
@@ -34,6 +34,8 @@ class Drive:
     """Time between two actions [s]."""
     max_acceleration: float = math.inf
     """Largest change of speed [m/s^2]."""
+    latency: int = 0
+    """Steps from an action to the one in which it acts."""
 
 
 def steering(drive: Drive, velocity: tuple[float, float] | NDArray[np.float64]) -> NDArray[np.float32]:
@@ -76,6 +78,15 @@ def differential_action(drive: Drive, speed: float, turn_rate: float) -> NDArray
     forward = 2.0 * (min(max(speed, -drive.max_reverse), drive.max_speed) + drive.max_reverse) / span - 1.0
     turn = min(max(turn_rate / drive.max_turn_rate, -1.0), 1.0) if drive.max_turn_rate > 0.0 else 0.0
     return np.array([forward, turn], dtype=np.float32)
+
+
+def asked_velocity(drive: Drive, action: ArrayLike) -> tuple[float, float]:
+    """What an action (2,) asks for: ahead and to the left [m/s], or ahead [m/s] and a turn rate [rad/s]."""
+    first, second = map(float, np.asarray(action))
+    if drive.kinematics == "holonomic":
+        scale = drive.max_speed / max(math.hypot(first, second), 1.0)
+        return scale * first, scale * second
+    return 0.5 * (first + 1.0) * (drive.max_speed + drive.max_reverse) - drive.max_reverse, second * drive.max_turn_rate
 
 
 DISCRETE_HEADINGS = 32

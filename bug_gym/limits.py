@@ -38,6 +38,8 @@ MOST_ROBOTS, PEER_BYTES = 1_000, 16
 """Robots of a world, and what one takes that sees another."""
 MOST_OBSTACLES, OBSTACLE_BYTES = 20_000, 450
 """Obstacles of a world of one kind, and what a polygon takes, the largest of them."""
+MOST_DELAYED = 100
+"""Actions of a robot that are under way at once."""
 MOST_CELLS, CELL_BYTES = 40_000, 2_000
 """Cells of a maze, rooms or blocks of a world, and what the walls of one take while they are joined."""
 MOST_CORNERS, CORNER_BYTES = 1_000, 40

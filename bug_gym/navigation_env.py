@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
+from bug_gym.by_hand import keys_to_action
 from bug_gym.checks import checked_options
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
@@ -31,6 +32,7 @@ from bug_gym.spaces import (
     told_draws,
     with_most_steps,
 )
+from bug_gym.view import Sensors
 
 
 class NavigationEnv(gym.Env[Any, Any]):
@@ -136,7 +138,9 @@ class NavigationEnv(gym.Env[Any, Any]):
         self.observation_space = self.spaces.observation
         self.action_space = self.spaces.action
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": 1.0 / self.simulation.scenario.time.step}
+        fps = 1.0 / self.simulation.scenario.time.step
+        # Gymnasium's `play` takes a whole number only.
+        self.metadata = {**self.metadata, "render_fps": int(fps) if fps.is_integer() else fps}
         self._pictures = Pictures(self.simulation, render_mode)
         self._is_numeric = is_numeric(info)
         self._spec: EnvSpec | None = None
@@ -186,6 +190,10 @@ class NavigationEnv(gym.Env[Any, Any]):
     def render(self) -> Any:
         """The picture (H, W, 3) RGB uint8 with "rgb_array"; None with "human", whose window each step updates."""
         return next(iter(self._pictures.frames()), None)
+
+    def get_keys_to_action(self) -> dict[tuple[str, ...], Any]:
+        """Keys -> action for `gymnasium.utils.play.play(env)`: w, a, s, d, as `bug_gym.by_hand.keys_to_action` says."""
+        return keys_to_action(Sensors.of(self.simulation.scenario).drive, discrete=self.spaces.is_discrete)
 
     def close(self) -> None:
         """Close the window."""

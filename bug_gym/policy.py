@@ -10,7 +10,7 @@ import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
-from bug_gym.inertia import needs_care, stoppable_action
+from bug_gym.inertia import as_it_will_lie, needs_care, stoppable_action
 from bug_gym.observation import as_flat, width
 from bug_gym.steering import Course, steered_action
 from bug_gym.view import Sensors, View
@@ -55,6 +55,8 @@ class Memory:
     """State of its state machine, such as "motion_to_goal"."""
     verdict: str = ""
     """One of VERDICTS; once it says something the robot stands."""
+    under_way: list[NDArray[np.float32]] = field(default_factory=list, kw_only=True)
+    """Actions (2,) of a robot with latency that have yet to act, the first one first."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +224,7 @@ class ScriptedPolicy(ABC):
         if episode_start is not None:
             for row in np.flatnonzero(checked_starts(episode_start, len(rows))).tolist():
                 memories[row] = self.first_memory(rows, row)
-        actions = np.stack([self._action(row, memory) for row, memory in zip(rows, memories, strict=True)])
+        actions = np.stack([self._sent(row, memory) for row, memory in zip(rows, memories, strict=True)])
         return (actions[0] if flat.ndim == 1 else actions), tuple(memories)
 
     def _checked(self, state: Any, rows: int) -> list[Memory]:
@@ -235,10 +237,18 @@ class ScriptedPolicy(ABC):
     def _memory_type(self) -> type[Memory]:
         return type(self.start())
 
+    def _sent(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+        """An action, remembered where it acts later."""
+        action = self._action(flat, memory)
+        latency = self.sensors.drive.latency
+        if latency > 0 and not self.discrete:
+            memory.under_way = [*memory.under_way, action][-latency:]
+        return action
+
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         if not np.isfinite(flat).all():
             raise ValueError("the observation holds a number that is not finite")
-        view = View(flat, self.sensors)
+        view = View(flat, self.sensors, memory.under_way)
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
         course = self.course(view, memory, velocity) if self._follows_course else None
         return action_of(self.sensors, view, velocity, self._velocities, self.room, course)
@@ -283,6 +293,8 @@ def action_of(
         return kinematics.steering(sensors.drive, velocity)
     if course is not None and course.aside > 0.0:
         return steered_action(view, velocity, course, braking_radius(sensors), room)
+    if sensors.drive.latency > 0 and room is not None:
+        return stoppable_action(view, as_it_will_lie(view, velocity), room)
     velocity = brake(view, velocity)
     if room is not None and needs_care(sensors):
         return stoppable_action(view, velocity, room)
@@ -290,8 +302,9 @@ def action_of(
 
 
 def is_steered(sensors: Sensors) -> bool:
-    """Whether a robot is driven on arcs (steering.py): a differential one with a round body."""
-    return sensors.drive.kinematics == "differential" and len(sensors.footprint) == 1
+    """Whether a robot is driven on arcs (steering.py): a differential one with a round body and no latency."""
+    drive = sensors.drive
+    return drive.kinematics == "differential" and len(sensors.footprint) == 1 and drive.latency == 0
 
 
 def braking_radius(sensors: Sensors) -> float:

@@ -12,26 +12,31 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels, observation, scenarios, task
-from bug_gym.checks import checked_seed, real_numbers
+from bug_gym.checks import checked_seed, real_numbers, row_numbers
 from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
 from bug_gym.log import warn_once
 from bug_gym.own_parts import OwnParts
 from bug_gym.world import Capacity, Snapshot, World
 from bug_gym.worlds.field import FieldWorld
+from bug_gym.worlds.layout import Layout
 
 if TYPE_CHECKING:
     from bug_gym.shortest_path import Path as ShortestPath
 
 
 Rows = NDArray[np.int64]
+State = tuple[Snapshot, NDArray[np.bool_]]
+"""What `Simulation.snapshot` gives: the world's arrays, and which rows have an episode."""
+Futures = Literal["same", "shared", "own"]
+"""Which numbers branches draw from then on: the original's, others that all of them share, or each its own."""
 Scratch = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 REPORTED = ("time", "path_length", "min_clearance", "goal_distance", "reward", "terms", "outcome")
@@ -191,6 +196,31 @@ class Simulation:
         if self._own is not None:
             self._own.begin(rows)
 
+    def place(self, layouts: Sequence[Layout], rows: Rows | None = None) -> NDArray[np.float32]:
+        """Start an episode in rows whose worlds are told instead of drawn: a planner's model of what it knows.
+
+        Args:
+            layouts: one for each row, taken as they are: nothing looks whether robots stand clear.
+            rows: numbers of the rows (n,), all by default; they keep their seeds.
+
+        Returns:
+            Flat observations (n, R, D), a copy.
+
+        Raises:
+            ValueError: another number of layouts than of rows.
+        """
+        rows = self.all_rows if rows is None else rows
+        if len(layouts) != len(rows):
+            raise ValueError(f"got {len(layouts)} layouts for {len(rows)} rows")
+        self._load(rows, layouts)
+        self._seeded[rows] = True
+        self.begin(rows)
+        return self.observations(rows)
+
+    def _load(self, rows: Rows, layouts: Sequence[Layout]) -> None:
+        for row, layout in zip(rows, layouts, strict=True):
+            self.world.load(int(row), layout)
+
     def restart_robots(self, rows: Rows, starts: NDArray[np.float64]) -> NDArray[np.float32]:
         """Put robots whose runs have ended back to a start, while their worlds go on; not where something stands there.
 
@@ -252,8 +282,7 @@ class Simulation:
         keys = zip(*(numbers.tolist() for numbers in starts), strict=True)
         layouts = [scenarios.draw_layout(self.scenario, *key) for key in keys]
         self.world.seed[rows], self.world.episode[rows] = starts
-        for row, layout in zip(rows, layouts, strict=True):
-            self.world.load(int(row), layout)
+        self._load(rows, layouts)
 
     def step(self, actions: ArrayLike, rows: Rows | None = None) -> Transition:
         """Advance the rows by one step.
@@ -463,12 +492,15 @@ class Simulation:
 
     # ------------------------------------------------------------------------------------------ snapshots
 
-    def save(self) -> tuple[Snapshot, NDArray[np.bool_]]:
+    def snapshot(self) -> State:
         """Copy all that the future depends on, but for the actions."""
         return self.world.save(), self._seeded.copy()
 
-    def restore(self, state: tuple[Snapshot, NDArray[np.bool_]]) -> None:
-        """Go back to a saved state of a Simulation of the same scenario and count; it goes on bit for bit.
+    save = snapshot
+    """Its name before there were branches."""
+
+    def restore(self, state: State) -> None:
+        """Go back to a snapshot of a Simulation of the same scenario and count; it goes on bit for bit.
 
         Raises:
             ValueError: the state is of another scenario, or of another number of worlds.
@@ -479,6 +511,70 @@ class Simulation:
         self.world.restore(snapshot)
         self._seeded[:] = seeded
         self._all_seeded = bool(seeded.all())
+
+    def branches(self, count: int, row: int = 0, *, futures: Futures = "same", threads: int = 1) -> Simulation:
+        """Another Simulation whose worlds all begin as one row of this one stands now, for planners that roll out.
+
+        Args:
+            count: how many branches.
+            row: number of the row that they leave.
+            futures: see `copy_rows`; a planner that must not know what is to come takes "shared" or "own".
+            threads: how many threads share the branches.
+
+        Raises:
+            ValueError: a row that there is not, or what Simulation refuses.
+            gymnasium.error.ResetNeeded: the row has never been reset.
+        """
+        (left,) = row_numbers("row", np.atleast_1d(row), self.count)
+        many = Simulation(self.scenario, count, threads=threads)
+        many.copy_rows(self, np.full(many.count, left), futures=futures)
+        return many
+
+    def copy_rows(
+        self, source: Simulation, source_rows: ArrayLike, rows: ArrayLike | None = None, *, futures: Futures = "same"
+    ) -> None:
+        """Make rows of this Simulation copies of rows of another, or of its own: so a tree of states branches.
+
+        What is drawn at random (noise of scans and odometry, where walkers and crowds turn) is a function of seed,
+        episode and time. A copy has the original's seed: given the same actions it goes on bit for bit as the original,
+        and whoever plans with it knows noise and turns before they come. With other `futures` it gets another seed, which
+        is a function of the original's seed, episode and time: what is there stays, what comes is drawn anew.
+
+        Args:
+            source: of the same scenario.
+            source_rows: numbers of its rows (n,).
+            rows: numbers of the rows (n,) here that become these, all by default; each once.
+            futures: "same": as the original's; "shared": others, the same for all copies of a row, so that only their
+                actions tell them apart (common random numbers); "own": each copy draws for itself.
+
+        Raises:
+            ValueError: another scenario, rows that there are not, rows twice, or another number of one than of the other.
+            gymnasium.error.ResetNeeded: a source row that has never been reset.
+        """
+        if futures not in get_args(Futures):
+            raise ValueError(f"futures must be one of {list(get_args(Futures))}, got {futures!r}")
+        taken = row_numbers("source_rows", source_rows, source.count)
+        kept = self.all_rows if rows is None else row_numbers("rows", rows, self.count)
+        if len(taken) != len(kept) or len(np.unique(kept)) != len(kept):
+            raise ValueError(
+                f"got {len(taken)} source_rows for rows {kept.tolist()}, expected one for each, none twice"
+            )
+        source._require_episodes(taken)
+        self.world.copy_rows(source.world, taken, kept)
+        if futures != "same":
+            self.world.seed[kept] = self._other_seeds(kept, taken, is_shared=futures == "shared")
+        self._seeded[kept] = True
+
+    def _other_seeds(self, rows: Rows, sources: Rows, *, is_shared: bool) -> NDArray[np.int64]:
+        """Seeds (n,) for rows just copied from rows of a source, functions of what stands in them."""
+        seeds = np.empty(len(rows), dtype=np.int64)
+        for source in np.unique(sources).tolist():
+            (copies,) = np.nonzero(sources == source)
+            row = int(rows[copies[0]])
+            key = [int(numbers[row]) for numbers in (self.world.seed, self.world.episode, self.world.steps)]
+            words = np.random.SeedSequence(key).generate_state(1 if is_shared else len(copies), np.uint64)
+            seeds[copies] = words >> np.uint64(2)
+        return seeds
 
     def close(self) -> None:
         """Let the threads go."""

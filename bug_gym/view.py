@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -51,6 +52,7 @@ class Sensors:
                 float(robot.max_turn_rate),
                 scenario.time.step,
                 float(acceleration),
+                scenario.latency_steps,
             ),
             radius=robot.reach,
             footprint=robot.footprint,
@@ -96,12 +98,18 @@ class View:
 
     Two frames: the robot's (x ahead, y left) and "odometry", the frame of the start, in which the robot keeps its
     memory. Both in metres and radians.
+
+    Args:
+        flat: the observation (D,).
+        sensors: of the robot.
+        under_way: its actions (2,) that have yet to act, the first one first; None: nobody kept them.
     """
 
-    __slots__ = ("sensors", "_flat", "ranges", "goal", "pose", "velocity", "_points", "_trig")
+    __slots__ = ("sensors", "under_way", "_flat", "ranges", "goal", "pose", "velocity", "_points", "_trig")
 
-    def __init__(self, flat: F32, sensors: Sensors) -> None:
+    def __init__(self, flat: F32, sensors: Sensors, under_way: Sequence[NDArray[np.float32]] | None = None) -> None:
         self.sensors = sensors
+        self.under_way = under_way
         self._flat = flat
         self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         ranges, rest, goal, pose, velocity = sensors.always_seen
@@ -116,7 +124,7 @@ class View:
         """The same observation with other ranges (B,) [m]."""
         flat = self._flat.copy()
         flat[self.sensors.always_seen[0]] = ranges
-        return View(flat, self.sensors)
+        return View(flat, self.sensors, self.under_way)
 
     @property
     def terrain(self) -> F32 | None:

@@ -71,6 +71,8 @@ class Snapshot(NamedTuple):
     observation: NDArray[np.float32]
     digest: str
     """Of the scenario."""
+    drawn: F64 | None = None
+    """The numbers that each row's episode has drawn; None: what seed and episode give."""
 
 
 class World:
@@ -131,6 +133,7 @@ class World:
             "first_ends": int(self.scenario.mission == "first"),
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
             "regions": len(self.scenario.world.regions),
+            "latency": self.scenario.latency_steps,
             "step": self.scenario.time.step,
             "max_speed": robot.max_speed,
             "max_reverse": robot.max_reverse,
@@ -184,6 +187,7 @@ class World:
             "robots": robots,
             "listed": disc_room + polygon_room,
             "lookers": bodies if capacity.steered else 0,
+            "delayed": robots * self.scenario.latency_steps,
         }
         self._places: dict[str, tuple[int, int]] = {}
         widths = []
@@ -222,10 +226,14 @@ class World:
         """Draw the numbers of the episodes that rows (n,) have; what nothing else depends on but seed and episode."""
         if not self._numbers:
             return
-        for row in rows.tolist():
-            self.drawn[row] = draw(self._numbers, int(self.seed[row]), int(self.episode[row]))
-        for key, values in zip(self._numbers, self.drawn.T, strict=True):
-            self.spec[CONSTANTS[key]][rows] = values[rows]
+        found = [draw(self._numbers, int(self.seed[row]), int(self.episode[row])) for row in rows.tolist()]
+        self._take_drawn(rows, np.array(found).reshape(len(rows), -1))
+
+    def _take_drawn(self, rows: NDArray[np.int64], drawn: F64) -> None:
+        """Give rows (n,) numbers (n, k) that are drawn already."""
+        self.drawn[rows] = drawn
+        for key, values in zip(self._numbers, drawn.T, strict=True):
+            self.spec[CONSTANTS[key]][rows] = values
 
     def own(self, row: int, constant: str) -> float:
         """A constant of a row's record, which may be drawn for its episode."""
@@ -399,7 +407,8 @@ class World:
 
     def save(self) -> Snapshot:
         """Copy all that the future depends on."""
-        return Snapshot(self.capacity, self.floats.copy(), self.ints.copy(), self.observation.copy(), self._digest)
+        arrays = (self.floats.copy(), self.ints.copy(), self.observation.copy())
+        return Snapshot(self.capacity, *arrays, self._digest, self.drawn.copy())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a snapshot of a World of the same scenario and count.
@@ -418,7 +427,29 @@ class World:
         self.floats[:] = snapshot.floats
         self.ints[:] = snapshot.ints
         self.observation[:] = snapshot.observation
-        self.draw(np.arange(self.count))
+        rows = np.arange(self.count)
+        if snapshot.drawn is None:
+            self.draw(rows)
+        else:
+            self._take_drawn(rows, snapshot.drawn)
+
+    def copy_rows(self, source: World, source_rows: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Make rows (n,) copies of rows (n,) of a World of the same scenario, or of its own; both grow to the same room.
+
+        Raises:
+            ValueError: the other World is of another scenario.
+        """
+        if source._digest != self._digest:
+            raise ValueError(f"the rows are of {source.scenario.name!r}, expected another World of this very scenario")
+        self.grow(source.capacity)
+        source.grow(self.capacity)
+        # One row for all of them is read once, in half the time or less.
+        taken = source_rows[:1] if (source_rows == source_rows[:1]).all() else source_rows
+        self.floats[rows] = source.floats[taken]
+        self.ints[rows] = source.ints[taken]
+        self.observation[rows] = source.observation[taken]
+        self._take_drawn(rows, source.drawn[source_rows])
+        self.is_behind = True  # as the source may be
 
     # ------------------------------------------------------------------------------------------ layouts
 

@@ -21,6 +21,7 @@ TUTORIALS = (
     "quickstart",
     "first_bug",
     "own_world",
+    "own_reward",
     "train_and_compare",
     "ros_map",
     "robot_teams",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import logging
 import os
 import subprocess
@@ -456,3 +457,16 @@ def test_an_episode_is_the_same_bit_for_bit_where_plain_numba_compiled_it(tmp_pa
     (plain,) = output(PLAYED, tmp_path, **settings)
     assert own.split()[0] == "False"
     assert plain.split() == ["True", own.split()[1]]
+
+
+KERNELS = Path(compiling.__file__).parent / "kernels"
+
+
+@pytest.mark.parametrize("file", sorted(KERNELS.glob("*.py")), ids=lambda file: file.stem)
+def test_no_index_of_kernels_counts_from_the_end(file: Path) -> None:
+    """It would read what stands before the array: numba does not ask there (bug_gym/dispatchers.py)."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Subscript):
+            indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+            negative = [one for one in indices if isinstance(one, ast.UnaryOp) and isinstance(one.op, ast.USub)]
+            assert not negative, f"{file.name}, line {node.lineno}: {ast.unparse(node)}"

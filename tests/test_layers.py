@@ -30,7 +30,7 @@ LAYERS = (
         "checks",
         "workers",
     ),
-    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals"),
+    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals", "by_hand"),
     ("worlds",),
     ("config",),
     ("draws", "world", "scenarios", "floor_plans", "maps"),
@@ -72,7 +72,7 @@ PLAYING = {"agents.learning"} | {
 
 TORCH = {"torch", "stable_baselines3", "sb3_contrib"}
 DRAWING = {"PIL", "cv2", "matplotlib", "moviepy", "pygame"}
-EXTRAS = TORCH | DRAWING | {"minari", "onnx", "onnxruntime", "ray", "safetensors"}
+EXTRAS = TORCH | DRAWING | {"huggingface_hub", "minari", "onnx", "onnxruntime", "optuna", "ray", "safetensors"}
 OWN_GENERATORS = {"BitGenerator", "Generator", "PCG64", "Philox", "SeedSequence", "default_rng"}
 
 

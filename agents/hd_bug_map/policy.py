@@ -25,7 +25,7 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
    as far again, so that a wide region is not entered because only its near edge is known. What is seen or supposed from
    nearer counts, else it would change with the heading, and the side to go round a region with it.
 6. Long bodies. The way is planned for the disc about the body, which can turn anywhere; where there is none, poses are
-   planned (poses) until there is room again.
+   planned (poses) until there is room again. Where a mover would be met on them it gives way (give_way).
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from bug_gym.agents.hd_bug.shown import labelled
 from bug_gym.agents.hd_bug_map.aim import aim
 from bug_gym.agents.hd_bug_map.avoid import Avoidance
 from bug_gym.agents.hd_bug_map.follow_way import follow_way
+from bug_gym.agents.hd_bug_map.give_way import give_way
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, measures_of
 from bug_gym.agents.hd_bug_map.perceive import Perception, Scene
@@ -97,12 +98,12 @@ class HDBugMap(ScriptedPolicy):
         if memory.turns is not None:
             velocity = self.planner.turn_through(scene, memory, memory.turns)
             if velocity is not None:
-                return velocity
+                return self._turn(scene, memory, velocity)
         way = self.planner.plan(scene, memory)
         if way is None:
             return self._wait(scene, memory)
         if memory.turns is not None:
-            return self.planner.turn_through(scene, memory, memory.turns) or (0.0, 0.0)
+            return self._turn(scene, memory, self.planner.turn_through(scene, memory, memory.turns) or (0.0, 0.0))
         return self.drive(scene, memory, way)
 
     def look(self, view: View, memory: HDBugMapMemory) -> Scene:
@@ -121,6 +122,13 @@ class HDBugMap(ScriptedPolicy):
             direction, speed = follow_way(scene, memory, way, self.measures)
         memory.direction = direction
         return velocity_along(direction - scene.view.heading, speed)
+
+    def _turn(self, scene: Scene, memory: HDBugMapMemory, velocity: Velocity) -> Velocity:
+        """On with the poses of a long body, or out of the way of what moves."""
+        movers = self.avoidance.near_movers(scene, self.predictor)
+        if movers is None or memory.turns is None:
+            return velocity
+        return give_way(scene, memory, memory.turns, velocity, movers, self.avoidance.times, self.measures)
 
     def _wait(self, scene: Scene, memory: HDBugMapMemory) -> Velocity:
         """Stand, but for movers that come near: there is no way now."""

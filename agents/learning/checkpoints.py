@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import pickle
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ class Rollouts(RolloutBuffer):
 
     def __init__(self, *args: Any, seed: int, **kwargs: Any) -> None:
         self.seed, self.rounds = seed, 0
+        self.on_batch: Callable[[], None] = lambda: None  # called when a batch has been learnt from
         super().__init__(*args, **kwargs)
 
     def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
@@ -50,6 +51,7 @@ class Rollouts(RolloutBuffer):
         self.rounds += 1
         for some in torch.split(order, batch_size or len(order)):
             yield RolloutBufferSamples(*(part[some] for part in parts))
+            self.on_batch()
 
 
 def save_checkpoint(path: Path, model: PPO, env: TrainingEnv, progress: Progress, identity: Mapping[str, Any]) -> None:

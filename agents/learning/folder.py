@@ -173,13 +173,21 @@ def read_record(path: Path, kind: str, schema: type[Part]) -> dict[str, Any]:
         ValueError: it is missing or damaged.
     """
     if not path.is_file():
-        raise ValueError(f"no trained {kind} in {path.parent}: it has no {path.name}")
+        best = best_so_far(path.parent)
+        hint = "" if best is None else f"; its training has not ended, its best model so far is {best}/"
+        raise ValueError(f"no trained {kind} in {path.parent}: it has no {path.name}{hint}")
     try:
         record = from_json(path.read_bytes())
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
     checked(schema, record, f"{path} is damaged")
     return dict(record)
+
+
+def best_so_far(folder: Path) -> Path | None:
+    """The folder of the best model of a training that has not ended, if there is one: of two the later."""
+    found = [path for path in folder.glob("best-*") if path.name[5:].isdecimal() and (path / CONFIG).is_file()]
+    return max(found, key=lambda path: int(path.name[5:]), default=None)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

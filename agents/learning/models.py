@@ -185,6 +185,7 @@ def card(record: Mapping[str, Any]) -> str:
         f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",
         *_own_lines(record),
         *_learnt_from(record),
+        *_unjudged(record),
         *_stages(record),
         "",
         "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",
@@ -217,6 +218,13 @@ def _own_lines(record: Mapping[str, Any]) -> list[str]:
             )
             lines.append(f"- {told} of its own: {each}")
     return lines
+
+
+def _unjudged(record: Mapping[str, Any]) -> list[str]:
+    """That it is the best of a training that had not ended, where it is."""
+    if all(run["held_out"] for run in record["runs"].values()):
+        return []
+    return ["- Best in validation of a training that had not ended: not yet judged in held-out worlds"]
 
 
 def _is_offline(record: Mapping[str, Any]) -> bool:

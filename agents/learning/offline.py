@@ -26,13 +26,15 @@ from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
 from bug_gym.agents.learning.regression import Batch, Learner
 from bug_gym.agents.learning.settings import AnyOffline, CloningSettings, DaggerSettings, IQLSettings, TD3BCSettings
+from bug_gym.agents.learning.shown import VALIDATING, reported
+from bug_gym.agents.learning.so_far import BestSoFar
 from bug_gym.agents.learning.td3_bc import TD3BC
 from bug_gym.agents.learning.training import (
     SEED_BLOCK,
     InTraining,
-    bar,
     begin_with,
     each_seed,
+    kept_when_stopped,
     make_training_env,
     network_arguments,
     robot_of,
@@ -219,14 +221,19 @@ def _train_in(
     learner, samples, kept = make_learner(settings, actor), Samples(actor, settings, seed), Progress()
     gather = _gatherer(settings, actor, samples, seed, episodes)
     done = 0
-    with bar(settings, shown=progress) as report:
+    data = None if episodes is None else episodes.origin
+    best = BestSoFar(folder, settings, robot_of(settings.loaded), seed, data)
+    with reported(settings, shown=progress) as report, kept_when_stopped(best, actor, kept):
         while done < settings.n_timesteps and not (minutes is not None and kept.seconds >= 60.0 * minutes):
             with timed(kept):
                 gather(done // settings.eval_freq)
                 last = kept.points[-1] if kept.points else None
                 done = _learn(learner, samples, settings, done, _with(report, last))
+            report.stage(VALIDATING)
             report(done, validate(actor, settings, done, kept, folder))
-    write_best(folder, settings, actor, kept, seed, None if episodes is None else episodes.origin)
+            best.keep(actor, kept)
+        write_best(folder, settings, actor, kept, seed, data, report=report)
+    best.clear()
     return kept
 
 

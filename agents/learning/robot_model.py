@@ -48,6 +48,8 @@ class RobotModel:
     """Other robots that the observation tells of."""
     own: tuple[tuple[str, int, float], ...] = ()
     """The scenario's own fields behind them: name, how many numbers, and the greatest size that one may have."""
+    latency: Count = 0
+    """Steps from an action to the one in which it acts."""
 
     @classmethod
     def of(cls, sensors: Sensors) -> RobotModel:
@@ -74,6 +76,7 @@ class RobotModel:
             first_angle=float(angles[0]),
             angle_step=float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi,
             range=sensors.range,
+            latency=drive.latency,
             peers=sum(field.shape[0] for field in sensors.fields if field.name == "peers"),
             own=tuple(
                 (field.name, field.end - field.begin, float(np.abs([field.low, field.high]).max()))

@@ -7,6 +7,7 @@ killed goes on from its last checkpoint, at the border of a rollout, and ends wi
 from __future__ import annotations
 
 import json
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +29,7 @@ from stable_baselines3.common.policies import BasePolicy
 from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
 from bug_gym.agents.learning.curriculum import rows_of_stage
 from bug_gym.agents.learning.elsewhere import Job, train_each
-from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Entered, Point, model_folder, read_config
+from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Entered, Point, best_so_far, model_folder, read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
@@ -43,6 +44,8 @@ from bug_gym.agents.learning.settings import (
     SACSettings,
     load_settings,
 )
+from bug_gym.agents.learning.shown import SAVING, TESTING, VALIDATING, WRITING, Report, reported
+from bug_gym.agents.learning.so_far import BestSoFar
 from bug_gym.agents.learning.vec_envs import CurriculumVecEnv, FlatEnv, HistoryVecEnv, TrainingEnv, join
 from bug_gym.checks import checked_seed, checked_time
 from bug_gym.config import Scenario
@@ -210,7 +213,8 @@ class ProgressKeeper(BaseCallback):
         env: its worlds.
         save: writes a checkpoint; None where the algorithm cannot go on from one.
         minutes: time of training after which it ends early; None: it does not.
-        report: told the number of steps and the last validation.
+        report: told the number of steps, the last validation, and what is done beside.
+        best: writes the best model so far.
     """
 
     def __init__(
@@ -222,18 +226,23 @@ class ProgressKeeper(BaseCallback):
         env: TrainingEnv,
         save: Callable[[], None] | None,
         minutes: float | None,
-        report: Callable[[int, Point | None], None],
+        report: Report,
+        best: BestSoFar,
     ) -> None:
         super().__init__()
-        self.settings, self.progress, self.folder, self.env = settings, progress, folder, env
+        self.settings, self.progress, self.folder, self.env, self._best = settings, progress, folder, env, best
         self._save, self._limit, self._report = save, None if minutes is None else 60.0 * minutes, report
         self._began = self._began_cpu = 0.0
         self._saved_at = -1
+        self._learnt = self._batches = 0
         self.is_over = False
         """Whether it has ended the training early, at a checkpoint."""
 
     def _on_training_start(self) -> None:
-        self._saved_at = self.num_timesteps
+        self._saved_at = self._learnt = self.num_timesteps
+        if isinstance(self.model, PPO):
+            assert isinstance(self.model.rollout_buffer, Rollouts)
+            self.model.rollout_buffer.on_batch = self._on_batch
         self._start_clock()
 
     def _start_clock(self) -> None:
@@ -253,19 +262,33 @@ class ProgressKeeper(BaseCallback):
             self.go_on_to_next_stage()
         self.is_over = self._limit is not None and self.progress.seconds >= self._limit
         if self._save is not None and (self.is_over or steps >= self._saved_at + self.settings.save_freq):
+            self._report.stage(SAVING)
             self._save()
             self._saved_at = steps
-        self._report(steps, done[-1] if done else None)
+        self._learnt, self._batches = steps, 0
+        self._tell(steps)
         self._start_clock()
 
     def _on_step(self) -> bool:
+        self._tell(0.5 * (self.num_timesteps + self._learnt) if isinstance(self.model, PPO) else self.num_timesteps)
         return not self.is_over
+
+    def _on_batch(self) -> None:
+        """PPO has taken a gradient step: what was driven is learnt from in equal parts."""
+        assert isinstance(self.settings, PPOSettings)
+        driven = self.num_timesteps - self._learnt
+        self._batches += 1
+        share = self._batches / (self.settings.n_epochs * math.ceil(driven / self.settings.batch_size))
+        self._tell(self._learnt + 0.5 * driven * (1.0 + share))
+
+    def _tell(self, done: float) -> None:
+        self._report(done, self.progress.points[-1] if self.progress.points else None)
 
     def _on_training_end(self) -> None:
         self._stop_clock()
         if not self.progress.points or self.progress.points[-1].steps < self.num_timesteps:
             self.validate()
-        self._report(self.num_timesteps, self.progress.points[-1])
+        self._tell(self.num_timesteps)
 
     def go_on_to_next_stage(self) -> None:
         """Begin the next stage of a curriculum, where enough of the validation worlds of this one are solved."""
@@ -291,9 +314,11 @@ class ProgressKeeper(BaseCallback):
 
     def validate(self) -> None:
         """Drive through the validation worlds, and keep the model if none did better so far."""
+        self._report.stage(VALIDATING)
         point = validate(self.model.policy, self.settings, self.num_timesteps, self.progress, self.folder)
         for name in ENDS:
             self.logger.record(f"validation/{name}", getattr(point, name))
+        self._best.keep(self.model.policy, self.progress)
 
 
 def validate(network: BasePolicy, settings: AnySettings, steps: int, progress: Progress, folder: Path) -> Point:
@@ -350,7 +375,8 @@ def train(
 
     Args:
         settings: what to train, from `load_settings`.
-        out: its folder: curve.csv, checkpoint.pt, TensorBoard's events, and in the end the agent, for `make_policy`.
+        out: its folder: curve.csv, checkpoint.pt, TensorBoard's events, and in the end the agent, for `make_policy`;
+            until then the best so far in `best-STEPS`.
         seed: of the network and the worlds.
         minutes: time of training after which it ends early; None: it does not.
         threads: of torch; None: one for each core. Runs with different numbers differ in the last bits.
@@ -400,7 +426,8 @@ def train_in_folder(
     if begun is not None:
         read_config(begun)  # what is wrong is found out before anything is written
     folder = Path(out)
-    require_same(folder, settings, [seed])
+    for model in filter(None, (folder, best_so_far(folder))):
+        require_same(model, settings, [seed])
     folder.mkdir(parents=True, exist_ok=True)
     with one_writer(folder):
         require_same(folder, settings, [seed])  # somebody may have ended just now
@@ -448,14 +475,27 @@ def _train_in(
     kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
     left = settings.n_timesteps - model.num_timesteps
-    with bar(settings, shown=progress) as report:
-        keeper = ProgressKeeper(settings, kept, folder, env=env, save=save, minutes=minutes, report=report)
+    best = BestSoFar(folder, settings, robot_of(settings.loaded), seed)
+    with reported(settings, shown=progress) as report, kept_when_stopped(best, model.policy, kept):
+        keeper = ProgressKeeper(settings, kept, folder, env=env, save=save, minutes=minutes, report=report, best=best)
         model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
-    if save is not None and not keeper.is_over:
-        save()
-    write_best(folder, settings, model.policy, kept, seed)
+        if save is not None and not keeper.is_over:
+            report.stage(SAVING)
+            save()
+        write_best(folder, settings, model.policy, kept, seed, report=report)
+    best.clear()
     env.close()
     return kept
+
+
+@contextmanager
+def kept_when_stopped(best: BestSoFar, network: BasePolicy, kept: Progress) -> Iterator[None]:
+    """Keep the best model of a training that is stopped meanwhile, or that fails."""
+    try:
+        yield
+    except BaseException:
+        best.keep(network, kept, is_end=True)
+        raise
 
 
 def begin_with(network: BasePolicy, begun: Path | None) -> None:
@@ -511,6 +551,8 @@ def write_best(
     kept: Progress,
     seed: int,
     data: Mapping[str, Any] | None = None,
+    *,
+    report: Report,
 ) -> None:
     """Judge the weights that did best in the held-out worlds, and write them as an agent.
 
@@ -521,7 +563,9 @@ def write_best(
         kept: its validations, with the weights that did best.
         seed: of the training.
         data: of an offline training: what its episodes were collected of.
+        report: told what is done.
     """
+    report.stage(TESTING)
     assert kept.best_point is not None  # the end of learning validates
     network.load_state_dict(kept.best)
     policy = InTraining(network, robot_of(settings.loaded), settings.history)
@@ -530,6 +574,7 @@ def write_best(
     run = {"curve": [asdict(point) for point in kept.points], "best": asdict(kept.best_point), "held_out": held_out}
     if kept.entered:
         run["entered"] = [entered.model_dump() for entered in kept.entered]
+    report.stage(WRITING)
     write_agent(folder, network, settings, policy.robot, {str(seed): run}, data)
 
 
@@ -602,23 +647,3 @@ def each_seed(
         for seed, folder in missing:
             one(settings, folder, seed=seed)
     return folders[0] if len(folders) == 1 else gather(folders, Path(out) / "agent")
-
-
-@contextmanager
-def bar(settings: AnySettings, *, shown: bool) -> Iterator[Callable[[int, Point | None], None]]:
-    """A way to show how far a training is."""
-    if not shown:
-        yield lambda steps, point: None
-        return
-    from rich.console import Console
-    from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
-
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(settings.name, total=settings.n_timesteps)
-
-        def report(steps: int, point: Point | None) -> None:
-            told = "" if point is None else f" {100.0 * point.success:.1f} % success"
-            bar.update(task, completed=steps, description=settings.name + told)
-
-        yield report

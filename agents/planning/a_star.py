@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from bug_gym.agents.planning.grid import COLUMN_STEPS, FAR, ROW_STEPS, Bytes, Grid
-from bug_gym.agents.planning.grid_planner import GridPlanner
+from bug_gym.agents.planning.grid_planner import TerrainPlanner
 from bug_gym.agents.planning.open_list import OpenList, drop_spent, open_list, put, put_next, spend_first
-from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_of, offset_of, require_free, way_of
+from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_between, offset_of, require_free, way_of
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Integers
 
@@ -36,7 +36,7 @@ def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Fo
     cells = grid.blocked.size
     cost, came = np.full(cells, FAR, dtype=np.int64), np.zeros(cells, dtype=np.uint8)
     kind = bound_of(grid) if guess is None else guess
-    expanded = search(grid.links, grid.lattice.columns, start, goal, kind, cost, came, open_list(cells))
+    expanded = search(grid.links, grid.weights, grid.lattice.columns, start, goal, kind, cost, came, open_list(cells))
     if cost[goal] == FAR:
         return NO_WAY._replace(expanded=expanded)
     return Found(way_of(grid, came, start, goal), int(cost[goal]), expanded)
@@ -44,12 +44,21 @@ def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Fo
 
 @kernel
 def search(
-    links: Bytes, columns: int, start: int, goal: int, kind: int, cost: Integers, came: Bytes, heap: OpenList
+    links: Bytes,
+    weights: Integers | None,
+    columns: int,
+    start: int,
+    goal: int,
+    kind: int,
+    cost: Integers,
+    came: Bytes,
+    heap: OpenList,
 ) -> int:
     """A* over open steps, until the goal's turn has come. Returns how many cells were expanded.
 
     Args:
         links: the open steps of each cell (n,).
+        weights: what the ground of each costs (n,), None: the same everywhere.
         columns: of the grid.
         start: number of a cell.
         goal: number of a cell.
@@ -74,7 +83,7 @@ def search(
             if not links[node] >> step & 1:
                 continue
             other = node + offset_of(step, columns)
-            through = cost[node] + cost_of(step)
+            through = cost[node] + cost_between(weights, node, other, step)
             if through < cost[other]:
                 cost[other] = through
                 came[other] = step
@@ -85,8 +94,8 @@ def search(
     return expanded
 
 
-class AStar(GridPlanner):
-    """A* over the cells of the map; its parameters are those of GridPlanner."""
+class AStar(TerrainPlanner):
+    """A* over the cells of the map; its parameters are those of TerrainPlanner."""
 
     def search(self, grid: Grid, start: int, goal: int) -> Found:
         """The shortest way over the cells."""

@@ -1,6 +1,9 @@
 """What both D2T policies share: obstacles to clusters to triangles to a way, planned anew as it goes or when blocked.
 
 Source: Sellers, Lei, Luo, Bi and Jan (2026), section 4.4. The whole is in triangulated.py, the following in vo_follower.py.
+
+With `known=False` nobody tells the map: what the scans have hit so far (seen_ground.py) is joined to obstacles and planned
+among, and what has not been seen counts as free. What regions cost is not counted: a way here is short in metres.
 """
 
 from __future__ import annotations
@@ -11,16 +14,29 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import shapely
 
 from bug_gym.agents.local.navigator import Avoidance, NavigatorParameters
 from bug_gym.agents.parameters import AtMost, Length
 from bug_gym.agents.planning.ants import Colony
 from bug_gym.agents.planning.follow import FollowerName, Scene
+from bug_gym.agents.planning.grid_planner import GridParameters
 from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, PlannerParameters, live_of, mover_discs
+from bug_gym.agents.planning.planner import (
+    MapPlanner,
+    Plan,
+    PlannerMemory,
+    PlannerParameters,
+    Room,
+    goal_in_obstacle,
+    live_of,
+    mover_discs,
+)
+from bug_gym.agents.planning.seen_ground import SeenGround, drive_in_seen
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, Way, find_way
 from bug_gym.agents.planning.vo_follower import VelocityObstacleFollower
+from bug_gym.geometry import F64
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
 
@@ -28,6 +44,15 @@ Replan = Literal["blocked", "horizon"]
 REPLAN_EVERY = 0.5
 """Time between two plans that are made as it goes [s]."""
 Count = Annotated[int, AtMost(10_000)]
+
+JOINED = 0.3
+"""Points of scans nearer to one another than this are of one obstacle [m]: a cell of 0.1 m remembers one of its points."""
+AROUND = 0.02
+"""How far beyond its points such an obstacle goes [m]."""
+ROUGH = 0.01
+"""By how much its outline may be smoothed [m]; less than AROUND, so that it holds its points."""
+BEYOND = 10.0
+"""Unknown ground that is planned on beside what has been seen, the robot and the goal [m]."""
 
 
 @dataclass
@@ -38,6 +63,8 @@ class D2TMemory(PlannerMemory):
     """What was found last, and in what."""
     due: float = 0.0
     """Time until the next plan that is made as it goes [s]."""
+    seen: SeenGround | None = None
+    """What has been seen, where the map is not given."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +91,11 @@ class D2TParameters(PlannerParameters):
     """D_s: what is farther away is not looked at, and a goal beyond it is replaced [m]; None: all is looked at."""
     facets: Count = 1
     """Sides of the corner of a grown obstacle, a quarter turn: the more, the more edges the way crosses."""
+    known: bool = True
+    """Whether the map is given; else it is planned in what has been seen so far, and the policy is not privileged."""
+    clip: bool = False
+    """As printed: obstacles are not grown, and each edge is crossed no nearer to its ends than the body and the margin.
+    That does not keep clear of obstacles."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,6 +153,7 @@ class D2TPlanner(MapPlanner):
             samples=own.samples,
             horizon=math.inf if own.horizon is None else own.horizon,
             facets=own.facets,
+            clip=own.clip,
             colony=self._colony(),
         )
 
@@ -141,7 +174,15 @@ class D2TPlanner(MapPlanner):
         memory.due -= view.sensors.drive.step
         if self._goes_on_planning() and memory.route is not None and memory.due <= 1e-9:
             memory.planned_for = (math.inf, math.inf)
-        return super().act(view, memory)
+        if self.privileged:
+            return super().act(view, memory)
+        if memory.seen is None:
+            memory.seen = SeenGround(GridParameters(margin=self.parameters.margin), self.rooms)
+        return drive_in_seen(self, memory.seen, view, memory)
+
+    def reads_map(self) -> bool:
+        """Whether the map is given."""
+        return self.parameters.known
 
     def _goes_on_planning(self) -> bool:
         """Whether it plans as it goes; within a horizon it must."""
@@ -149,12 +190,32 @@ class D2TPlanner(MapPlanner):
 
     def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way through triangles."""
-        still = live_of(memory).still
-        movers = [] if scene.moving is None else list(PlanningMap(still.border, mover_discs(scene.moving)).shapes())
         memory.due = REPLAN_EVERY
-        task = Task(
-            obstacles=list(still.shapes()),
-            border=still.border,
+        seen: SeenGround | None = memory.seen
+        memory.way = way = find_way(self._task(scene, memory), self.manner, seed=self._seed())
+        if way is not None:
+            if seen is not None:
+                is_narrow = way.by == "shortest path"
+                seen.room = Room(self.sensors.radius if is_narrow else self.rooms[0].radius, way.margin)
+            return Plan(way.path, way.margin)
+        shut = "" if seen is not None else goal_in_obstacle(live_of(memory).still, scene.goal, self.sensors)
+        what = "no way leads" if seen is None else "what has been seen leaves no way"
+        reason = shut or f"{what} from here to the goal for a body of radius {self.sensors.radius:g} m"
+        is_shut_in = scene.moving is None and self.parameters.horizon is None
+        return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
+
+    def _task(self, scene: Scene, memory: Any) -> Task:
+        """What is planned for: among what stands and moves, or among what has been seen of both."""
+        if memory.seen is not None:
+            obstacles, border = seen_obstacles(memory.seen.points.points(), scene)
+            movers = []
+        else:
+            still = live_of(memory).still
+            obstacles, border = list(still.shapes()), still.border
+            movers = [] if scene.moving is None else list(PlanningMap(border, mover_discs(scene.moving)).shapes())
+        return Task(
+            obstacles=obstacles,
+            border=border,
             start=scene.pose[:2],
             goal=scene.goal,
             radius=self.rooms[0].radius,
@@ -162,12 +223,6 @@ class D2TPlanner(MapPlanner):
             body=self.sensors.radius,
             goal_radius=self.sensors.goal_radius,
         )
-        memory.way = find_way(task, self.manner, seed=self._seed())
-        if memory.way is not None:
-            return Plan(memory.way.path, memory.way.margin)
-        reason = f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
-        is_shut_in = scene.moving is None and self.parameters.horizon is None
-        return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
 
     def draw(self, memory: Any) -> Drawing:
         """The way, the sleeve that it was pulled taut in, and what was kept off."""
@@ -180,3 +235,20 @@ class D2TPlanner(MapPlanner):
             segments += [(*a, *b, "edge") for a, b in zip(sleeve.left.tolist(), sleeve.right.tolist(), strict=True)]
         areas = [(np.array(one.exterior.coords), "cluster") for one in memory.way.shapes if not one.interiors]
         return Drawing(points=drawing.points, segments=segments, areas=areas)
+
+
+def seen_obstacles(points: F64, scene: Scene) -> tuple[list[shapely.Polygon], F64]:
+    """What scans have hit as obstacles, and a border (4, 2) about all that matters, which no wall has been seen of.
+
+    Args:
+        points: (k, 2) [m].
+        scene: where the robot and its goal are.
+    """
+    places = np.concatenate([points.reshape(-1, 2), [scene.pose[:2], scene.goal]])
+    low, high = places.min(axis=0) - BEYOND, places.max(axis=0) + BEYOND
+    border = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+    if len(points) == 0:
+        return [], border
+    wide = shapely.union_all(shapely.buffer(shapely.points(points), 0.5 * JOINED, quad_segs=4))
+    joined = shapely.simplify(shapely.buffer(wide, AROUND - 0.5 * JOINED), ROUGH)
+    return [part for part in shapely.get_parts(joined) if part.area > 0.0], border

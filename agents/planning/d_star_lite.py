@@ -11,28 +11,25 @@ In unknown terrain what has not been seen counts as free, and what comes to be s
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.grid import FAR, Bytes, Grid, Nodes
-from bug_gym.agents.planning.grid_planner import GridParameters
-from bug_gym.agents.planning.live import Maps
+from bug_gym.agents.planning.grid_planner import TerrainParameters, TerrainPlanner
 from bug_gym.agents.planning.map_policy import MapMemory
 from bug_gym.agents.planning.open_list import OpenList, is_before, open_list, put, take
-from bug_gym.agents.planning.planner import GOAL_MOVED, STRAYED, Plan
+from bug_gym.agents.planning.planner import Plan
 from bug_gym.agents.planning.repairing_planner import RepairingMemory, RepairingPlanner
-from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_of, offset_of, require_free
-from bug_gym.agents.planning.seen_ground import SeenGround
+from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_between, offset_of, require_free
+from bug_gym.agents.planning.seen_ground import SeenGround, drive_in_seen
 from bug_gym.agents.planning.smoothing import pulled
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Integers
 from bug_gym.policy import Velocity
-from bug_gym.view import Sensors, View
+from bug_gym.view import View
 
 
 class Estimates(NamedTuple):
@@ -72,9 +69,10 @@ class DStarLite:
     def change(self, nodes: Nodes) -> None:
         """Tell that cells (k,) and the steps about them are others than before; `grid` says already what they are now."""
         if self._start >= 0:  # else nothing has been searched yet
-            links, columns = self.grid.links, self.grid.lattice.columns
             key = self._start, self.goal, self._kind, self._moved
-            revise(links, columns, nodes, *key, self.estimates, self.heap)
+            revise(
+                self.grid.links, self.grid.weights, self.grid.lattice.columns, nodes, *key, self.estimates, self.heap
+            )
 
     def find(self, start: int) -> Found:
         """The shortest way from a cell.
@@ -83,19 +81,21 @@ class DStarLite:
             ValueError: the start is blocked.
         """
         require_free(self.grid, start=start)
-        columns, links = self.grid.lattice.columns, self.grid.links
+        columns, links, weights = self.grid.lattice.columns, self.grid.links, self.grid.weights
         if self._start < 0:
             begin(columns, start, self.goal, self._kind, self.heap)
         else:
             self._moved += int(least_between(self._kind, columns, start, self._start))
         self._start = start
-        expanded = repair(links, columns, start, self.goal, self._kind, self._moved, self.estimates, self.heap)
+        key = start, self.goal, self._kind, self._moved
+        expanded = repair(links, weights, columns, *key, self.estimates, self.heap)
         self.expanded += expanded
         if self.estimates.ahead[start] >= FAR:
             return NO_WAY._replace(expanded=expanded)
         cost = int(self.estimates.ahead[start])
-        nodes = np.empty(walk(links, columns, start, self.goal, self.estimates, np.empty(0, dtype=np.int32)), np.int32)
-        walk(links, columns, start, self.goal, self.estimates, nodes)
+        none = np.empty(0, dtype=np.int32)
+        nodes = np.empty(walk(links, weights, columns, start, self.goal, self.estimates, none), dtype=np.int32)
+        walk(links, weights, columns, start, self.goal, self.estimates, nodes)
         return Found(nodes, cost, expanded)
 
 
@@ -113,12 +113,21 @@ def least_between(kind: int, columns: int, one: int, other: int) -> int:
 
 @kernel
 def repair(
-    links: Bytes, columns: int, start: int, goal: int, kind: int, moved: int, estimates: Estimates, heap: OpenList
+    links: Bytes,
+    weights: Integers | None,
+    columns: int,
+    start: int,
+    goal: int,
+    kind: int,
+    moved: int,
+    estimates: Estimates,
+    heap: OpenList,
 ) -> int:
     """ComputeShortestPath. Returns how many cells were expanded.
 
     Args:
         links: the open steps of each cell (n,).
+        weights: what the ground of each costs (n,), None: the same everywhere.
         columns: of the grid.
         start: where the robot is.
         goal: where the search began.
@@ -145,8 +154,11 @@ def repair(
             take(heap, node)
             for step in range(8):
                 other = node + offset_of(step, columns)
-                if links[node] >> step & 1 and other != goal and cost[node] + cost_of(step) < ahead[other]:
-                    ahead[other] = cost[node] + cost_of(step)
+                if not links[node] >> step & 1 or other == goal:
+                    continue
+                through = cost[node] + cost_between(weights, node, other, step)
+                if through < ahead[other]:
+                    ahead[other] = through
                     update(columns, start, other, kind, moved, estimates, heap)
         else:
             before = cost[node]
@@ -154,8 +166,10 @@ def repair(
             update(columns, start, node, kind, moved, estimates, heap)
             for step in range(8):
                 other = node + offset_of(step, columns)
-                if links[node] >> step & 1 and other != goal and ahead[other] == before + cost_of(step):
-                    look_ahead(links, columns, other, estimates)
+                if not links[node] >> step & 1 or other == goal:
+                    continue
+                if ahead[other] == before + cost_between(weights, node, other, step):
+                    look_ahead(links, weights, columns, other, estimates)
                     update(columns, start, other, kind, moved, estimates, heap)
     return expanded
 
@@ -163,6 +177,7 @@ def repair(
 @kernel
 def revise(
     links: Bytes,
+    weights: Integers | None,
     columns: int,
     nodes: Nodes,
     start: int,
@@ -178,18 +193,19 @@ def revise(
             other = nodes[index] + (offset_of(step, columns) if step < 8 else 0)
             if other != goal:
                 before = estimates.ahead[other]
-                look_ahead(links, columns, other, estimates)
+                look_ahead(links, weights, columns, other, estimates)
                 if estimates.ahead[other] != before:
                     update(columns, start, other, kind, moved, estimates, heap)
 
 
 @called
-def look_ahead(links: Bytes, columns: int, node: int, estimates: Estimates) -> None:
+def look_ahead(links: Bytes, weights: Integers | None, columns: int, node: int, estimates: Estimates) -> None:
     """Write what the way from a cell costs by what its neighbours' cost."""
     best = FAR
     for step in range(8):
         if links[node] >> step & 1:
-            best = min(best, estimates.cost[node + offset_of(step, columns)] + cost_of(step))
+            other = node + offset_of(step, columns)
+            best = min(best, estimates.cost[other] + cost_between(weights, node, other, step))
     estimates.ahead[node] = best
 
 
@@ -216,7 +232,15 @@ def bound_from(kind: int, columns: int, start: int, node: int) -> int:
 
 
 @kernel
-def walk(links: Bytes, columns: int, start: int, goal: int, estimates: Estimates, nodes: Nodes) -> int:
+def walk(
+    links: Bytes,
+    weights: Integers | None,
+    columns: int,
+    start: int,
+    goal: int,
+    estimates: Estimates,
+    nodes: Nodes,
+) -> int:
     """Write the cells from the start to the goal, each time the neighbour through which it is shortest.
 
     Returns how many there are; no more are written than there is room for.
@@ -231,18 +255,24 @@ def walk(links: Bytes, columns: int, start: int, goal: int, estimates: Estimates
         best, onward = FAR, 0
         for step in range(8):
             if links[node] >> step & 1:
-                through = estimates.cost[node + offset_of(step, columns)] + cost_of(step)
+                other = node + offset_of(step, columns)
+                through = estimates.cost[other] + cost_between(weights, node, other, step)
                 if through < best:
                     best, onward = through, step
         node += offset_of(onward, columns)
 
 
 @dataclass(frozen=True)
-class DStarLiteParameters(GridParameters):
+class DStarLiteParameters(TerrainParameters):
     """Parameters of D* Lite."""
 
     known: bool = True
     """Whether the map is given; else it is planned in what has been seen so far, and the policy is not privileged."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.terrain and not self.known:
+            raise ValueError("terrain=True needs known=True: ground is not remembered from what has been seen of it")
 
 
 @dataclass
@@ -253,31 +283,21 @@ class DStarLiteMemory(RepairingMemory):
     """What has been seen of unknown terrain."""
 
 
-class DStarLitePlanner(RepairingPlanner):
+class DStarLitePlanner(TerrainPlanner, RepairingPlanner):
     """D* Lite over the cells of the map, repaired where movers come and go, or where something new is seen.
 
     Raises:
         TypeError: an unknown parameter.
-        ValueError: what GridPlanner refuses.
+        ValueError: what GridPlanner refuses; `terrain` in terrain that is not known.
     """
 
     Parameters: ClassVar[type[DStarLiteParameters]] = DStarLiteParameters
     memory_type: ClassVar[type[MapMemory]] = DStarLiteMemory
     parameters: DStarLiteParameters
 
-    def __init__(
-        self, sensors: Sensors, *, discrete: bool = False, maps: Maps | None = None, **parameters: Any
-    ) -> None:
-        super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
-        self.privileged = self.parameters.known
-
-    def first_memory(self, flat: NDArray[np.float32], number: int) -> MapMemory:
-        """Memory of a new episode; one without a map asks for none."""
-        return super().first_memory(flat, number) if self.privileged else self.start()
-
-    def begin(self, robot: int) -> MapMemory:
-        """Memory of the episode that a robot has begun; one without a map asks for none."""
-        return super().begin(robot) if self.privileged else self.start()
+    def reads_map(self) -> bool:
+        """Whether the map is given."""
+        return self.parameters.known
 
     def searching(self, grid: Grid, goal: int) -> DStarLite:
         """A search from a goal."""
@@ -287,16 +307,9 @@ class DStarLitePlanner(RepairingPlanner):
         """One decision."""
         if self.privileged:
             return super().act(view, memory)
-        scene = Scene(view.pose, view.goal_position, None)
-        seen = memory.seen
-        if seen is None:
-            seen = memory.seen = SeenGround(self.parameters, self.rooms)
-        is_open = seen.look(view, scene.goal)
-        away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
-        is_new = math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED
-        if is_new or is_open or memory.route is None or not seen.is_route_open(memory.route, scene.pose[:2]):
-            self.replace_route(scene, memory)
-        return self.follower.follow(memory.route, view, scene) if memory.route is not None else (0.0, 0.0)
+        if memory.seen is None:
+            memory.seen = SeenGround(self.parameters, self.rooms)
+        return drive_in_seen(self, memory.seen, view, memory)
 
     def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way over the cells, as seen so far where the map is not given."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from bug_gym.agents.planning.grid import FAR, Bytes, Grid
-from bug_gym.agents.planning.grid_planner import GridPlanner
+from bug_gym.agents.planning.grid_planner import TerrainPlanner
 from bug_gym.agents.planning.open_list import OpenList, drop_spent, open_list, put, put_next, spend_first
-from bug_gym.agents.planning.search import NO_WAY, Found, cost_of, offset_of, require_free, way_of
+from bug_gym.agents.planning.search import NO_WAY, Found, cost_between, offset_of, require_free, way_of
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Integers
 
@@ -30,7 +30,8 @@ def dijkstra(grid: Grid, start: int, goal: int) -> Found:
     """
     require_free(grid, start=start, goal=goal)
     cost, came = np.full(grid.blocked.size, FAR, dtype=np.int64), np.zeros(grid.blocked.size, dtype=np.uint8)
-    expanded = settle(grid.links, grid.lattice.columns, start, goal, cost, came, open_list(grid.blocked.size))
+    heap = open_list(grid.blocked.size)
+    expanded = settle(grid.links, grid.weights, grid.lattice.columns, start, goal, cost, came, heap)
     if cost[goal] == FAR:
         return NO_WAY._replace(expanded=expanded)
     return Found(way_of(grid, came, start, goal), int(cost[goal]), expanded)
@@ -40,16 +41,26 @@ def distances(grid: Grid, start: int) -> Integers:
     """What the shortest way to each cell costs (n,), FAR where there is none; the start may be anywhere free."""
     require_free(grid, start=start)
     cost, came = np.full(grid.blocked.size, FAR, dtype=np.int64), np.zeros(grid.blocked.size, dtype=np.uint8)
-    settle(grid.links, grid.lattice.columns, start, -1, cost, came, open_list(grid.blocked.size))
+    settle(grid.links, grid.weights, grid.lattice.columns, start, -1, cost, came, open_list(grid.blocked.size))
     return cost
 
 
 @kernel
-def settle(links: Bytes, columns: int, start: int, goal: int, cost: Integers, came: Bytes, heap: OpenList) -> int:
+def settle(
+    links: Bytes,
+    weights: Integers | None,
+    columns: int,
+    start: int,
+    goal: int,
+    cost: Integers,
+    came: Bytes,
+    heap: OpenList,
+) -> int:
     """Settle cells in the order of their cost, until the goal's turn has come. Returns how many were expanded.
 
     Args:
         links: the open steps of each cell (n,).
+        weights: what the ground of each costs (n,), None: the same everywhere.
         columns: of the grid.
         start: number of a cell.
         goal: number of a cell, -1 for all cells.
@@ -67,8 +78,11 @@ def settle(links: Bytes, columns: int, start: int, goal: int, cost: Integers, ca
         expanded += 1
         for step in range(8):
             other = node + offset_of(step, columns)
-            if links[node] >> step & 1 and cost[node] + cost_of(step) < cost[other]:
-                cost[other] = cost[node] + cost_of(step)
+            if not links[node] >> step & 1:
+                continue
+            through = cost[node] + cost_between(weights, node, other, step)
+            if through < cost[other]:
+                cost[other] = through
                 came[other] = step
                 is_spent = put_next(heap, cost[other], 0, other, is_spent)
         if is_spent:
@@ -76,8 +90,8 @@ def settle(links: Bytes, columns: int, start: int, goal: int, cost: Integers, ca
     return expanded
 
 
-class Dijkstra(GridPlanner):
-    """Dijkstra over the cells of the map; its parameters are those of GridPlanner."""
+class Dijkstra(TerrainPlanner):
+    """Dijkstra over the cells of the map; its parameters are those of TerrainPlanner."""
 
     def search(self, grid: Grid, start: int, goal: int) -> Found:
         """The shortest way over the cells."""

@@ -30,6 +30,9 @@ STRAIGHT, DIAGONAL = 2**30, 1518500250
 """What a step costs: a cell's side and its diagonal, 2^30 sqrt(2), as integers. Sums of them do not depend on the order,
 so that equal ways are equal, and never differ from a + b sqrt(2) by more than 1e-10 b cells."""
 
+UNIT = 1024
+"""Weight of open ground: what regions cost is rounded to a part of this."""
+
 FAR = 2**62
 """A cost above those of all ways."""
 
@@ -72,6 +75,8 @@ class Grid(NamedTuple):
     """4: straight steps only; 8: diagonal ones too."""
     cut_corners: bool
     """Whether a diagonal step may pass one blocked cell beside it; between two it never does."""
+    weights: Integers | None = None
+    """What the ground of each cell costs (rows * columns,), in UNIT to the metre; None: the same everywhere."""
 
     def is_free(self, node: int) -> bool:
         """Whether the centre of a cell is."""
@@ -124,6 +129,8 @@ def lattice_of(box: tuple[float, float, float, float], size: float) -> Lattice:
     if rows * columns > MOST_CELLS:
         what = f"{rows:,} x {columns:,} cells of resolution {size:g} m would take {told_bytes(CELL_BYTES * rows * columns)}"
         side = size * math.sqrt(1.02 * rows * columns / MOST_CELLS)
+        unit = 10.0 ** (math.floor(math.log10(side)) - 1)
+        side = math.ceil(side / unit) * unit  # two digits, rounded up: what is told must do
         raise ValueError(f"{what}, expected at most {MOST_CELLS:,} cells: a resolution of {side:.2g} m or more")
     return Lattice(first_column * size, first_row * size, size, rows, columns)
 

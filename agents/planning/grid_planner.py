@@ -21,11 +21,13 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
+    goal_in_obstacle,
     live_of,
     mover_discs,
 )
 from bug_gym.agents.planning.search import Found
 from bug_gym.agents.planning.smoothing import Solids, pulled
+from bug_gym.agents.planning.terrain import WeighedGround, weights_of
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
@@ -146,7 +148,7 @@ class GridPlanner(MapPlanner):
         if len(found.nodes) == 0:
             return None
         memory.cells = grid.lattice.places(found.nodes)
-        return self.drawn(memory.cells, solids, scene)
+        return self.drawn(memory.cells, solids, scene, grid)
 
     def search_anew(self, grid: Grid, ends: tuple[int, int], room: Room, memory: Any) -> Found:
         """A way in an episode; what is repaired instead of searched anew takes up here what it knows."""
@@ -165,16 +167,22 @@ class GridPlanner(MapPlanner):
         touching = solids.with_growth(0.99 * self.sensors.radius)
         return (start, goal) if touching.is_clear(here, tuple(place)) else None
 
-    def drawn(self, cells: F64, solids: Solids, scene: Scene) -> F64:
+    def drawn(self, cells: F64, solids: Solids, scene: Scene, grid: Grid) -> F64:
         """A way over cells from where the robot is to the goal itself, drawn straight where asked."""
         places = np.concatenate([[scene.pose[:2]], cells])
         if solids.is_clear(tuple(cells[-1]), scene.goal):
             places = np.concatenate([places, [scene.goal]])
-        return pulled(places, self.parameters.resolution, solids.is_clear) if self.parameters.smooth else places
+        if not self.parameters.smooth:
+            return places
+        cost_of = None if grid.weights is None else WeighedGround(grid.weights, grid.lattice).cost_of
+        return pulled(places, self.parameters.resolution, solids.is_clear, cost_of)
 
     def why_not(self, scene: Scene, memory: GridMemory) -> str:
         """Why there is no way over the cells, and at which resolution there is one."""
         size, room, plan = self.parameters.resolution, self.rooms[-1], live_of(memory).still
+        shut = goal_in_obstacle(plan, scene.goal, self.sensors)
+        if shut:
+            return shut
         what = f"no way over cells of {size:g} m for a body of radius {room.radius:g} m and {room.margin:g} m beside it"
         for finer in (size * 0.5**k for k in range(1, HALVINGS + 1)):
             low_x, low_y, high_x, high_y = plan.box
@@ -185,3 +193,27 @@ class GridPlanner(MapPlanner):
             if ends is not None and len(self.search(grid, *ends).nodes) > 0:
                 return f"{what}; a resolution of {finer:g} m would do"
         return what
+
+
+@dataclass(frozen=True)
+class TerrainParameters(GridParameters):
+    """Parameters of planners over cells that can weigh the ground."""
+
+    terrain: bool = False
+    """Whether a metre counts as what the ground there costs, so that ways are cheap and not short."""
+
+
+class TerrainPlanner(GridPlanner):
+    """A planner over square cells that can weigh the ground.
+
+    Raises:
+        TypeError: an unknown parameter.
+        ValueError: what GridPlanner refuses.
+    """
+
+    Parameters: ClassVar[type[GridParameters]] = TerrainParameters
+    parameters: TerrainParameters
+
+    def _grid(self, plan: PlanningMap, size: float, room: Room) -> Grid:
+        grid = super()._grid(plan, size, room)
+        return grid._replace(weights=weights_of(plan, grid.lattice)) if self.parameters.terrain else grid

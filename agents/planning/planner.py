@@ -1,7 +1,7 @@
 """What all map planners share: plan as an episode begins, follow the way, plan anew when it is blocked or the goal moves.
 
 A planner writes one method, `plan`: the way from here to there, or why there is none. Short means short in metres: what
-regions cost is not counted.
+regions cost is not counted, but by planners over cells that have the parameter `terrain` (terrain.py) and are asked to.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower
 from bug_gym.agents.planning.live import LiveMap, Maps, Moving
+from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.map_policy import MapMemory, MapPolicy
 from bug_gym.agents.planning.route import Route, distances_to_chain
 from bug_gym.geometry import F64, Point
@@ -200,6 +201,20 @@ def live_of(memory: MapMemory) -> LiveMap:
     """The world of an episode."""
     assert memory.live is not None, "a planner's memory is made by `begin`"
     return memory.live
+
+
+def goal_in_obstacle(plan: PlanningMap, goal: Point, sensors: Sensors) -> str:
+    """That the body fits nowhere at a goal, in a sentence; nothing where it does.
+
+    Args:
+        plan: what stands.
+        goal: where to [m].
+        sensors: radius of the body, and how near to the goal it has to come.
+    """
+    if plan.free_place_near(goal, radius=sensors.radius, reach=sensors.goal_radius) is not None:
+        return ""
+    where = f"the goal ({goal[0]:.3g}, {goal[1]:.3g}) lies in an obstacle"
+    return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
 
 
 def near(scene: Scene) -> Moving:

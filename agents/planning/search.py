@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.planning.grid import COLUMN_STEPS, DIAGONAL, FAR, ROW_STEPS, STRAIGHT, Bytes, Grid, Nodes
+from bug_gym.agents.planning.grid import COLUMN_STEPS, DIAGONAL, FAR, ROW_STEPS, STRAIGHT, UNIT, Bytes, Grid, Nodes
 from bug_gym.compiling import inlined, kernel
+from bug_gym.kernels.layout import Integers
 
 OCTILE, MANHATTAN, NOTHING = 0, 1, 2
 """Bounds of what is left: by straight and diagonal steps; by straight ones alone, exact with four neighbours and too much
@@ -22,7 +23,7 @@ class Found(NamedTuple):
     nodes: Nodes
     """Numbers (k,) of the cells of the way from start to goal; none where there is no way."""
     cost: int
-    """Of the way, in STRAIGHT and DIAGONAL; FAR where there is none."""
+    """Of the way, in STRAIGHT and DIAGONAL, times what the ground costs; FAR where there is none."""
     expanded: int
     """Cells whose neighbours were looked at."""
 
@@ -88,6 +89,15 @@ def cost_of(step: int) -> int:
 
 
 @inlined
+def cost_between(weights: Integers | None, node: int, other: int, step: int) -> int:
+    """What a step from a cell to the one beside it costs: half of it on the ground of each."""
+    if weights is not None:
+        both: int = weights[node] + weights[other]
+        return cost_of(step) * both // (2 * UNIT)
+    return cost_of(step)
+
+
+@inlined
 def bound(kind: int, dx: int, dy: int) -> int:
     """What is left to go over so many columns and rows, at least; with MANHATTAN and eight neighbours it is a guess."""
     if kind == NOTHING:
@@ -99,7 +109,7 @@ def bound(kind: int, dx: int, dy: int) -> int:
 
 
 def cost_of_way(nodes: NDArray[np.integer], columns: int) -> int:
-    """What a chain of neighbouring cells costs; a slow count for checks."""
+    """What a chain of neighbouring cells costs on open ground; a slow count for checks."""
     rows, cols = np.divmod(nodes.astype(np.int64), columns)
     steps = np.abs(np.diff(rows)) + np.abs(np.diff(cols))
     return int(STRAIGHT * (steps == 1).sum() + DIAGONAL * (steps == 2).sum())

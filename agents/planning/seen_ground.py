@@ -15,10 +15,11 @@ from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.grid import Grid, Lattice, Nodes, make_grid, relink_nodes
 from bug_gym.agents.planning.grid_planner import GridParameters
 from bug_gym.agents.planning.map import in_frame, inverse
-from bug_gym.agents.planning.planner import Room
+from bug_gym.agents.planning.planner import GOAL_MOVED, STRAYED, MapPlanner, PlannerMemory, Room
 from bug_gym.agents.planning.route import Route
 from bug_gym.agents.planning.smoothing import Solids
 from bug_gym.geometry import Point
+from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
 
 NO_EDGES = np.zeros((0, 4))
@@ -131,3 +132,21 @@ class SeenGround:
         blocked = np.pad((cells.blocked > 0).astype(np.uint8), 1, constant_values=1)
         own = self._parameters
         return make_grid(blocked, lattice, connectivity=own.connectivity, cut_corners=own.cut_corners)
+
+
+def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: PlannerMemory) -> Velocity:
+    """One decision of a planner that is not given the map: look, plan anew where what is seen asks for it, and follow.
+
+    Args:
+        planner: whose `plan` finds ways in what has been seen.
+        seen: what has been seen; the scan is added.
+        view: what is seen now.
+        memory: of the episode.
+    """
+    scene = Scene(view.pose, view.goal_position, None)
+    is_open = seen.look(view, scene.goal)
+    away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
+    is_new = math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED
+    if is_new or is_open or memory.route is None or not seen.is_route_open(memory.route, scene.pose[:2]):
+        planner.replace_route(scene, memory)
+    return planner.follower.follow(memory.route, view, scene) if memory.route is not None else (0.0, 0.0)

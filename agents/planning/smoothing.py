@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable
 from copy import copy
+from itertools import pairwise
 
 import numpy as np
 
@@ -55,42 +56,57 @@ class Solids:
 IsClear = Callable[[Point, Point], bool]
 """Whether a straight way between two places is clear."""
 
+ROUNDED = 1e-9
+"""Differences of costs up to this come of rounding alone [m]."""
+
 PULLS = 3
 """How often a way is pulled straight forth and back."""
 
 
-def pulled(places: F64, step: float, is_clear: IsClear) -> F64:
+CostOf = Callable[[Point, Point], float]
+"""What a straight way between two places costs, in metres of open ground."""
+
+
+def pulled(places: F64, step: float, is_clear: IsClear, cost_of: CostOf | None = None) -> F64:
     """A chain of places (k, 2), pulled straight: what a clear straight way leaves out is left out; the ends stay.
 
     Forth and back by turns, each time from places a step apart [m], so that bends come closer to the corners that they are
-    there for. It never grows longer.
+    there for. It never grows longer; where costs are told, it never grows dearer instead.
     """
     chain = places
     for _ in range(PULLS):
-        chain = without_detours(chain, is_clear)[::-1]
-        chain = without_detours(spread(chain, step), is_clear)[::-1]
+        chain = without_detours(chain, is_clear, cost_of)[::-1]
+        chain = without_detours(spread(chain, step), is_clear, cost_of)[::-1]
     return chain
 
 
-def without_detours(places: F64, is_clear: IsClear) -> F64:
+def without_detours(places: F64, is_clear: IsClear, cost_of: CostOf | None = None) -> F64:
     """A chain of places (k, 2) that goes on from each to one as far ahead as it is found clear.
 
     It is looked for in doubled strides, then between the last two by halves; the next place always counts as clear.
     """
     points = [(x, y) for x, y in places.tolist()]
     last = len(points) - 1
+    so_far = [0.0] if cost_of is None else [0.0, *itertools.accumulate(itertools.starmap(cost_of, pairwise(points)))]
+
+    def may_skip(begin: int, end: int) -> bool:
+        """Whether the straight way from one place to another serves as well as the chain."""
+        if not is_clear(points[begin], points[end]):
+            return False
+        return cost_of is None or cost_of(points[begin], points[end]) <= so_far[end] - so_far[begin] + ROUNDED
+
     kept, at = [0], 0
     while at < last:
         reached, stride, blocked = at + 1, 2, last + 1
         while reached < last:
             ahead = min(at + stride, last)
-            if not is_clear(points[at], points[ahead]):
+            if not may_skip(at, ahead):
                 blocked = ahead
                 break
             reached, stride = ahead, 2 * stride
         while blocked <= last and blocked - reached > 1:
             middle = (reached + blocked) // 2
-            if is_clear(points[at], points[middle]):
+            if may_skip(at, middle):
                 reached = middle
             else:
                 blocked = middle
@@ -102,7 +118,7 @@ def without_detours(places: F64, is_clear: IsClear) -> F64:
 def spread(places: F64, step: float) -> F64:
     """A chain of places (k, 2) with more on its straight pieces, at most a step [m] apart."""
     pieces = [places[:1]]
-    for a, b in itertools.pairwise(places):
+    for a, b in pairwise(places):
         count = max(math.ceil(math.dist(a, b) / step), 1)
         pieces.append(b - np.arange(count - 1, -1, -1)[:, None] / count * (b - a))
     return np.concatenate(pieces)

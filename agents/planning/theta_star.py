@@ -6,6 +6,9 @@ Length: near the shortest of all, without a bound; never over that of A*'s way o
 
 A cell is reached from its neighbour's parent where the two are in sight: all cells that the straight line touches are
 free. Cells are taken for blocked half a diagonal earlier than for others, so such a line keeps its room everywhere.
+
+Over ground that is not the same everywhere a straight way costs what the cells under it do, looked at four times a cell,
+and the one by way of the neighbour is tried too, as it may be the cheaper (Daniel, Nash, Koenig and Felner 2010 say so).
 """
 
 from __future__ import annotations
@@ -14,8 +17,8 @@ import math
 
 import numpy as np
 
-from bug_gym.agents.planning.grid import FAR, STRAIGHT, Bytes, Grid, Nodes
-from bug_gym.agents.planning.grid_planner import GridPlanner
+from bug_gym.agents.planning.grid import FAR, STRAIGHT, UNIT, Bytes, Grid, Nodes
+from bug_gym.agents.planning.grid_planner import TerrainPlanner
 from bug_gym.agents.planning.open_list import OpenList, open_list, put, take
 from bug_gym.agents.planning.planner import Room
 from bug_gym.agents.planning.search import NO_WAY, Found, offset_of, require_free
@@ -38,7 +41,7 @@ def theta_star(grid: Grid, start: int, goal: int) -> Found:
     cells = grid.blocked.size
     cost, parent = np.full(cells, FAR, dtype=np.int64), np.full(cells, -1, dtype=np.int32)
     expanded = search_any_angle(
-        grid.blocked, grid.links, grid.lattice.columns, start, goal, cost, parent, open_list(cells)
+        grid.blocked, grid.links, grid.weights, grid.lattice.columns, start, goal, cost, parent, open_list(cells)
     )
     if cost[goal] == FAR:
         return NO_WAY._replace(expanded=expanded)
@@ -52,6 +55,7 @@ def theta_star(grid: Grid, start: int, goal: int) -> Found:
 def search_any_angle(
     blocked: Bytes,
     links: Bytes,
+    weights: Integers | None,
     columns: int,
     start: int,
     goal: int,
@@ -64,6 +68,7 @@ def search_any_angle(
     Args:
         blocked: (rows, columns).
         links: the open steps of each cell (n,).
+        weights: what the ground of each costs (n,), None: the same everywhere.
         columns: of the grid.
         start: number of a cell.
         goal: number of a cell.
@@ -86,13 +91,17 @@ def search_any_angle(
                 continue
             other = node + offset_of(step, columns)
             origin = parent[node]
-            through = cost[origin] + straight(columns, origin, other)
-            # By the triangle's inequality the way through the node itself is no shorter.
+            through = cost[origin] + line_cost(weights, columns, origin, other)
+            if weights is not None:
+                beside = cost[node] + line_cost(weights, columns, node, other)
+                if beside < through - ROUNDED:
+                    origin, through = node, beside
+            # On even ground the way through the node itself is no shorter, by the triangle's inequality.
             if through >= cost[other]:
                 continue
-            if not in_sight(blocked, columns, origin, other):
+            if origin != node and not in_sight(blocked, columns, origin, other):
                 origin = node
-                through = cost[node] + straight(columns, node, other)
+                through = cost[node] + line_cost(weights, columns, node, other)
                 if through >= cost[other]:
                     continue
             cost[other] = through
@@ -100,6 +109,26 @@ def search_any_angle(
             left = straight(columns, other, goal)
             put(heap, through + left, left, other)
     return expanded
+
+
+ROUNDED = 4
+"""Differences of costs up to this come of rounding alone."""
+
+
+@called
+def line_cost(weights: Integers | None, columns: int, one: int, other: int) -> int:
+    """What the straight way between two cells costs on the ground under it."""
+    if weights is not None:
+        row, column = one // columns, one % columns
+        down, across = other // columns - row, other % columns - column
+        pieces = max(math.ceil(4.0 * math.sqrt(float(down * down + across * across))), 1)
+        total = 0
+        for piece in range(pieces):
+            share = (piece + 0.5) / pieces
+            at = (row + int(math.floor(share * down + 0.5))) * columns + column + int(math.floor(share * across + 0.5))
+            total += weights[at]
+        return round(straight(columns, one, other) * (total / (UNIT * pieces)))
+    return straight(columns, one, other)
 
 
 @inlined
@@ -134,8 +163,8 @@ def in_sight(blocked: Bytes, columns: int, one: int, other: int) -> bool:
     return True
 
 
-class ThetaStar(GridPlanner):
-    """Theta* over the cells of the map; its parameters are those of GridPlanner."""
+class ThetaStar(TerrainPlanner):
+    """Theta* over the cells of the map; its parameters are those of TerrainPlanner."""
 
     def search(self, grid: Grid, start: int, goal: int) -> Found:
         """A way that bends at cells only."""

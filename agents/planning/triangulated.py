@@ -67,6 +67,10 @@ class Manner:
     """D_s: what is farther from the robot is not looked at, and a goal beyond it is replaced [m]."""
     facets: int = FACETS
     """Sides of a grown corner, a quarter turn."""
+    clip: bool = False
+    """The paper's way to keep off: obstacles are not grown, and an edge is crossed no nearer to its ends than the radius and
+    the margin; one too short for that is closed. It does not keep off: where two edges meet in a corner of an obstacle, the
+    straight way between a crossing on each comes nearer to it, and so does one to a side that an edge meets at a slant."""
     colony: Colony = Colony()
     """Parameters of the ants."""
 
@@ -150,7 +154,7 @@ def _attempts(task: Task, manner: Manner) -> list[tuple[By, list[shapely.Polygon
 
 def _through(task: Task, manner: Manner, parts: Sequence[shapely.Polygon], side: float, seed: int) -> Way | None:
     """The way among some shapes with sides no longer than `side` [m], None where they leave none."""
-    reach = task.radius + manner.margin
+    reach = 0.0 if manner.clip else task.radius + manner.margin
     array = np.array(parts, dtype=object)
     ends = shapely.points([task.start, task.goal])
     away = shapely.distance(array, ends[0])
@@ -179,7 +183,7 @@ def _among(task: Task, manner: Manner, shapes: list[shapely.Polygon], seed: int)
         extra = np.concatenate([_samples(tree, task, manner, seed), [start, goal]])
         mesh = triangulate(shapes, extra)
         first, last = (int(vertex) for vertex in mesh.extra[-2:])
-        sleeve = find_sleeve(mesh, first, last)
+        sleeve = clipped_sleeve(mesh, first, last, task, manner) if manner.clip else find_sleeve(mesh, first, last)
         if sleeve is None:
             continue
         way = _vertex_way(mesh, shapes, first, last) if manner.optimiser == "vertices" else _taut(sleeve, manner, seed)
@@ -187,6 +191,19 @@ def _among(task: Task, manner: Manner, shapes: list[shapely.Polygon], seed: int)
             path = _joined(np.array(task.start), way)
             return Way(path, path_length(path), "obstacles", sleeve, mesh, tuple(shapes), manner.margin)
     return None
+
+
+def clipped_sleeve(mesh: Mesh, first: int, last: int, task: Task, manner: Manner) -> Sleeve | None:
+    """The sleeve between two vertices whose edges have lost what is too near to their ends; None where none is left."""
+    kept_off = task.radius + manner.margin
+    one, other = (mesh.points[mesh.corners[:, order]] for order in ([1, 2, 0], [2, 0, 1]))
+    is_short = np.hypot(*np.moveaxis(other - one, -1, 0)) <= 2.0 * kept_off
+    sleeve = find_sleeve(mesh._replace(neighbours=np.where(is_short, np.int32(-1), mesh.neighbours)), first, last)
+    if sleeve is None:
+        return None
+    across = sleeve.right - sleeve.left
+    cut = across * (kept_off / np.hypot(*across.T))[:, None]
+    return sleeve._replace(left=sleeve.left + cut, right=sleeve.right - cut)
 
 
 def _outside(tree: shapely.STRtree, point: Point) -> F64:

@@ -14,7 +14,7 @@ import numpy as np
 
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, live_of, mover_discs
+from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, goal_in_obstacle, live_of, mover_discs
 from bug_gym.geometry import F64, Point
 
 NEAREST = 0.99
@@ -33,7 +33,8 @@ class VisibilityGraph(MapPlanner):
             if places is not None:
                 return Plan(places, room.margin)
         is_shut_in = scene.moving is None and self._is_shut_in(plan, scene.pose[:2], scene.goal)
-        reason = f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
+        shut = goal_in_obstacle(live.still, scene.goal, self.sensors)
+        reason = shut or f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
         return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
 
     def _way(self, plan: PlanningMap, start: Point, goal: Point, radius: float) -> F64 | None:

@@ -10,7 +10,7 @@ import math
 
 from bug_gym.compiling import called, kernel
 from bug_gym.kernels.avoidance import Disc, add_half_plane, add_reciprocal, least_violation, nearest_velocity
-from bug_gym.kernels.layout import Floats
+from bug_gym.kernels.layout import Flags, Floats
 from bug_gym.kernels.randomness import hash64, uniform
 
 # Columns of a body to be avoided: place and velocity in the robot's frame [m, m/s], its radius [m], the share of the
@@ -131,6 +131,35 @@ def speed_before_bodies(bodies: Floats, count: int, robot: Floats, direction: fl
             gap = bodies[b, GAP_SHARE] * (distance - radius - bodies[b, RADIUS])
             speed = min(speed, approach_limit(gap, step, deceleration) * distance / closing)
     return speed
+
+
+@kernel
+def share_out(peers: Floats, at_rest: Floats, step: float, slow: float, settled: float) -> None:
+    """What of the avoidance of each of the other robots is this one's; fills SHARE.
+
+    Args:
+        peers: (n, BODY).
+        at_rest: for how long each has been at rest, changed in place (n,) [s].
+        step: time since the last decision [s].
+        slow: slower than this a robot is at rest [m/s].
+        settled: who is at rest for longer is a still thing [s].
+    """
+    for b in range(at_rest.size):
+        is_at_rest = math.hypot(peers[b, VX], peers[b, VY]) < slow
+        at_rest[b] = at_rest[b] + step if is_at_rest else 0.0
+        peers[b, SHARE] = 0.0 if at_rest[b] > settled else 1.0 if is_at_rest else 0.5
+
+
+@kernel
+def is_among(bodies: Floats, peers: Floats, found: Flags) -> None:
+    """Which bodies (n, BODY) overlap one of the other robots (k, BODY), and so are taken for it; fills `found` (n,)."""
+    for i in range(found.size):
+        found[i] = False
+        for b in range(peers.shape[0]):
+            gap = math.hypot(bodies[i, PX] - peers[b, PX], bodies[i, PY] - peers[b, PY])
+            if gap < bodies[i, RADIUS] + peers[b, RADIUS]:
+                found[i] = True
+                break
 
 
 @kernel

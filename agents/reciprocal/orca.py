@@ -41,12 +41,19 @@ from bug_gym.agents.reciprocal.half_planes import (
     VX,
     VY,
     drawn_share,
+    is_among,
     reciprocal_velocity,
+    share_out,
     speed_before_bodies,
 )
-from bug_gym.agents.teams.hidden import take_out_bodies
+from bug_gym.agents.teams.hidden import take_out_discs
 from bug_gym.agents.teams.partners import BODY_MARGIN
+from bug_gym.agents.tracking.layout import RADIUS as TRACK_RADIUS
 from bug_gym.agents.tracking.layout import TRACKS
+from bug_gym.agents.tracking.layout import VX as TRACK_VX
+from bug_gym.agents.tracking.layout import VY as TRACK_VY
+from bug_gym.agents.tracking.layout import X as TRACK_X
+from bug_gym.agents.tracking.layout import Y as TRACK_Y
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
 from bug_gym.geometry import F64, velocity_along
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
@@ -161,7 +168,6 @@ class Orca(ScriptedPolicy):
         )
         self._robot = np.array(numbers)
         beams = len(sensors.angles)
-        self._hidden = np.zeros(beams, dtype=np.bool_)
         self._lines, self._spare = np.empty((2, 3 * (beams + 2 * (self.peers + TRACKS))))
         self._cos, self._sin = (np.ascontiguousarray(part) for part in sensors.beam_directions)
 
@@ -193,33 +199,30 @@ class Orca(ScriptedPolicy):
         if self.peers:
             peers[:, PX : VY + 1] = view.field("peers")
             peers[:, RADIUS], peers[:, GAP_SHARE] = self.sensors.radius, 0.5
-            peers[:, SHARE] = self._shares(peers, memory)
+            if memory.at_rest is None:
+                memory.at_rest = np.zeros(self.peers)
+            share_out(peers, memory.at_rest, self.sensors.drive.step, AT_REST, SETTLED)
             if memory.steps == 0:
                 memory.seed = zlib.crc32(view.field("peers").tobytes())
         if self.tracker is None or memory.tracker is None:
             return peers
         return np.concatenate([peers, self._movers(view, memory, memory.tracker, peers)])
 
-    def _shares(self, peers: F64, memory: OrcaMemory) -> F64:
-        """What of the avoidance of each of the other robots (R - 1,) is this one's."""
-        is_at_rest = np.hypot(peers[:, VX], peers[:, VY]) < AT_REST
-        before = np.zeros(len(peers)) if memory.at_rest is None else memory.at_rest
-        memory.at_rest = np.where(is_at_rest, before + self.sensors.drive.step, 0.0)
-        return np.where(memory.at_rest > SETTLED, 0.0, np.where(is_at_rest, 1.0, 0.5))
-
     def _movers(self, view: View, memory: OrcaMemory, kept: TrackerMemory, peers: F64) -> F64:
         """What moves in the scan and is no robot, as bodies (n, BODY)."""
         assert self.tracker is not None
-        tracks = self.tracker.update(kept, view, memory.steps * self.sensors.drive.step)
-        chosen = np.flatnonzero(tracks.moving)
-        movers = np.empty((len(chosen), BODY))
+        self.tracker.take_in(kept, view, memory.steps * self.sensors.drive.step)
+        moving = self.tracker.moving(kept)
+        movers = np.empty((len(moving), BODY))
+        if not len(moving):
+            return movers
         cos, sin = math.cos(view.heading), math.sin(view.heading)
         to_robot = np.array([[cos, -sin], [sin, cos]])
-        movers[:, PX : PY + 1] = (tracks.position[chosen] - view.position) @ to_robot
-        movers[:, VX : VY + 1] = tracks.velocity[chosen] @ to_robot
-        movers[:, RADIUS], movers[:, SHARE], movers[:, GAP_SHARE] = tracks.radius[chosen], 1.0, 1.0
-        gaps = np.hypot(movers[:, None, PX] - peers[None, :, PX], movers[:, None, PY] - peers[None, :, PY])
-        is_robot = (gaps < movers[:, None, RADIUS] + peers[None, :, RADIUS]).any(axis=1)
+        movers[:, PX : PY + 1] = (moving[:, TRACK_X : TRACK_Y + 1] - view.position) @ to_robot
+        movers[:, VX : VY + 1] = moving[:, TRACK_VX : TRACK_VY + 1] @ to_robot
+        movers[:, RADIUS], movers[:, SHARE], movers[:, GAP_SHARE] = moving[:, TRACK_RADIUS], 1.0, 1.0
+        is_robot = np.empty(len(movers), dtype=np.bool_)
+        is_among(movers, peers, is_robot)
         return movers[~is_robot]
 
     def without_bodies(self, view: View, bodies: F64) -> View:
@@ -229,11 +232,10 @@ class Orca(ScriptedPolicy):
             view: what it sees.
             bodies: (n, BODY); those that count as still things stay.
         """
-        ranges, sensors, noise = view.ranges.copy(), self.sensors, 3.0 * self.sensors.range_noise
-        for body in bodies[bodies[:, SHARE] > 0.0]:
-            margin = BODY_MARGIN if body[GAP_SHARE] < 1.0 else TRACK_MARGIN
-            reach = float(body[RADIUS]) + margin + noise
-            take_out_bodies(ranges, self._cos, self._sin, sensors.range, body[None, PX : PY + 1], reach, self._hidden)
+        ranges, noise = view.ranges.copy(), 3.0 * self.sensors.range_noise
+        margins = np.where(bodies[:, GAP_SHARE] < 1.0, BODY_MARGIN, TRACK_MARGIN)
+        reaches = np.where(bodies[:, SHARE] > 0.0, bodies[:, RADIUS] + margins + noise, -1.0)
+        take_out_discs(ranges, self._cos, self._sin, self.sensors.range, bodies, reaches)
         return view.with_ranges(ranges)
 
     # ------------------------------------------------------------------------------------------------------ the wish

@@ -196,6 +196,11 @@ class Tracker:
         Raises:
             ValueError: a time that is not later, or a scan of another number of beams.
         """
+        self.take_in(memory, view, time)
+        return self._tracks(memory, view, time)
+
+    def take_in(self, memory: TrackerMemory, view: View, time: float) -> None:
+        """What `update` does, without making its answer, for who asks for `moving` alone."""
         if not time > memory.time:
             raise ValueError(f"tracks go forward in time: got {time} s after {memory.time} s")
         if len(view.ranges) != len(self.angles):
@@ -216,7 +221,12 @@ class Tracker:
             self._integers,
             self._flags,
         )
-        return self._tracks(memory, view, time)
+
+    def moving(self, memory: TrackerMemory) -> F64:
+        """Numbers of the things that are there and move (M, STATE), in the order of `update`'s tracks; see layout."""
+        numbers = memory.numbers
+        is_chosen = (numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0) & (numbers[:, IS_MOVING] > 0)
+        return memory.state[is_chosen]
 
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""

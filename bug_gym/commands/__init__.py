@@ -72,6 +72,16 @@ COMMANDS: dict[str, Command] = {
         "Draw an episode of a policy, or of several side by side: a film, or one picture of the whole path.",
         "bug-gym render bug2 tangent_bug dynamic --seed 3 --out both.gif",
     ),
+    "play": Command(
+        "bug_gym.commands.play",
+        "Drive a robot by hand in a window, against policies in the same world; what you drive can be kept.",
+        "bug-gym play dynamic --against bug2 --record driven.json",
+    ),
+    "watch": Command(
+        "bug_gym.commands.watch",
+        "Watch policies live in a window, or what was driven by hand.",
+        "bug-gym watch bug2 tangent_bug dynamic --seed 3",
+    ),
     "gallery": Command(
         "bug_gym.commands.gallery",
         "Draw every bug on one map: their ways in one picture, and as a film.",

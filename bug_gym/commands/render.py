@@ -92,9 +92,8 @@ def _draw(out: Path, rollouts: list[Rollout], options: argparse.Namespace) -> No
 
 def _tell(rollouts: list[Rollout]) -> None:
     """How each episode ended."""
+    from bug_gym.evaluation.live import endings  # loads the compiler
+
     for one in rollouts:
-        info = one.simulation.info()
-        for robot in range(one.simulation.robots):
-            outcome, time, length = (info[name][0, robot] for name in ("outcome", "time", "path_length"))
-            label = one.entry.label if one.simulation.robots == 1 else f"{one.entry.label}, robot_{robot}"
-            print(f"  {label}: {one.verdict() or outcome} after {time:.1f} s and {length:.2f} m")
+        for line in endings(one):
+            print(f"  {line}")

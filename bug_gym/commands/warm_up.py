@@ -82,4 +82,8 @@ def _use_policies() -> Iterator[str]:
         evaluate([name], ["dynamic", "terrain", "moving_target", "u_trap", "maze"], episodes=1)
         if name == "d_star_lite":
             evaluate([{"name": name, "label": "unknown terrain", "parameters": {"known": False}}], "maze", episodes=1)
+        if name in ("a_star", "dijkstra", "theta_star", "d_star_lite"):
+            evaluate(
+                [{"name": name, "label": "weighed ground", "parameters": {"terrain": True}}], "terrain", episodes=1
+            )
         yield name

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from bug_gym.limits import WIDEST_SWING
+from bug_gym.limits import MOST_DELAYED, WIDEST_SWING
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.own import OWN_PARTS, Named, ObservationFields, RewardTerms
 from bug_gym.schema.ranges import Drawn
@@ -20,6 +20,9 @@ from bug_gym.schema.values import Part
 from bug_gym.worlds import WorldFamily
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.family import Crew
+
+WHOLE = 1e-6
+"""How far from a whole number of steps a time may lie that is meant as one: decimal fractions are not exact."""
 
 
 class Scenario(Part):
@@ -71,6 +74,7 @@ class Scenario(Part):
             context = error.context or {}
             raise wrong(context["reason"], f"world.{context['key']}") from None
         self._check_body()
+        self._check_latency()
         self._check_swing()
         self._check_places()
         for name in self.reward_terms:
@@ -84,6 +88,21 @@ class Scenario(Part):
         if isinstance(self.robot.radius, Drawn) and several:
             reason = f"got {self.robot.radius}, expected one number where there are several robots, or circles"
             raise wrong(reason, "robot.radius")
+
+    @property
+    def latency_steps(self) -> int:
+        """Steps from an action to the one in which it acts."""
+        return round(self.robot.latency / self.time.step)
+
+    def _check_latency(self) -> None:
+        """An action begins to act where a step begins, and few are under way at once."""
+        steps = self.robot.latency / self.time.step
+        if not steps <= MOST_DELAYED:
+            reason = f"got {self.robot.latency:g}, expected at most {MOST_DELAYED} steps of {self.time.step:g} s"
+            raise wrong(reason, "robot.latency")
+        if abs(steps - round(steps)) > WHOLE:
+            reason = f"got {self.robot.latency:g}, expected a whole number of steps of {self.time.step:g} s"
+            raise wrong(reason, "robot.latency")
 
     def _check_swing(self) -> None:
         """A body beside its origin swings so little in a step that its arc can be tested chord by chord."""

@@ -141,6 +141,10 @@ class Projection:
         """Column and row of a place."""
         return self.left + self.scale * x, self.top - self.scale * y
 
+    def place(self, column: float, row: float) -> tuple[float, float]:
+        """The place x, y [m] at a pixel."""
+        return (column - self.left) / self.scale, (self.top - row) / self.scale
+
     def pixels(self, places: NDArray[np.float64]) -> list[Pixel]:
         """Columns and rows of places (k, 2)."""
         columns = self.left + self.scale * places[:, 0]

@@ -68,7 +68,8 @@ def sample_chain(chain: Floats, spacing: float, samples: Floats) -> int:
             left += spacing
         left -= length
     if count < len(samples):
-        samples[count, 0], samples[count, 1] = chain[-1, 0], chain[-1, 1]
+        last = len(chain) - 1  # kernels' indices do not count from the end
+        samples[count, 0], samples[count, 1] = chain[last, 0], chain[last, 1]
         count += 1
     return count
 

@@ -12,6 +12,26 @@ from bug_gym.kernels.randomness import hash64, normal
 
 
 @inlined
+def exchange_pending(f: Floats, k: Integers, s: Record, r: int, first: float, second: float) -> tuple[float, float]:
+    """Put robot r's action at the end of those that have yet to act, and take the one that acts in this step."""
+    slot = s.pending + 2 * (s.latency * r + k[s.steps] % s.latency)
+    due = f[slot], f[slot + 1]
+    f[slot], f[slot + 1] = first, second
+    return due
+
+
+@inlined
+def clear_pending(f: Floats, s: Record, r: int) -> None:
+    """Have robot r stand until its first action acts."""
+    standing = 0.0
+    if s.kinematics != HOLONOMIC:
+        standing = 2.0 * s.max_reverse / (s.max_speed + s.max_reverse) - 1.0
+    for i in range(s.latency):
+        f[s.pending + 2 * (s.latency * r + i)] = standing
+        f[s.pending + 2 * (s.latency * r + i) + 1] = 0.0
+
+
+@inlined
 def drive(f: Floats, s: Record, regions: Regions, r: int, first: float, second: float) -> None:
     """Turn robot r's action into its velocity and into the pose where this step would bring it (next_pose).
 

@@ -86,6 +86,7 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "body_patience": (1, "lookers"),  # when it gives its goal up [s]
     "body_foresight": (1, "lookers"),  # how far ahead it avoids [s], or how far an evader sees [m]
     "body_calm": (1, "lookers"),  # speed of an evader that sees no robot [m/s]
+    "pending": (2, "delayed"),  # actions that have yet to act, robot after robot, each where its step falls in the ring
 }
 INT_ARRAYS: dict[str, tuple[int, str]] = {
     "seed": (1, "row"),
@@ -171,7 +172,7 @@ COUNTS = (
     "footprint",
     "width",
 )
-INT_CONSTANTS = ("kinematics", "limit_steps", "first_ends", "goal_by_odometry", "regions")
+INT_CONSTANTS = ("kinematics", "limit_steps", "first_ends", "goal_by_odometry", "regions", "latency")
 FLOAT_CONSTANTS = (
     "step",
     "max_speed",

@@ -12,7 +12,7 @@ import numpy as np
 
 from bug_gym.compiling import called, inlined, is_ready, kernel
 from bug_gym.kernels.contact import settle_robots
-from bug_gym.kernels.drive import apply_motion, drive
+from bug_gym.kernels.drive import apply_motion, clear_pending, drive, exchange_pending
 from bug_gym.kernels.geometry import clip, length
 from bug_gym.kernels.laws import begin_steered, steer_bodies
 from bug_gym.kernels.layout import (
@@ -100,7 +100,10 @@ def step_row(
     robots = s.robots
     for r in range(robots):
         if k[s.outcome + r] == RUNNING:
-            drive(f, s, regions, r, clip(actions[r, 0], -1.0, 1.0), clip(actions[r, 1], -1.0, 1.0))
+            first, second = clip(actions[r, 0], -1.0, 1.0), clip(actions[r, 1], -1.0, 1.0)
+            if s.latency > 0:
+                first, second = exchange_pending(f, k, s, r, first, second)
+            drive(f, s, regions, r, first, second)
         else:
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
@@ -196,6 +199,7 @@ def begin_robot(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int)
     f[s.reward + r] = 0.0
     for i in range(TERMS):
         f[s.terms + TERMS * r + i] = 0.0
+    clear_pending(f, s, r)
     dx, dy = f[s.goal_place + 2 * r] - f[s.pose + 3 * r], f[s.goal_place + 2 * r + 1] - f[s.pose + 3 * r + 1]
     f[s.goal_distance + r] = length(dx, dy)
     f[s.clearance + r] = clearance_at(f, k, s, footprint, r)

@@ -22,7 +22,6 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.kinematics import Drive, steering
-from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
 
 BEFORE, AFTER = 2.0, 1.0
@@ -55,15 +54,7 @@ def is_avoidable(
     step = described.time.step
     back = min(max(round(BEFORE / step), 1), row.steps)
     rollout = driven(policy, described, row, row.steps - back)
-    simulation = rollout.simulation
-    snapshot, seeded = simulation.save()
-    many = Simulation(described, SEQUENCES)
-    copies = snapshot._replace(
-        floats=np.repeat(snapshot.floats, SEQUENCES, axis=0),
-        ints=np.repeat(snapshot.ints, SEQUENCES, axis=0),
-        observation=np.repeat(snapshot.observation, SEQUENCES, axis=0),
-    )
-    many.restore((copies, np.repeat(seeded, SEQUENCES)))
+    many = rollout.simulation.branches(SEQUENCES)
     drive = Sensors.of(described).drive
     rng = np.random.default_rng(row.seed)
     hold = max(round(HOLD / step), 1)

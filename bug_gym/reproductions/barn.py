@@ -1,25 +1,34 @@
-"""The BARN benchmark's worlds (Perille et al. 2020): success and the benchmark's scores, for bugs of three robots.
+"""The BARN benchmark's worlds (Perille et al. 2020): success and the benchmark's scores, for every policy and three robots.
 
 Needs the benchmark's worlds (`--data`: a .jsonl or a folder of `world_N.world` files). The score of a run is
 success x OT / clip(AT, 2 OT, 8 OT), AT the time taken and OT the time of the reference path at 2 m/s: at most 0.5. Until
 February 2024 it was success x OT / clip(AT, 4 OT, 8 OT), at most 0.25; both are printed. The benchmark's own figures come
 from Gazebo's physics: context, not a rival.
+
+Every policy of the table drives the benchmark's robot, as a disc and as it is (`jackal.yaml`: rectangle, scanner, limits,
+latency); the bugs for which something is claimed also a holonomic one. A learned policy drives the robot it was made for,
+and is left out elsewhere. Planners that read the map are marked: they show what there is to be had.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from bug_gym.agents import AGENTS, make_policy, parameters_table, playable_names
+from bug_gym.config import dump, load
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.intervals import wilson_interval
+from bug_gym.intervals import means, stratified_bootstrap, wilson_interval
+from bug_gym.policy import MisfitError
+from bug_gym.reproductions.claims import finite
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.worlds.barn_files import load_barn
 
-POLICIES = (
+CLAIMED = (
     "bug1",
     "bug2",
     "com1",
@@ -32,33 +41,21 @@ POLICIES = (
     "vis_bug_22",
     "rev3",
 )
+"""Bugs of which something is claimed."""
 PARAMETERS: dict[str, dict[str, Any]] = {
     "holonomic": {"clearance": 0.295},
     "jackal": {"clearance": 0.345},
     "faithful": {"clearance": 0.345},
 }
-"""All of the worlds are open at a clearance of 0.35 m, not all at 0.40. Cylinders of 0.075 m on a grid of 0.15 m leave
-gaps of 0.52, 0.60, 0.61, 0.66 and 0.70 m and none between. A gap of a little less than twice the clearance may count
-either way: none is of that kind for the holonomic robot; for the others, which need more room to brake, 0.66 is."""
+"""Of all that keep one [m]. All of the worlds are open at a clearance of 0.35 m, not all at 0.40. Cylinders of 0.075 m on a
+grid of 0.15 m leave gaps of 0.52, 0.60, 0.61, 0.66 and 0.70 m and none between. A gap of a little less than twice the
+clearance may count either way: none is of that kind for the holonomic robot; for the others, which need more room to brake,
+0.66 is."""
 
 COMMON = {"lidar.beams": 720, "lidar.range": 10.0, "goal.radius": 1.0, "time.limit": 1000.0}
 SCORED = 100.0
 """A run that takes longer scores nothing in the benchmark; here it goes on, to see whether it arrives, but for the faithful
 robot [s]."""
-HALF_LENGTH, HALF_WIDTH = 0.229, 0.208
-"""Of the rectangle that holds the Jackal's chassis and wheels, about the middle of its axles [m]."""
-PARTS = 4
-"""Into how many parts each side of the rectangle is cut; each cell at its rim is covered by a circle."""
-
-
-def rectangle() -> list[list[float]]:
-    """The Jackal's rectangle as circles x, y, radius [m]: they hold all of its rim, and stick out by at most 0.026 m."""
-    radius = math.hypot(HALF_LENGTH, HALF_WIDTH) / PARTS
-    middles = [(2 * part + 1) / PARTS - 1.0 for part in range(PARTS)]
-    outer = {middles[0], middles[-1]}
-    return [[HALF_LENGTH * a, HALF_WIDTH * b, radius] for a in middles for b in middles if {a, b} & outer]
-
-
 ROBOTS: dict[str, dict[str, Any]] = {
     "holonomic": {"kinematics": "holonomic", "radius": 0.2, "max_speed": 1.0},
     "jackal": {
@@ -68,27 +65,10 @@ ROBOTS: dict[str, dict[str, Any]] = {
         "max_reverse": 0.5,
         "max_turn_rate": 3.0,
     },
-    "faithful": {
-        "kinematics": "differential",
-        "circles": rectangle(),
-        "max_speed": 2.0,
-        "max_reverse": 2.0,
-        "max_turn_rate": 4.0,
-        "max_acceleration": 20.0,
-    },
 }
-"""The last is the benchmark's, by its own files: jackal_urdf, jackal_control's control.yaml."""
-STEPS = {"holonomic": 0.1, "jackal": 0.05, "faithful": 0.05}
-OWN: dict[str, dict[str, Any]] = {
-    "faithful": {
-        "lidar.range": 30.0,
-        "lidar.min_range": 0.1,
-        "lidar.fov": 4.71238,
-        "lidar.noise": 0.001,
-        "time.limit": SCORED,
-    }
-}
-"""What is not COMMON for a robot; the benchmark's scanner is a Hokuyo UST-10."""
+STEPS = {"holonomic": 0.1, "jackal": 0.05}
+FAITHFUL = "jackal"
+"""The scenario whose robot is the benchmark's, by its own files."""
 
 SUCCESS_ASKED = {"holonomic": 1.0, "jackal": 0.95}
 """Shares of the worlds that every bug has to reach; nothing is claimed of the faithful robot, it is measured."""
@@ -116,12 +96,20 @@ def score(row: EpisodeRow, reference_length: float | None, metric: str = "score_
 
 
 def scenario(robot: str, path: str, world: int) -> dict[str, Any]:
-    """One of the benchmark's worlds for a robot of ROBOTS, as a suite's scenario."""
-    return {
-        "scenario": {"robot": ROBOTS[robot], "world": {"family": "barn", "path": path, "world": world}},
-        "overrides": {**COMMON, **OWN.get(robot, {}), "time.step": STEPS[robot]},
-        "label": f"world {world}",
-    }
+    """One of the benchmark's worlds for a robot of ROBOTS, or for the "faithful" one, as a suite's scenario."""
+    family = {"family": "barn", "path": path, "world": world}
+    if robot == "faithful":
+        described, overrides = faithful(), {"time.limit": SCORED}
+    else:
+        described, overrides = {"robot": ROBOTS[robot]}, {**COMMON, "time.step": STEPS[robot]}
+    return {"scenario": {**described, "world": family}, "overrides": overrides, "label": f"world {world}"}
+
+
+@functools.cache
+def faithful() -> dict[str, Any]:
+    """The benchmark's robot with its scanner and clock: a scenario without its world."""
+    described = dump(load(FAITHFUL))
+    return {key: value for key, value in described.items() if key not in ("name", "world")}
 
 
 def summed_up(rows: Sequence[EpisodeRow], references: Mapping[str, float | None]) -> dict[str, Any]:
@@ -137,11 +125,19 @@ def summed_up(rows: Sequence[EpisodeRow], references: Mapping[str, float | None]
         "success": len(reached) / len(rows),
         "in_time": sum(row.time <= SCORED for row in reached) / len(rows),
         "success_interval": [low, high],
+        "score_2024_interval": interval([score(row, references[row.scenario]) for row in rows]),
         "collisions": sum(row.outcome == "collision" for row in rows),
         **scores,
         "time": math.fsum(row.time for row in reached) / max(len(reached), 1),
+        "decision_time_mean": math.fsum(row.decision_time_mean for row in rows) / len(rows),
+        "decision_time_p99": math.fsum(row.decision_time_p99 for row in rows) / len(rows),
         "missed": {row.scenario: f"{row.outcome} {row.verdict}".strip() for row in rows if not row.success},
     }
+
+
+def interval(values: Sequence[float]) -> list[float | None]:
+    """The 95 % interval of a mean by bootstrap; None of a single value."""
+    return [finite(bound) for bound in stratified_bootstrap([values], means, resamples=1000, seed=0)]
 
 
 def line(policy: str, robot: str, found: Mapping[str, Any]) -> list[str]:
@@ -175,26 +171,68 @@ def reproduce(settings: Settings) -> Reproduction:
     maps = load_barn(str(settings.data))
     worlds = sorted(maps)[: settings.seeds]
     references = {f"world {number}": maps[number].reference_length for number in worlds}
-    policies = settings.policies or POLICIES
-    lines, data, episodes, holds = [], {}, [], True
-    for robot in ROBOTS:
+    lines, data, refused, episodes, holds = [], {}, {}, [], True
+    for robot in (*ROBOTS, "faithful"):
         scenarios = [scenario(robot, str(settings.data), number) for number in worlds]
+        asked = settings.policies or (CLAIMED if robot == "holonomic" else every_policy())
+        refused[robot] = refusals(asked, scenarios[0])
+        entries = [entry(name, robot) for name in asked if name not in refused[robot]]
+        if not entries:
+            continue
         suite = {"name": f"barn-{robot}", "scenarios": scenarios, "seeds": {"count": 1}}
-        entries = [{"name": name, "parameters": PARAMETERS[robot]} for name in policies]
         rows = evaluate(entries, suite, workers=settings.workers, progress=settings.progress)
         # A page shows robots beside one another; the number of the world stands where a seed does.
         numbers = {f"world {number}": number for number in worlds}
         episodes += [replace(row, scenario=robot, seed=numbers[row.scenario]) for row in rows]
-        for policy in policies:
+        for policy in dict.fromkeys(row.policy for row in rows):
             found = summed_up([row for row in rows if row.policy == policy], references)
-            holds = holds and found["success"] >= SUCCESS_ASKED.get(robot, 0.0)
-            holds = holds and (robot != "holonomic" or found["collisions"] == 0)
+            holds = holds and is_as_claimed(robot, policy, found)
             data[f"{robot} {policy}"] = found
             lines.append(line(policy, robot, found))
     title = f"{len(worlds)} worlds of the BARN benchmark"
-    return Reproduction(
-        "barn", [Table(title, HEADER, lines)], notes(references), {"results": data}, holds, rows=episodes
-    )
+    told = [*notes(references), *(left_out(robot, mine) for robot, mine in refused.items() if mine)]
+    data = {"results": data, "refused": refused}
+    return Reproduction("barn", [Table(title, HEADER, lines)], told, data, holds, rows=episodes)
+
+
+def every_policy() -> list[str]:
+    """The policies of the table that can be played here, each once."""
+    found: dict[tuple[str, str], str] = {}
+    for name in playable_names():
+        if name in AGENTS:
+            found.setdefault((AGENTS[name].entry_point, AGENTS[name].model), name)
+    return list(found.values())
+
+
+def entry(policy: str, robot: str) -> dict[str, Any]:
+    """A policy of a suite, at the clearance of all that keep one."""
+    keeps = {name for name, parameter in parameters_table() if parameter.name == "clearance"}
+    return {"name": policy, "parameters": PARAMETERS[robot] if policy in keeps else {}}
+
+
+def refusals(policies: Sequence[str], described: Mapping[str, Any]) -> dict[str, str]:
+    """Why policies were made for another robot than that of a scenario, by name."""
+    source, found = load(described["scenario"], described["overrides"]), {}
+    for policy in policies:
+        if policy in AGENTS and AGENTS[policy].privileged:
+            continue  # they need a live world, and drive any robot
+        try:
+            make_policy(policy, source)
+        except MisfitError as error:
+            found[policy] = str(error)
+    return found
+
+
+def left_out(robot: str, refused: Mapping[str, str]) -> str:
+    """Who does not drive a robot, and why, in one line."""
+    return f"{robot}: left out {', '.join(refused)}; made for another robot ({next(iter(refused.values()))})."
+
+
+def is_as_claimed(robot: str, policy: str, found: Mapping[str, Any]) -> bool:
+    """Whether a bug of which something is claimed reaches its share, and as the holonomic robot touches nothing."""
+    if policy not in CLAIMED:
+        return True
+    return found["success"] >= SUCCESS_ASKED.get(robot, 0.0) and (robot != "holonomic" or found["collisions"] == 0)
 
 
 def notes(references: Mapping[str, float | None]) -> list[str]:
@@ -211,6 +249,7 @@ def notes(references: Mapping[str, float | None]) -> list[str]:
         "but for the faithful robot.",
         "holonomic: radius 0.2 m, 1 m/s. jackal: the benchmark's robot as a disc of 0.25 m, differential, 2 m/s.",
         "faithful: its limits (2 m/s, 4 rad/s, 20 m/s^2), its rectangle of 0.458 m x 0.416 m, its scanner (270 degrees, 30 m, "
-        "noise of 1 mm). Not modelled: latency, a limit of angular acceleration, slip, the scanner's place 0.055 m ahead.",
+        "noise of 1 mm), a latency of 0.1 s. Not modelled: a limit of angular acceleration, slip, the scanner's place 0.055 m "
+        "ahead.",
         "AT is counted from the start of the episode; the benchmark's clock starts 0.1 m later.",
     ]

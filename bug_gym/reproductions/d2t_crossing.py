@@ -14,15 +14,13 @@ import numpy as np
 from bug_gym.agents import make_policy
 from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.route import distances_to_chain
+from bug_gym.config import load
 from bug_gym.geometry import F64
 from bug_gym.reproductions import d2t_worlds
 from bug_gym.simulation import Simulation
 
 GAP = 1.2
 """Asked for between robot and pedestrian [m]."""
-WALKERS = ((20.0, 12.8, 0.8), (45.5, 18.5, -0.5))
-X = 22.0
-"""Where they cross the straight way along x = X, from how far to the right they come, and how fast to the left [m/s]."""
 TURNED, SLOWED = math.radians(5.0), 0.95
 """A robot has turned by more than this, and slowed down below this share of its speed."""
 ENOUGH_STEPS = 2500
@@ -44,30 +42,15 @@ class Crossing(NamedTuple):
     """Greatest distance from the way at the first and at the second [m]."""
 
 
-def scene() -> dict[str, Any]:
-    """The beach, and walkers who cross the straight part of the way."""
-    task = d2t_worlds.beach(start=(X, 4.0), goal=(X, 70.0))
-    return {
-        "robot": {"kinematics": "holonomic", "radius": d2t_worlds.RADIUS, "max_speed": 1.0},
-        "lidar": {"beams": 180, "range": 10.0},
-        "time": {"limit": 250.0},
-        "world": d2t_worlds.as_world(task, walkers()),
-    }
-
-
-def walkers() -> list[dict[str, Any]]:
-    """The two."""
-    movers = []
-    for y, away, speed in WALKERS:
-        begin, end = [X + math.copysign(away, speed), y], [X - math.copysign(away, speed), y]
-        motion = {"law": "waypoints", "points": [begin, end], "speed": abs(speed), "stop": True}
-        movers.append({"shape": {"circle": 0.3}, "at": begin, "motion": motion})
-    return movers
+def crossings() -> list[float]:
+    """How far from the start the walkers cross the straight way to the goal, one after the other [m]."""
+    world: Any = load(d2t_worlds.BEACH).world
+    return [mover.at[1] - world.start[1] for mover in world.movers]
 
 
 def cross() -> Crossing:
     """Drive once."""
-    simulation = Simulation(scene())
+    simulation = Simulation(d2t_worlds.BEACH)
     policy = make_policy("d2t_eaco", simulation, mover_margin=GAP, optimiser="eaco_refined")
     observation, state = simulation.reset(seeds=[0]), None
     live = Maps(simulation).of_robot(0)
@@ -95,7 +78,7 @@ def seen(places: F64, way: F64, gap: float, between: float, outcome: str) -> Cro
     from_way = distances_to_chain(way, places)
     steps = np.diff(places, axis=0)
     speed = np.hypot(*steps.T) / 0.1
-    near = [np.abs(places[:, 0] - (y - 4.0)) < 8.0 for y, _, _ in WALKERS]
+    near = [np.abs(places[:, 0] - ahead) < 8.0 for ahead in crossings()]
     first = int(np.flatnonzero(near[0])[0])
     heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))[first:]
     turned = int(np.argmax(np.abs(heading - heading[0]) > TURNED))

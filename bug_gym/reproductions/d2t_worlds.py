@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from bug_gym.agents.planning.clustering import around_disc
 from bug_gym.agents.planning.triangulated import Task
+from bug_gym.config import load
 from bug_gym.geometry import Point
 
 RADIUS = 0.25
@@ -84,27 +84,14 @@ def urban(seed: int = 0) -> Task:
     return Task(shapes, np.array(rectangle(30.0, 30.0)), (1.0, 1.0), (29.0, 29.0), RADIUS)
 
 
-BEACH = (
-    ((12.0, 9.0), 4), ((30.0, 12.0), 3), ((41.0, 24.0), 2), ((9.0, 31.0), 3), ((25.0, 36.0), 5),
-    ((38.0, 52.0), 3), ((14.0, 60.0), 4), ((29.0, 74.0), 3), ((11.0, 86.0), 1),
-)  # fmt: skip
-"""Groups of umbrellas and loungers on the beach: where, and of how many things."""
+BEACH = "d2t_beach"
+"""The scenario of the beach: 28 umbrellas and loungers in nine groups, too close within for the robot, and two walkers."""
 
 
 def beach(*, start: Point = (25.0, 3.0), goal: Point = (25.0, 96.0)) -> Task:
-    """A beach of 50 x 100 m: 28 umbrellas (discs) and loungers in nine groups, too close within for the robot."""
-    generator = np.random.default_rng(28)
-    shapes: list[shapely.Polygon] = []
-    for (x, y), count in BEACH:
-        for number in range(count):
-            if number % 2 == 0:
-                shapes.append(around_disc(x + 2.1 * number, y + float(generator.uniform(-0.2, 0.2)), 0.9))
-            else:
-                turned = float(generator.uniform(-0.2, 0.2))
-                lounger = shapely.affinity.rotate(
-                    block(x + 2.1 * number - 0.9, y - 0.5, 1.8, 1.1), turned, use_radians=True
-                )
-                shapes.append(lounger)
+    """The 28 obstacles of the beach, from one end to the other unless said."""
+    world: Any = load(BEACH).world
+    shapes = [shapely.Polygon(polygon.shell) for polygon in world.polygons]
     return Task(shapes, np.array(rectangle(50.0, 100.0)), start, goal, RADIUS)
 
 

@@ -111,7 +111,7 @@ def reproduce(settings: Settings) -> Reproduction:
 NOTES = [
     f"as coded: {CODED:g} a success, whatever its time. as meant: OT / clip(AT, 2 OT, 8 OT), OT = 10 s, at most 0.5.",
     f"jumped on: by a mover that had jumped there less than {SUDDEN:g} s before; overlapped without a contact, too.",
-    "The robot is the faithful one of `barn`: no latency, no limit of angular acceleration, no slip.",
+    "The robot is the faithful one of `barn`: with its latency; no limit of angular acceleration, no slip.",
     "Movers keep to the benchmark's splines within 0.5 mm; within a step of 0.05 s they go straight.",
 ]
 

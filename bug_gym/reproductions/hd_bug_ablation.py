@@ -6,12 +6,13 @@ from typing import Any, get_args
 
 from bug_gym.agents.hd_bug.parameters import Part
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions import hd_bug_tables
-from bug_gym.reproductions.claims import FIRST_SEED, as_percent, mean, numbers, of, path_ratio, run
+from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, mean, numbers, of, paired, path_ratio, run, told
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 WHOLE = "whole"
+MAP = "hd_bug_map"
+"""The map planner, beside the variants: how far the whole is from what a map is worth."""
 PARTS: tuple[str, ...] = tuple(part for part in get_args(Part) if part)
 WORLDS: dict[str, dict[str, Any]] = {
     "500 still obstacles": {"scenario": hd_bug_tables.field(500, 10.0), "overrides": {"time.limit": 400.0}},
@@ -26,10 +27,13 @@ SEEDS = 100
 
 
 def reproduce(settings: Settings) -> Reproduction:
-    """Drive every variant through the same worlds; `settings.policies` picks parts."""
-    parts = settings.policies or PARTS
-    entries: list[dict[str, Any]] = [{"name": "hd_bug", "label": WHOLE}]
-    entries += [{"name": "hd_bug", "label": part, "parameters": {"without": part}} for part in parts]
+    """Drive every variant, and the map planner, through the same worlds; `settings.policies` picks among them."""
+    others = [name for name in settings.policies or (*PARTS, MAP) if name != WHOLE]
+    entries: list[str | dict[str, Any]] = [{"name": "hd_bug", "label": WHOLE}]
+    entries += [
+        entry(MAP) if name == MAP else {"name": "hd_bug", "label": name, "parameters": {"without": name}}
+        for name in others
+    ]
     scenarios = [{**described, "label": label} for label, described in WORLDS.items()]
     seeds = settings.seeds or SEEDS
     # Seeds beyond those of the claims.
@@ -37,7 +41,7 @@ def reproduce(settings: Settings) -> Reproduction:
     lines, data = [], {}
     for world in WORLDS:
         whole = of(rows, policy=WHOLE, scenario=world)
-        for variant in (WHOLE, *parts):
+        for variant in (WHOLE, *others):
             mine = of(rows, policy=variant, scenario=world)
             lines.append([world, variant, as_percent(mine), *shown(mine), *compared(mine, whole, variant)])
             data[f"{world}, {variant}"] = {**numbers(mine), **worth(mine, whole)}
@@ -47,7 +51,7 @@ def reproduce(settings: Settings) -> Reproduction:
 
 HEADER = [
     "worlds", "HD-BUG without", "reached [%]", "collisions", "time [s]", "path / shortest",
-    "success minus whole's [%]", "path minus whole's [m]", "changed",
+    "success minus whole's [%]", "95 %", "p (McNemar)", "path minus whole's [m]", "95 %", "p (sign test)", "changed",
 ]  # fmt: skip
 
 
@@ -61,12 +65,15 @@ def shown(rows: list[EpisodeRow]) -> list[str]:
 
 def worth(mine: list[EpisodeRow], whole: list[EpisodeRow]) -> dict[str, Any]:
     """Paired differences to the whole, for JSON; and in how many worlds the run is another one."""
-    success, path = (paired_difference(mine, whole, name) for name in ("success", "path_length"))
+    gaps = paired(mine, whole)
+    success, path = gaps["success"], gaps["path_length"]
     ends = {(row.scenario, row.seed): (row.outcome, row.path_length) for row in whole}
     return {
-        "success_minus_whole": [success.mean, success.low, success.high],
-        "p_value": success.p_value,
-        "path_minus_whole": [path.mean, path.low, path.high] if path.n > 1 else None,
+        "success_minus_whole": [success["mean"], *success["interval"]],
+        "p_value": success["p_value"],
+        "path_minus_whole": [path["mean"], *path["interval"]] if path["n"] > 1 else None,
+        "path_p_value": path["p_value"],
+        "time_minus_whole": gaps["time"],
         "changed": sum(ends[row.scenario, row.seed] != (row.outcome, row.path_length) for row in mine),
     }
 
@@ -74,16 +81,14 @@ def worth(mine: list[EpisodeRow], whole: list[EpisodeRow]) -> dict[str, Any]:
 def compared(mine: list[EpisodeRow], whole: list[EpisodeRow], variant: str) -> list[str]:
     """The same for the table."""
     if variant == WHOLE:
-        return ["", "", ""]
-    found = worth(mine, whole)
-    gap, low, high = (100.0 * value for value in found["success_minus_whole"])
-    path = found["path_minus_whole"]
-    longer = f"{path[0]:+.2f} [{path[1]:+.2f}, {path[2]:+.2f}]" if path else "-"
-    return [f"{gap:+.1f} [{low:+.1f}, {high:+.1f}]", longer, f"{found['changed']} of {len(mine)}"]
+        return [""] * 7
+    gaps, changed = paired(mine, whole), worth(mine, whole)["changed"]
+    return [*told(gaps["success"], 100.0, 1), *told(gaps["path_length"]), f"{changed} of {len(mine)}"]
 
 
 NOTES = [
     "Seeds from 20,000 on, on which no parameter was set.",
     "path / shortest leaves moving goals out; differences of paths are over the worlds that both reach.",
+    "hd_bug_map: the map planner, whole, at HD-BUG's clearance.",
     "changed: in how many worlds the outcome or the length is another one.",
 ]

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions.avoidable import is_avoidable
-from bug_gym.reproductions.claims import ROBOT, as_percent, mean, numbers, of, run
+from bug_gym.reproductions.claims import CLEARANCE, ROBOT, as_percent, mean, numbers, of, paired, run, told
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 PREDICTORS = ("kalman", "constant_velocity", "none", "supervised", "rl")
@@ -55,7 +54,7 @@ def entry(line: str) -> dict[str, Any]:
     """HD-BUG, or the map planner with a predictor, as a policy of a suite."""
     if line == PAPER:
         return {"name": PAPER}
-    return {"name": "hd_bug_map", "label": line, "parameters": {"predictor": line}}
+    return {"name": "hd_bug_map", "label": line, "parameters": {"predictor": line, "clearance": CLEARANCE}}
 
 
 def reproduce(settings: Settings) -> Reproduction:
@@ -63,7 +62,7 @@ def reproduce(settings: Settings) -> Reproduction:
     predictors = settings.policies or (PAPER, *PREDICTORS)
     seeds = settings.seeds or SEEDS
     entries = [entry(predictor) for predictor in predictors]
-    lines, pairs, data, holds = [], [], {}, True
+    lines, pairs, data, differences, holds = [], [], {}, {}, True
     for label, (scenario, asked) in WORLDS.items():
         rows = run(entries, [{"scenario": scenario, "label": label}], seeds, settings, name="hd-bug-dynamic")
         for predictor in predictors:
@@ -78,12 +77,8 @@ def reproduce(settings: Settings) -> Reproduction:
             if predictor == "kalman":
                 holds = holds and len(reached) / len(mine) >= asked
             elif "kalman" in predictors:
-                baseline = of(rows, policy="kalman")
-                gap, slower = (paired_difference(mine, baseline, field) for field in ("success", "time"))
-                pairs.append(
-                    [label, predictor, f"{100 * gap.mean:+.1f} [{100 * gap.low:+.1f}, {100 * gap.high:+.1f}]",
-                     f"{gap.p_value:.3g}", f"{slower.mean:+.2f} [{slower.low:+.2f}, {slower.high:+.2f}]"]
-                )  # fmt: skip
+                differences[f"{label}, {predictor}"] = gap = paired(mine, of(rows, policy="kalman"))
+                pairs.append([label, predictor, *told(gap["success"], 100.0, 1), *told(gap["time"])])
     header = [
         "movers",
         "hd_bug, or hd_bug_map with",
@@ -93,14 +88,16 @@ def reproduce(settings: Settings) -> Reproduction:
         "neither",
         "time [s]",
     ]
-    paired = ["movers", "line", "success minus kalman's [%]", "p (McNemar)", "time minus kalman's [s]"]
     tables = [Table(f"{seeds} worlds a line, 20 of 40 obstacles moving", header, lines)]
     if pairs:
-        tables.append(Table("Paired with kalman", paired, pairs))
-    return Reproduction("hd-bug-dynamic", tables, NOTES, {"results": data}, holds if "kalman" in predictors else None)
+        tables.append(Table("Minus kalman, in the same worlds", PAIRED, pairs))
+    data = {"results": data, "paired": differences}
+    return Reproduction("hd-bug-dynamic", tables, NOTES, data, holds if "kalman" in predictors else None)
 
 
+PAIRED = ["movers", "line", "success [%]", "95 %", "p (McNemar)", "time [s]", "95 %", "p (sign test)"]
 NOTES = [
+    f"hd_bug, and hd_bug_map with each predictor, keep {CLEARANCE:g} m from walls where there is room.",
     "Movers don't make way, but for those of the crowd law; a third of them each bounce, walk at random, or are a crowd.",
     "avoidable: from the state two seconds before, at least one of 1,000 control sequences survives.",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bug_gym.reproductions.claims import as_percent, mean, numbers, of, path_ratio, run
+from bug_gym.reproductions.claims import CLEARANCE, as_percent, entry, mean, numbers, of, paired, path_ratio, run, told
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 TRAPS: dict[str, dict[str, Any]] = {
@@ -14,20 +14,21 @@ TRAPS: dict[str, dict[str, Any]] = {
     "rooms": {},
     "ring": {"world.start": None, "world.goal": None},
 }
+POLICIES = ("hd_bug", "hd_bug_map")
 SEEDS = 200
 TIME_LIMIT = 2000.0
 
 
 def reproduce(settings: Settings) -> Reproduction:
     """Drive through all traps."""
-    policies = settings.policies or ("hd_bug", "hd_bug_map")
+    policies = settings.policies or POLICIES
     seeds = settings.seeds or SEEDS
     scenarios = [
         {"scenario": name, "overrides": {"time.limit": TIME_LIMIT, **overrides}, "label": name}
         for name, overrides in TRAPS.items()
     ]
-    rows = run(policies, scenarios, seeds, settings, name="hd-bug-traps")
-    lines, data, holds = [], {}, True
+    rows = run([entry(policy) for policy in policies], scenarios, seeds, settings, name="hd-bug-traps")
+    lines, pairs, data, differences, holds = [], [], {}, {}, True
     for name in TRAPS:
         for policy in policies:
             mine = of(rows, policy=policy, scenario=name)
@@ -39,7 +40,19 @@ def reproduce(settings: Settings) -> Reproduction:
             data[f"{name}, {policy}"] = numbers(mine)
             right = unreachable if name == "ring" else len(reached)
             holds = holds and right == len(mine)
+        if set(POLICIES) <= set(policies):
+            first, second = (of(rows, policy=policy, scenario=name) for policy in POLICIES)
+            differences[name] = gap = paired(first, second)
+            pairs.append([name, *told(gap["success"], 100.0, 1), *told(gap["path_length"])])
     header = ["trap", "policy", "reached [%]", "unreachable", "collisions", "path / shortest"]
-    notes = ["There is a way in every world but those of ring, where there is none."]
-    table = Table(f"Traps, {seeds} worlds a line", header, lines)
-    return Reproduction("hd-bug-traps", [table], notes, {"results": data}, holds)
+    notes = [
+        "There is a way in every world but those of ring, where there is none.",
+        f"Both keep {CLEARANCE:g} m from walls where there is room; paths are compared where both arrive.",
+    ]
+    tables = [Table(f"Traps, {seeds} worlds a line", header, lines)]
+    if pairs:
+        tables.append(Table("hd_bug minus hd_bug_map, in the same worlds", PAIRED, pairs))
+    return Reproduction("hd-bug-traps", tables, notes, {"results": data, "paired": differences}, holds)
+
+
+PAIRED = ["trap", "success [%]", "95 %", "p (McNemar)", "path [m]", "95 %", "p (sign test)"]

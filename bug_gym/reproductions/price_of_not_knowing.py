@@ -3,8 +3,9 @@
 All drive the same robot, that of the shipped models, through the same worlds: fields of scattered obstacles, mazes, rooms,
 a trap, and with `--data` the maps of ROS's map_server in a folder. Between the bugs, which remember a point or two, and
 the planners that are given the map (marked privileged: the visibility graph is the optimum as a robot drives it) stand
-those that draw a map of their own: HD-BUG and D* Lite in unknown terrain. A path is compared with the exact shortest one
-for the same disc. The second half looks at the range of the LIDAR: what each metre of it is worth.
+HD-BUG, whose list of light areas is a memory of ground, and those that draw a map of their own: `hd_bug_map` and D* Lite in
+unknown terrain. A path is compared with the exact shortest one for the same disc. The second half looks at the range of the
+LIDAR: what each metre of it is worth.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from bug_gym.agents.learning.folder import trained_names
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.intervals import means, stratified_bootstrap
-from bug_gym.reproductions.claims import FIRST_SEED, as_percent, finite, mean, numbers, of, path_ratio
+from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, finite, mean, numbers, of, path_ratio
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 from bug_gym.reproductions.scripted_and_learned import ROBOT, Described, real_maps
 
@@ -44,12 +45,14 @@ PLANNERS: tuple[Any, ...] = (
     "a_star",
     "visibility_graph",
 )
+MAPPER = "hd_bug_map"
+"""Draws a map of its own, as D* Lite does."""
 LEFT_OUT = ("com",)
 """Second names."""
 
 RANGES = (1.0, 2.0, 3.5, 5.0, 10.0)
 """Of the LIDAR [m]."""
-SEERS: tuple[Any, ...] = ("bug2", "dist_bug", "vis_bug_22", "tangent_bug", "hd_bug", PLANNERS[0])
+SEERS: tuple[Any, ...] = ("bug2", "dist_bug", "vis_bug_22", "tangent_bug", "hd_bug", entry(MAPPER), PLANNERS[0])
 """Who is driven with each of them."""
 
 SLACK = 0.011
@@ -65,7 +68,8 @@ def reproduce(settings: Settings) -> Reproduction:
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
     bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name not in LEFT_OUT]
     by_label = {label_of(one): one for one in PLANNERS}
-    policies = [by_label.get(name, name) for name in settings.policies] or [*bugs, *trained_names(), *PLANNERS]
+    asked = settings.policies or (*bugs, MAPPER, *trained_names(), *by_label)
+    policies = [by_label.get(name, entry(name)) for name in asked]
     worlds = settings.seeds or WORLDS
     rows = drive(policies, scenarios, worlds, settings, {})
     labels = list(dict.fromkeys(row.policy for row in rows))
@@ -118,7 +122,7 @@ def drive(
 
 def label_of(policy: Any) -> str:
     """What tables call one of the policies above."""
-    return policy if isinstance(policy, str) else str(policy["label"])
+    return policy if isinstance(policy, str) else str(policy.get("label", policy["name"]))
 
 
 def memory_of(label: str) -> str:

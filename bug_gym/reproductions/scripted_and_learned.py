@@ -18,6 +18,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import Summary, paired_difference, summarise
+from bug_gym.reproductions.claims import CLEARANCE, entry
 from bug_gym.reproductions.collisions import KINDS, contact
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
@@ -83,7 +84,7 @@ def reproduce(settings: Settings) -> Reproduction:
             for label, (source, changes) in scenarios.items()
         ],
     }
-    rows = evaluate(policies, suite, workers=settings.workers, progress=settings.progress)
+    rows = evaluate([entry(policy) for policy in policies], suite, workers=settings.workers, progress=settings.progress)
     summaries = [summary for summary in summarise(rows, resamples=500) if summary.scenario in scenarios]
     hits = {
         label: {policy: _kinds(rows, label, policy, described) for policy in policies}
@@ -96,7 +97,10 @@ def reproduce(settings: Settings) -> Reproduction:
             *(_table(label, [s for s in summaries if s.scenario == label], hits[label]) for label in scenarios),
             _paired_table(differences),
         ],
-        [f"{worlds} worlds a scenario, the same for all; SPL where the goal stands; times of successes."],
+        [
+            f"{worlds} worlds a scenario, the same for all; SPL where the goal stands; times of successes.",
+            f"hd_bug_map keeps {CLEARANCE:g} m from walls where there is room, as hd_bug and the bugs do.",
+        ],
         {
             "worlds": worlds,
             "summaries": [summary.as_dict() for summary in summaries],
@@ -115,8 +119,8 @@ def _kinds(rows: Sequence[EpisodeRow], label: str, policy: str, described: Descr
     for row in rows:
         if (row.scenario, row.policy, row.outcome) != (label, policy, "collision"):
             continue
-        entry = ScenarioEntry(label, scenario, range(row.seed, row.seed + 1))
-        rollout = Rollout(PolicyEntry(policy, policy), entry, [row.seed])
+        where = ScenarioEntry(label, scenario, range(row.seed, row.seed + 1))
+        rollout = Rollout(PolicyEntry.of(entry(policy)), where, [row.seed])
         world = rollout.simulation.world
         before = world.pose[0, 0, :2].copy()
         while not rollout.is_over:

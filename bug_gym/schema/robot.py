@@ -23,6 +23,7 @@ from bug_gym.schema.values import (
     DrawnSpread,
     DrawnTopSpeed,
     DrawnTurnRate,
+    NotNegative,
     Part,
     Point,
     Pose,
@@ -52,6 +53,9 @@ class Robot(Part):
     """Maximum turn rate of a differential robot [rad/s]."""
     max_acceleration: DrawnAcceleration | None = None
     """Maximum change of speed [m/s^2]; none: at once."""
+    latency: NotNegative = 0.0
+    """Time from an action to the moment when it acts, a whole number of steps; until the first one acts, the robot stands
+    [s]."""
 
     @model_validator(mode="after")
     def _limits_fit(self) -> Self:

@@ -33,7 +33,7 @@ def tables(found: Record) -> Page:
                 one = results[f"{lidar}, {count}, {name}"]
                 both = one["success"] == ours["success"] == 1.0
                 more = one["path_length"] - ours["path_length"] if both else None
-                longer += [more] if name in others else []
+                longer += compared_path(found, f"{lidar}, {count}, {name}", more) if name in others else []
                 told = hd_bug_tables.PRINTED.get(int(count), {}).get(name)
                 printed = [f"{told[0]:.2f}", "yes" if told[3] else "no"] if told else ["-", "-"]
                 rows.append([count, f"`{name}`", *run(one), "" if name == "hd_bug" else number(more), *printed])
@@ -46,6 +46,15 @@ def tables(found: Record) -> Page:
             "printed reached",
         ]
         tables.append(table(f"LIDAR of {lidar}", header, rows))
+    for lidar in ranges:
+        pairs = [
+            [*key.split(", ")[1:], *gap_cells(one["success"], 100.0, 0), *gap_cells(one["path_length"])]
+            for key, one in found.get("paired", {}).items()
+            if key.startswith(f"{lidar}, ")
+        ]
+        tables += [table(f"`hd_bug` minus the other, LIDAR of {lidar}", ["obstacles", "other", *GAPS], pairs)] * bool(
+            pairs
+        )
     ours = {key: one for key, one in results.items() if key.endswith(", hd_bug")}
     ratios = []
     for lidar in ranges:
@@ -75,6 +84,25 @@ def tables(found: Record) -> Page:
     )  # fmt: skip
 
 
+def compared_path(found: Record, key: str, more: float | None) -> list[float | None]:
+    """By how much another's mean path is longer than `hd_bug`'s where both reach the goal [m]; nothing where none does.
+
+    A record from before there were paired differences says it only where both reach all (`more`).
+    """
+    if "paired" not in found:
+        return [more]
+    gap = found["paired"][key]["path_length"]
+    return [-gap["mean"]] if gap["n"] else []
+
+
+GAPS = ["success [points]", "95 %", "p (McNemar)", "path where both reach [m]", "95 %", "p (sign test)"]
+
+
+def gap_cells(difference: Record, scale: float = 1.0, digits: int = 1) -> list[str]:
+    """Mean, interval and p of a paired difference."""
+    return list(claims.told(difference, scale, digits))
+
+
 def dynamic(found: Record) -> Page:
     """Movers, with each predictor."""
     results = found["results"]
@@ -90,8 +118,8 @@ def dynamic(found: Record) -> Page:
         [world, f"`{name}`", f"{points(one, base):+.1f}", *map(str, only_one(one, base)), p_value(one, base)]
         for world in worlds
         if (base := results[f"{world}, kalman"])
-        for name in names
-        if name != "kalman" and (one := results[f"{world}, {name}"])
+        for name in (hd_bug_dynamic.PAPER, *names)
+        if name != "kalman" and (one := results.get(f"{world}, {name}"))
     ]
     slow = [world for world in worlds if world != "rush"]
     said = listed(
@@ -110,10 +138,14 @@ def dynamic(found: Record) -> Page:
     avoidable = sum(one["avoidable_collisions"] for one in results.values())
     return Page(
         [
-            table("20 of 40 obstacles moving", ["movers", "`hd_bug_map` with", *RUN_HEADER, "avoidable collisions"], rows),
+            table(
+                "20 of 40 obstacles moving",
+                ["movers", "`hd_bug`, or `hd_bug_map` with", *RUN_HEADER, "avoidable collisions"],
+                rows,
+            ),
             table(
                 "Success paired with that of `kalman`, world by world",
-                ["movers", "predictor", "points", "only it arrives", "only `kalman`", "p (McNemar, exact)"],
+                ["movers", "line", "points", "only it arrives", "only `kalman`", "p (McNemar, exact)"],
                 paired,
             ),
         ],
@@ -181,9 +213,17 @@ def traps(found: Record) -> Page:
     with_way = [one["success"] == 1.0 for key, one in results.items() if not key.startswith("ring")]
     rings = [one["outcomes"].get("gave_up unreachable", 0) == one["n"] for key, one in results.items()
              if key.startswith("ring")]  # fmt: skip
+    tables = [table("Traps", ["trap", "policy", *RUN_HEADER], rows)]
+    if pairs := found.get("paired"):
+        gaps = [
+            [f"`{name}`", *gap_cells(one["success"], 100.0), *gap_cells(one["path_length"])]
+            for name, one in pairs.items()
+        ]
+        tables.append(table("`hd_bug` minus `hd_bug_map`, in the same worlds", ["trap", *GAPS], gaps))
     return Page(
-        [table("Traps", ["trap", "policy", *RUN_HEADER], rows)],
-        f"{RUN_NOTE}\n\n{' '.join(said)} There is a way in every world but those of `ring`, where there is none.",
+        tables,
+        f"{RUN_NOTE} Both keep {claims.CLEARANCE:g} m from walls where there is room.\n\n{' '.join(said)} "
+        "There is a way in every world but those of `ring`, where there is none.",
         [("every trap with a way is left", all(with_way)), ("every `ring` is found to be closed", all(rings))],
     )
 
@@ -240,13 +280,15 @@ def ablation(found: Record) -> Page:
     results = found["results"]
     worlds = list(dict.fromkeys(key.split(", ")[0] for key in results))
     parts = [name for name in dict.fromkeys(key.split(", ")[1] for key in results) if name != hd_bug_ablation.WHOLE]
+    beside = hd_bug_ablation.MAP
     rows = []
     for world in worlds:
         for variant in (hd_bug_ablation.WHOLE, *parts):
-            rows.append([world, variant.replace("_", " "), *run(one := results[f"{world}, {variant}"])])
-            rows[-1] += ["", "", ""] if variant == hd_bug_ablation.WHOLE else differences(one)
-    header = ["worlds", "without", *RUN_HEADER, "points", "path [m]", "changed"]
-    idle = [part.replace("_", " ") for part in parts if not decides(results, worlds, part)]
+            name = f"(`{variant}`)" if variant == beside else variant.replace("_", " ")
+            rows.append([world, name, *run(one := results[f"{world}, {variant}"])])
+            rows[-1] += [""] * 5 if variant == hd_bug_ablation.WHOLE else differences(one)
+    header = ["worlds", "without", *RUN_HEADER, "points", "p", "path [m]", "p", "changed"]
+    idle = [part.replace("_", " ") for part in parts if part != beside and not decides(results, worlds, part)]
     return Page(
         [
             table(
@@ -255,7 +297,8 @@ def ablation(found: Record) -> Page:
             )
         ],
         f"{RUN_NOTE} Seeds from {2 * claims.FIRST_SEED:,} on, on which no parameter was set. Points: success minus the "
-        "whole's, with its 95 % interval; path: paired, over the worlds that both reach; changed: in how many worlds the "
+        "whole's, with its 95 % interval and McNemar's p; path: paired, over the worlds that both reach, with the sign "
+        f"test's p; `{beside}`: the map planner, whole, in the same worlds; changed: in how many worlds the "
         "outcome or the length is another one. Path over shortest path leaves moving goals out.\n\n"
         "Every part changes runs. In success and length, of so many worlds in no kind a difference for certain is seen "
         f"for: {listed(idle) if idle else 'none'}.",
@@ -267,7 +310,14 @@ def differences(one: Record) -> list[str]:
     gap, low, high = (100.0 * value for value in one["success_minus_whole"])
     path = one["path_minus_whole"]
     longer = f"{path[0]:+.1f} [{path[1]:+.1f}, {path[2]:+.1f}]" if path else "-"
-    return [f"{gap:+.0f} [{low:+.0f}, {high:+.0f}]", longer, f"{one['changed']} of {one['n']}"]
+    p_of_path = one.get("path_p_value")
+    return [
+        f"{gap:+.0f} [{low:+.0f}, {high:+.0f}]",
+        f"{one['p_value']:.2g}",
+        longer,
+        "-" if p_of_path is None else f"{p_of_path:.2g}",
+        f"{one['changed']} of {one['n']}",
+    ]
 
 
 def decides(results: Record, worlds: list[str], part: str) -> bool:

@@ -213,7 +213,8 @@ def predictor_errors(found: Record) -> Page:
     )
 
 
-SHOWN = ("bug2", "tangent_bug", "hd_bug_map", "ppo_dynamic", "ppo_mixed", "ppo_rush", "sac_dynamic", "dqn_candidates")
+SCRIPTED = ("bug2", "tangent_bug", "hd_bug", "hd_bug_map", "navigator")
+SHOWN = (*SCRIPTED, "ppo_dynamic", "ppo_mixed", "ppo_rush", "sac_dynamic", "dqn_candidates")
 """Policies of the short table of scripted and learned ones."""
 
 
@@ -253,7 +254,7 @@ def side_by_side(found: Record) -> Page:
     def says(name: str, *places: str) -> str:
         return listed(f"{percent(by[name, place]['success'])} % of `{place}`" for place in places)
 
-    nets = [name for name in SHOWN if name not in ("bug2", "tangent_bug", "hd_bug_map")]
+    nets = [name for name in SHOWN if name not in SCRIPTED]
     best = {place: max(by[name, place]["success"] for name in nets) for place in ("maze", "rooms", "u_trap")}
     return Page(
         tables,

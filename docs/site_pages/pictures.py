@@ -65,6 +65,7 @@ LEARNED = {
     "ppo_moving_target": Scene("moving_target", 6),
     "ppo_rush": Scene("rush", 1),
     "ppo_mixed": Scene("crowd", 1),
+    "ppo_crossing_robots": Scene("crossing_robots"),
     "sac_dynamic": Scene("dynamic", 10),
     "dqn_candidates": Scene("dynamic", 10),
 }

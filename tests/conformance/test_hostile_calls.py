@@ -163,9 +163,9 @@ def test_a_length_is_a_float_with_a_limit() -> None:
 
 def test_the_learned_policies_refuse_the_same() -> None:
     pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
-    simulation = Simulation("dynamic", 2)
-    flat = simulation.reset(seeds=[0, 1])[:, 0]
     for name in [one for one, line in AGENTS.items() if line.family == "learned" and one != "ppo_rush"]:
+        simulation = Simulation("crossing_robots" if name == "ppo_crossing_robots" else "dynamic", 2)
+        flat = simulation.reset(seeds=[0, 1])[:, 0]
         policy = make_policy(name, simulation)
         with pytest.raises(ValueError, match="episode_start is 2 bools"):
             policy.predict(flat, None, np.array([True]))

@@ -364,7 +364,9 @@ const until = async (is) => { for (let n = 0; n < 300 && !is(); n += 1) await ne
   const root = dialog.querySelector(".replay");
   root.dispatchEvent(new KeyboardEvent("keydown", { key: "End" }));
   told.states = [...dialog.querySelectorAll(".state")].map((state) => state.textContent);
-  told.isWide = document.documentElement.scrollWidth > window.innerWidth || dialog.scrollWidth > dialog.clientWidth;
+  const isWide = () => document.documentElement.scrollWidth > window.innerWidth || dialog.scrollWidth > dialog.clientWidth;
+  await until(() => !isWide());  // canvases take their size when the layout is told to them
+  told.isWide = isWide();
   document.getElementById("close").click(); told.isClosed = !dialog.open;
   told.inTable = document.querySelectorAll("#rows button[data-replay]").length;
   document.title = JSON.stringify(told);

@@ -158,8 +158,9 @@ def test_worlds_of_barn_that_defeated_a_bug_are_passed(
 
 
 def test_the_faithful_robot_of_barn_holds_the_rectangle_and_hardly_more() -> None:
-    body = shapely.union_all([shapely.Point(x, y).buffer(radius) for x, y, radius in barn.rectangle()])
-    rectangle = shapely.box(-barn.HALF_LENGTH, -barn.HALF_WIDTH, barn.HALF_LENGTH, barn.HALF_WIDTH)
+    circles = load("jackal").robot.footprint
+    body = shapely.union_all([shapely.Point(x, y).buffer(radius) for x, y, radius in circles])
+    rectangle = shapely.box(-0.229, -0.208, 0.229, 0.208)
     # A circle's buffer is a polygon within it, by less than 0.5 mm here.
     assert body.buffer(5e-4).covers(rectangle.exterior)
     assert rectangle.buffer(0.026).covers(body)
@@ -169,26 +170,48 @@ def test_the_faithful_robot_of_barn_holds_the_rectangle_and_hardly_more() -> Non
 
 def test_the_faithful_robot_of_barn_has_the_benchmarks_limits_and_scanner() -> None:
     described = barn.scenario("faithful", "worlds.jsonl", 0)
-    robot = load({"robot": described["scenario"]["robot"]}, described["overrides"])
+    robot = load({**described["scenario"], "world": {"family": "empty"}}, described["overrides"])
     assert (robot.robot.max_speed, robot.robot.max_reverse, robot.robot.max_turn_rate) == (2.0, 2.0, 4.0)
     assert robot.robot.max_acceleration == 20.0 and robot.robot.kinematics == "differential"
     angles = Sensors.of(robot).angles
     assert len(angles) == 720 and not robot.lidar.is_full_circle
     assert angles[0] == pytest.approx(-2.35619) and angles[-1] == pytest.approx(2.35619)
     assert (robot.lidar.min_range, robot.lidar.range, robot.lidar.noise) == (0.1, 30.0, 0.001)
+    assert (robot.robot.latency, robot.time.step, robot.latency_steps) == (0.1, 0.05, 2)
+    assert (robot.goal.radius, robot.time.limit) == (1.0, 100.0)
 
 
 def test_the_faithful_robot_of_barn_cannot_stop_at_once() -> None:
-    """20 m/s^2 for a step of 0.05 s: 1 m/s, so half of the way from standing to the top speed."""
+    """20 m/s^2 for a step of 0.05 s: 1 m/s, so half of the way from standing to the top speed; 0.1 s later."""
     described = barn.scenario("faithful", "worlds.jsonl", 0)
     world = {"family": "empty", "start": [-8.0, 0.0, 0.0], "goal": [8.0, 0.0]}
     simulation = Simulation(load({**described["scenario"], "world": world}, described["overrides"]))
     simulation.reset(seeds=[0])
     speeds = []
-    for ahead in (1.0, 1.0, -1.0):
+    for ahead in (1.0, 1.0, -1.0, 0.0, 0.0):
         simulation.step(np.array([[[ahead, 0.0]]], dtype=np.float32))
         speeds.append(float(simulation.world.array("velocity")[0, 0]))
-    assert speeds == pytest.approx([1.0, 2.0, 1.0])
+    assert speeds == pytest.approx([0.0, 0.0, 1.0, 2.0, 1.0])
+
+
+def test_barn_is_driven_by_every_policy_of_the_table_that_can_and_tells_who_cannot(tmp_path: Path) -> None:
+    cylinder = {"world": 7, "start": [-2.0, 3.0, 1.57], "goal": [-2.0, 13.0], "cylinder_radius": 0.075}
+    path = tmp_path / "worlds.jsonl"
+    path.write_text(json.dumps({**cylinder, "cylinders": [[-3.5, 8.0]]}) + "\n", encoding="utf-8")
+    everybody = set(barn.every_policy())
+    assert {"bug2", "hd_bug", "hd_bug_map", "navigator", "dwa", "a_star", "ppo_mixed"} <= everybody
+    assert not {"com", "ocpb"} & everybody  # second names of others
+    asked = ("go_to_goal", "a_star", "ppo_mixed")
+    result = reproduction("barn")(Settings(data=path, policies=asked))
+    assert set(result.data["results"]) == {
+        f"{robot} {policy}"
+        for robot in ("holonomic", "jackal", "faithful")
+        for policy in ("go_to_goal", "a_star (privileged)")
+    }
+    for robot, refused in result.data["refused"].items():
+        assert list(refused) == ["ppo_mixed"], robot
+    assert sum("left out ppo_mixed" in note for note in result.notes) == 3
+    assert json.loads(result.as_json("0" * 40))["results"]["faithful a_star (privileged)"]["success"] == 1.0
 
 
 def test_barn_without_its_worlds_says_what_is_missing() -> None:

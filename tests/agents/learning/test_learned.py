@@ -14,10 +14,12 @@ import pytest
 
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
 
+import bug_gym
 from bug_gym.agents import AGENTS, make_policy, policy_names
 from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
 from bug_gym.agents.learning.play import as_env_actions
 from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.config import load
 from bug_gym.evaluation import evaluate, make_plan
 from bug_gym.held_out import play
 from bug_gym.kinematics import discrete_actions
@@ -37,12 +39,12 @@ def scenario_of(name: str) -> Any:
 
 
 def observations(scenario: Any, steps: int = 30) -> tuple[Simulation, list[np.ndarray[Any, Any]]]:
-    """A Simulation of four rows, and flat observations (4, D) of some random steps."""
+    """A Simulation of four worlds, and flat observations (4, D) of the first robot of each in some random steps."""
     simulation = Simulation(scenario, 4)
     found = [simulation.reset(seeds=range(4))[:, 0]]
     rng = np.random.default_rng(0)
     for _ in range(steps):
-        actions = rng.uniform([0.0, -1.0], 1.0, (4, 1, 2))
+        actions = rng.uniform([0.0, -1.0], 1.0, (4, simulation.scenario.robots.count, 2))
         found.append(simulation.step(actions).observation[:, 0])
     return simulation, found
 
@@ -100,6 +102,9 @@ def test_an_episode_start_forgets_the_row(name: str) -> None:
 
 @pytest.mark.parametrize("name", LEARNED)
 def test_discrete_envs_get_numbers_of_the_table(name: str) -> None:
+    if load(scenario_of(name)).robots.count > 1:
+        drive_robots_discretely(name)
+        return
     env = gym.make("BugGym/Navigation-v0", scenario=scenario_of(name), action="discrete")
     policy = make_policy(name, env)
     observation, _ = env.reset(seed=0)
@@ -108,6 +113,17 @@ def test_discrete_envs_get_numbers_of_the_table(name: str) -> None:
         action, state = policy.predict(observation, state)
         assert env.action_space.contains(action)
         observation, *_ = env.step(action)
+
+
+def drive_robots_discretely(name: str) -> None:
+    """The same for the robots of a world, by agent."""
+    env = bug_gym.parallel_env(scenario_of(name), action="discrete")
+    policy, state = make_policy(name, env), None
+    observations, _ = env.reset(seed=0)
+    for _ in range(20):
+        actions, state = policy.predict(observations, state)
+        assert all(env.action_space(agent).contains(action) for agent, action in actions.items())
+        observations, *_ = env.step(actions)
 
 
 def test_a_continuous_action_becomes_the_nearest_discrete_one_and_a_number_its_action() -> None:

@@ -57,7 +57,8 @@ GRID: dict[str, Any] = {
 
 def test_a_grid_tries_each_combination_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = load_sweep(GRID)
-    real, trained = sweeps._value, []
+    real = sweeps._value
+    trained: list[int] = []
 
     def cut_off(*arguments: Any) -> float:
         if len(trained) == 2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -11,7 +12,7 @@ from episodes import run_episode
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.local.dwa import DWA, DWAMemory, smoothed
-from bug_gym.agents.local.windows import arc_distance
+from bug_gym.agents.local.windows import Window, arc_distance, weigh_window
 from bug_gym.compiling import kernel
 from bug_gym.geometry import F64
 from bug_gym.kernels.layout import Floats
@@ -97,6 +98,53 @@ def test_each_weight_works() -> None:
         other = run_episode("dwa", world, {"robot.kinematics": "differential"}, max_steps=300, **change)
         assert other.path.shape != plain.path.shape or not np.allclose(other.path, plain.path), change
     assert plain.outcome == "success" and plain.length <= 12.5
+
+
+def a_window(**weights: float) -> Window:
+    """A window in which only the weights told count."""
+    none = {"heading_weight": 0.0, "distance_weight": 0.0, "speed_weight": 0.0}
+    limits = {"radius": 0.2, "max_speed": 1.0, "step": 0.1, "acceleration": 0.5, "turn_rate": 2.0, "gain": 1e9}
+    return Window(**limits, look=3.0, **{**none, **weights}, is_holonomic=False)
+
+
+def scores_of(window: Window, speeds: F64, rates: F64, points: F64, goal: tuple[float, float]) -> F64:
+    """What the velocities of a window are worth (v, w)."""
+    scores = np.empty((len(speeds), len(rates)))
+    weigh_window(window, speeds, rates, points[:, 0].copy(), points[:, 1].copy(), *goal, scores)
+    return scores
+
+
+def test_the_heading_is_that_to_the_goal_where_it_comes_to_stand_if_it_brakes_after_the_decision() -> None:
+    window, goal = a_window(heading_weight=1.0), (2.0, 1.5)
+    speeds, rates = np.array([0.2, 0.6, 1.0]), np.array([-1.5, -0.4, 0.0, 0.7, 2.0])
+    found = scores_of(window, speeds, rates, np.zeros((0, 2)), goal)
+    for (i, speed), (j, rate) in itertools.product(enumerate(speeds.tolist()), enumerate(rates.tolist())):
+        x = y = heading = time = 0.0
+        left, tick = speed, 1e-4
+        while left > 0.0:  # along its circle, at first as it is, then ever slower
+            x, y = x + tick * left * math.cos(heading), y + tick * left * math.sin(heading)
+            heading += tick * left * rate / speed
+            time += tick
+            left = speed if time < window.step else speed - window.acceleration * (time - window.step)
+        error = (math.atan2(goal[1] - y, goal[0] - x) - heading + math.pi) % (2.0 * math.pi) - math.pi
+        assert found[i, j] == pytest.approx(1.0 - abs(error) / math.pi, abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_admissible_can_be_stopped_on_the_free_part_of_its_circle(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    away, angle = generator.uniform(0.3, 1.5, 12), generator.uniform(-np.pi, np.pi, 12)
+    points = np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1)
+    window = a_window(distance_weight=1.0, speed_weight=1.0)
+    speeds, rates = np.linspace(0.1, 1.0, 7), np.linspace(-2.0, 2.0, 9)
+    found = scores_of(window, speeds, rates, points, (50.0, 0.0))
+    for (i, speed), (j, rate) in itertools.product(enumerate(speeds.tolist()), enumerate(rates.tolist())):
+        free = distance_on_arc(points[:, 0].copy(), points[:, 1].copy(), speed, rate, window.radius, window.look)
+        if math.isfinite(found[i, j]):
+            assert speed <= math.sqrt(2.0 * free * window.acceleration)
+            assert found[i, j] == pytest.approx(free / window.look + speed / window.max_speed)
+        else:
+            assert speed * window.step + speed**2 / (2.0 * window.acceleration) > free
 
 
 @pytest.mark.parametrize(

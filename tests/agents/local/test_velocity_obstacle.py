@@ -12,6 +12,7 @@ from episodes import Episode, run_episode
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.local.navigator import Avoidance, Navigator, NavigatorParameters
+from bug_gym.evaluation import evaluate
 from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -217,3 +218,33 @@ def test_a_differential_robot_is_taken_larger_for_what_it_cannot_do_at_once() ->
         for one in ("holonomic", "differential")
     )
     assert held.robot.margin > free.robot.margin
+
+
+BEHIND: dict[str, Any] = {
+    "shape": {"circle": 0.3},
+    "at": [14.0, 0.0],
+    "motion": {"law": "waypoints", "points": [[14.0, 0.0], [-6.0, 0.0]], "speed": 2.0},
+}
+
+
+def test_who_is_told_the_movers_gets_out_of_the_way_of_what_is_beyond_the_scan() -> None:
+    """A fast mover comes straight on; the scan shows it half a second before contact, too late for who has to see it."""
+    short = {**world(BEHIND), "lidar": {"beams": 180, "range": 1.5}}
+    told, tracked = (run_episode("velocity_obstacle", short, privileged=privileged) for privileged in (True, False))
+    assert told.outcome == "success" and told.min_clearance >= MARGIN - 0.02
+    assert tracked.min_clearance < told.min_clearance
+    sideways = np.abs(told.path[:, 1]) > 1e-3
+    first = int(sideways.argmax())
+    gap = 14.0 - 0.1 * first * 2.0 - told.path[first, 0]
+    assert sideways.any() and gap > 2.0  # it has left the straight way before the scan reaches the mover
+
+
+def test_who_is_told_the_movers_is_marked_and_needs_a_live_world() -> None:
+    policy: Any = make_policy("velocity_obstacle", Simulation("static"), privileged=True)
+    assert policy.privileged and not getattr(make_policy("velocity_obstacle", Simulation("static")), "privileged", True)
+    with pytest.raises(ValueError, match="policy 'velocity_obstacle' reads the map of a live world: expected an env"):
+        make_policy("velocity_obstacle", "static", privileged=True)
+    rows = evaluate(["velocity_obstacle", "velocity_obstacle:privileged=true"], "empty", episodes=1)
+    assert [row.policy for row in rows] == ["velocity_obstacle", "velocity_obstacle:privileged=true (privileged)"]
+    only = evaluate(["velocity_obstacle", "velocity_obstacle:privileged=true"], "empty", episodes=1, privileged=False)
+    assert [row.policy for row in only] == ["velocity_obstacle"]

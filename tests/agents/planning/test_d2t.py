@@ -15,6 +15,10 @@ from shapely.affinity import translate as moved
 from bug_gym.agents import make_policy
 from bug_gym.agents.planning import triangulated
 from bug_gym.agents.planning.d2t_eaco import D2TEaco
+from bug_gym.agents.planning.d2t_planner import AROUND, BEYOND, ROUGH, seen_obstacles
+from bug_gym.agents.planning.follow import Scene
+from bug_gym.agents.planning.funnel import funnel
+from bug_gym.agents.planning.sleeve import Sleeve
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, find_way
 from bug_gym.reproductions import d2t_worlds
 from bug_gym.simulation import Simulation
@@ -150,6 +154,83 @@ def test_the_policy_takes_what_pulls_the_way_taut_as_a_parameter(optimiser: str)
 def test_bad_parameters_are_refused(parameters: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         make_policy("d2t_eaco", Simulation("static"), **parameters)
+
+
+# ---------------------------------------------------------------------------------------------------- unknown terrain
+
+
+def test_in_unknown_terrain_it_arrives_without_a_map_and_goes_farther_than_with_one() -> None:
+    policy: Any = make_policy("d2t_eaco", "static", known=False)
+    assert not policy.privileged and policy.maps is None
+    episode = run_episode("d2t_eaco", "rooms", seed=2, known=False)
+    assert episode.outcome == "success" and episode.memory.live is None
+    given = run_episode("d2t_eaco", "rooms", seed=2)
+    assert given.memory.plans == 1 < episode.memory.plans
+    assert given.full_length < episode.full_length
+
+
+def test_in_unknown_terrain_it_is_rebuilt_as_it_goes_where_asked() -> None:
+    episode = run_episode("d2t_eaco", "static", seed=2, known=False, replan="horizon")
+    steps = len(episode.modes)
+    assert episode.outcome == "success" and episode.memory.plans >= steps // 5  # every half second, a step is a tenth
+
+
+def test_in_unknown_terrain_a_shut_in_goal_is_found_out() -> None:
+    wall = [[5, -5], [6, -5], [6, 5], [5, 5]]
+    closed = {"family": "explicit", "bounds": [-2, -5, 12, 5], "polygons": [wall], "start": [0, 0, 0], "goal": [10, 0]}
+    episode = run_episode("d2t_eaco", {"world": closed, "lidar": {"beams": 180}}, known=False)
+    assert episode.verdict == "unreachable" and "what has been seen leaves no way" in episode.memory.reason
+    assert episode.length > 0.0  # it had to go and see
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_has_been_seen_lies_in_obstacles_that_go_hardly_beyond(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    points = generator.uniform(-4.0, 4.0, (150, 2))
+    scene = Scene((0.0, 0.0, 0.0), (9.0, 1.0), None)
+    obstacles, border = seen_obstacles(points, scene)
+    whole = shapely.union_all(obstacles)
+    assert shapely.contains_xy(whole, points[:, 0], points[:, 1]).all()
+    alone = [points[k] for k in range(len(points)) if np.sort(np.hypot(*(points - points[k]).T))[1] > 0.7]
+    for place in alone:
+        (own,) = [one for one in obstacles if shapely.contains_xy(one, *place)]
+        assert max(math.dist(corner, place) for corner in shapely.get_coordinates(own)) <= AROUND + ROUGH
+    assert border.max(axis=0) == pytest.approx(np.maximum(points.max(axis=0), (9.0, 1.0)) + BEYOND)
+    assert seen_obstacles(np.zeros((0, 2)), scene)[0] == []
+
+
+# ------------------------------------------------------------------------------------------------- clipping, as printed
+
+
+def test_where_two_edges_meet_in_a_corner_clipping_lets_the_way_come_nearer() -> None:
+    # Both edges begin in the origin, at right angles; crossed at 0.3 m from it each, the chord comes to 0.3 cos 45 deg.
+    right, left = np.array([[0.0, 0.3], [0.3, 0.0]]), np.array([[0.0, 5.0], [5.0, 0.0]])
+    sleeve = Sleeve(np.array([-3.0, -2.0]), np.array([-2.0, -3.0]), left, right, np.arange(3))
+    way = shapely.LineString(funnel(sleeve))
+    assert way.distance(shapely.Point(0.0, 0.0)) == pytest.approx(0.3 * math.sqrt(0.5), abs=1e-9)
+
+
+def test_clipped_ways_come_nearer_to_obstacles_than_they_are_to_and_grown_ones_never() -> None:
+    nearest = []
+    for seed in range(4):
+        task = d2t_worlds.field(seed, 30)
+        clipped, grown = (find_way(task, Manner("funnel", clip=clip)) for clip in (True, False))
+        assert clipped is not None and grown is not None
+        assert clearance(grown.path, task) >= 0.3 - 1e-9
+        nearest.append(clearance(clipped.path, task))
+    assert min(nearest) < 0.9 * 0.3
+
+
+def test_an_edge_too_short_to_be_clipped_is_closed() -> None:
+    border = np.array([[-2, -1], [12, -1], [12, 1], [-2, 1]], dtype=float)
+    for gap, by in ((0.7, "obstacles"), (0.55, "shortest path")):
+        walls = [
+            d2t_worlds.block(5.0, -1.0, 0.5, 1.0 - 0.5 * gap),
+            d2t_worlds.block(5.0, 0.5 * gap, 0.5, 1.0 - 0.5 * gap),
+        ]
+        task = Task(walls, border, (0.0, 0.0), (10.0, 0.0), 0.25)
+        found = find_way(task, Manner("funnel", clip=True, use_clusters=False))
+        assert found is not None and found.by == by
 
 
 def test_a_plan_among_600_obstacles_takes_50_ms_and_one_by_ants_half_a_second() -> None:

@@ -132,6 +132,21 @@ def test_where_there_is_no_way_it_is_told_and_no_finer_cells_are_promised(name: 
     assert "would do" not in episode.memory.reason and episode.memory.reason
 
 
+@pytest.mark.parametrize("name", [name for name in PLANNERS if name != "rrt_star"])
+def test_a_goal_inside_of_a_grown_obstacle_is_told_as_such(name: str) -> None:
+    simulation = Simulation({"world": walled(1.0)}, overrides={"robot.kinematics": "holonomic"})
+    simulation.reset(seeds=[0])
+    policy: Any = make_policy(name, simulation)
+    memory = policy.begin(0)
+    scene = policy.look(None, memory)
+    found = policy.plan(scene._replace(goal=(5.2, 0.0)), memory)
+    assert found.places is None and found.verdict == "unreachable"
+    assert found.reason == (
+        "the goal (5.2, 0) lies in an obstacle, or nearer to one than a body of radius 0.2 m can come"
+    )
+    assert policy.plan(scene, memory).places is not None
+
+
 @pytest.mark.parametrize("name", [*PLANNERS])
 def test_a_start_and_a_goal_nearer_to_a_wall_than_the_margin_are_no_hindrance(name: str) -> None:
     world = {
@@ -181,6 +196,30 @@ def test_an_env_that_hides_its_map_is_refused() -> None:
             make_policy("a_star", envs)
     finally:
         envs.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("d2t_eaco", {}), ("visibility_graph", {}), ("velocity_obstacle", {"privileged": True})]
+)
+def test_every_kind_that_reads_a_map_refuses_a_bare_scenario_in_one_line(name: str, told: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="reads the map of a live world: expected an env of bug_gym") as caught:
+        make_policy(name, "static", **told)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_map_of_a_hundred_million_cells_is_told_its_memory_and_a_resolution_that_would_do() -> None:
+    side = 1000.0
+    simulation = Simulation(
+        {"world": {"family": "empty", "bounds": [0, 0, side, side], "start": [5, 5, 0], "goal": [9, 9]}}
+    )
+    with pytest.raises(ValueError, match="would take") as caught:
+        make_policy("a_star", simulation, resolution=0.1)
+    words = str(caught.value)
+    assert "\n" not in words and "GB" in words
+    enough = float(words.rsplit("a resolution of ", maxsplit=1)[1].split()[0])
+    across = side * math.sqrt(2.0)  # whichever way the robot faces
+    assert (across / enough + 4.0) ** 2 <= 50e6 and 0.1 < enough < 0.3
+    make_policy("a_star", simulation, resolution=enough)
 
 
 def test_each_row_of_a_vector_env_is_driven_by_its_own_map() -> None:

@@ -14,7 +14,16 @@ import bug_gym
 from bug_gym import kinematics
 from bug_gym.agents import make_policy
 from bug_gym.agents.reciprocal import orca
-from bug_gym.agents.reciprocal.half_planes import BODY, GAP_SHARE, RADIUS, SHARE, reciprocal_velocity
+from bug_gym.agents.reciprocal.half_planes import (
+    BODY,
+    GAP_SHARE,
+    RADIUS,
+    SHARE,
+    is_among,
+    reciprocal_velocity,
+    share_out,
+)
+from bug_gym.agents.teams.hidden import take_out_discs
 from bug_gym.config import load
 from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
@@ -137,6 +146,44 @@ def test_the_scan_without_the_others_is_that_of_a_world_without_them() -> None:
     np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, np.where(on_body, 6.0, view.ranges))
     bodies[:, SHARE] = 0.0  # still things stay
     np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, view.ranges)
+
+
+def test_beams_off_bodies_of_several_sizes_are_taken_out_and_no_others() -> None:
+    rng = np.random.default_rng(0)
+    angles = 2.0 * math.pi * np.arange(120) / 120
+    ux, uy = np.cos(angles), np.sin(angles)
+    for count in (0, 1, 4, 20):
+        ranges = rng.uniform(0.2, 6.0, 120).clip(max=5.0)
+        bodies = np.zeros((count, BODY))
+        bodies[:, :2], reaches = rng.uniform(-4.0, 4.0, (count, 2)), rng.uniform(0.2, 0.8, count)
+        reaches[::3] = -1.0  # those count as still things
+        expected = ranges.copy()
+        for i, (x, y) in enumerate(zip(ux * ranges, uy * ranges, strict=True)):
+            if any(math.hypot(x - bx, y - by) <= reach for (bx, by), reach in zip(bodies[:, :2], reaches, strict=True)):
+                expected[i] = 5.0
+        take_out_discs(ranges, ux, uy, 5.0, bodies, reaches)
+        np.testing.assert_array_equal(ranges, expected)
+        assert count < 4 or (ranges == 5.0).sum() > 10
+
+
+def test_who_stands_takes_no_share_and_then_is_a_still_thing() -> None:
+    peers, at_rest = np.zeros((3, BODY)), np.zeros(3)
+    peers[0, 2:4], peers[1, 2:4] = (0.3, -0.4), (0.005, 0.005)  # the third stands
+    for step in range(1, 25):
+        share_out(peers, at_rest, 0.125, 0.01, 2.0)
+        is_settled = step > 16
+        assert peers[:, SHARE].tolist() == [0.5, 0.0 if is_settled else 1.0, 0.0 if is_settled else 1.0], step
+    peers[2, 3] = 1.0
+    share_out(peers, at_rest, 0.125, 0.01, 2.0)
+    assert peers[:, SHARE].tolist() == [0.5, 0.0, 0.5] and at_rest[2] == 0.0
+
+
+def test_a_track_that_overlaps_a_robot_is_taken_for_it() -> None:
+    peers, tracks, found = np.zeros((2, BODY)), np.zeros((3, BODY)), np.zeros(3, dtype=np.bool_)
+    peers[:, 0], peers[:, RADIUS] = (2.0, -2.0), R
+    tracks[:, 0], tracks[:, 1], tracks[:, RADIUS] = (2.0, -2.0, 2.0), (0.29, 0.31, -1.0), 0.1
+    is_among(tracks, peers, found)
+    assert found.tolist() == [True, False, False]
 
 
 def test_a_robot_behind_a_wall_is_no_reason_to_turn_aside() -> None:

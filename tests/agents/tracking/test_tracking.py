@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from tracked import STEP, disc, last_tracks, track, world_of
 
+from bug_gym.agents.tracking.layout import RADIUS, VX, VY, X, Y
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -307,3 +308,18 @@ def test_a_scan_of_another_scanner_is_refused() -> None:
     tracker = Tracker(sensors)
     with pytest.raises(ValueError, match="90 beams"):
         tracker.update(tracker.start(), view, 0.0)
+
+
+def test_what_moves_is_told_alone_as_among_all_tracks() -> None:
+    steps = [(view, float(simulation.world.time[0])) for simulation, view, _ in track("rush", 4.0, policy="bug2")]
+    tracker = Tracker(steps[0][0].sensors)
+    memory, twin, movers = tracker.start(), tracker.start(), 0
+    for view, time in steps:
+        tracks = tracker.update(memory, view, time)
+        tracker.take_in(twin, view, time)
+        moving = tracker.moving(twin)
+        assert np.array_equal(moving[:, X : Y + 1], tracks.position[tracks.moving])
+        assert np.array_equal(moving[:, VX : VY + 1], tracks.velocity[tracks.moving])
+        assert np.array_equal(moving[:, RADIUS], tracks.radius[tracks.moving])
+        movers += len(moving)
+    assert movers > 0

@@ -1,0 +1,226 @@
+"""A* and D* Lite beside other libraries' A* in one process: `python docs/compare_planners.py` writes planner_speed.md.
+
+Compared with what is installed of pyastar2d (C++) and rustworkx (Rust, costs by calls of Python), which nothing here needs
+otherwise. Grids of 30 % random obstacles; all answer the same questions in turn, lengths are compared, times are of the
+processor. Without them the table has our rows alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bug_gym.agents.planning.a_star import a_star
+from bug_gym.agents.planning.d_star_lite import DStarLite
+from bug_gym.agents.planning.dijkstra import distances
+from bug_gym.agents.planning.grid import COLUMN_STEPS, FAR, ROW_STEPS, Grid, make_grid, relink_nodes
+from bug_gym.agents.planning.search import Found
+from bug_gym.files import machine, replaced_when_done
+
+SHARE = 0.3
+"""Of the cells that are blocked."""
+CHANGED = 10
+"""Cells that change between two repairs."""
+PAGE = Path(__file__).with_name("planner_speed.md")
+
+
+class Question(NamedTuple):
+    """A grid, and two cells of it that a way joins."""
+
+    grid: Grid
+    start: int
+    goal: int
+
+
+class Measured(NamedTuple):
+    """What one planner took and found."""
+
+    milliseconds: list[float]
+    """Of each question."""
+    lengths: list[float]
+    """Of each way [cells], of which steps count 1 and the root of 2."""
+
+
+Answer = Callable[[Question], float]
+"""The length of the way."""
+
+
+def question(side: int, seed: int, connectivity: int) -> Question:
+    """Random cells, and two ends in opposite corners as far apart as a way joins them."""
+    generator = np.random.default_rng([side, seed])
+    grid = make_grid((generator.random((side, side)) < SHARE).astype(np.uint8), connectivity=connectivity)
+    for start in np.flatnonzero(grid.blocked.ravel() == 0).tolist():
+        reached = np.flatnonzero(distances(grid, start) < FAR)
+        if len(reached) > 0.3 * grid.blocked.size:  # not a pocket between obstacles
+            return Question(grid, start, int(reached[-1]))
+    raise ValueError(f"no way across {side} x {side} cells of seed {seed}")
+
+
+# ----------------------------------------------------------------------------------------------------------- libraries
+
+
+def by_pyastar2d(asked: Question) -> Answer:
+    """Its A*; with eight neighbours it counts steps and passes between diagonal obstacles, so only four are compared."""
+    library: Any = importlib.import_module("pyastar2d")
+    weights = np.where(asked.grid.blocked, np.float32(np.inf), np.float32(1.0)).astype(np.float32)
+    ends = [tuple(map(int, divmod(node, asked.grid.lattice.columns))) for node in (asked.start, asked.goal)]
+    return lambda asked: len(library.astar_path(weights, *ends, allow_diagonal=False)) - 1.0
+
+
+def by_rustworkx(asked: Question) -> Answer:
+    """Its A* over a graph of the open steps."""
+    library: Any = importlib.import_module("rustworkx")
+    graph, columns = library.PyDiGraph(), asked.grid.lattice.columns
+    graph.add_nodes_from(range(asked.grid.blocked.size))
+    for step, (down, across) in enumerate(zip(ROW_STEPS, COLUMN_STEPS, strict=True)):
+        nodes = np.flatnonzero(asked.grid.links >> step & 1)
+        long = math.hypot(down, across)
+        graph.add_edges_from([(node, node + down * columns + across, long) for node in nodes.tolist()])
+    row, column = divmod(asked.goal, columns)
+
+    def left(node: int) -> float:
+        dy, dx = abs(node // columns - row), abs(node % columns - column)
+        return dx + dy if asked.grid.connectivity == 4 else max(dx, dy) + (math.sqrt(2.0) - 1.0) * min(dx, dy)
+
+    def answer(asked: Question) -> float:
+        nodes = library.digraph_astar_shortest_path(graph, asked.start, asked.goal.__eq__, float, left)
+        return math.fsum(
+            math.dist(divmod(a, columns), divmod(b, columns)) for a, b in zip(nodes[:-1], nodes[1:], strict=True)
+        )
+
+    return answer
+
+
+LIBRARIES: dict[str, tuple[Callable[[Question], Answer], tuple[int, ...]]] = {
+    "pyastar2d": (by_pyastar2d, (4,)),
+    "rustworkx": (by_rustworkx, (4, 8)),
+}
+"""What makes its answer to a question, and the neighbours with which it answers the same one."""
+
+
+# ---------------------------------------------------------------------------------------------------------- measuring
+
+
+def ours(asked: Question) -> float:
+    """A* of this package."""
+    return a_star(asked.grid, asked.start, asked.goal).length
+
+
+def a_star_rows(side: int, seeds: int, connectivity: int) -> dict[str, Measured]:
+    """All planners on the same questions, one after the other on each."""
+    found: dict[str, Measured] = {}
+    for seed in range(seeds):
+        asked = question(side, seed, connectivity)
+        answers: dict[str, Answer] = {"bug_gym a_star": ours}
+        for name, (make, neighbours) in LIBRARIES.items():
+            if find_spec(name) is not None and connectivity in neighbours:
+                answers[f"{name} {version(name)}"] = make(asked)
+        for name, answer in answers.items():
+            answer(asked)  # what compiles or loads does so here
+            began = time.process_time()
+            length = answer(asked)
+            row = found.setdefault(name, Measured([], []))
+            row.milliseconds.append(1e3 * (time.process_time() - began))
+            row.lengths.append(length)
+    return found
+
+
+def d_star_lite_rows(side: int, repairs: int) -> dict[str, Measured]:
+    """Repairs after each few changed cells, beside A* begun anew; changes are anywhere on the grid."""
+    asked = question(side, 0, 8)
+    generator = np.random.default_rng(1)
+    search = DStarLite(asked.grid, asked.goal)
+    search.find(asked.start)
+    rows = {"bug_gym d_star_lite, repaired": Measured([], []), "bug_gym a_star, anew": Measured([], [])}
+    for _ in range(repairs + 1):
+        cells = generator.integers(1, side + 1, (CHANGED, 2))
+        nodes = (cells[:, 0] * asked.grid.lattice.columns + cells[:, 1]).astype(np.int32)
+        nodes = np.unique(nodes[(nodes != asked.start) & (nodes != asked.goal)])
+        asked.grid.blocked.ravel()[nodes] ^= 1
+        relink_nodes(asked.grid, nodes)
+
+        def repaired(nodes: Any = nodes) -> Found:
+            search.change(nodes)
+            return search.find(asked.start)
+
+        def anew() -> Found:
+            return a_star(asked.grid, asked.start, asked.goal)
+
+        for row, answer in zip(rows.values(), (repaired, anew), strict=True):
+            began = time.process_time()
+            found = answer()
+            row.milliseconds.append(1e3 * (time.process_time() - began))
+            row.lengths.append(found.length)
+    for row in rows.values():  # the first of each compiles
+        del row.milliseconds[0], row.lengths[0]
+    return rows
+
+
+def require_equal(rows: dict[str, Measured]) -> None:
+    """Raises a ValueError where two planners' ways differ in length."""
+    (first, own), *others = rows.items()
+    for name, row in others:
+        for mine, theirs in zip(own.lengths, row.lengths, strict=True):
+            if mine != theirs and not math.isclose(mine, theirs, rel_tol=1e-6):
+                raise ValueError(f"{first} finds {mine:.6f} cells, {name} {theirs:.6f}: expected equal lengths")
+
+
+def table(title: str, rows: dict[str, Measured]) -> str:
+    """A table of the page."""
+    (_, own), *_ = rows.items()
+    base = median(own.milliseconds)
+    lines = [
+        f"**{title}**",
+        "",
+        "| planner | questions | median [ms] | least - most [ms] | to the first |",
+        "|---|---|---|---|---|",
+    ]
+    for name, row in rows.items():
+        low, middle, high = min(row.milliseconds), median(row.milliseconds), max(row.milliseconds)
+        lines.append(f"| {name} | {len(row.lengths)} | {middle:.3g} | {low:.3g} - {high:.3g} | {middle / base:.3g} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--side", type=int, default=1000, help="cells along a side (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=7, help="grids (default: %(default)s)")
+    parser.add_argument("--repairs", type=int, default=100, help="repairs of D* Lite (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=PAGE, help="the page to write (default: planner_speed.md)")
+    options = parser.parse_args()
+    parts = []
+    for connectivity in (8, 4):
+        rows = a_star_rows(options.side, options.seeds, connectivity)
+        require_equal(rows)
+        parts.append(table(f"A*, {options.side:,} x {options.side:,} cells, {connectivity} neighbours", rows))
+    rows = d_star_lite_rows(options.side, options.repairs)
+    require_equal(rows)
+    parts.append(table(f"{CHANGED} changed cells on {options.side:,} x {options.side:,}", rows))
+    own = machine()
+    page = [
+        "# Speed of the grid planners",
+        "",
+        "Written by `python docs/compare_planners.py`. " + " ".join((__doc__ or "").split("\n\n", 1)[1].split()),
+        "",
+        f"Machine: {own['cpu']}, {own['cores']} cores; Python {own['python']}, numpy {own['numpy']}, numba {own['numba']}.",
+        "",
+        "\n\n".join(parts),
+    ]
+    with replaced_when_done(options.out) as file:
+        file.write_text("\n".join(page) + "\n", encoding="utf-8")
+    print("\n\n".join(parts))
+
+
+if __name__ == "__main__":
+    main()

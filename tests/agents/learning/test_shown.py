@@ -1,0 +1,250 @@
+"""How a training shows itself, and what is left of one that is stopped."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("onnx")
+
+from bug_gym.agents import make_policy  # noqa: E402  torch may be missing
+from bug_gym.agents.learning import so_far, training  # noqa: E402  torch may be missing
+from bug_gym.agents.learning.folder import Point, best_so_far, checksums, model_folder, read_config  # noqa: E402  the same
+from bug_gym.agents.learning.settings import AnySettings, load_settings  # noqa: E402  the same
+from bug_gym.agents.learning.shown import (  # noqa: E402  the same
+    LINE_EACH,
+    TESTING,
+    VALIDATING,
+    WRITING,
+    LineReport,
+    Report,
+    told_time,
+)
+from bug_gym.agents.learning.training import train  # noqa: E402  the same
+from bug_gym.cli import main  # noqa: E402  the same
+from bug_gym.navigation_env import NavigationEnv  # noqa: E402  the same
+
+ROOT = Path(__file__).resolve().parents[3]
+TINY: dict[str, Any] = {
+    "name": "tiny",
+    "algo": "ppo",
+    "scenarios": ["dynamic"],
+    "n_envs": 8,
+    "n_steps": 16,
+    "batch_size": 32,
+    "n_epochs": 2,
+    "n_timesteps": 512,
+    "eval_freq": 200,
+    "eval_episodes": 4,
+    "test_episodes": 4,
+    "save_freq": 128,
+    "overrides": {"time.limit": 3.0},
+}
+
+
+def tiny(**changes: Any) -> AnySettings:
+    return load_settings({**TINY, **changes})
+
+
+def point(steps: int, success: float) -> Point:
+    return Point(steps, 1.0, 1.0, success, 1.0 - success, 0.0, None)
+
+
+# ---------------------------------------------------------------------------------------------- what is told
+
+
+class Told(Report):
+    """Keeps what it is told."""
+
+    def __init__(self, settings: AnySettings) -> None:
+        super().__init__(settings)
+        self.places: list[float] = []
+        self.stages: list[str] = []
+
+    def _show(self, *, is_stage: bool) -> None:
+        if is_stage:
+            self.stages.append(self.doing)
+        else:
+            self.places.append(self.done)
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> list[Told]:
+    """What trainings tell."""
+    found: list[Told] = []
+
+    def reported(settings: AnySettings, *, shown: bool) -> Any:
+        found.append(Told(settings))
+        return nullcontext(found[-1])
+
+    monkeypatch.setattr(training, "reported", reported)
+    return found
+
+
+def test_it_moves_through_driving_and_updates_and_never_back(told: list[Told], tmp_path: Path) -> None:
+    train(tiny(), tmp_path, threads=1, tensorboard=False)
+    places = told[0].places
+    assert places[0] == 0 and places[-1] == 512 and (np.diff(places) >= 0).all()
+    # A rollout of 128 steps is 16 steps of 8 worlds, and 2 rounds of 4 batches: each half of the way.
+    assert {place for place in places if place <= 128} == {*range(0, 65, 4), *range(64, 129, 8)}
+    assert told[0].stages[-2:] == [TESTING, WRITING] and told[0].stages.count(VALIDATING) == 2
+
+
+def test_it_moves_with_each_step_of_an_algorithm_that_learns_meanwhile(told: list[Told], tmp_path: Path) -> None:
+    settings = load_settings(
+        {
+            **{key: value for key, value in TINY.items() if key not in ("n_steps", "n_epochs", "save_freq")},
+            **{"algo": "dqn", "learning_starts": 64, "n_timesteps": 160},
+        }
+    )
+    train(settings, tmp_path, threads=1, tensorboard=False)
+    assert {*range(8, 161, 8)} <= set(told[0].places) and max(told[0].places) == 160
+
+
+def lines_of(steps: Callable[[LineReport, Callable[[float], None]], None]) -> list[str]:
+    """The lines that somebody sees who has no terminal."""
+    now, lines = [100.0], list[str]()
+
+    def wait(seconds: float) -> None:
+        now[0] += seconds
+
+    steps(LineReport(tiny(n_timesteps=100_000), lines.append, clock=lambda: now[0]), wait)
+    return lines
+
+
+def test_a_line_says_how_far_how_fast_and_how_long() -> None:
+    def steps(report: LineReport, wait: Callable[[float], None]) -> None:
+        report(20_000, None)  # it goes on from there
+        wait(20.0)
+        report(40_000, point(32_768, 0.5))
+
+    first, second = lines_of(steps)
+    assert first == "tiny: 20,000 of 100,000 steps"
+    assert second == "tiny: 40,000 of 100,000 steps, 1,000 a second, 1 min 0 s left, 50.0 % success at 32,768"
+
+
+def test_a_line_comes_each_few_seconds_and_for_the_test_at_once() -> None:
+    def steps(report: LineReport, wait: Callable[[float], None]) -> None:
+        for number in range(1000):
+            report(float(number), None)
+            wait(0.1)
+        report.stage(VALIDATING)
+        report.stage(TESTING)
+
+    lines = lines_of(steps)
+    assert len(lines) == pytest.approx(100.0 / LINE_EACH + 2, abs=1)
+    assert lines[-1].endswith(TESTING)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.2, "0 s"), (59.6, "1 min 0 s"), (307.0, "5 min 7 s"), (12_000.0, "3 h 20 min")]
+)
+def test_times_are_told_in_their_two_largest_units(seconds: float, text: str) -> None:
+    assert told_time(seconds) == text
+
+
+# ---------------------------------------------------------------------------------------------- what is left
+
+
+def require_playable(folder: Path) -> None:
+    """Whether a model is whole, and drives."""
+    config = read_config(folder)
+    assert config["sha256"] == checksums(folder, config["sha256"])
+    env = NavigationEnv("dynamic", TINY["overrides"])
+    observation, _ = env.reset(seed=0)
+    action, _ = make_policy(f"{folder}/", env).predict(observation)
+    assert action in env.action_space
+
+
+def started(out: Path, **changes: Any) -> subprocess.Popen[bytes]:
+    """A training in a process of its own."""
+    script = (
+        "import sys\nfrom bug_gym.agents.learning.training import train\n"
+        "from bug_gym.agents.learning.settings import load_settings\n"
+        "train(load_settings(eval(sys.argv[1])), sys.argv[2], threads=1, tensorboard=False, progress=True)"
+    )
+    command = [sys.executable, "-c", script, repr({**TINY, "n_timesteps": 10**7, **changes}), str(out)]
+    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE)
+
+
+@pytest.mark.parametrize("with_what", [signal.SIGKILL, signal.SIGINT])
+def test_the_best_model_of_a_training_that_is_stopped_can_be_played(
+    with_what: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    process = started(tmp_path)
+    deadline = time.monotonic() + 120.0
+    while best_so_far(tmp_path) is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(process.pid, with_what)
+    _, said = process.communicate()
+    assert b"tiny: 0 of 10,000,000 steps\n" in said
+    best = best_so_far(tmp_path)
+    assert best is not None
+    require_playable(best)
+    assert read_config(best)["runs"]["0"]["held_out"] == {}
+    assert "not yet judged in held-out worlds" in (best / "card.md").read_text(encoding="utf-8")
+    assert main(["evaluate", "--scenario", "dynamic", "--episodes", "1", "--policies", f"{tmp_path}/"]) == 2
+    assert f"its training has not ended, its best model so far is {best}/" in capsys.readouterr().err
+
+
+def test_what_is_left_has_the_weights_that_did_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: list[tuple[int, dict[str, Any]]] = []
+
+    class Watched(so_far.BestSoFar):
+        def keep(self, network: Any, progress: Any, *, is_end: bool = False) -> None:
+            super().keep(network, progress, is_end=is_end)
+            kept.append((progress.best_point.steps, {name: value.clone() for name, value in progress.best.items()}))
+            if len(kept) == 2 and not is_end:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(training, "BestSoFar", Watched)
+    with pytest.raises(KeyboardInterrupt):
+        train(tiny(), tmp_path, threads=1, tensorboard=False)
+    (folder,) = tmp_path.glob("best-*")
+    steps, weights = kept[-1]
+    assert folder.name == f"best-{steps}"
+    from safetensors.torch import load_file
+
+    written = load_file(folder / "policy.safetensors")
+    assert all(torch.equal(written[name], weights[name]) for name in weights)
+
+
+def test_nothing_is_left_beside_the_model_in_the_end_and_what_others_put_there_stays(tmp_path: Path) -> None:
+    (tmp_path / "best-3").mkdir()
+    (tmp_path / "best-of-all").mkdir()
+    train(tiny(n_timesteps=256), tmp_path, threads=1, tensorboard=False)
+    assert sorted(path.name for path in tmp_path.glob("best-*")) == ["best-3", "best-of-all"]
+    assert read_config(tmp_path)["runs"]["0"]["held_out"]
+    assert "not yet judged" not in (tmp_path / "card.md").read_text(encoding="utf-8")
+
+
+def test_another_training_does_not_go_over_what_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*arguments: Any, **keywords: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(training, "write_best", stopped)
+    settings = tiny(n_timesteps=256)
+    with pytest.raises(KeyboardInterrupt):
+        train(settings, tmp_path, threads=1, tensorboard=False)
+    assert best_so_far(tmp_path) is not None
+    (tmp_path / "checkpoint.pt").unlink()
+    with pytest.raises(ValueError, match=r"best-\d+ is of another training: settings.gamma"):
+        train(tiny(n_timesteps=256, gamma=0.5), tmp_path, threads=1, tensorboard=False)
+    assert model_folder(tmp_path) == tmp_path and best_so_far(tmp_path) is not None
+
+
+def test_of_two_that_a_kill_has_left_the_later_one_is_named(tmp_path: Path) -> None:
+    for steps in 900, 1000:
+        (tmp_path / f"best-{steps}").mkdir()
+        (tmp_path / f"best-{steps}" / "config.json").touch()
+    assert best_so_far(tmp_path) == tmp_path / "best-1000"

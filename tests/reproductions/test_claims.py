@@ -1,0 +1,69 @@
+"""What reproductions of HD-BUG share: differences of the same worlds, held against counts and means by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+
+import pytest
+
+from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.reproductions import claims, hd_bug_tables
+
+BLANK = EpisodeRow("a", "s", 0, 0, "success", "", True, 1.0, 10, 1.0, 0.1, 8.0, nan, nan, 0.5, 0, 0.0, 0.0, 0.0, 0.0)
+
+
+def rows(policy: str, lengths: list[float | None]) -> list[EpisodeRow]:
+    """An episode a world: the path to the goal [m], None where it was not reached."""
+    return [
+        replace(BLANK, policy=policy, seed=seed, path_length=length)
+        if length is not None
+        else replace(BLANK, policy=policy, seed=seed, outcome="collision", success=False)
+        for seed, length in enumerate(lengths)
+    ]
+
+
+def test_paths_are_compared_where_both_arrive_and_p_is_the_sign_tests() -> None:
+    gap = claims.paired(rows("a", [11.0, 12.0, 13.0, 5.0, None]), rows("b", [10.0, 10.0, 10.0, 5.0, 1.0]))[
+        "path_length"
+    ]
+    assert gap["n"] == 4 and gap["mean"] == pytest.approx(1.5)
+    assert gap["interval"][0] <= 1.5 <= gap["interval"][1]
+    # Three of three that are no ties are longer: both tails of a fair coin, 2 / 2^3.
+    assert gap["p_value"] == pytest.approx(0.25)
+
+
+def test_success_is_compared_in_all_worlds_by_mcnemars_test() -> None:
+    none, all_but_one = [None] * 6, [1.0] * 5 + [None]
+    gap = claims.paired(rows("a", all_but_one), rows("b", none))["success"]
+    assert gap["n"] == 6 and gap["mean"] == pytest.approx(5.0 / 6.0) and gap["p_value"] == pytest.approx(2.0 / 2.0**5)
+    turned = claims.paired(rows("b", none), rows("a", all_but_one))["success"]
+    assert turned["mean"] == pytest.approx(-gap["mean"]) and turned["p_value"] == pytest.approx(gap["p_value"])
+
+
+def test_what_nobody_reached_has_no_path_and_one_world_no_interval() -> None:
+    gap = claims.paired(rows("a", [None]), rows("b", [2.0]))
+    assert gap["path_length"] == {"n": 0, "mean": None, "interval": [None, None], "p_value": None}
+    assert claims.told(gap["path_length"]) == ["-", "-", "-"]
+    assert gap["success"]["interval"] == [None, None] and claims.told(gap["success"], 100.0, 0) == ["-100", "-", "1"]
+
+
+def test_the_map_planner_keeps_what_the_bugs_keep() -> None:
+    assert claims.entry("hd_bug") == "hd_bug" and claims.entry("hd_bug_map") == {
+        "name": "hd_bug_map",
+        "parameters": {"clearance": claims.CLEARANCE},
+    }
+
+
+def test_a_path_that_is_longer_than_another_algorithms_of_the_paper_breaks_the_claim() -> None:
+    def holds(**paths: float) -> bool:
+        found = [
+            replace(BLANK, policy=policy, scenario=str(count), path_length=path, shortest_path_length=9.0)
+            for policy, path in paths.items()
+            for count in hd_bug_tables.OBSTACLES
+        ]
+        return hd_bug_tables.claims_hold(found, hd_bug_tables.compared(found, tuple(paths)))
+
+    assert holds(hd_bug=9.5, bug1=9.6) and not holds(hd_bug=9.5, bug1=9.4)
+    assert holds(hd_bug=9.5, hd_bug_map=9.1)  # which is no algorithm of the paper
+    assert not holds(hd_bug=11.0, bug1=12.0)  # beyond 12 % of the shortest
