@@ -112,6 +112,13 @@ def test_a_row_of_many_is_the_single_world_of_its_seed() -> None:
     assert episodes > 0
 
 
+def test_a_world_does_not_depend_on_the_robot_that_drove_in_its_row_before() -> None:
+    scenario = load("rush", {"robot.radius": {"uniform": [0.01, 0.3]}})
+    used, fresh = Simulation(scenario, 100), Simulation(scenario, 100)
+    used.reset(seeds=range(100))
+    assert np.array_equal(used.reset(seeds=range(100, 200)), fresh.reset(seeds=range(100, 200)))
+
+
 def test_a_snapshot_brings_its_numbers_back_wherever_it_is_restored() -> None:
     scenario = load("dynamic", {"robot.max_speed": {"uniform": [0.5, 1.5]}, "lidar.noise": {"uniform": [0.0, 0.1]}})
     here, there = Simulation(scenario, 4), Simulation(scenario, 4)
@@ -285,6 +292,8 @@ def test_a_range_is_another_scenario_than_its_end_or_another_law() -> None:
     ]
     made = [load("static", {"robot.max_speed": speed}) for speed in speeds]
     assert len({scenario.digest for scenario in made}) == len(set(made)) == len(speeds)
+    numbers = [scenario.robot.max_speed for scenario in made]
+    assert all((one != other) == (one is not other) for one in numbers for other in numbers)
 
 
 def test_one_end_can_be_overridden() -> None:
