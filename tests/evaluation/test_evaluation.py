@@ -380,8 +380,9 @@ def test_a_baseline_that_does_not_drive_is_told() -> None:
         evaluate("bug0", "static", episodes=1, baseline="bug2")
 
 
-def test_the_quick_suite_is_driven_by_every_policy() -> None:
-    assert [entry.name for entry in make_plan(None, "quick").policies] == policy_names()
+def test_the_quick_suite_is_driven_by_every_policy_but_that_of_two_robots() -> None:
+    driven = [name for name in policy_names() if name != "ppo_crossing_robots"]
+    assert [entry.name for entry in make_plan(None, "quick").policies] == driven
 
 
 def test_a_suite_says_scenarios_overrides_labels_seeds_and_policies(tmp_path: Path) -> None:
