@@ -38,6 +38,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "oni-wang-table-1": bug_family.oni_wang_table_1,
     "bug-bounds": bug_family.bounds,
     "bug-no-way": bug_family.no_way,
+    "cylinder-claims": bug_family.cylinder_claims,
     "com1-rev3": bug_family.com1_rev3,
     "barn": bug_family.barn_worlds,
     "dynabarn": bug_family.dynabarn_worlds,

@@ -189,6 +189,37 @@ def no_way(found: Record) -> Page:
     )  # fmt: skip
 
 
+def cylinder_claims(found: Record) -> Page:
+    """Verdicts among the thin cylinders of a cellular automaton, against the configuration space."""
+    policies, wrong = found["policies"], found["wrong"]
+    header = list(next(iter(policies.values())))
+    rows = [
+        [f"`{name}`", robot, "yes" if name in bug_no_way.PROVEN else "no", *map(str, one.values())]
+        for (name, _, robot), one in ((key.partition(" "), one) for key, one in policies.items())
+    ]
+    claims = sum(one["wrong claims"] for one in policies.values())
+    runs = sum(one["with a way"] + one["without"] for one in policies.values())
+    told = listed(
+        f"`{one['policy']}` ({one['kind']}, seed {one['seed']}: {one['verdict'] or one['outcome']})" for one in wrong
+    )
+    clearances = listed(f"{value:g} m ({robot})" for robot, value in found["clearances"].items())
+    return Page(
+        [
+            table(
+                f"{found['seeds']} worlds, a quarter of them shut, at clearances of {clearances}",
+                ["policy", "robot", "complete", *header],
+                rows,
+            )
+        ],
+        f"{runs:,} runs, {claims} wrong claims. Wrong is also a timeout, a collision, and of a complete algorithm any end that is "
+        "not as the configuration space says" + (f": {told}." if wrong else "; there is none."),
+        [
+            ("nobody calls a goal unreachable that a way leads to", claims == 0),
+            ("each run ends, and those of complete algorithms as the configuration space says", not wrong),
+        ],
+    )
+
+
 def barn_worlds(found: Record) -> Page:
     """The BARN benchmark for all robots."""
     results = found["results"]
