@@ -211,8 +211,8 @@ def cylinder_claims(found: Record) -> Page:
                 rows,
             )
         ],
-        f"{runs:,} runs, {claims} wrong claims. Wrong is also a timeout, a collision, and of a complete algorithm any end that is "
-        "not as the configuration space says" + (f": {told}." if wrong else "; there is none."),
+        f"{runs:,} runs, {claims} wrong claims. Wrong is also a timeout, a collision, and of a complete algorithm any end "
+        "that is not as the configuration space says" + (f": {told}." if wrong else "; there is none."),
         [
             ("nobody calls a goal unreachable that a way leads to", claims == 0),
             ("each run ends, and those of complete algorithms as the configuration space says", not wrong),
