@@ -222,8 +222,9 @@ class SimulationVecEnv(ArrayVecEnv):
         }
 
     def _save_simulation(self) -> Saved:
-        (capacity, *arrays, digest), seeded = self.simulation.save()
-        return {"capacity": list(capacity), "arrays": arrays, "digest": digest, "seeded": seeded}
+        saved, seeded = self.simulation.save()
+        arrays = [saved.floats, saved.ints, saved.observation]  # what was drawn follows from seed and episode
+        return {"capacity": list(saved.capacity), "arrays": arrays, "digest": saved.digest, "seeded": seeded}
 
     def _restore_simulation(self, saved: Saved) -> None:
         floats, ints, observation = saved["arrays"]
