@@ -191,7 +191,7 @@ class Kernel(OncePerType):
 
     def compile(self, sig: Any) -> Any:
         """Compile for one signature, or take it from disk."""
-        counts_on = self.py_func.__module__.startswith(COUNTING_ON)
+        counts_on = (self.py_func.__module__ or "").startswith(COUNTING_ON)
         with (
             global_compiler_lock,
             collector_off(),

@@ -9,6 +9,7 @@ from typing import Any
 
 from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, read_checked, read_config
 from bug_gym.agents.learning.hub import HUB, HUB_CARD, HubModel, talking
+from bug_gym.files import replaced_when_done
 
 CARD = "card.md"
 """The card of a model in its folder here."""
@@ -38,7 +39,8 @@ def push(folder: Path, model: str, *, private: bool = False) -> str:
         from huggingface_hub import HfApi
 
         for name, data in contents.items():
-            Path(stage, name).write_bytes(data)
+            with replaced_when_done(Path(stage, name)) as partial:
+                partial.write_bytes(data)
         api = HfApi()
         api.create_repo(place.repository, private=private, exist_ok=True)
         if place.revision is not None:

@@ -13,7 +13,7 @@ from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import wrap
 from bug_gym.view import View
 
-MISSED = 4.0 * math.pi
+MISSED = 8.0 * math.pi
 """Turning after which a gate counts as one that laps do not pass, and is moved; twice as much each time: a spiral may turn as
 much [rad]."""
 

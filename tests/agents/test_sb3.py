@@ -16,6 +16,7 @@ import pytest
 from gymnasium.utils.env_checker import data_equivalence
 
 import bug_gym
+from bug_gym.checks import install_command
 from bug_gym.navigation_env import NavigationEnv
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
@@ -260,4 +261,4 @@ def test_without_stable_baselines3_the_error_names_the_extra() -> None:
     script = "import sys; sys.modules['stable_baselines3'] = None; import bug_gym.agents.sb3"
     run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 1
-    assert "bug-gym[train]" in run.stderr.splitlines()[-1]
+    assert install_command("train") in run.stderr.splitlines()[-1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bug_gym.checks import install_command
 from bug_gym.drawing import brush, pixels
 from bug_gym.drawing import canvas as rendering
 from bug_gym.drawing import parts as painting
@@ -210,6 +212,8 @@ def test_drawing_changes_no_bit_of_the_world(scenario: str) -> None:
         canvas.draw()
         for simulation in (drawn, plain):
             drive(simulation, (0.5, 0.2), steps=1)
+    for simulation in (drawn, plain):
+        assert simulation.world.array("body_x").shape  # whoever reads where bodies are has them brought to now
     for ours, theirs in zip(drawn.save()[0], plain.save()[0], strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
@@ -494,7 +498,7 @@ def test_a_size_that_shows_nothing_is_refused() -> None:
 
 def test_without_pygame_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(ImportError, match=r"bug-gym\[render\]"):
+    with pytest.raises(ImportError, match=re.escape(install_command("render"))):
         Canvas(yard())
 
 

@@ -12,7 +12,7 @@ from bug_gym.reproductions.claims import run
 from bug_gym.reproductions.result import Settings
 
 
-def driven(folder: Path, keys: list[list[float]], since: float) -> tuple[EpisodeRow, dict[str, Any]]:
+def driven(folder: Path, keys: list[list[float]], since: float, **robot: float) -> tuple[EpisodeRow, dict[str, Any]]:
     """Straight on from (0, 0) to (6, 0) beside one mover: the run and the numbers that are made of it."""
     world = {
         "world": 300,
@@ -25,6 +25,7 @@ def driven(folder: Path, keys: list[list[float]], since: float) -> tuple[Episode
     path.write_text(json.dumps(world) + "\n", encoding="utf-8")
     described = dynabarn.scenario(str(path), 300)
     described["scenario"]["world"]["since"] = since
+    described["scenario"]["robot"] = {**described["scenario"]["robot"], **robot}
     (row,) = run(["go_to_goal"], [described], 1, Settings(), name="one")
     return row, dynabarn.summed_up("go_to_goal", [row], {"world 300": described})
 
@@ -47,7 +48,7 @@ def test_a_mover_that_jumps_before_the_robot_is_counted_apart(tmp_path: Path) ->
 
 
 def test_a_robot_that_drives_out_of_a_mover_upon_it_has_not_succeeded(tmp_path: Path) -> None:
-    row, found = driven(tmp_path, jumping_to(-0.66), 29.99)
+    row, found = driven(tmp_path, jumping_to(-0.66), 29.99, latency=0.0)  # a late one would stand in it at first
     assert row.outcome == "success"  # to move away is no contact in the simulation
     assert (found["collisions"], found["jumped_on"], found["success"], found["as_coded"]) == (0, 1, 0.0, 0.0)
 

@@ -19,6 +19,7 @@ from bug_gym.agents import AGENTS, make_policy, policy_names
 from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
 from bug_gym.agents.learning.play import as_env_actions
 from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.checks import install_command
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate, make_plan
 from bug_gym.held_out import play
@@ -228,7 +229,7 @@ def test_without_onnxruntime_the_error_names_the_extra_and_the_rest_goes_on() ->
         "make_policy('ppo_dynamic', 'dynamic')"
     )
     run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert "bug-gym[play]" in run.stderr.splitlines()[-1]
+    assert install_command("play") in run.stderr.splitlines()[-1]
 
 
 # ----------------------------------------------------------------------------------------- zips of stable-baselines3
