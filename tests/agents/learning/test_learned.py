@@ -119,7 +119,8 @@ def test_discrete_envs_get_numbers_of_the_table(name: str) -> None:
 def drive_robots_discretely(name: str) -> None:
     """The same for the robots of a world, by agent."""
     env = bug_gym.parallel_env(scenario_of(name), action="discrete")
-    policy, state = make_policy(name, env), None
+    policy: Any = make_policy(name, env)  # gives actions by agent, as it is made for an env of several
+    state = None
     observations, _ = env.reset(seed=0)
     for _ in range(20):
         actions, state = policy.predict(observations, state)
