@@ -27,7 +27,7 @@ from typing import Any
 from bug_gym.agents.bugs.bug1 import Bug1, Bug1Memory
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, STANDING, BugTeam, BugTeamMemory
-from bug_gym.agents.teams.partners import ROOM, Seen, closes, gap, least_gap, place_after
+from bug_gym.agents.teams.partners import ROOM, Seen, closes, gap, least_gap
 from bug_gym.agents.walls.contour import CLOSER
 from bug_gym.policy import MisfitError, Velocity
 from bug_gym.view import Sensors, View
@@ -160,7 +160,7 @@ class Bug1Pair(BugTeam):
         """Whether the next step of a robot would bring it too near to the other, which has a velocity already."""
         assert memory.pending is not None
         least = least_gap(self.sensors) - (0.8 * ROOM if memory.is_detouring else 0.0)
-        return closes(memory, place_after(memory, memory.pending), other, place_after(other, velocity), least)
+        return closes(memory, memory.pending, other, velocity, least)
 
     def _forget_detour(self, memory: Bug1PairMemory) -> None:
         """What a robot finds out while its partner is an obstacle to it proves nothing."""

@@ -33,7 +33,7 @@ from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import PATIENCE, STANDING, BugTeam, BugTeamMemory
-from bug_gym.agents.teams.partners import ROOM, closes, distance_to_segment, gap, least_gap, place_after
+from bug_gym.agents.teams.partners import ROOM, closes, distance_to_segment, least_gap, nearer_than, place_after
 from bug_gym.agents.walls.boundary import LeaveRule
 from bug_gym.geometry import Point, velocity_along
 from bug_gym.policy import Velocity
@@ -224,13 +224,14 @@ class Com1Rev3(BugTeam):
     def _look_for_encounters(self, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> None:
         """Who holds for whom: from below the one distance on until the other is reached; for no one after a win."""
         own = self.parameters
+        near = nearer_than(own.go_distance, team, memories)
         for robot in team:
             memory = memories[robot]
-            gaps = {other: gap(memory, memories[other]) for other in team if other != robot}
-            if not any(distance < own.go_distance for distance in gaps.values()):
+            gaps = near[robot]
+            if not gaps:
                 memory.waited, memory.is_detouring = 0.0, False
             held = memory.holding_for
-            held &= {other for other, distance in gaps.items() if distance < own.go_distance}
+            held.intersection_update(gaps)
             if memory.winner is not None:
                 held.clear()
                 continue
@@ -251,15 +252,13 @@ class Com1Rev3(BugTeam):
         if self.parameters.partner_rule == "ghost" or velocity == STANDING:
             return set()
         memory = memories[robot]
-        after = place_after(memory, velocity)
         least = least_gap(self.sensors)
         if self.goes_round(robot, memory):
             least -= 0.8 * ROOM
         return {
             other
             for other in team
-            if other != robot
-            and closes(memory, after, memories[other], place_after(memories[other], wanted[other]), least)
+            if other != robot and closes(memory, velocity, memories[other], wanted[other], least)
         }
 
     def _asking(self, robot: int, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> list[int]:

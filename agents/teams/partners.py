@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,9 @@ BODY_MARGIN = 0.03
 
 ROOM = 0.1
 """What bodies keep between them [m]."""
+
+ROUNDING = 1e-6
+"""What places that were turned from frame to frame may be off [m]."""
 
 SAME_WALL = 6.0
 """Two neighbouring points of a scan are of one wall where they are nearer than so many beams are apart there."""
@@ -46,21 +49,24 @@ def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -
         partners: those whose bodies are to be taken out.
     """
     sensors = view.sensors
-    ux, uy = sensors.beam_directions
-    places = [view.to_robot(*frame.to_odometry(other.word.place)) for other in partners if other.word is not None]
-    if not places:
-        return Seen(view, view)
-    bodies = np.array([*places, (0.0, 0.0)])
+    told = [(other, other.word) for other in partners if other.word is not None]
+    here = frame.to_team(view.position)
+    gaps = [math.dist(word.place, here) for _, word in told]
     reach = sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise
+    if not gaps or min(gaps) > sensors.range + reach + ROUNDING:
+        return Seen(view, view)
+    ux, uy = sensors.beam_directions
+    words: Any = np.array([word.place for _, word in told]).T
+    bodies = np.zeros((len(told) + 1, 2))
+    bodies[:-1, 0], bodies[:-1, 1] = view.to_robot(*frame.to_odometry(words))
     ranges, hidden = view.ranges.copy(), np.zeros(len(view.ranges), dtype=np.bool_)
     if not take_out_bodies(ranges, ux, uy, sensors.range, bodies[:-1], reach, hidden):
         return Seen(view, view)
     widest = SAME_WALL * 2.0 * math.pi / len(ranges)
-    for other in partners:
-        if other.view is None or other.word is None or not other.is_heard:
+    for (other, word), apart, (x, y) in zip(told, gaps, bodies[:-1].tolist(), strict=True):
+        if other.view is None or not other.is_heard or apart > 2.0 * sensors.range + ROUNDING:  # sees nothing in reach
             continue
-        x, y = view.to_robot(*frame.to_odometry(other.word.place))
-        turn = other.word.heading - frame.heading - view.heading
+        turn = word.heading - frame.heading - view.heading
         theirs = other.view.ranges
         put_in_walls(ranges, hidden, ux, uy, sensors.range, bodies, reach, theirs, x, y, turn, widest)
     seen = view.with_ranges(ranges)
@@ -91,10 +97,25 @@ def gap(one: TeamMemory, other: TeamMemory) -> float:
     return math.dist(one.word.place, other.word.place)
 
 
-def closes(one: TeamMemory, after: Point, other: TeamMemory, other_after: Point, least: float) -> bool:
-    """Whether a step lessens the gap between two robots to below `least` [m]."""
-    distance = math.dist(after, other_after)
-    return distance < least and distance < gap(one, other) - 1e-6
+def nearer_than(distance: float, team: Sequence[int], memories: Sequence[TeamMemory]) -> dict[int, dict[int, float]]:
+    """For each robot of a team those that are nearer to it than a distance [m], and how near they are [m]."""
+    near: dict[int, dict[int, float]] = {robot: {} for robot in team}
+    for count, robot in enumerate(team):
+        for other in team[:count]:
+            apart = gap(memories[robot], memories[other])
+            if apart < distance:
+                near[robot][other] = near[other][robot] = apart
+    return near
+
+
+def closes(one: TeamMemory, velocity: Velocity, other: TeamMemory, other_velocity: Velocity, least: float) -> bool:
+    """Whether a step at velocities of their frames lessens the gap between two robots to below `least` [m]."""
+    assert one.view is not None
+    now, duration = gap(one, other), one.view.sensors.drive.step
+    if now - duration * (math.hypot(*velocity) + math.hypot(*other_velocity)) > least + ROUNDING:
+        return False
+    distance = math.dist(place_after(one, velocity), place_after(other, other_velocity))
+    return distance < least and distance < now - 1e-6
 
 
 def distance_to_segment(place: Point, begin: Point, end: Point) -> float:
