@@ -152,6 +152,11 @@ def trained_names() -> list[str]:
     return sorted(path.parent.name for path in TRAINED_FOLDER.glob(f"*/{CONFIG}"))
 
 
+def lone_names() -> list[str]:
+    """Names of the shipped models for a robot that is alone in its world, sorted."""
+    return [name for name in trained_names() if not read_config(TRAINED_FOLDER / name)["robot"]["peers"]]
+
+
 def read_config(folder: Path) -> dict[str, Any]:
     """What a model's config.json says.
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from bug_gym.agents import AGENTS
-from bug_gym.agents.learning.folder import trained_names
+from bug_gym.agents.learning.folder import lone_names
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.intervals import means, stratified_bootstrap
@@ -68,7 +68,7 @@ def reproduce(settings: Settings) -> Reproduction:
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
     bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name not in LEFT_OUT]
     by_label = {label_of(one): one for one in PLANNERS}
-    asked = settings.policies or (*bugs, MAPPER, *trained_names(), *by_label)
+    asked = settings.policies or (*bugs, MAPPER, *lone_names(), *by_label)
     policies = [by_label.get(name, entry(name)) for name in asked]
     worlds = settings.seeds or WORLDS
     rows = drive(policies, scenarios, worlds, settings, {})

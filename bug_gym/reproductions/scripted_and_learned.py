@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bug_gym.agents.learning.folder import trained_names
+from bug_gym.agents.learning.folder import lone_names
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
@@ -74,7 +74,7 @@ def reproduce(settings: Settings) -> Reproduction:
         ValueError: a folder of data without maps.
     """
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
-    policies = list(settings.policies or (*SCRIPTED, *trained_names()))
+    policies = list(settings.policies or (*SCRIPTED, *lone_names()))
     worlds = settings.seeds or WORLDS
     suite = {
         "name": "scripted-and-learned",

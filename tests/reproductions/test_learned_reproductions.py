@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -11,10 +14,11 @@ pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `pla
 
 from ros_maps import write_map
 
+from bug_gym.agents import make_policy
 from bug_gym.agents.learning.folder import TRAINED_FOLDER, read_config, trained_names
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
-from bug_gym.reproductions import learned, ppo_curve, reproduction
+from bug_gym.reproductions import learned, ppo_curve, price_of_not_knowing, reproduction, scripted_and_learned
 from bug_gym.reproductions.result import Settings
 from bug_gym.reproductions.scripted_and_learned import ROBOT, real_maps
 from bug_gym.worlds.ros_files import FREE, OCCUPIED
@@ -35,6 +39,24 @@ def test_a_model_below_its_target_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setitem(learned.TARGETS, "ppo_dynamic", 1.01)
     result = reproduction("learned")(Settings(seeds=3, policies=("ppo_dynamic",)))
     assert result.holds is False and "ppo_dynamic" in result.notes[0]
+
+
+@pytest.mark.parametrize("module", [price_of_not_knowing, scripted_and_learned])
+def test_everybody_who_is_driven_by_default_can_drive(module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def note(policies: list[Any], suite: dict[str, Any], **settings: Any) -> list[Any]:
+        asked.extend(policies)
+        raise InterruptedError
+
+    monkeypatch.setattr(module, "evaluate", note)
+    with pytest.raises(InterruptedError):
+        module.reproduce(Settings())
+    names = [one if isinstance(one, str) else one["name"] for one in asked]
+    assert set(names) & set(trained_names()) == {name for name in trained_names() if "crossing_robots" not in name}
+    env = gym.make("BugGym/Static-v0", scenario="dynamic", disable_env_checker=True)
+    for name in names:
+        make_policy(name, env)
 
 
 def test_learned_and_scripted_policies_stand_in_one_table_and_misfits_are_left_out() -> None:
