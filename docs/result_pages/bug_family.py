@@ -80,7 +80,7 @@ def com1_rev3_facts(routes: Record) -> str:
     return table("The map of Fig. 1, both left, without bodies: ideal / ours [m]", header, rows)
 
 
-def com1_rev3_formulas(kinds: Record) -> str:
+def com1_rev3_formulas(kinds: Sequence[Record]) -> str:
     """Runs beside the formulas for one obstacle."""
     rows = [
         [one["kind"], str(one["n"])]
