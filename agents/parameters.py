@@ -7,7 +7,7 @@ import functools
 import inspect
 import math
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
@@ -106,6 +106,33 @@ def checked_parameters(policy_class: type, parameters: Mapping[str, Any], where:
         if isinstance(plain, (int, float)) and most < plain < math.inf:
             raise ValueError(f"{where}{name}: got {shortened(plain)}, expected {expected}")
     return checked
+
+
+def require_numbers(
+    own: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = (), shares: Sequence[str] = ()
+) -> None:
+    """Check finite numbers among the fields of a policy's `Parameters`.
+
+    Args:
+        own: the parameters.
+        positive: names of those above 0.
+        not_negative: names of those from 0 on.
+        shares: names of those that are shares of the robot's top speed.
+
+    Raises:
+        ValueError: another number.
+    """
+    for name in positive:
+        value = getattr(own, name)
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} must be positive, got {value!r}")
+    for name in not_negative:
+        value = getattr(own, name)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{name} must not be negative, got {value!r}")
+    for name in shares:
+        if getattr(own, name) > 1.0:
+            raise ValueError(f"{name} is a share of the top speed, at most 1, got {getattr(own, name)!r}")
 
 
 STRICT = ConfigDict(strict=True, arbitrary_types_allowed=True)

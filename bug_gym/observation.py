@@ -1,6 +1,6 @@
-"""What a robot observes: the table of fields, their spaces, and the named view for policies.
+"""The fields of a scenario's observation, and their spaces.
 
-The core writes one flat float32 vector a robot (kernels.sensing.observe); a Dict observation is that vector cut by this table.
+The core writes one flat float32 vector a robot (kernels.observation); a Dict observation is that vector cut by these fields.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -17,8 +16,9 @@ from bug_gym import kernels
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, ScenarioError
 from bug_gym.geometry import F32
+from bug_gym.world import World
 
-SENSED = tuple(kernels.observation_places(beams=1, regions=0, robots=1))
+SENSED = tuple(kernels.OBSERVATION)
 """Names of the fields that the core fills, whether a scenario has them or not; others are a scenario's own."""
 
 
@@ -41,54 +41,23 @@ class Field:
         return self.begin + math.prod(self.shape)
 
 
-def world_span(scenario: Scenario) -> float:
-    """Length of the diagonal of the bounds [m]: no distance in the world is longer."""
-    xmin, ymin, xmax, ymax = scenario.world.box
-    return math.hypot(xmax - xmin, ymax - ymin)
-
-
 def fields(scenario: Scenario) -> tuple[Field, ...]:
     """The fields of a robot's observation in a scenario, in the order of the flat vector.
 
-    | field | shape | meaning |
-    |---|---|---|
-    | ranges | (B,) | range per beam [m], counter-clockwise from the heading (or over the field of view) |
-    | goal | (2,) | the goal in the robot's frame [m] |
-    | pose | (3,) | odometry x, y [m], heading [rad] in the frame of the start |
-    | velocity | (2,) | forward speed [m/s] and turn rate [rad/s], or velocity ahead and to the left [m/s] |
-    | terrain | (32, 16) | only with regions: cost factor at 32 bearings, heading first, every 0.25 m up to 4 m |
-    | peers | (R - 1, 4) | only with several robots: position [m] and velocity [m/s] in the robot's frame |
-
-    Then come the scenario's own `observation_fields`.
+    First those of kernels.OBSERVATION that have elements there, then the scenario's own `observation_fields`.
 
     Raises:
         ScenarioError: one of them has a name that the observation has already.
     """
-    robot, lidar, span = scenario.robot, scenario.lidar, world_span(scenario)
-    if robot.kinematics == "holonomic":
-        slow, fast = [-robot.max_speed] * 2, [robot.max_speed] * 2
-    else:
-        slow, fast = [-robot.max_reverse, -robot.max_turn_rate], [robot.max_speed, robot.max_turn_rate]
-    table: list[tuple[str, tuple[int, ...], Any, Any]] = [
-        ("ranges", (lidar.beams,), lidar.min_range, lidar.range),
-        ("goal", (2,), -span, span),
-        ("pose", (3,), [-2.0 * span, -2.0 * span, -np.pi], [2.0 * span, 2.0 * span, np.pi]),
-        ("velocity", (2,), slow, fast),
-    ]
-    regions = scenario.world.regions
-    if regions:
-        samples = (kernels.TERRAIN_HEADINGS, kernels.TERRAIN_RINGS)
-        table.append(("terrain", samples, 1.0, max(region.factor for region in regions)))
-    peers = scenario.robots.count - 1
-    if peers > 0:
-        top = max(robot.max_speed, robot.max_reverse)
-        table.append(("peers", (peers, 4), [-span, -span, -top, -top], [span, span, top, top]))
-    places = kernels.observation_places(lidar.beams, len(regions), scenario.robots.count)
+    record = World.record_of(scenario).view(np.recarray)[0]
     result = []
-    for name, shape, low, high in table:
-        low32 = np.broadcast_to(np.asarray(low, dtype=np.float32), shape).copy()
-        high32 = np.broadcast_to(np.asarray(high, dtype=np.float32), shape).copy()
-        result.append(Field(name, shape, low32, high32, places[name][0]))
+    for name, (begin, shape) in kernels.observation_places(record).items():
+        if math.prod(shape):
+            low, high = (
+                np.broadcast_to(np.asarray(bound, dtype=np.float32), shape).copy()
+                for bound in kernels.OBSERVATION[name].bounds(record)
+            )
+            result.append(Field(name, shape, low, high, begin))
     for name, own in scenario.observation_fields.items():
         if name in SENSED:
             raise ScenarioError(

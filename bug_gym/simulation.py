@@ -24,7 +24,7 @@ from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
 from bug_gym.log import warn_once
 from bug_gym.own_parts import OwnParts
-from bug_gym.world import Capacity, Snapshot, World
+from bug_gym.world import Capacity, Snapshot, World, world_span
 from bug_gym.worlds.field import FieldWorld
 from bug_gym.worlds.layout import Layout
 
@@ -133,7 +133,7 @@ class Simulation:
             width=observation.width(self.fields),
             weights=task.weights(self.scenario.reward),
             clearance_scale=task.CLEARANCE_SCALE,
-            span=observation.world_span(self.scenario),
+            span=world_span(self.scenario),
             own_terms=len(self.scenario.reward_terms),
             capacity=capacity,
         )

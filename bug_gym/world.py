@@ -105,8 +105,6 @@ class World:
         self._own_terms = own_terms
         self.count = count
         self.robots = scenario.robots.count
-        has_own = scenario.world.has_own_goals or any(place.goal for place in scenario.robots.places)
-        self.goals = self.robots if has_own else 1
         self.footprint = np.array(scenario.robot.footprint, dtype=np.float64)
         self.regions = region_table(scenario.world.regions)
         angles = beam_angles(scenario)
@@ -114,27 +112,33 @@ class World:
         self.beams = np.stack(kernels.beam_table(len(angles), float(angles[0]), float(step)))
         self._numbers = drawn_numbers(scenario)
         self.drawn = np.tile(np.array(list(self._numbers.values()), dtype=np.float64), (count, 1))
-        self.common = np.zeros(1, dtype=kernels.SPEC)
-        self._set_constants(weights, clearance_scale, span, width)
+        self.common = self.record_of(scenario)
+        constants = {"width": width, "clearance_scale": clearance_scale, "span": span}
+        constants |= {f"weight_{name}": value for name, value in weights.items()}
+        for name, value in constants.items():
+            self.common[name] = value
+        self.goals = int(self.common["goals"][0])
         self._allocate(capacity or Capacity())
         self.observation: NDArray[np.float32] = np.zeros((count, self.robots, width), dtype=np.float32)
 
-    def _set_constants(self, weights: dict[str, float], clearance_scale: float, span: float, width: int) -> None:
-        robot, lidar, odometry = self.scenario.robot, self.scenario.lidar, self.scenario.odometry
-        angles = beam_angles(self.scenario)
+    @staticmethod
+    def record_of(scenario: Scenario) -> NDArray[Any]:
+        """What a scenario says of all its rows, one record of SPEC (1,); its reward and room for bodies are not in it."""
+        robot, lidar, odometry = scenario.robot, scenario.lidar, scenario.odometry
+        angles = beam_angles(scenario)
+        has_own = scenario.world.has_own_goals or any(place.goal for place in scenario.robots.places)
         constants: dict[str, Any] = {
-            "robots": self.robots,
-            "goals": self.goals,
+            "robots": scenario.robots.count,
+            "goals": scenario.robots.count if has_own else 1,
             "beams": lidar.beams,
-            "footprint": len(self.footprint),
-            "width": width,
+            "footprint": len(robot.footprint),
             "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
-            "limit_steps": self.scenario.time.steps,
-            "first_ends": int(self.scenario.mission == "first"),
-            "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
-            "regions": len(self.scenario.world.regions),
-            "latency": self.scenario.latency_steps,
-            "step": self.scenario.time.step,
+            "limit_steps": scenario.time.steps,
+            "first_ends": int(scenario.mission == "first"),
+            "goal_by_odometry": int(scenario.goal.sensing == "odometry"),
+            "regions": len(scenario.world.regions),
+            "latency": scenario.latency_steps,
+            "step": scenario.time.step,
             "max_speed": robot.max_speed,
             "max_reverse": robot.max_reverse,
             "max_turn_rate": robot.max_turn_rate,
@@ -143,7 +147,7 @@ class World:
             "full_reverse": robot.max_reverse,
             "full_turn_rate": robot.max_turn_rate,
             "body_reach": robot.reach,
-            "goal_radius": self.scenario.goal.radius,
+            "goal_radius": scenario.goal.radius,
             "reach": lidar.range,
             "no_return": lidar.range,
             "min_range": lidar.min_range,
@@ -155,15 +159,16 @@ class World:
             "rotation_noise": odometry.rotation_noise,
             "translation_bias": odometry.translation_bias,
             "rotation_bias": odometry.rotation_bias,
-            "clearance_scale": clearance_scale,
-            "span": span,
+            "span": world_span(scenario),
             "margin": MARGIN,
+            "largest_factor": max((region.factor for region in scenario.world.regions), default=1.0),
         }
-        constants.update({f"weight_{name}": value for name, value in weights.items()})
-        fields = kernels.observation_places(lidar.beams, len(self.scenario.world.regions), self.robots)
-        constants.update({f"see_{name}": begin for name, (begin, _) in fields.items()})
+        record = np.zeros(1, dtype=kernels.SPEC)
         for name, value in constants.items():
-            self.common[name] = value
+            record[name] = value
+        for name, place in kernels.observation_places(record.view(np.recarray)[0]).items():
+            record[f"see_{name}"] = place.begin
+        return record
 
     def _allocate(self, capacity: Capacity) -> None:
         """Lay out the buffers for a capacity, empty.
@@ -703,6 +708,12 @@ def region_table(regions: Sequence[WeightedRegion]) -> F64:
         radius = np.hypot(*(rings[0] - centre).T).max() * (1.0 + SAME_POINT)
         parts.append(np.concatenate([[region.factor, *centre, radius, len(edges)], edges.ravel()]))
     return np.concatenate(parts)
+
+
+def world_span(scenario: Scenario) -> float:
+    """Length of the diagonal of the bounds [m]: no distance in the world is longer."""
+    xmin, ymin, xmax, ymax = scenario.world.box
+    return math.hypot(xmax - xmin, ymax - ymin)
 
 
 def beam_angles(scenario: Scenario) -> F64:

@@ -75,10 +75,10 @@ def test_processes_that_compile_at_once_do_not_write_one_anothers_code(tmp_path:
     assert told.stdout.split() == ["3.0", "42"]
 
 
-PARTS = """
-from bug_gym.compiling import called, inlined, kernel
+POWERS = """
+from bug_gym.compiling import apart, called, inlined, kernel
 
-@called
+@{kind}
 def power(x, n):
     y = x * 0 + 1
     for _ in range(n):
@@ -90,9 +90,10 @@ def cube(x):
     return power(x, 3)
 
 @kernel
-def sum_of_powers(x):
-    return power(x, 0) + power(x, 1) + power(x, 2) + cube(x)
+def sum_of_powers({parameters}):
+    return {sum}
 """
+PARTS = POWERS.format(kind="called", parameters="x", sum="power(x, 0) + power(x, 1) + power(x, 2) + cube(x)")
 USE = """
 import parts
 print(parts.sum_of_powers(2), parts.sum_of_powers(0.5))
@@ -110,24 +111,7 @@ def test_a_kernel_holds_what_it_calls_which_is_compiled_once_for_all_constants(t
     assert first[1] == "2 2 2" or IS_PLAIN, "plain numba compiles a callee for each constant"
 
 
-APART = """
-from bug_gym.compiling import apart, inlined, kernel
-
-@apart
-def power(x, n):
-    y = x * 0 + 1
-    for _ in range(n):
-        y *= x
-    return y
-
-@inlined
-def cube(x):
-    return power(x, 3)
-
-@kernel
-def sum_of_powers(x, last):
-    return power(x, 1) + cube(x) + power(last, 2)
-"""
+APART = POWERS.format(kind="apart", parameters="x, last", sum="power(x, 1) + cube(x) + power(last, 2)")
 USE_APART = """
 from numba.core.types.functions import BaseFunction
 from numba.np import arrayobj

@@ -39,6 +39,37 @@ def bridge_dropouts(ranges: Floats, reach: float, jump: float, most: int, wraps:
             filled[(i + k) % n] = ranges[i] + (after - ranges[i]) * k / count
 
 
+@inlined
+def least_gap_across(
+    px: Floats,
+    py: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    length: float,
+    width: float,
+    left: Integers,
+    right: Integers,
+) -> float:
+    """The least distance, below `width`, of a point to the left and one to the right whose chord crosses the leg [m]."""
+    gap = width
+    for a in range(left.size):
+        i = left[a]
+        along = (px[i] - x) * cos + (py[i] - y) * sin
+        beside = (py[i] - y) * cos - (px[i] - x) * sin
+        for b in range(right.size):
+            j = right[b]
+            dx, dy = px[j] - px[i], py[j] - py[i]
+            if dx * dx + dy * dy >= gap * gap:
+                continue
+            share = beside / (dx * sin - dy * cos)
+            crossing = along + share * (dx * cos + dy * sin)
+            if 0.0 <= crossing <= length:
+                gap = math.sqrt(dx * dx + dy * dy)
+    return gap
+
+
 @kernel
 def sweep_leg(
     px: Floats,
@@ -88,20 +119,7 @@ def sweep_leg(
         elif beside < 0.0:
             right[rights] = i
             rights += 1
-    gap = width
-    for a in range(lefts):
-        i = left[a]
-        along = (px[i] - x) * cos + (py[i] - y) * sin
-        beside = (py[i] - y) * cos - (px[i] - x) * sin
-        for b in range(rights):
-            j = right[b]
-            dx, dy = px[j] - px[i], py[j] - py[i]
-            if dx * dx + dy * dy >= gap * gap:
-                continue
-            share = beside / (dx * sin - dy * cos)
-            crossing = along + share * (dx * cos + dy * sin)
-            if 0.0 <= crossing <= length:
-                gap = math.sqrt(dx * dx + dy * dy)
+    gap = least_gap_across(px, py, x, y, cos, sin, length, width, left[:lefts], right[:rights])
     return free, gap if gap < width else math.inf, touched
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
-from bug_gym.agents.parameters import Length, Weight
+from bug_gym.agents.parameters import Length, Weight, require_numbers
 
 Part = Literal[
     "",
@@ -61,14 +60,9 @@ class HDBugParameters:
     """A part that is taken away, to see what it is worth; "": none."""
 
     def __post_init__(self) -> None:
-        for name in ("r_base", "v_max", "v_base", "v_min", "horizon", "margin", "patience"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be positive, got {value!r}")
-        for name in ("alpha", "beta", "hysteresis"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} must not be negative, got {value!r}")
-        for name in ("v_max", "v_base", "v_min"):
-            if getattr(self, name) > 1.0:
-                raise ValueError(f"{name} is a share of the top speed, at most 1, got {getattr(self, name)!r}")
+        require_numbers(
+            self,
+            positive=("r_base", "v_max", "v_base", "v_min", "horizon", "margin", "patience"),
+            not_negative=("alpha", "beta", "hysteresis"),
+            shares=("v_max", "v_base", "v_min"),
+        )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from bug_gym.agents.parameters import AtMost, Length, Weight
+from bug_gym.agents.parameters import AtMost, Length, Weight, require_numbers
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
@@ -49,17 +48,12 @@ class HDBugMapParameters:
     """Whether anything is remembered; else the way is planned in the present scan alone."""
 
     def __post_init__(self) -> None:
-        for name in ("r_base", "alpha", "v_max", "v_turning", "horizon", "margin"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be positive, got {value!r}")
-        for name in ("beta", "spread"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} must not be negative, got {value!r}")
-        for name in ("v_max", "v_turning"):
-            if getattr(self, name) > 1.0:
-                raise ValueError(f"{name} is a share of the top speed, at most 1, got {getattr(self, name)!r}")
+        require_numbers(
+            self,
+            positive=("r_base", "alpha", "v_max", "v_turning", "horizon", "margin"),
+            not_negative=("beta", "spread"),
+            shares=("v_max", "v_turning"),
+        )
         if self.patience < 1:
             raise ValueError(f"patience must be at least 1, got {self.patience!r}")
 

@@ -15,6 +15,7 @@ from bug_gym.agents.hd_bug_map.light_area import LightArea
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, Measures
 from bug_gym.agents.mapping.lazy_theta import Search
+from bug_gym.agents.mapping.movers import beams_on_still, forget_movers
 from bug_gym.agents.mapping.point_map import PointMap
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
 from bug_gym.view import Sensors, View
@@ -132,21 +133,3 @@ class Perception:
         side = 0.5 * self.measures.cell * max(rows, columns)
         center = grid.cells.x + 0.5 * self.measures.cell * columns, grid.cells.y + 0.5 * self.measures.cell * rows
         return PointMap(center, side, cell, clearance + 0.5 * cell, self.search)
-
-
-def beams_on_still(tracks: Tracks) -> NDArray[np.bool_]:
-    """Which beams (B,) did not hit something that moves."""
-    owner = tracks.beam_track
-    if not tracks.moving.any():
-        return np.ones(len(owner), dtype=np.bool_)
-    is_still: NDArray[np.bool_] = ~((owner >= 0) & tracks.moving[np.maximum(owner, 0)])
-    return is_still
-
-
-def forget_movers(grid: PointMap, tracks: Tracks) -> None:
-    """Forget what was remembered of movers before they were known to move."""
-    for index in np.flatnonzero(tracks.moving):
-        radius = float(tracks.radius[index]) + 0.1
-        places = [tracks.position[index], *(tracks.history[index] if tracks.age[index] < 2.0 else ())]
-        for x, y in places:
-            grid.forget(float(x), float(y), radius)

@@ -33,7 +33,7 @@ import numpy as np
 
 from bug_gym.agents.local.navigator import own_velocity
 from bug_gym.agents.local.windows import Window, weigh_window
-from bug_gym.agents.parameters import Length, Weight
+from bug_gym.agents.parameters import Length, Weight, require_numbers
 from bug_gym.geometry import F64, velocity_along
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
@@ -75,9 +75,7 @@ class DWAParameters:
     """Free ways beyond this are all the same [m]."""
 
     def __post_init__(self) -> None:
-        for name in ("heading_weight", "distance_weight", "speed_weight"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")
+        require_numbers(self, not_negative=("heading_weight", "distance_weight", "speed_weight"))
         if not 0.0 < self.look < math.inf:
             raise ValueError(f"look must be above 0 m, got {self.look!r}")
 

@@ -21,10 +21,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from bug_gym.agents.hd_bug_map.perceive import beams_on_still, forget_movers
 from bug_gym.agents.local.known_world import KnownWorld, RollOut, Worth
 from bug_gym.agents.local.navigator import in_robot_frame
 from bug_gym.agents.mapping.lazy_theta import Search
+from bug_gym.agents.mapping.movers import beams_on_still, forget_movers
 from bug_gym.agents.mapping.point_map import PointMap
 from bug_gym.agents.parameters import AtMost, Length, Weight
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.local.velocities import HEADINGS, ORCA, PLAIN, RECIPROCAL, Around, Robot, Wish, choose_velocity
-from bug_gym.agents.parameters import AtMost, Length
+from bug_gym.agents.parameters import AtMost, Length, require_numbers
 from bug_gym.geometry import F64
 from bug_gym.policy import Velocity, braking_radius
 from bug_gym.view import Sensors, View
@@ -57,9 +57,7 @@ class NavigatorParameters:
             raise ValueError(f"avoidance must be one of {list(RULES)}, got {self.avoidance!r}")
         if not 0.0 < self.horizon < math.inf:
             raise ValueError(f"horizon must be above 0 s, got {self.horizon!r}")
-        for name in ("still_horizon", "mover_margin", "contact_weight", "steadiness"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")
+        require_numbers(self, not_negative=("still_horizon", "mover_margin", "contact_weight", "steadiness"))
 
 
 class Navigator:

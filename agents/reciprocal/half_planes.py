@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.compiling import called, kernel
+from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.avoidance import Disc, add_half_plane, add_reciprocal, least_violation, nearest_velocity
 from bug_gym.kernels.layout import Flags, Floats
 from bug_gym.kernels.randomness import hash64, uniform
@@ -42,6 +42,44 @@ def approach_limit(gap: float, step: float, deceleration: float) -> float:
     # w step + w^2 / (2 a) = gap
     lost = deceleration * step
     return math.sqrt(lost * lost + 2.0 * deceleration * gap) - lost
+
+
+@inlined
+def add_bodies(
+    clean: Floats,
+    cos: Floats,
+    sin: Floats,
+    reach: float,
+    bodies: Floats,
+    robot: Floats,
+    velocity: tuple[float, float],
+    lines: Floats,
+    hard: int,
+    spare: Floats,
+) -> tuple[int, int]:
+    """Half planes of bodies (n, BODY): not to touch in this step behind the `hard` ones in `lines`, ORCA's in `spare`.
+
+    Returns how many there are then in each.
+    """
+    radius, _, margin, speed, horizon, step, deceleration, _ = robot
+    soft = 0
+    for b in range(len(bodies)):
+        x, y = bodies[b, PX], bodies[b, PY]
+        distance = math.hypot(x, y)
+        closing = speed + math.hypot(bodies[b, VX], bodies[b, VY])
+        touching = radius + bodies[b, RADIUS]
+        if distance == 0.0 or distance >= touching + margin + closing * horizon:
+            continue
+        limit = approach_limit(bodies[b, GAP_SHARE] * (distance - touching), step, deceleration)
+        if limit < speed:
+            hard = add_half_plane(lines, hard, -x / distance, -y / distance, -limit)
+        if bodies[b, SHARE] == 0.0 or is_hidden(clean, cos, sin, reach, x, y, bodies[b, RADIUS]):
+            continue
+        # Two that are nearer than they would like keep the room that there is.
+        together = max(min(touching + margin, distance * (1.0 - 1e-9)), touching)
+        other = Disc(x, y, bodies[b, VX], bodies[b, VY], together)
+        soft = add_reciprocal(other, bodies[b, SHARE], velocity[0], velocity[1], horizon, step, spare, soft)
+    return hard, soft
 
 
 @kernel
@@ -82,30 +120,14 @@ def reciprocal_velocity(
     Returns:
         vx, vy in the robot's frame [m/s], and whether bodies change what it would do without them.
     """
-    radius, wall_margin, margin, speed, horizon, step, deceleration, before_walls = robot
-    hard = 0
+    radius, wall_margin, _, speed, _, step, deceleration, before_walls = robot
     near = radius + wall_margin + speed * max(before_walls, step)
+    walls = 0
     for i in range(len(clean)):
         if ranges[i] < near and ranges[i] < reach:
             limit = approach_limit(ranges[i] - radius - wall_margin, max(before_walls, step), deceleration)
-            hard = add_half_plane(lines, hard, -cos[i], -sin[i], -limit)
-    walls, soft = hard, 0
-    for b in range(count):
-        x, y = bodies[b, PX], bodies[b, PY]
-        distance = math.hypot(x, y)
-        closing = speed + math.hypot(bodies[b, VX], bodies[b, VY])
-        touching = radius + bodies[b, RADIUS]
-        if distance == 0.0 or distance >= touching + margin + closing * horizon:
-            continue
-        limit = approach_limit(bodies[b, GAP_SHARE] * (distance - touching), step, deceleration)
-        if limit < speed:
-            hard = add_half_plane(lines, hard, -x / distance, -y / distance, -limit)
-        if bodies[b, SHARE] == 0.0 or is_hidden(clean, cos, sin, reach, x, y, bodies[b, RADIUS]):
-            continue
-        # Two that are nearer than they would like keep the room that there is.
-        together = max(min(touching + margin, distance * (1.0 - 1e-9)), touching)
-        other = Disc(x, y, bodies[b, VX], bodies[b, VY], together)
-        soft = add_reciprocal(other, bodies[b, SHARE], velocity[0], velocity[1], horizon, step, spare, soft)
+            walls = add_half_plane(lines, walls, -cos[i], -sin[i], -limit)
+    hard, soft = add_bodies(clean, cos, sin, reach, bodies[:count], robot, velocity, lines, walls, spare)
     vx, vy, failed = nearest_velocity(lines, walls, speed, wish[0], wish[1])
     alone_x, alone_y = vx, vy
     for j in range(3 * soft):

@@ -11,7 +11,8 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
     neighbours                                         the bodies near the robots, side by side
     contact  avoidance                                 who touches what, when; half planes of velocities
-    sensing  laws                                      the observation and the clearance; bodies that look
+    sensing  laws                                      the scan and the clearance; bodies that look
+    observation  record                                the fields of the observation; the record of a row
     step                                               the sentence: run_rows, steer_rows, restart_robots, read_status
     addresses  one                                     arguments as addresses; the step of one world with one robot
 
@@ -46,7 +47,6 @@ from bug_gym.kernels.layout import (
     RANDOM_WALK,
     REPLAY,
     RUNNING,
-    SPEC,
     STILL,
     STREAM_DRAWS,
     STREAM_POLICY,
@@ -63,15 +63,16 @@ from bug_gym.kernels.layout import (
     Integers,
     Ranges,
     Record,
-    observation_places,
     places,
     rounded_up,
 )
 from bug_gym.kernels.neighbours import COLUMNS, list_room
+from bug_gym.kernels.observation import OBSERVATION, observation_places
 from bug_gym.kernels.one import step_one
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
 from bug_gym.kernels.rays import beam_table, scratch_floats, scratch_integers
+from bug_gym.kernels.record import SPEC
 from bug_gym.kernels.step import (
     BEGIN,
     LOOK,
@@ -112,6 +113,7 @@ __all__ = [
     "INT_ARRAYS",
     "Integers",
     "MAX_VERTICES",
+    "OBSERVATION",
     "RANDOM_WALK",
     "REGION_HEAD",
     "REPLAY",

@@ -15,7 +15,8 @@ from llvmlite import ir
 from numba import from_dtype, types
 
 from bug_gym.compiling import DISPATCHERS, types_of, vectors
-from bug_gym.kernels.layout import SPEC, Integers
+from bug_gym.kernels.layout import Integers
+from bug_gym.kernels.record import SPEC
 from bug_gym.kernels.vectors import cgutils
 
 

@@ -1,4 +1,4 @@
-"""How a row is laid out: the codes in it, its named arrays, and the records that describe it."""
+"""How a row is laid out: the codes in it, its named arrays, and what the records that describe it hold."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STREAM_WORLD, STREAM_RANGES, STREAM_ODOMETRY, STREAM_WALK, STREAM_POLICY = 1, 2,
 STREAM_CROWD, STREAM_SIDESTEP, STREAM_EVADE, STREAM_DRAWS = 6, 7, 8, 9
 
 # The named arrays of a row in the order in which they lie there: an array has so many numbers for each of a count of
-# the world. To add one, add its line; SPEC, World and `places` take it from here.
+# the world. To add one, add its line; `record.SPEC`, World and `places` take it from here.
 FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "time": (1, "row"),  # since the start of the episode [s]
     "fastest": (1, "row"),  # greatest speed of a body [m/s]
@@ -120,17 +120,6 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
 }
 ALIGNED = 16  # rows and their walls begin at a multiple of so many numbers: processors fetch lines of 64 bytes in pairs
 
-# The fields of a robot's observation in the order of the flat vector, likewise. observation.fields has what they mean
-# and their bounds, sensing.observe fills them.
-OBSERVATION: dict[str, tuple[int, str]] = {
-    "ranges": (1, "beams"),
-    "goal": (2, "robot"),
-    "pose": (3, "robot"),
-    "velocity": (2, "robot"),
-    "terrain": (TERRAIN_HEADINGS * TERRAIN_RINGS, "grounds"),
-    "peers": (4, "peers"),
-}
-
 
 def places(table: dict[str, tuple[int, str]], counts: dict[str, int]) -> dict[str, tuple[int, int]]:
     """Where each array of a table begins, and its size, in a row with these counts."""
@@ -145,19 +134,12 @@ def places(table: dict[str, tuple[int, str]], counts: dict[str, int]) -> dict[st
     return result
 
 
-def observation_places(beams: int, regions: int, robots: int) -> dict[str, tuple[int, int]]:
-    """Where each field of the observation begins in the flat vector, and its size; 0 for one that is not there."""
-    return places(OBSERVATION, {"robot": 1, "beams": beams, "grounds": int(regions > 0), "peers": robots - 1})
-
-
 def rounded_up(count: int) -> int:
     """The next multiple of ALIGNED."""
     return -(-count // ALIGNED) * ALIGNED
 
 
-# The record that describes a row: one for all, or one for each where a scenario draws numbers for each episode. Fields
-# named like an array of the row hold the index where that array begins, those named see_ and a field of the observation
-# where that begins.
+# What the record of a row (SPEC) holds beside the places of arrays and of the observation's fields.
 COUNTS = (
     "robots",
     "disc_room",
@@ -198,17 +180,13 @@ FLOAT_CONSTANTS = (
     "clearance_scale",
     "span",
     "margin",
+    "largest_factor",
     "weight_progress",
     "weight_goal",
     "weight_collision",
     "weight_step",
     "weight_clearance",
     "weight_smoothness",
-)
-SPEC = np.dtype(
-    [(name, np.int64) for name in (*FLOAT_ARRAYS, *INT_ARRAYS, *COUNTS, *INT_CONSTANTS)]
-    + [(f"see_{name}", np.int64) for name in OBSERVATION]
-    + [(name, np.float64) for name in FLOAT_CONSTANTS]
 )
 
 # What `place_fields` needs to know of a `field` scenario.

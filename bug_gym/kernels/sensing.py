@@ -1,33 +1,54 @@
-"""What a robot senses: the walls in reach, the observation, the clearance."""
+"""What a robot senses: the walls in reach, the scan, the goal, the others, the clearance."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.body import body_circle, circle_radius
 from bug_gym.kernels.chords import point_wall_distance
-from bug_gym.kernels.geometry import clip, length, sin_cos
-from bug_gym.kernels.ground import sample_ground
+from bug_gym.kernels.geometry import length, sin_cos
 from bug_gym.kernels.layout import (
-    DIFFERENTIAL,
+    HOLONOMIC,
     STREAM_RANGES,
-    TERRAIN_HEADINGS,
-    TERRAIN_RINGS,
     Floats,
     Footprint,
     Integers,
     Ranges,
     Record,
-    Regions,
 )
 from bug_gym.kernels.neighbours import NOWHERE, in_eights, listed_discs
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
 from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs
 from bug_gym.kernels.vectors import NEAR
+
+
+class Look(NamedTuple):
+    """One robot that looks round: who, from where, and what the kernels need for it."""
+
+    robot: int
+    x: float
+    """[m]."""
+    y: float
+    """[m]."""
+    heading: float
+    """[rad]."""
+    cos: float
+    """Of the heading."""
+    sin: float
+    """Of the heading."""
+    beams: Floats
+    """As `rays.Beams`."""
+    columns: Floats
+    """The bodies in the row's lists, as `neighbours.near_bodies` leaves them."""
+    scratch: Floats
+    """Working memory."""
+    scratch_int: Integers
+    """Likewise."""
 
 
 @inlined
@@ -95,25 +116,26 @@ def stand_in(f: Floats, k: Integers, s: Record, footprint: Footprint, columns: F
 
 
 @inlined
-def scan(
-    f: Floats,
-    k: Integers,
-    ranges: Ranges,
-    s: Record,
-    beams: Floats,
-    origin: Origin,
-    discs: Discs,
-    polygons: Discs,
-    scratch: Floats,
-    scratch_int: Integers,
-    r: int,
-) -> None:
-    """Fill robot r's ranges (B,), with their noise."""
-    walls = gather_walls(f, k, s, polygons, origin.x, origin.y, scratch, scratch_int)
-    fan = Beams(beams[0], beams[1], s.first_angle, 1.0 / s.angle_step, np.float64(s.beams) - 1.0)
-    cast_rays(discs, walls, origin, fan, s.reach, scratch, scratch_int, ranges)
+def look_from(
+    f: Floats, s: Record, beams: Floats, columns: Floats, scratch: Floats, scratch_int: Integers, r: int
+) -> Look:
+    """Robot r looks from where it is."""
+    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
+    sin, cos = sin_cos(heading)
+    return Look(r, x, y, heading, cos, sin, beams, columns, scratch, scratch_int)
+
+
+@inlined
+def scan(f: Floats, k: Integers, s: Record, ranges: Ranges, look: Look, footprint: Footprint) -> None:
+    """Fill the ranges (B,), with their noise."""
+    origin = Origin(look.x, look.y, look.cos, look.sin)
+    discs = stand_in(f, k, s, footprint, look.columns, look.robot)
+    polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), look.columns)
+    walls = gather_walls(f, k, s, polygons, look.x, look.y, look.scratch, look.scratch_int)
+    fan = Beams(look.beams[0], look.beams[1], s.first_angle, 1.0 / s.angle_step, np.float64(s.beams) - 1.0)
+    cast_rays(discs, walls, origin, fan, s.reach, look.scratch, look.scratch_int, ranges)
     if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
-        key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + r, STREAM_RANGES)
+        key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + look.robot, STREAM_RANGES)
         add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)
     if s.no_return > s.reach:
         far, none = np.float32(s.reach), np.float32(s.no_return)
@@ -122,11 +144,12 @@ def scan(
 
 
 @inlined
-def goal_in_frame(f: Floats, s: Record, origin: Origin, r: int) -> tuple[float, float]:
-    """The goal in robot r's frame [m], sensed as a beacon or computed from odometry."""
+def goal_in_frame(f: Floats, s: Record, look: Look) -> tuple[float, float]:
+    """The goal in the robot's frame [m], sensed as a beacon or computed from odometry."""
+    r = look.robot
     goal_x, goal_y = f[s.goal_place + 2 * r], f[s.goal_place + 2 * r + 1]
-    goal_sin, goal_cos = origin.sin, origin.cos
-    gx, gy = goal_x - origin.x, goal_y - origin.y
+    goal_sin, goal_cos = look.sin, look.cos
+    gx, gy = goal_x - look.x, goal_y - look.y
     if s.goal_by_odometry:
         wx, wy = goal_x - f[s.origin + 3 * r], goal_y - f[s.origin + 3 * r + 1]
         origin_sin, origin_cos = sin_cos(f[s.origin + 3 * r + 2])
@@ -137,58 +160,15 @@ def goal_in_frame(f: Floats, s: Record, origin: Origin, r: int) -> tuple[float, 
 
 
 @inlined
-def see_peers(f: Floats, peers: Ranges, s: Record, origin: Origin, heading: float, r: int) -> None:
-    """Fill what robot r senses of the others (4 (R - 1),): place and velocity in its frame [m, m/s]."""
-    at = 0
-    for other in range(s.robots):
-        if other != r:
-            dx, dy = f[s.pose + 3 * other] - origin.x, f[s.pose + 3 * other + 1] - origin.y
-            vx, vy = f[s.velocity + 2 * other], f[s.velocity + 2 * other + 1]
-            turn_sin, turn_cos = sin_cos(f[s.pose + 3 * other + 2] - heading)
-            if s.kinematics == DIFFERENTIAL:
-                vy = 0.0
-            peers[at] = clip(origin.cos * dx + origin.sin * dy, -s.span, s.span)
-            peers[at + 1] = clip(origin.cos * dy - origin.sin * dx, -s.span, s.span)
-            peers[at + 2] = turn_cos * vx - turn_sin * vy
-            peers[at + 3] = turn_sin * vx + turn_cos * vy
-            at += 4
-
-
-@inlined
-def observe(
-    f: Floats,
-    k: Integers,
-    observation: Ranges,
-    s: Record,
-    beams: Floats,
-    footprint: Footprint,
-    regions: Regions,
-    columns: Floats,
-    scratch: Floats,
-    scratch_int: Integers,
-    r: int,
-) -> None:
-    """Fill robot r's observation (D,); layout.OBSERVATION says where each field begins."""
-    x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
-    sin, cos = sin_cos(heading)
-    origin = Origin(x, y, cos, sin)
-    discs = stand_in(f, k, s, footprint, columns, r)
-    polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), columns)
-    ranges = observation[s.see_ranges : s.see_ranges + s.beams]
-    scan(f, k, ranges, s, beams, origin, discs, polygons, scratch, scratch_int, r)
-    ahead, left = goal_in_frame(f, s, origin, r)
-    observation[s.see_goal] = clip(ahead, -s.span, s.span)
-    observation[s.see_goal + 1] = clip(left, -s.span, s.span)
-    observation[s.see_pose] = clip(f[s.odometry + 3 * r], -2.0 * s.span, 2.0 * s.span)
-    observation[s.see_pose + 1] = clip(f[s.odometry + 3 * r + 1], -2.0 * s.span, 2.0 * s.span)
-    observation[s.see_pose + 2] = f[s.odometry + 3 * r + 2]
-    observation[s.see_velocity] = f[s.velocity + 2 * r]
-    observation[s.see_velocity + 1] = f[s.velocity + 2 * r + 1]
-    if regions is not None:
-        samples = TERRAIN_HEADINGS * TERRAIN_RINGS
-        sample_ground(s, regions, observation[s.see_terrain : s.see_terrain + samples], x, y, heading)
-    if footprint is not None and s.robots > 1:
-        see_peers(f, observation[s.see_peers :], s, origin, heading, r)
+def peer_in_frame(f: Floats, s: Record, look: Look, other: int) -> tuple[float, float, float, float]:
+    """Place [m] and velocity [m/s] of another robot in the robot's frame."""
+    dx, dy = f[s.pose + 3 * other] - look.x, f[s.pose + 3 * other + 1] - look.y
+    vx, vy = f[s.velocity + 2 * other], f[s.velocity + 2 * other + 1]
+    turn_sin, turn_cos = sin_cos(f[s.pose + 3 * other + 2] - look.heading)
+    if s.kinematics != HOLONOMIC:
+        vy = 0.0
+    ahead, left = look.cos * dx + look.sin * dy, look.cos * dy - look.sin * dx
+    return ahead, left, turn_cos * vx - turn_sin * vy, turn_sin * vx + turn_cos * vy
 
 
 @inlined

@@ -40,8 +40,9 @@ from bug_gym.kernels.motion import (
     set_line,
 )
 from bug_gym.kernels.neighbours import BLOCK, COLUMNS, keep_list, list_from_here, move_list, move_lookers, near_bodies
+from bug_gym.kernels.observation import observe
 from bug_gym.kernels.rays import find_near_discs
-from bug_gym.kernels.sensing import clearance_at, observe
+from bug_gym.kernels.sensing import clearance_at, look_from
 from bug_gym.kernels.vectors import NEAR, prefetch
 
 
@@ -352,7 +353,8 @@ def run_rows(
         if task != STEP:
             near_bodies(f, k, s, columns)
         for r in range(s.robots):
-            observe(f, k, observation[n, r], s, beams, footprint, regions, columns, scratch, scratch_int, r)
+            look = look_from(f, s, beams, columns, scratch, scratch_int, r)
+            observe(f, k, s, observation[n, r], look, footprint, regions)
 
 
 @kernel

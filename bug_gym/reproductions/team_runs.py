@@ -60,17 +60,7 @@ def run_team(
 
     With `ghosts` the robots have one start and no bodies to one another: each is alone in a world of its own.
     """
-    settings = dict(overrides or {})
-    if ghosts:
-        simulation = Simulation(scenario, robots, overrides=settings)
-        alone = source_scenario(simulation)
-        names = [f"robot_{number}" for number in range(robots)]
-        team = make_team(policy, alone, names, **parameters)
-        flat = simulation.reset(seeds=[seed] * robots)[:, 0]
-    else:
-        simulation = Simulation(scenario, 1, overrides=settings)
-        team = make_policy(policy, simulation, **parameters)
-        flat = simulation.reset(seeds=[seed])[0]
+    simulation, team, flat = _begin(policy, scenario, dict(overrides or {}), robots, ghosts, seed, parameters)
     state: Any = None
     shape = (robots, 1, 2) if ghosts else (1, robots, 2)
     poses = simulation.world.pose.reshape(-1, 3)
@@ -106,6 +96,25 @@ def run_team(
         least_gap=least,
         simulation=simulation,
     )
+
+
+def _begin(
+    policy: Any,
+    scenario: Any,
+    settings: dict[str, Any],
+    robots: int,
+    ghosts: bool,
+    seed: int,
+    parameters: dict[str, Any],
+) -> tuple[Simulation, Any, Any]:
+    """Worlds, the team in them, and what its robots see at first (R, D)."""
+    if ghosts:
+        simulation = Simulation(scenario, robots, overrides=settings)
+        names = [f"robot_{number}" for number in range(robots)]
+        team = make_team(policy, source_scenario(simulation), names, **parameters)
+        return simulation, team, simulation.reset(seeds=[seed] * robots)[:, 0]
+    simulation = Simulation(scenario, 1, overrides=settings)
+    return simulation, make_policy(policy, simulation, **parameters), simulation.reset(seeds=[seed])[0]
 
 
 def make_team(name: str, scenario: Any, agents: list[str], **parameters: Any) -> Any:

@@ -39,70 +39,17 @@ def oni_wang_table_1(found: Record) -> Page:
 
 def com1_rev3(found: Record) -> Page:
     """Worked facts, formulas and claims of the paper's team, and the room that it makes."""
-    routes, kinds, room, pays = found["facts"]["routes"], found["formulas"]["kinds"], found["room"], found["pays"]
-    facts = [
-        [route, ("Com1", "Rev3")[one["off"]["winner"]]]
-        + [f"{one['ideal'][key]:.2f} / {one['off'][key]:.2f}" for key in ("named", "total", "both")]
-        + [f"{one['on']['named']:.2f}", f"{one['on']['both']:.2f}"]
-        for route, one in routes.items()
-    ]
-    forms = [
-        [one["kind"], str(one["n"])]
-        + [f"{min(one[name]):+.2f} to {max(one[name]):+.2f}" for name in ("com1_rev3", "bug1_pair")]
-        for one in kinds
-    ]
     worlds = {name: one for name, one in found["claim"].items() if name != "holds"}
-    claims = [
-        [name, str(one["both"]), percent(one["less"] / one["both"]), percent(one["by_half"] / one["both"])]
-        + [f"{sum(one['saved']) / len(one['saved']):.1f}"]
-        for name, one in worlds.items()
-    ]
-    crowds = {robots: one for robots, one in room.items() if robots != "holds"}
-    rooms = [
-        [robots, *(str(one[key]) for key in ("n", "contacts", "standstills", "detours", "off_curve"))]
-        + [f"{one['gap']:.2f}", percent(one["held_share"])]
-        for robots, one in crowds.items()
-    ]
-    paying = [
-        [name, str(one["n"]), *map(str, one["arrived"])]
-        + [f"{sum(one[key]) / len(one[key]):+.1f}" if one[key] else "–" for key in ("time", "way")]
-        for name, one in pays.items()
-        if name != "holds"
-    ]
+    crowds = {robots: one for robots, one in found["room"].items() if robots != "holds"}
     quarter = found["formulas"]["(20)"]
     halves = [one["by_half"] == one["both"] for one in worlds.values()]
     return Page(
         [
-            table(
-                "The map of Fig. 1, both left, without bodies: ideal / ours [m]",
-                ["route", "winner", "s*", "winner's total", "sum", "HOLD: s*", "HOLD: sum"],
-                facts,
-            ),
-            table("One obstacle: run minus formula [m]", ["obstacle", "sizes", "com1_rev3", "bug1_pair"], forms),
-            table(
-                "Both ways together, com1_rev3 against bug1_pair",
-                ["worlds", "n", "less [%]", "less by half the obstacle [%]", "saved [m]"],
-                claims,
-            ),
-            table(
-                "Random worlds of one to five rectangles",
-                [
-                    "robots",
-                    "worlds",
-                    "contacts",
-                    "standstills",
-                    "detours",
-                    "off Com1's solo way",
-                    "least gap [m]",
-                    "held [%]",
-                ],
-                rooms,
-            ),
-            table(
-                "First arrival of the team beside its better member alone",
-                ["world", "n", "team arrives", "member arrives", "time [s]", "way of all [m]"],
-                paying,
-            ),
+            com1_rev3_facts(found["facts"]["routes"]),
+            com1_rev3_formulas(found["formulas"]["kinds"]),
+            com1_rev3_claims(worlds),
+            com1_rev3_room(crowds),
+            com1_rev3_pays({name: one for name, one in found["pays"].items() if name != "holds"}),
         ],
         f"Of worlds and sizes this record has the first {crowds['2']['n']} (`--seeds`); the whole has 500 and 50.\n\n"
         "s*: way of the winner when it is known to win, on the contour with rounded corners. A run is measured against the "
@@ -114,11 +61,76 @@ def com1_rev3(found: Record) -> Page:
         [
             ("winner, s*, total, sum and place of the stop are within 1.5 % or three steps", found["facts"]["holds"]),
             ("totals on one obstacle are those of the formulas", found["formulas"]["holds"]),
-            ("no contact, no standstill, and Com1's curve that of its solo way", room["holds"]),
+            ("no contact, no standstill, and Com1's curve that of its solo way", found["room"]["holds"]),
             ("exactly one arrives, and was the nearer one at the stop (Fig. 6)", found["fig_6"]["holds"]),
             ("Rev3 drives about as far as Rev2 wherever that arrives (Table 2)", found["table_2"]["holds"]),
         ],
     )
+
+
+def com1_rev3_facts(routes: Record) -> str:
+    """The routes over the map of Fig. 1."""
+    rows = [
+        [route, ("Com1", "Rev3")[one["off"]["winner"]]]
+        + [f"{one['ideal'][key]:.2f} / {one['off'][key]:.2f}" for key in ("named", "total", "both")]
+        + [f"{one['on']['named']:.2f}", f"{one['on']['both']:.2f}"]
+        for route, one in routes.items()
+    ]
+    header = ["route", "winner", "s*", "winner's total", "sum", "HOLD: s*", "HOLD: sum"]
+    return table("The map of Fig. 1, both left, without bodies: ideal / ours [m]", header, rows)
+
+
+def com1_rev3_formulas(kinds: Sequence[Record]) -> str:
+    """Runs beside the formulas for one obstacle."""
+    rows = [
+        [one["kind"], str(one["n"])]
+        + [f"{min(one[name]):+.2f} to {max(one[name]):+.2f}" for name in ("com1_rev3", "bug1_pair")]
+        for one in kinds
+    ]
+    header = ["obstacle", "sizes", "com1_rev3", "bug1_pair"]
+    return table("One obstacle: run minus formula [m]", header, rows)
+
+
+def com1_rev3_claims(worlds: Record) -> str:
+    """What the team saves over the pair that goes both ways."""
+    rows = [
+        [name, str(one["both"]), percent(one["less"] / one["both"]), percent(one["by_half"] / one["both"])]
+        + [f"{sum(one['saved']) / len(one['saved']):.1f}"]
+        for name, one in worlds.items()
+    ]
+    header = ["worlds", "n", "less [%]", "less by half the obstacle [%]", "saved [m]"]
+    return table("Both ways together, com1_rev3 against bug1_pair", header, rows)
+
+
+def com1_rev3_room(crowds: Record) -> str:
+    """How robots of a team keep clear of one another."""
+    rows = [
+        [robots, *(str(one[key]) for key in ("n", "contacts", "standstills", "detours", "off_curve"))]
+        + [f"{one['gap']:.2f}", percent(one["held_share"])]
+        for robots, one in crowds.items()
+    ]
+    header = [
+        "robots",
+        "worlds",
+        "contacts",
+        "standstills",
+        "detours",
+        "off Com1's solo way",
+        "least gap [m]",
+        "held [%]",
+    ]
+    return table("Random worlds of one to five rectangles", header, rows)
+
+
+def com1_rev3_pays(pays: Record) -> str:
+    """Whether two are sooner there than the better one alone."""
+    rows = [
+        [name, str(one["n"]), *map(str, one["arrived"])]
+        + [f"{sum(one[key]) / len(one[key]):+.1f}" if one[key] else "–" for key in ("time", "way")]
+        for name, one in pays.items()
+    ]
+    header = ["world", "n", "team arrives", "member arrives", "time [s]", "way of all [m]"]
+    return table("First arrival of the team beside its better member alone", header, rows)
 
 
 def bounds(found: Record) -> Page:

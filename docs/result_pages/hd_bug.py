@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from bug_gym.intervals import exact_mcnemar
 from bug_gym.reproductions import avoidable as avoidable_rule
 from bug_gym.reproductions import (
@@ -26,35 +28,11 @@ def tables(found: Record) -> Page:
     others = [name for name in policies if name not in ("hd_bug", "hd_bug_map")]
     tables, longer = [], []
     for lidar in ranges:
-        rows = []
-        for count in counts:
-            ours = results[f"{lidar}, {count}, hd_bug"]
-            for name in policies:
-                one = results[f"{lidar}, {count}, {name}"]
-                both = one["success"] == ours["success"] == 1.0
-                more = one["path_length"] - ours["path_length"] if both else None
-                longer += compared_path(found, f"{lidar}, {count}, {name}", more) if name in others else []
-                told = hd_bug_tables.PRINTED.get(int(count), {}).get(name)
-                printed = [f"{told[0]:.2f}", "yes" if told[3] else "no"] if told else ["-", "-"]
-                rows.append([count, f"`{name}`", *run(one), "" if name == "hd_bug" else number(more), *printed])
-        header = [
-            "obstacles",
-            "policy",
-            *RUN_HEADER,
-            "path minus `hd_bug`'s [m]",
-            "printed path [m]",
-            "printed reached",
-        ]
-        tables.append(table(f"LIDAR of {lidar}", header, rows))
+        one_range, compared = field_table(found, lidar, counts, policies, others)
+        tables.append(one_range)
+        longer += compared
     for lidar in ranges:
-        pairs = [
-            [*key.split(", ")[1:], *gap_cells(one["success"], 100.0, 0), *gap_cells(one["path_length"])]
-            for key, one in found.get("paired", {}).items()
-            if key.startswith(f"{lidar}, ")
-        ]
-        tables += [table(f"`hd_bug` minus the other, LIDAR of {lidar}", ["obstacles", "other", *GAPS], pairs)] * bool(
-            pairs
-        )
+        tables += paired_table(found, lidar)
     ours = {key: one for key, one in results.items() if key.endswith(", hd_bug")}
     ratios = []
     for lidar in ranges:
@@ -82,6 +60,38 @@ def tables(found: Record) -> Page:
             (f"its mean path is no longer than that of any of the {len(others)} others", len(shorter) == len(longer)),
         ],
     )  # fmt: skip
+
+
+def field_table(
+    found: Record, lidar: str, counts: Sequence[str], policies: Sequence[str], others: Sequence[str]
+) -> tuple[str, list[float | None]]:
+    """Everybody's runs with one scanner, and by how much the paths of others are longer than `hd_bug`'s [m]."""
+    rows, longer = [], []
+    for count in counts:
+        ours = found["results"][f"{lidar}, {count}, hd_bug"]
+        for name in policies:
+            one = found["results"][f"{lidar}, {count}, {name}"]
+            both = one["success"] == ours["success"] == 1.0
+            more = one["path_length"] - ours["path_length"] if both else None
+            longer += compared_path(found, f"{lidar}, {count}, {name}", more) if name in others else []
+            told = hd_bug_tables.PRINTED.get(int(count), {}).get(name)
+            printed = [f"{told[0]:.2f}", "yes" if told[3] else "no"] if told else ["-", "-"]
+            rows.append([count, f"`{name}`", *run(one), "" if name == "hd_bug" else number(more), *printed])
+    header = [
+        *("obstacles", "policy", *RUN_HEADER),
+        *("path minus `hd_bug`'s [m]", "printed path [m]", "printed reached"),
+    ]
+    return table(f"LIDAR of {lidar}", header, rows), longer
+
+
+def paired_table(found: Record, lidar: str) -> list[str]:
+    """Differences world by world with one scanner; nothing of a record from before there were any."""
+    pairs = [
+        [*key.split(", ")[1:], *gap_cells(one["success"], 100.0, 0), *gap_cells(one["path_length"])]
+        for key, one in found.get("paired", {}).items()
+        if key.startswith(f"{lidar}, ")
+    ]
+    return [table(f"`hd_bug` minus the other, LIDAR of {lidar}", ["obstacles", "other", *GAPS], pairs)] * bool(pairs)
 
 
 def compared_path(found: Record, key: str, more: float | None) -> list[float | None]:

@@ -11,6 +11,7 @@ from make_worlds import default_of, tag
 
 import bug_gym
 from bug_gym.config import SCENARIO_FOLDER, Scenario, load, scenario_names
+from bug_gym.kernels import OBSERVATION
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.observation import fields
 from bug_gym.schema.task import Reward
@@ -20,15 +21,6 @@ from site_pages.markup import one_line, paragraphs, table, toctree
 
 Captions = Mapping[str, Sequence[tuple[str, str]]]
 """Policy and what its picture shows, by scenario."""
-
-MEANINGS = {
-    "ranges": "range of each beam, counter-clockwise [m]",
-    "goal": "the goal in the robot's frame [m]",
-    "pose": "odometry x, y [m] and heading [rad] in the frame of the start",
-    "velocity": "ahead [m/s] and turn rate [rad/s]; holonomic: ahead and to the left [m/s]",
-    "terrain": "cost of the ground at 32 bearings, every 0.25 m up to 4 m",
-    "peers": "of each other robot place [m] and velocity [m/s] in the robot's frame",
-}
 
 HEAD = """# Environments
 
@@ -135,7 +127,7 @@ def settings(scenario: Scenario) -> str:
 def observation(scenario: Scenario) -> str:
     """The fields of the observation."""
     rows = [
-        [f"`{one.name}`", str(one.shape), spread(one.low), spread(one.high), MEANINGS[one.name]]
+        [f"`{one.name}`", str(one.shape), spread(one.low), spread(one.high), OBSERVATION[one.name].meaning]
         for one in fields(scenario)
     ]
     width = fields(scenario)[-1].end
