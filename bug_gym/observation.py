@@ -68,7 +68,7 @@ def fields(scenario: Scenario) -> tuple[Field, ...]:
     if robot.kinematics == "holonomic":
         slow, fast = [-robot.max_speed] * 2, [robot.max_speed] * 2
     else:
-        slow, fast = [-robot.max_reverse, -robot.max_turn_rate], [robot.max_speed, robot.max_turn_rate]
+        slow, fast = [-robot.max_reverse, -robot.greatest_turn_rate], [robot.max_speed, robot.greatest_turn_rate]
     table: list[tuple[str, tuple[int, ...], Any, Any]] = [
         ("ranges", (lidar.beams,), lidar.min_range, lidar.range),
         ("goal", (2,), -span, span),

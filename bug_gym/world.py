@@ -23,6 +23,13 @@ from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Rep
 from bug_gym.schema.polygons import WeightedRegion
 from bug_gym.worlds.layout import SAME_POINT, Layout, Mover, Rings
 
+KINEMATICS = {
+    "holonomic": kernels.HOLONOMIC,
+    "differential": kernels.DIFFERENTIAL,
+    "ackermann": kernels.ACKERMANN,
+}
+"""Codes of what the scenario says."""
+
 Steered = Crowd | Evade | Replay
 
 
@@ -128,7 +135,7 @@ class World:
             "beams": lidar.beams,
             "footprint": len(self.footprint),
             "width": width,
-            "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
+            "kinematics": KINEMATICS[robot.kinematics],
             "limit_steps": self.scenario.time.steps,
             "first_ends": int(self.scenario.mission == "first"),
             "goal_by_odometry": int(self.scenario.goal.sensing == "odometry"),
@@ -137,11 +144,14 @@ class World:
             "step": self.scenario.time.step,
             "max_speed": robot.max_speed,
             "max_reverse": robot.max_reverse,
-            "max_turn_rate": robot.max_turn_rate,
+            "max_turn_rate": robot.greatest_turn_rate,
+            "max_steering": robot.max_steering,
+            "wheelbase": robot.wheelbase,
             "max_acceleration": math.inf if robot.max_acceleration is None else robot.max_acceleration,
             "full_speed": robot.max_speed,
             "full_reverse": robot.max_reverse,
-            "full_turn_rate": robot.max_turn_rate,
+            "full_turn_rate": robot.greatest_turn_rate,
+            "full_steering": robot.max_steering,
             "body_reach": robot.reach,
             "goal_radius": self.scenario.goal.radius,
             "reach": lidar.range,

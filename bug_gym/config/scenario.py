@@ -109,12 +109,13 @@ class Scenario(Part):
         if self.robot.circles is None or self.robot.kinematics == "holonomic":
             return
         beside = max(math.hypot(x, y) for x, y, _ in self.robot.circles)
-        turn = self.robot.max_turn_rate * self.time.step
+        turn = self.robot.greatest_turn_rate * self.time.step
         if turn * math.sqrt(beside) > WIDEST_SWING:
             most = WIDEST_SWING / math.sqrt(beside)
-            came = f"got {self.robot.max_turn_rate:g}, which turns the body by {turn:g} rad in a step"
+            key = "max_steering" if self.robot.kinematics == "ackermann" else "max_turn_rate"
+            came = f"got {getattr(self.robot, key):g}, which turns the body by {turn:g} rad in a step"
             reason = f"{came}, expected at most {most:g} rad with circles {beside:g} m beside its origin"
-            raise wrong(reason, "robot.max_turn_rate")
+            raise wrong(reason, f"robot.{key}")
 
     def _check_places(self) -> None:
         """Each robot starts clear of what is fixed and of the robots before it, and its goal is free."""

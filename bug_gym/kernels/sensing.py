@@ -12,7 +12,7 @@ from bug_gym.kernels.chords import point_wall_distance
 from bug_gym.kernels.geometry import clip, length, sin_cos
 from bug_gym.kernels.ground import sample_ground
 from bug_gym.kernels.layout import (
-    DIFFERENTIAL,
+    HOLONOMIC,
     STREAM_RANGES,
     TERRAIN_HEADINGS,
     TERRAIN_RINGS,
@@ -145,7 +145,7 @@ def see_peers(f: Floats, peers: Ranges, s: Record, origin: Origin, heading: floa
             dx, dy = f[s.pose + 3 * other] - origin.x, f[s.pose + 3 * other + 1] - origin.y
             vx, vy = f[s.velocity + 2 * other], f[s.velocity + 2 * other + 1]
             turn_sin, turn_cos = sin_cos(f[s.pose + 3 * other + 2] - heading)
-            if s.kinematics == DIFFERENTIAL:
+            if s.kinematics != HOLONOMIC:
                 vy = 0.0
             peers[at] = clip(origin.cos * dx + origin.sin * dy, -s.span, s.span)
             peers[at + 1] = clip(origin.cos * dy - origin.sin * dx, -s.span, s.span)
