@@ -124,6 +124,13 @@ def discrete_velocities(drive: Drive) -> NDArray[np.float64]:
     return np.stack([speed * np.cos(angle), speed * np.sin(angle)], axis=1)
 
 
+def discrete_choices(drive: Drive) -> NDArray[np.float64]:
+    """What a driver compares discrete actions by (128, 2): velocities [m/s], or an ackermann robot's actions."""
+    if drive.kinematics == "ackermann":
+        return discrete_actions(drive).astype(np.float64)
+    return discrete_velocities(drive)
+
+
 STEERED_AHEAD = DISCRETE_HEADINGS // 4
 """Of the headings of discrete actions so many to either side of straight ahead are driven ahead by an ackermann robot, the
 rest backwards."""

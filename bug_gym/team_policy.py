@@ -266,7 +266,7 @@ class TeamPolicy(ABC):
         self.sensors = sensors
         self.agents = tuple(agents)
         self.discrete = discrete
-        self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
+        self._velocities = kinematics.discrete_choices(sensors.drive) if discrete else None
         self.parameters = self.Parameters(**parameters)
 
     @property

@@ -28,7 +28,7 @@ KINEMATICS = {
     "differential": kernels.DIFFERENTIAL,
     "ackermann": kernels.ACKERMANN,
 }
-"""Codes of what the scenario says."""
+"""Code of what the scenario says of it."""
 
 Steered = Crowd | Evade | Replay
 

@@ -28,6 +28,7 @@ from bug_gym.kernels.free_way import free_distance, free_distances
 from bug_gym.kernels.ground import REGION_HEAD
 from bug_gym.kernels.laws import AWAY
 from bug_gym.kernels.layout import (
+    ACKERMANN,
     ALIGNED,
     BORDER,
     BOUNCE,
@@ -35,7 +36,6 @@ from bug_gym.kernels.layout import (
     COLLISION,
     CROWD,
     CROWD_BIT,
-    ACKERMANN,
     DIFFERENTIAL,
     ENDED,
     EVADE,
@@ -68,6 +68,7 @@ from bug_gym.kernels.layout import (
     places,
     rounded_up,
 )
+from bug_gym.kernels.manoeuvre import best_arc
 from bug_gym.kernels.neighbours import COLUMNS, list_room
 from bug_gym.kernels.one import step_one
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
@@ -138,6 +139,7 @@ __all__ = [
     "WAYPOINTS",
     "address_table",
     "beam_table",
+    "best_arc",
     "free_distance",
     "free_distances",
     "free_turn",
