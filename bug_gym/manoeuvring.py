@@ -18,7 +18,7 @@ from bug_gym import kernels
 from bug_gym.inertia import foreseen, needs_care, stoppable_arc
 from bug_gym.kinematics import Drive, differential_action
 from bug_gym.steering import LEAST_SPEED, SPACING, WIDER, Course, Velocity
-from bug_gym.view import View
+from bug_gym.view import Sensors, View
 
 SLOW = 0.4
 """Share of the top speed at which a robot manoeuvres that was only told where to turn."""
@@ -34,7 +34,12 @@ CRAWLS = 0.01
 
 
 def arc_action(
-    view: View, velocity: Velocity, course: Course | None, radius: float, room: float | None
+    view: View,
+    velocity: Velocity,
+    course: Course | None,
+    radius: float,
+    room: float | None,
+    arc: Velocity | None = None,
 ) -> NDArray[np.float32]:
     """The action (2,) of an ackermann robot.
 
@@ -44,8 +49,12 @@ def arc_action(
         course: where that leads on; None: nobody knows.
         radius: of the disc that must not meet anything [m].
         room: what it keeps about the body where it cannot stop at once [m]; None: nothing is cut for that.
+        arc: speed [m/s] and turn rate [rad/s] to drive instead, of a policy that plans arcs itself.
     """
-    wish = chosen_arc(view, velocity, course, radius) if velocity != (0.0, 0.0) else (0.0, 0.0)
+    if arc is not None:
+        wish = _braked(view, arc, radius)
+    else:
+        wish = chosen_arc(view, velocity, course, radius) if velocity != (0.0, 0.0) else (0.0, 0.0)
     if room is not None and needs_care(view.sensors):
         wish = stoppable_arc(view, wish, room)
     return differential_action(view.sensors.drive, *wish)
@@ -63,17 +72,17 @@ def chosen_arc(view: View, velocity: Velocity, course: Course | None, radius: fl
             samples = np.empty((math.ceil(look_ahead(drive) / SPACING), 2))
             disc, least = view.sensors.radius + kept, drive.least_bend
             assert course is not None
-            found, bend = kernels.pursue(
-                x, y, chain, SPACING, samples, speed, math.inf, disc, course.aside, least
-            )
+            found, bend = kernels.pursue(x, y, chain, SPACING, samples, speed, math.inf, disc, course.aside, least)
             if found > 0.0:
                 return found, found / bend
         direction, curvature, free = kernels.best_arc(
             x, y, view.sensors.circles, kept, *target, drive.least_bend, look_ahead(drive), moving(view),
-            sees_behind(view), ARCS, PARTS,
+            sees_behind(view.sensors), ARCS, PARTS,
         )  # fmt: skip
         if direction:
-            driven = direction * min(speed, _limit(drive, free), drive.max_speed if direction > 0 else drive.max_reverse)
+            driven = direction * min(
+                speed, _limit(drive, free), drive.max_speed if direction > 0 else drive.max_reverse
+            )
             return driven, driven * curvature
     return 0.0, 0.0
 
@@ -89,17 +98,30 @@ def moving(view: View) -> int:
     return 0 if abs(speed) < CRAWLS * view.sensors.drive.max_speed else (1 if speed > 0.0 else -1)
 
 
-def sees_behind(view: View) -> bool:
-    """Whether it may go backwards: it can, and its scanner looks all around."""
-    sensors = view.sensors
+def sees_behind(sensors: Sensors) -> bool:
+    """Whether a robot may go backwards: it can, and its scanner looks all around."""
     is_full = len(sensors.angles) * sensors.beam_spacing >= 2.0 * math.pi - 1e-6
     return sensors.drive.max_reverse > 0.0 and is_full
+
+
+def _braked(view: View, arc: Velocity, radius: float) -> Velocity:
+    """An arc, slowed down so that a step ends before what is seen on it."""
+    speed, rate = arc
+    if speed == 0.0:
+        return 0.0, 0.0
+    drive, (x, y) = view.sensors.drive, view.points
+    direction, margin = (1 if speed > 0.0 else -1), radius - view.sensors.radius
+    free = kernels.free_arc(x, y, view.sensors.circles, margin, direction, rate / speed, look_ahead(drive))
+    share = min(1.0, _limit(drive, free) / abs(speed))
+    return share * speed, share * rate
 
 
 def _limit(drive: Drive, free: float) -> float:
     """The greatest speed [m/s] on an arc that is free so far [m]."""
     limit = free / drive.step
-    return min(limit, math.sqrt(2.0 * drive.max_acceleration * free)) if math.isfinite(drive.max_acceleration) else limit
+    return (
+        min(limit, math.sqrt(2.0 * drive.max_acceleration * free)) if math.isfinite(drive.max_acceleration) else limit
+    )
 
 
 def _as_found(

@@ -171,6 +171,7 @@ class ScriptedPolicy(ABC):
         self.sensors = sensors
         self.discrete = discrete
         self._velocities = kinematics.discrete_choices(sensors.drive) if discrete else None
+        self._plans_arcs = sensors.drive.kinematics == "ackermann"
         self._follows_course = not discrete and is_steered(sensors)
         self.parameters = self.Parameters(**parameters)
 
@@ -188,6 +189,13 @@ class ScriptedPolicy(ABC):
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
         """Where the velocity just desired leads on: a differential robot rounds its corners. None: nobody knows."""
+        return None
+
+    def arc(self, view: View, memory: Any) -> Velocity | None:
+        """The speed [m/s] and turn rate [rad/s] that an ackermann robot drives instead of the velocity just desired.
+
+        None, of policies that do not plan arcs: those that manoeuvring.py finds.
+        """
         return None
 
     def draw(self, memory: Any) -> Drawing:
@@ -252,7 +260,8 @@ class ScriptedPolicy(ABC):
         view = View(flat, self.sensors, memory.under_way)
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
         course = self.course(view, memory, velocity) if self._follows_course else None
-        return action_of(self.sensors, view, velocity, self._velocities, self.room, course)
+        arc = self.arc(view, memory) if self._plans_arcs and not memory.verdict else None
+        return action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
 
 
 def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[Any]:
@@ -277,6 +286,7 @@ def action_of(
     discrete: NDArray[np.float64] | None,
     room: float | None,
     course: Course | None = None,
+    arc: Velocity | None = None,
 ) -> NDArray[Any]:
     """The action that drives a robot at a velocity of its frame [m/s], as it can.
 
@@ -287,6 +297,7 @@ def action_of(
         discrete: what discrete actions are (m, 2), where actions are numbers of them: see `kinematics.discrete_choices`.
         room: what is kept about the body where the robot cannot stop at once [m]; None: nothing is cut for that.
         course: where it leads on; None: nobody knows.
+        arc: speed [m/s] and turn rate [rad/s] that an ackermann robot drives instead; None: what suits the velocity.
     """
     if discrete is not None and sensors.drive.kinematics != "ackermann":
         return nearest_discrete(discrete, velocity)
@@ -294,7 +305,7 @@ def action_of(
         action = kinematics.steering(sensors.drive, velocity)
         return action if discrete is None else nearest_discrete(discrete, action)
     if sensors.drive.kinematics == "ackermann":
-        action = arc_action(view, velocity, course, braking_radius(sensors), room)
+        action = arc_action(view, velocity, course, braking_radius(sensors), room, arc)
         return action if discrete is None else nearest_discrete(discrete, action)
     if course is not None and course.aside > 0.0:
         return steered_action(view, velocity, course, braking_radius(sensors), room)

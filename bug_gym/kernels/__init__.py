@@ -68,7 +68,7 @@ from bug_gym.kernels.layout import (
     places,
     rounded_up,
 )
-from bug_gym.kernels.manoeuvre import best_arc
+from bug_gym.kernels.manoeuvre import best_arc, free_arc
 from bug_gym.kernels.neighbours import COLUMNS, list_room
 from bug_gym.kernels.one import step_one
 from bug_gym.kernels.placing import ATTEMPTS, place_fields
@@ -140,6 +140,7 @@ __all__ = [
     "address_table",
     "beam_table",
     "best_arc",
+    "free_arc",
     "free_distance",
     "free_distances",
     "free_turn",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.compiling import called, inlined, kernel
+from bug_gym.compiling import inlined, kernel
 from bug_gym.kernels.arcs import turn_to_point
 from bug_gym.kernels.free_way import way_to_point
 from bug_gym.kernels.layout import Floats
@@ -26,7 +26,7 @@ CHANGE = 0.5
 """What a change between ahead and back costs, in lengths of that radius."""
 
 
-@called
+@kernel
 def free_arc(
     px: Floats, py: Floats, circles: Floats, margin: float, direction: int, curvature: float, reach: float
 ) -> float:
