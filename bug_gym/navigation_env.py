@@ -102,7 +102,7 @@ class NavigationEnv(gym.Env[Any, Any]):
     | `info` | `"named"` | or `"numeric"` |
     | `reward_terms` | `None` | further terms of the reward, name -> function over named arrays: see `bug_gym.own_parts` |
     | `observation_fields` | `None` | further fields, name -> `bug_gym.ObservationField` or a dict that says the same |
-    | `trust` | `False` | whether functions that the scenario only names may be imported, which runs their modules' code |
+    | `trust` | `False` | whether code that the scenario only names may be imported, which runs their modules' code |
 
     The attribute `simulation` is the core that the env stands on.
 

@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from bug_gym.config.own_worlds import AnyFamily
 from bug_gym.limits import MOST_DELAYED, WIDEST_SWING
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.own import OWN_PARTS, Named, ObservationFields, RewardTerms
@@ -17,7 +18,6 @@ from bug_gym.schema.ranges import Drawn
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
 from bug_gym.schema.values import Part
-from bug_gym.worlds import WorldFamily
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.family import Crew
 
@@ -40,7 +40,7 @@ class Scenario(Part):
     """The clock."""
     goal: GoalSettings = GoalSettings()
     """When the goal is reached."""
-    world: WorldFamily = EmptyWorld(family="empty")
+    world: AnyFamily = EmptyWorld(family="empty")
     """The family of worlds and its parameters."""
     reward: Reward = Reward()
     """Weights of the reward's terms."""
