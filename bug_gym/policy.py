@@ -158,6 +158,8 @@ class ScriptedPolicy(ABC):
 
     privileged: bool = False
     """Whether it reads the world's map (a map planner does, and says so)."""
+    turns_on_the_spot: ClassVar[bool] = False
+    """Whether it needs a robot that can: an ackermann robot is refused then."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 

@@ -1,4 +1,4 @@
-"""`bug-gym new policy NAME`, `bug-gym new world NAME`: something of one's own to begin with: its file, a test, the line that runs it."""
+"""`bug-gym new policy NAME`, `bug-gym new world NAME`: one's own to begin with: its file, a test, the line that runs it."""
 
 from __future__ import annotations
 
