@@ -48,8 +48,8 @@ class NavigationEnv(gym.Env[Any, Any]):
 
     | Num | `differential` | `ackermann` | `holonomic` |
     |---|---|---|---|
-    | 0 | speed, scaled to [-max_reverse, max_speed] [m/s] | likewise | velocity ahead, over max_speed |
-    | 1 | turn rate, scaled to +-max_turn_rate [rad/s] | steering angle, scaled to +-max_steering [rad] | velocity to the left, over max_speed |
+    | 0 | speed, -max_reverse to max_speed [m/s] | likewise | velocity ahead, over max_speed |
+    | 1 | turn rate, to +-max_turn_rate [rad/s] | steering angle, to +-max_steering [rad] | to the left, likewise |
 
     The steering angle is that of the front wheels, above 0 to the left, and no rate: wheels turn at once. The robot drives an
     exact arc about its rear axle, where its origin lies: its heading changes by speed tan(angle) / wheelbase [rad/s], and a
@@ -73,8 +73,9 @@ class NavigationEnv(gym.Env[Any, Any]):
 
     B is the number of beams; span is the diagonal of the bounds. A beam without return reads `range`; over a narrower
     field of view the beams go from -fov/2 to fov/2. The velocity of a holonomic robot is ahead and to the left [m/s],
-    within +-max_speed, that of an ackermann one speed and turn rate. `terrain` has a row for each of 32 bearings, counter-clockwise from the heading, with the cost factor
-    every 0.25 m up to 4 m: ground of factor 2.5 divides the speed of a robot whose centre is on it by 2.5.
+    within +-max_speed, that of an ackermann one speed and turn rate. `terrain` has a row for each of 32 bearings,
+    counter-clockwise from the heading, with the cost factor every 0.25 m up to 4 m: ground of factor 2.5 divides the speed
+    of a robot whose centre is on it by 2.5.
 
     ## Rewards
     The sum of weighted terms: `progress` [m toward the goal], `goal` and `collision` (once), `step` (each step),

@@ -87,7 +87,10 @@ def test_it_drives_as_a_differential_robot_that_turns_by_speed_tan_angle_over_wh
     rate = speed * np.tan(angle) / 0.3
     alike = {"kinematics": "differential", "max_turn_rate": 4.0, "max_reverse": 0.5}
     other = {**scenario(), "robot": alike}
-    mine, theirs = driven(scenario(), zip(first, second, strict=True)), driven(other, zip(first, rate / 4.0, strict=True))
+    mine, theirs = (
+        driven(scenario(), zip(first, second, strict=True)),
+        driven(other, zip(first, rate / 4.0, strict=True)),
+    )
     for ours, reference in zip(mine, theirs, strict=True):
         np.testing.assert_allclose(ours, reference, atol=1e-12)
 
@@ -168,7 +171,9 @@ def test_discrete_actions_steer_ahead_and_back_alike_to_both_sides(drive: Any) -
     assert table.shape == (128, 2) and np.abs(table).max() <= 1.0
     speeds, wheels = 0.75 * table[:, 0] + 0.25, table[:, 1]
     fast = np.arange(3, 128, 4)
-    np.testing.assert_allclose(speeds[fast], np.where(np.abs((np.arange(32) + 16) % 32 - 16) <= 8, 1.0, -0.5), atol=1e-6)
+    np.testing.assert_allclose(
+        speeds[fast], np.where(np.abs((np.arange(32) + 16) % 32 - 16) <= 8, 1.0, -0.5), atol=1e-6
+    )
     assert wheels[3] == 0.0 and wheels[8 * 4] == 1.0 and wheels[24 * 4] == -1.0 and wheels[16 * 4] == 0.0
     mirrored = (-np.arange(32) % 32) * 4
     np.testing.assert_allclose(wheels[mirrored], -wheels[np.arange(32) * 4], atol=1e-7)

@@ -33,6 +33,7 @@ from typing import Any
 
 import numpy as np
 
+from bug_gym import kernels
 from bug_gym.agents.local.navigator import own_velocity
 from bug_gym.agents.local.windows import Window, weigh_window
 from bug_gym.agents.parameters import Length, Weight
@@ -148,13 +149,25 @@ class DWA(ScriptedPolicy):
     def _steered(self, view: View, memory: DWAMemory, speeds: F64, scores: F64, chosen: Velocity) -> Velocity:
         """What an ackermann robot goes toward: along what was chosen (`arc`), or about, in several moves."""
         memory.velocity = chosen
-        is_stuck = self._is_stuck(view, memory, speeds, scores)
+        is_stuck = self._is_stuck(view, memory, speeds, scores) or (
+            memory.side != 0 and not self._gets_on(view, chosen)
+        )
         memory.is_free = not is_stuck and chosen[0] > 0.0
         if is_stuck:
             memory.mode = "turning"
             return velocity_along(memory.side * 0.5 * math.pi, CREEP)
         memory.mode, memory.side = "driving", 0
         return velocity_along(view.goal_bearing, max(chosen[0], CREEP))
+
+    def _gets_on(self, view: View, chosen: Velocity) -> bool:
+        """Whether an arc leads farther than the robot needs to turn in: a turn of several moves is not broken off before."""
+        speed, rate = chosen
+        if speed <= LEAST * self.sensors.drive.max_speed:
+            return False
+        x, y = view.points
+        need = min(2.0 * self.sensors.drive.least_bend, view.goal_distance)
+        margin = self.window.radius - self.sensors.radius
+        return bool(kernels.free_arc(x, y, self.sensors.circles, margin, 1, rate / speed, need) >= need)
 
     def arc(self, view: View, memory: DWAMemory) -> Velocity | None:
         """What was chosen, for an ackermann robot."""

@@ -12,7 +12,7 @@ import importlib.metadata
 import logging
 import re
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 
@@ -116,10 +116,10 @@ def required_family(found: Any, told: str) -> type[Family]:
 def family_class(found: type[Family], reference: str) -> type[Family]:
     """The class of a family from outside as a scenario holds it: its `family` is what the scenario says."""
     said = (str, Field(description="Its name, or where its class is."))
-    model: Any = create_model(found.__name__, __base__=(OwnFamily, found), __module__=found.__module__, family=said)
-    model.reference, model.found = reference, found
-    made: type[Family] = model
-    return made
+    bases = (OwnFamily, found)
+    made = cast(Any, create_model(found.__name__, __base__=bases, __module__=found.__module__, family=said))
+    made.reference, made.found = reference, found
+    return cast("type[Family]", made)
 
 
 def class_of(family: Any) -> type[Family]:
