@@ -22,8 +22,8 @@ from bug_gym.worlds.family import Family
 
 logger = logging.getLogger("bug_gym")
 
-GROUP = "bug_gym.worlds"
-"""Group of entry points by which an installed package offers families: name = "module:Class"."""
+GROUP = __name__.rpartition(".")[0]
+"""Group of entry points by which an installed package offers families, named as this package: name = "module:Class"."""
 
 REGISTERED: dict[str, str] = {}
 """Where the families are that this process has registered, by name."""
