@@ -271,6 +271,7 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
     _require_known(parameters, [key for key in parameter_names(policy_class) if key not in fixed], told)
     scenario = source_scenario(source)
     sensors, agents = Sensors.of(scenario), agents_of(source)
+    _require_turning(policy_class, sensors, told)
     own = checked_parameters(policy_class, parameters, f"{told}: ")
     is_team = issubclass(policy_class, TeamPolicy)
     require_constructor(policy_class, told, ["discrete", *fixed, *own, *(["agents"] if is_team else [])])
@@ -284,6 +285,13 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
         fixed = {**fixed, "maps": Maps.of(source, _told(spec.name))}
     policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
     return EachAlone(policy, agents) if agents else policy
+
+
+def _require_turning(policy_class: type[Any], sensors: Sensors, told: str) -> None:
+    """Refuse a robot that cannot turn on the spot to who needs that."""
+    if sensors.drive.kinematics == "ackermann" and getattr(policy_class, "turns_on_the_spot", False):
+        expected = "expected a holonomic or differential one"
+        raise MisfitError(f"{told} turns on the spot, which an ackermann robot cannot: {expected}")
 
 
 def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Policy:

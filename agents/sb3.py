@@ -77,7 +77,7 @@ def make_vec_env(
         scenario: takes the place of the one that the id binds, as with `gym.make(id, scenario=...)`.
         reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
         observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
-        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
+        trust: whether code that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: an id that is not registered, a scenario that can't be or has several robots, or two scenarios.
@@ -127,7 +127,7 @@ def make_robots_vec_env(
         threads: how many threads share the worlds; more pay from some two thousand worlds on.
         reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
         observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
-        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
+        trust: whether code that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: a scenario that can't be, or without places for so many robots; another form than these.

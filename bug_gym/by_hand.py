@@ -1,6 +1,6 @@
 """Driving by hand: what keyboard, mouse and pad say -> the action of a robot's kinematics.
 
-On the screen y goes up. A holonomic robot is sent where the arrows point; a differential one gets gas and wheel. A mouse
+On the screen y goes up. A holonomic robot is sent where the arrows point; one that turns gets gas and wheel. A mouse
 button that is held sends either kind to where the mouse is.
 """
 
@@ -95,6 +95,8 @@ def hand_action(
         return steering(drive, _turned((drive.max_speed * right, drive.max_speed * up), -pose[2]))
     wheel, gas = levers(hands)
     speed = gas * (drive.max_speed if gas > 0.0 else drive.max_reverse)
+    if drive.kinematics == "ackermann":  # the wheel is turned, whether it drives or not
+        return np.array([differential_action(drive, speed, 0.0)[0], -wheel], dtype=np.float32)
     return differential_action(drive, speed, -wheel * drive.max_turn_rate)
 
 

@@ -22,6 +22,8 @@ CONSTANTS = {
     "odometry.rotation_noise": "rotation_noise",
     "odometry.translation_bias": "translation_bias",
     "odometry.rotation_bias": "rotation_bias",
+    "robot.wheelbase": "wheelbase",
+    "robot.max_steering": "max_steering",
 }
 """Keys of a scenario that may be drawn, and the constant of a row's record that each is. Its place here is the number of
 its draw, so that none depends on what else is drawn: new ones go to the end."""

@@ -107,7 +107,7 @@ def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
     """The speed [m/s] and turn rate [rad/s] nearest to wished ones from which a differential robot can stop in time."""
     drive, ahead = view.sensors.drive, foreseen(view)
     for kept, share in itertools.product(_rooms(drive, room), (*_shares(), 0.0)):
-        asked = share * wish[0], wish[1]
+        asked = share * wish[0], (share if drive.kinematics == "ackermann" else 1.0) * wish[1]
         if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), kept):
             return asked
     away = _straight_away(view)
@@ -169,7 +169,8 @@ def _after(drive: Drive, ahead: Ahead, asked: Velocity) -> Ahead:
     else:
         motion = _arc(drive, ahead.velocity[0], asked)
         limit = drive.max_acceleration * drive.step
-        velocity = min(max(asked[0], ahead.velocity[0] - limit), ahead.velocity[0] + limit), asked[1]
+        speed = min(max(asked[0], ahead.velocity[0] - limit), ahead.velocity[0] + limit)
+        velocity = speed, _rate(drive, speed, asked)
     cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
     x, y = ahead.x + cos * motion.x - sin * motion.y, ahead.y + sin * motion.x + cos * motion.y
     return Ahead(x, y, ahead.turn + motion.turn, velocity)
@@ -205,11 +206,18 @@ def _slide(drive: Drive, velocity: Velocity, asked: Velocity) -> Motion:
 
 
 def _arc(drive: Drive, speed: float, asked: Velocity) -> Motion:
-    """How a differential robot moves that has a speed and asks for another, and for a turn rate (kernels.drive)."""
+    """How a robot that turns moves that has a speed and asks for another, and for a turn rate (kernels.drive)."""
     limit = drive.max_acceleration * drive.step
     speed = min(max(asked[0], speed - limit), speed + limit)
-    turn = asked[1] * drive.step
+    turn = _rate(drive, speed, asked) * drive.step
     half = 0.5 * turn
     chord = speed * drive.step * (math.sin(half) / half if half else 1.0)
     way = math.copysign(kernels.stopping_way(abs(speed), drive.max_acceleration, drive.step), speed)
     return Motion(chord * math.cos(half), chord * math.sin(half), turn, way * math.cos(turn), way * math.sin(turn))
+
+
+def _rate(drive: Drive, speed: float, asked: Velocity) -> float:
+    """The turn rate [rad/s] at a speed [m/s]; an ackermann robot keeps the arc that was asked for."""
+    if drive.kinematics != "ackermann":
+        return asked[1]
+    return asked[1] * speed / asked[0] if asked[0] != 0.0 else 0.0

@@ -23,19 +23,28 @@ class Drive:
     """What a driver knows of the robot's motion."""
 
     kinematics: str
-    """"holonomic" or "differential"."""
+    """"holonomic", "differential" or "ackermann"."""
     max_speed: float
     """Largest forward speed [m/s]."""
     max_reverse: float
-    """Largest backward speed [m/s]; differential only."""
+    """Largest backward speed [m/s]; not of a holonomic robot."""
     max_turn_rate: float
-    """Largest turn rate [rad/s]; differential only."""
+    """Largest turn rate [rad/s]; an ackermann robot's at full speed, a holonomic one does not turn."""
     step: float
     """Time between two actions [s]."""
     max_acceleration: float = math.inf
     """Largest change of speed [m/s^2]."""
     latency: int = 0
     """Steps from an action to the one in which it acts."""
+    wheelbase: float = 0.0
+    """Between the axles [m]; ackermann only."""
+    max_steering: float = 0.0
+    """Greatest steering angle [rad]; ackermann only."""
+
+    @property
+    def least_bend(self) -> float:
+        """Radius of the sharpest arc that it can drive [m]; 0: it turns on the spot, or need not turn."""
+        return self.wheelbase / math.tan(self.max_steering) if self.kinematics == "ackermann" else 0.0
 
 
 def steering(drive: Drive, velocity: tuple[float, float] | NDArray[np.float64]) -> NDArray[np.float32]:
@@ -48,7 +57,8 @@ def steering(drive: Drive, velocity: tuple[float, float] | NDArray[np.float64]) 
     Returns:
         (2,) float32 action in [-1, 1]. A holonomic robot drives the velocity as it is (cut to its top speed). A
         differential robot turns toward it, slows down by the cosine of the heading error and stands while the error
-        is above 30 degrees; it turns no further in one step than it needs to.
+        is above 30 degrees; it turns no further in one step than it needs to. An ackermann robot never stands: it goes
+        on while it turns, at least at half the speed, so that it may come round in an arc.
     """
     vx, vy = float(velocity[0]), float(velocity[1])
     speed = math.hypot(vx, vy)
@@ -59,23 +69,33 @@ def steering(drive: Drive, velocity: tuple[float, float] | NDArray[np.float64]) 
 
 
 def turning(drive: Drive, velocity: tuple[float, float]) -> tuple[float, float]:
-    """Forward speed [m/s] and turn rate [rad/s] of a differential robot that desires a velocity, as `steering` says."""
+    """Forward speed [m/s] and turn rate [rad/s] of a robot that turns and desires a velocity, as `steering` says."""
     speed = math.hypot(*velocity)
     error = math.atan2(velocity[1], velocity[0]) if speed > 0.0 else 0.0
     rate = turn_rate(drive, error)
+    if drive.kinematics == "ackermann":
+        ahead = min(speed, drive.max_speed) * max(math.cos(error), 0.5)
+        fastest = ahead / drive.least_bend
+        return ahead, min(max(rate, -fastest), fastest)
     ahead = min(speed, drive.max_speed) * math.cos(error) if abs(error) <= TURN_IN_PLACE else 0.0
     return ahead, rate
 
 
 def turn_rate(drive: Drive, error: float) -> float:
-    """How fast a differential robot turns at a heading error [rad], in rad/s."""
+    """How fast a robot turns at a heading error [rad], in rad/s."""
     return min(max(min(TURN_GAIN, 1.0 / drive.step) * error, -drive.max_turn_rate), drive.max_turn_rate)
 
 
 def differential_action(drive: Drive, speed: float, turn_rate: float) -> NDArray[np.float32]:
-    """The action (2,) of a forward speed [m/s] and a turn rate [rad/s], cut to the robot's limits."""
+    """The action (2,) of a forward speed [m/s] and a turn rate [rad/s], cut to the limits of any robot that turns.
+
+    An ackermann robot keeps the arc where its speed is cut; one that is to stand holds its wheels straight.
+    """
     span = drive.max_speed + drive.max_reverse
     forward = 2.0 * (min(max(speed, -drive.max_reverse), drive.max_speed) + drive.max_reverse) / span - 1.0
+    if drive.kinematics == "ackermann":
+        angle = math.atan(drive.wheelbase * turn_rate / speed) if speed != 0.0 else 0.0
+        return np.array([forward, min(max(angle / drive.max_steering, -1.0), 1.0)], dtype=np.float32)
     turn = min(max(turn_rate / drive.max_turn_rate, -1.0), 1.0) if drive.max_turn_rate > 0.0 else 0.0
     return np.array([forward, turn], dtype=np.float32)
 
@@ -86,7 +106,10 @@ def asked_velocity(drive: Drive, action: ArrayLike) -> tuple[float, float]:
     if drive.kinematics == "holonomic":
         scale = drive.max_speed / max(math.hypot(first, second), 1.0)
         return scale * first, scale * second
-    return 0.5 * (first + 1.0) * (drive.max_speed + drive.max_reverse) - drive.max_reverse, second * drive.max_turn_rate
+    speed = 0.5 * (first + 1.0) * (drive.max_speed + drive.max_reverse) - drive.max_reverse
+    if drive.kinematics == "ackermann":
+        return speed, speed * math.tan(second * drive.max_steering) / drive.wheelbase
+    return speed, second * drive.max_turn_rate
 
 
 DISCRETE_HEADINGS = 32
@@ -101,6 +124,39 @@ def discrete_velocities(drive: Drive) -> NDArray[np.float64]:
     return np.stack([speed * np.cos(angle), speed * np.sin(angle)], axis=1)
 
 
+def discrete_choices(drive: Drive) -> NDArray[np.float64]:
+    """What a driver compares discrete actions by (128, 2): velocities [m/s], or an ackermann robot's actions."""
+    if drive.kinematics == "ackermann":
+        return discrete_actions(drive).astype(np.float64)
+    return discrete_velocities(drive)
+
+
+STEERED_AHEAD = DISCRETE_HEADINGS // 4
+"""Of the headings of discrete actions so many to either side of straight ahead are driven ahead by an ackermann robot, the
+rest backwards."""
+
+
 def discrete_actions(drive: Drive) -> NDArray[np.float32]:
-    """Continuous actions (128, 2) of the discrete ones, through `steering`."""
+    """Continuous actions (128, 2) of the discrete ones, through `steering`; of an ackermann robot as `steered_table` says."""
+    if drive.kinematics == "ackermann":
+        return steered_table(drive)
     return np.stack([steering(drive, velocity) for velocity in discrete_velocities(drive)])
+
+
+def steered_table(drive: Drive) -> NDArray[np.float32]:
+    """Actions (128, 2) of an ackermann robot's discrete ones: action i goes toward heading i // 4 of 32, as a car does.
+
+    Headings 0 to 8 and 24 to 31 go ahead, the wheels turned in proportion to the heading, at 90 degrees as far as they
+    go; 9 to 23 go back, likewise about straight back, the tail toward the heading. The speed is (i % 4 + 1) / 4 of the
+    greatest ahead or back.
+    """
+    index = np.arange(DISCRETE_HEADINGS * DISCRETE_SPEEDS)
+    heading = index // DISCRETE_SPEEDS
+    share = (index % DISCRETE_SPEEDS + 1) / DISCRETE_SPEEDS
+    aside = np.where(heading > DISCRETE_HEADINGS // 2, heading - DISCRETE_HEADINGS, heading)
+    is_ahead = np.abs(aside) <= STEERED_AHEAD
+    back = np.sign(aside) * (DISCRETE_HEADINGS // 2 - np.abs(aside))
+    wheels = np.where(is_ahead, aside / STEERED_AHEAD, back / (STEERED_AHEAD - 1))
+    speed = share * np.where(is_ahead, drive.max_speed, -drive.max_reverse)
+    forward = 2.0 * (speed + drive.max_reverse) / (drive.max_speed + drive.max_reverse) - 1.0
+    return np.stack([forward, wheels], axis=1).astype(np.float32)

@@ -21,6 +21,8 @@ FASTEST_TURN = 1e3
 """Greatest turn rate [rad/s]: a longest step turns by no more than STEEP."""
 STEEP = 1e6
 """Greatest angle [rad]: the kernels' sine and cosine reduce those up to 1.6e6 exactly."""
+STEEPEST_STEERING = 1.5
+"""Greatest steering angle [rad], 86 degrees: the arc's radius is the wheelbase over its tangent."""
 WIDEST_SWING = 100.0
 """Turn of a body in a step times the root of how far it reaches beside its origin [rad sqrt(m)]: 11,000 chords stand for it."""
 STRONG = 1e6

@@ -46,14 +46,19 @@ class NavigationEnv(gym.Env[Any, Any]):
     ## Action Space
     `Box(-1, 1, (2,), float32)`, cut to these bounds:
 
-    | Num | `differential` | `holonomic` |
-    |---|---|---|
-    | 0 | speed, scaled to [-max_reverse, max_speed] [m/s] | velocity ahead, over max_speed |
-    | 1 | turn rate, scaled to +-max_turn_rate [rad/s] | velocity to the left, over max_speed |
+    | Num | `differential` | `ackermann` | `holonomic` |
+    |---|---|---|---|
+    | 0 | speed, -max_reverse to max_speed [m/s] | likewise | velocity ahead, over max_speed |
+    | 1 | turn rate, to +-max_turn_rate [rad/s] | steering angle, to +-max_steering [rad] | to the left, likewise |
+
+    The steering angle is that of the front wheels, above 0 to the left, and no rate: wheels turn at once. The robot drives an
+    exact arc about its rear axle, where its origin lies: its heading changes by speed tan(angle) / wheelbase [rad/s], and a
+    limited acceleration changes the speed only. It never turns on the spot.
 
     A holonomic robot doesn't turn; its velocity is scaled back to max_speed where it would be faster. With
     `action="discrete"`: `Discrete(128)`, action i steers for one step toward heading i // 4 of 32 at (i % 4 + 1) / 4 of
-    max_speed.
+    max_speed; an ackermann robot goes ahead for the 17 headings ahead, its wheels turned in proportion, and back for the others
+    (`bug_gym.kinematics.steered_table`).
 
     ## Observation Space
     A `Dict` of float32 boxes, or with `observation="flat"` one box with the same fields in this order:
@@ -68,8 +73,9 @@ class NavigationEnv(gym.Env[Any, Any]):
 
     B is the number of beams; span is the diagonal of the bounds. A beam without return reads `range`; over a narrower
     field of view the beams go from -fov/2 to fov/2. The velocity of a holonomic robot is ahead and to the left [m/s],
-    within +-max_speed. `terrain` has a row for each of 32 bearings, counter-clockwise from the heading, with the cost factor
-    every 0.25 m up to 4 m: ground of factor 2.5 divides the speed of a robot whose centre is on it by 2.5.
+    within +-max_speed, that of an ackermann one speed and turn rate. `terrain` has a row for each of 32 bearings,
+    counter-clockwise from the heading, with the cost factor every 0.25 m up to 4 m: ground of factor 2.5 divides the speed
+    of a robot whose centre is on it by 2.5.
 
     ## Rewards
     The sum of weighted terms: `progress` [m toward the goal], `goal` and `collision` (once), `step` (each step),
@@ -102,7 +108,7 @@ class NavigationEnv(gym.Env[Any, Any]):
     | `info` | `"named"` | or `"numeric"` |
     | `reward_terms` | `None` | further terms of the reward, name -> function over named arrays: see `bug_gym.own_parts` |
     | `observation_fields` | `None` | further fields, name -> `bug_gym.ObservationField` or a dict that says the same |
-    | `trust` | `False` | whether functions that the scenario only names may be imported, which runs their modules' code |
+    | `trust` | `False` | whether code that the scenario only names may be imported, which runs their modules' code |
 
     The attribute `simulation` is the core that the env stands on.
 

@@ -22,6 +22,7 @@ from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
 from bug_gym.inertia import as_it_will_lie, needs_care, stoppable_action
+from bug_gym.manoeuvring import arc_action
 from bug_gym.observation import as_flat, width
 from bug_gym.steering import Course, steered_action
 from bug_gym.view import Sensors, View
@@ -157,6 +158,8 @@ class ScriptedPolicy(ABC):
 
     privileged: bool = False
     """Whether it reads the world's map (a map planner does, and says so)."""
+    turns_on_the_spot: ClassVar[bool] = False
+    """Whether it needs a robot that can: an ackermann robot is refused then."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 
@@ -169,7 +172,8 @@ class ScriptedPolicy(ABC):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         self.sensors = sensors
         self.discrete = discrete
-        self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
+        self._velocities = kinematics.discrete_choices(sensors.drive) if discrete else None
+        self._plans_arcs = sensors.drive.kinematics == "ackermann"
         self._follows_course = not discrete and is_steered(sensors)
         self.parameters = self.Parameters(**parameters)
 
@@ -187,6 +191,13 @@ class ScriptedPolicy(ABC):
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
         """Where the velocity just desired leads on: a differential robot rounds its corners. None: nobody knows."""
+        return None
+
+    def arc(self, view: View, memory: Any) -> Velocity | None:
+        """The speed [m/s] and turn rate [rad/s] that an ackermann robot drives instead of the velocity just desired.
+
+        None, of policies that do not plan arcs: those that manoeuvring.py finds.
+        """
         return None
 
     def draw(self, memory: Any) -> Drawing:
@@ -251,7 +262,8 @@ class ScriptedPolicy(ABC):
         view = View(flat, self.sensors, memory.under_way)
         velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
         course = self.course(view, memory, velocity) if self._follows_course else None
-        return action_of(self.sensors, view, velocity, self._velocities, self.room, course)
+        arc = self.arc(view, memory) if self._plans_arcs and not memory.verdict else None
+        return action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
 
 
 def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[Any]:
@@ -276,6 +288,7 @@ def action_of(
     discrete: NDArray[np.float64] | None,
     room: float | None,
     course: Course | None = None,
+    arc: Velocity | None = None,
 ) -> NDArray[Any]:
     """The action that drives a robot at a velocity of its frame [m/s], as it can.
 
@@ -283,14 +296,19 @@ def action_of(
         sensors: of the robot.
         view: what it sees, before which it brakes; None: it is to stand.
         velocity: the desired one.
-        discrete: the velocities (m, 2) of discrete actions, where actions are numbers of them.
+        discrete: what discrete actions are (m, 2), where actions are numbers of them: see `kinematics.discrete_choices`.
         room: what is kept about the body where the robot cannot stop at once [m]; None: nothing is cut for that.
         course: where it leads on; None: nobody knows.
+        arc: speed [m/s] and turn rate [rad/s] that an ackermann robot drives instead; None: what suits the velocity.
     """
-    if discrete is not None:
+    if discrete is not None and sensors.drive.kinematics != "ackermann":
         return nearest_discrete(discrete, velocity)
     if view is None:
-        return kinematics.steering(sensors.drive, velocity)
+        action = kinematics.steering(sensors.drive, velocity)
+        return action if discrete is None else nearest_discrete(discrete, action)
+    if sensors.drive.kinematics == "ackermann":
+        action = arc_action(view, velocity, course, braking_radius(sensors), room, arc)
+        return action if discrete is None else nearest_discrete(discrete, action)
     if course is not None and course.aside > 0.0:
         return steered_action(view, velocity, course, braking_radius(sensors), room)
     if sensors.drive.latency > 0 and room is not None:
@@ -302,9 +320,9 @@ def action_of(
 
 
 def is_steered(sensors: Sensors) -> bool:
-    """Whether a robot is driven on arcs (steering.py): a differential one with a round body and no latency."""
+    """Whether a robot is driven on arcs (steering.py, manoeuvring.py): a round body and no latency."""
     drive = sensors.drive
-    return drive.kinematics == "differential" and len(sensors.footprint) == 1 and drive.latency == 0
+    return drive.kinematics != "holonomic" and len(sensors.footprint) == 1 and drive.latency == 0
 
 
 def braking_radius(sensors: Sensors) -> float:
@@ -356,7 +374,7 @@ def brake(view: View, velocity: Velocity) -> Velocity:
     return velocity[0] * share, velocity[1] * share
 
 
-def nearest_discrete(velocities: NDArray[np.float64], velocity: Velocity) -> NDArray[np.int64]:
-    """Number of the discrete action whose velocity comes nearest to the desired one."""
+def nearest_discrete(velocities: NDArray[np.float64], velocity: Velocity | NDArray[np.float32]) -> NDArray[np.int64]:
+    """Number of the discrete action whose velocity (of an ackermann robot, action) comes nearest to the desired one."""
     gaps = (velocities[:, 0] - velocity[0]) ** 2 + (velocities[:, 1] - velocity[1]) ** 2
     return np.asarray(int(gaps.argmin()), dtype=np.int64)

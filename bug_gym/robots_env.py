@@ -182,7 +182,7 @@ def parallel_env(
         info: "named", or "numeric": codes of outcomes and no dicts, see NavigationEnv.
         reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
         observation_fields: further fields of the observation by name, each an ObservationField or a dict that says the same.
-        trust: whether functions that the scenario only names may be imported, which runs the code of their modules.
+        trust: whether code that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
         ValueError: a scenario that can't be, or without places for so many robots; another form or mode than these.

@@ -27,6 +27,7 @@ from bug_gym.own_parts import OwnParts
 from bug_gym.world import Capacity, Snapshot, World, world_span
 from bug_gym.worlds.field import FieldWorld
 from bug_gym.worlds.layout import Layout
+from bug_gym.worlds.own import required_trust
 
 if TYPE_CHECKING:
     from bug_gym.shortest_path import Path as ShortestPath
@@ -102,7 +103,7 @@ class Simulation:
         threads: how many threads share the rows of a call; results do not depend on it.
 
     Raises:
-        ValueError: a scenario that can't be, or that names functions which nobody trusts (`config.load`), a count or a
+        ValueError: a scenario that can't be, or that names code which nobody trusts (`config.load`), a count or a
             number of threads below 1, or more worlds than memory holds.
     """
 
@@ -120,6 +121,7 @@ class Simulation:
             raise ValueError(f"count and threads must be at least 1, got {count} and {threads}")
         self.scenario = load(scenario, overrides)
         self.count = count = int(count)
+        required_trust(self.scenario.world)
         self.fields = observation.fields(self.scenario)
         self._field_record: NDArray[Any] | None = None
         capacity = Capacity()

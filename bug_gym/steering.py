@@ -90,6 +90,7 @@ def pursuing(view: View, speed: float, course: Course, radius: float) -> tuple[f
         drive.max_turn_rate,
         radius,
         course.aside,
+        0.0,
     )
     return speed, speed / bend
 

@@ -253,6 +253,8 @@ class TeamPolicy(ABC):
     wants_room: ClassVar[bool] = False
     """Whether robots that start nearer to one another than START_DISTANCE are worth a warning."""
 
+    turns_on_the_spot: ClassVar[bool] = True
+    """Whether it needs robots that can: ackermann robots are refused then."""
     room: float = 0.0
     """What is kept about the body where inertia carries a robot nearer to walls than the algorithm wants [m]."""
 
@@ -266,7 +268,7 @@ class TeamPolicy(ABC):
         self.sensors = sensors
         self.agents = tuple(agents)
         self.discrete = discrete
-        self._velocities = kinematics.discrete_velocities(sensors.drive) if discrete else None
+        self._velocities = kinematics.discrete_choices(sensors.drive) if discrete else None
         self.parameters = self.Parameters(**parameters)
 
     @property

@@ -23,6 +23,13 @@ from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Rep
 from bug_gym.schema.polygons import WeightedRegion
 from bug_gym.worlds.layout import SAME_POINT, Layout, Mover, Rings
 
+KINEMATICS = {
+    "holonomic": kernels.HOLONOMIC,
+    "differential": kernels.DIFFERENTIAL,
+    "ackermann": kernels.ACKERMANN,
+}
+"""Code of what the scenario says of it."""
+
 Steered = Crowd | Evade | Replay
 
 
@@ -132,7 +139,7 @@ class World:
             "goals": scenario.robots.count if has_own else 1,
             "beams": lidar.beams,
             "footprint": len(robot.footprint),
-            "kinematics": kernels.HOLONOMIC if robot.kinematics == "holonomic" else kernels.DIFFERENTIAL,
+            "kinematics": KINEMATICS[robot.kinematics],
             "limit_steps": scenario.time.steps,
             "first_ends": int(scenario.mission == "first"),
             "goal_by_odometry": int(scenario.goal.sensing == "odometry"),
@@ -141,11 +148,14 @@ class World:
             "step": scenario.time.step,
             "max_speed": robot.max_speed,
             "max_reverse": robot.max_reverse,
-            "max_turn_rate": robot.max_turn_rate,
+            "max_turn_rate": robot.greatest_turn_rate,
+            "max_steering": robot.max_steering,
+            "wheelbase": robot.wheelbase,
             "max_acceleration": math.inf if robot.max_acceleration is None else robot.max_acceleration,
             "full_speed": robot.max_speed,
             "full_reverse": robot.max_reverse,
-            "full_turn_rate": robot.max_turn_rate,
+            "full_turn_rate": robot.greatest_turn_rate,
+            "full_steering": robot.max_steering,
             "body_reach": robot.reach,
             "goal_radius": scenario.goal.radius,
             "reach": lidar.range,

@@ -49,7 +49,7 @@ EXAMPLES: dict[str, tuple[Any, int]] = {
 
 PICTURES = {*EXAMPLES, "ros_map"}
 
-EXTRAS = ("hexagon", "terrain")
+EXTRAS = ("hexagon", "terrain", "ackermann")
 """Scenarios whose pictures show what every family may have."""
 
 HEAD = """# Worlds
@@ -81,6 +81,14 @@ Every family has `regions`. They lie where they are written, in the coordinates 
 is observed of them is the field `terrain`. `configs/scenarios/terrain.yaml`:
 
 ![terrain](worlds/terrain.png)
+"""
+
+CAR = """## Robots that steer
+
+A robot with `kinematics: ackermann` drives as a car does, in any family. Its origin lies on the rear axle, so bodies and clear
+starts are counted from there. `configs/scenarios/ackermann.yaml`:
+
+![ackermann](worlds/ackermann.png)
 """
 
 MOTION = """## What moves
@@ -134,7 +142,7 @@ def page() -> str:
     bodies = [section(part.__name__.lower(), part, "###") for part in (Mover, Target)]
     laws = [section(f"law: {tag(part, 'law')}", part, "###") for part in members(Motion)]
     ground = section("region", WeightedRegion, "###")
-    return "\n".join([HEAD, *families, BORDERS, GROUND, ground, MOTION, *bodies, *laws])
+    return "\n".join([HEAD, *families, BORDERS, GROUND, ground, CAR, MOTION, *bodies, *laws])
 
 
 def write_example_map(folder: Path) -> str:

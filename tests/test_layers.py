@@ -34,7 +34,7 @@ LAYERS = (
     ("worlds",),
     ("config",),
     ("draws", "world", "scenarios", "floor_plans", "maps"),
-    ("observation", "task", "own_parts", "view", "inertia", "steering"),
+    ("observation", "task", "own_parts", "view", "inertia", "steering", "manoeuvring"),
     ("simulation", "policy", "team_policy"),
     ("drawing", "replay", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
     ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name

@@ -60,7 +60,7 @@ def test_the_arc_to_a_course_is_free_and_close_to_it_and_within_the_limits(
     if np.hypot(px, py).min() <= 0.3:
         return
     line = np.array([(0.0, 0.0), (1.4 * math.cos(bearing), 1.4 * math.sin(bearing))])
-    speed, bend = kernels.pursue(px, py, line, 0.1, np.empty((15, 2)), 1.0, 1.5, 0.3, aside)
+    speed, bend = kernels.pursue(px, py, line, 0.1, np.empty((15, 2)), 1.0, 1.5, 0.3, aside, 0.0)
     assert 0.0 <= speed <= 1.0
     if speed == 0.0:
         return
@@ -73,7 +73,7 @@ def test_the_arc_to_a_course_is_free_and_close_to_it_and_within_the_limits(
 def test_the_course_is_followed_at_full_speed_through_a_right_angle_where_there_is_room() -> None:
     corner = np.array([(0.0, 0.0), (0.7, 0.0), (0.7, 3.0)])
     none = np.empty(0)
-    speed, bend = kernels.pursue(none, none, corner, 0.1, np.empty((15, 2)), 1.0, 1.5, 0.3, 0.3)
+    speed, bend = kernels.pursue(none, none, corner, 0.1, np.empty((15, 2)), 1.0, 1.5, 0.3, 0.3, 0.0)
     assert speed == 1.0 and bend >= 1.0 / 1.5
 
 

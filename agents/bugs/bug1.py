@@ -81,6 +81,7 @@ class Bug1(BoundaryBug):
 
     Parameters = Bug1Parameters
     parameters: Bug1Parameters
+    turns_on_the_spot = True  # its laps close only where it keeps exactly to contours
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)

@@ -47,7 +47,7 @@ class RobotEncoding(BaseFeaturesExtractor):
         super().__init__(observation_space, width)
         self.robot, self.linear = model, linear
         self.history = history_width(model, lags)
-        top = (model.max_speed, model.max_turn_rate if model.kinematics == "differential" else model.max_speed)
+        top = (model.max_speed, model.max_speed if model.kinematics == "holonomic" else model.max_turn_rate)
         self.register_buffer("top_speeds", torch.tensor(top), persistent=False)
         self.top_speeds: torch.Tensor
         self.register_buffer("own_scales", torch.tensor(model.own_scales), persistent=False)

@@ -18,12 +18,16 @@ LAYOUT = ("ranges", "goal", "pose", "velocity", "peers")
 """Fields of the observation that a learned policy knows, in their order."""
 
 
+SAID_WHERE_THERE = ("own", "wheelbase", "max_steering")
+"""Fields that are left out where they say nothing."""
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """The part of `Sensors` that a network depends on; pydantic checks it where it is part of a file's schema."""
 
-    kinematics: Annotated[str, Field(pattern="^(holonomic|differential)$")]
-    """ "holonomic" or "differential"."""
+    kinematics: Annotated[str, Field(pattern="^(holonomic|differential|ackermann)$")]
+    """ "holonomic", "differential" or "ackermann"."""
     radius: NotNegative
     """Radius of the disc that holds the body [m]."""
     max_speed: NotNegative
@@ -50,6 +54,10 @@ class RobotModel:
     """The scenario's own fields behind them: name, how many numbers, and the greatest size that one may have."""
     latency: Count = 0
     """Steps from an action to the one in which it acts."""
+    wheelbase: NotNegative = 0.0
+    """Between the axles [m]; 0: it is no ackermann robot."""
+    max_steering: NotNegative = 0.0
+    """Greatest steering angle [rad]; likewise."""
 
     @classmethod
     def of(cls, sensors: Sensors) -> RobotModel:
@@ -77,6 +85,8 @@ class RobotModel:
             angle_step=float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi,
             range=sensors.range,
             latency=drive.latency,
+            wheelbase=drive.wheelbase,
+            max_steering=drive.max_steering,
             peers=sum(field.shape[0] for field in sensors.fields if field.name == "peers"),
             own=tuple(
                 (field.name, field.end - field.begin, float(np.abs([field.low, field.high]).max()))
@@ -98,8 +108,8 @@ class RobotModel:
             raise ValueError(f"this describes no robot: {error}") from None
 
     def as_dict(self) -> dict[str, Any]:
-        """The fields as plain data; `own` only where there are some."""
-        return {name: value for name, value in asdict(self).items() if name != "own" or value}
+        """The fields as plain data; those of SAID_WHERE_THERE only where they say something."""
+        return {name: value for name, value in asdict(self).items() if name not in SAID_WHERE_THERE or value}
 
     def differences(self, other: RobotModel) -> Iterator[str]:
         """Each field in which another robot differs, as "field 64, not 32"."""

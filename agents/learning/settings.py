@@ -329,7 +329,7 @@ def load_settings(
     Args:
         source: a name from `training_names()`, the path of a YAML file, or a mapping that says the same.
         overrides: values by key that replace the file's.
-        trust: whether functions that its scenarios name may be imported, which runs the code of their modules.
+        trust: whether code that its scenarios name may be imported, which runs the code of their modules.
 
     Raises:
         ScenarioError: where something is unknown, missing or not allowed.

@@ -164,7 +164,7 @@ def rebuild(model: str | Path, *, trust: bool = False) -> BaseAlgorithm:
 
     Args:
         model: name or folder.
-        trust: whether functions that its scenarios name may be imported.
+        trust: whether code that its scenarios name may be imported.
 
     Raises:
         ValueError: its files are missing or damaged.

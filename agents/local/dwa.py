@@ -20,7 +20,9 @@ Chosen here:
 - 8 speeds, 17 turn rates, that which faces the goal among them, and a mean of three by three for the smoothing;
 - free ways count up to `look`, and as whole where the goal comes before the obstacle;
 - the side of the turn on the spot: to the nearest bearing with room for a look, and it is kept until a velocity gets on;
-- a robot that drives any way without turning has speeds and directions for velocities, and straight ways.
+- a robot that drives any way without turning has speeds and directions for velocities, and straight ways;
+- an ackermann robot has speeds and curvatures; it cannot turn on the spot, so instead it turns in several moves, as
+  bug_gym.manoeuvring has it.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from typing import Any
 
 import numpy as np
 
+from bug_gym import kernels
 from bug_gym.agents.local.navigator import own_velocity
 from bug_gym.agents.local.windows import Window, weigh_window
 from bug_gym.agents.parameters import Length, Weight, require_numbers
@@ -57,6 +60,8 @@ class DWAMemory(Memory):
     """Which way it turns while no velocity gets it on: 1 left, -1 right, 0 not at all."""
     velocity: Velocity = (0.0, 0.0)
     """Speed [m/s] and turn rate [rad/s], or direction [rad], that were chosen last."""
+    is_free: bool = False
+    """Whether an ackermann robot is to drive just that, not to turn in several moves."""
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where that was, odometry frame."""
 
@@ -109,6 +114,7 @@ class DWA(ScriptedPolicy):
             distance_weight=self.parameters.distance_weight,
             speed_weight=self.parameters.speed_weight,
             is_holonomic=self.is_holonomic,
+            is_steered=drive.kinematics == "ackermann",
         )
 
     def start(self) -> DWAMemory:
@@ -127,6 +133,8 @@ class DWA(ScriptedPolicy):
         if self.is_holonomic:
             memory.velocity = speed, second
             return velocity_along(second, speed)
+        if self.window.is_steered:
+            return self._steered(view, memory, speeds, scores, (speed, speed * second))
         if self._is_stuck(view, memory, speeds, scores):
             memory.mode = "turning"
             speed, second = 0.0, memory.side * self.window.turn_rate
@@ -135,6 +143,33 @@ class DWA(ScriptedPolicy):
         error = second / self.gain
         memory.velocity = speed * math.cos(error), second
         return velocity_along(error, max(speed, CREEP))
+
+    def _steered(self, view: View, memory: DWAMemory, speeds: F64, scores: F64, chosen: Velocity) -> Velocity:
+        """What an ackermann robot goes toward: along what was chosen (`arc`), or about, in several moves."""
+        memory.velocity = chosen
+        is_stuck = self._is_stuck(view, memory, speeds, scores) or (
+            memory.side != 0 and not self._gets_on(view, chosen)
+        )
+        memory.is_free = not is_stuck and chosen[0] > 0.0
+        if is_stuck:
+            memory.mode = "turning"
+            return velocity_along(memory.side * 0.5 * math.pi, CREEP)
+        memory.mode, memory.side = "driving", 0
+        return velocity_along(view.goal_bearing, max(chosen[0], CREEP))
+
+    def _gets_on(self, view: View, chosen: Velocity) -> bool:
+        """Whether an arc leads farther than the robot needs to turn in: a turn of several moves is not broken off before."""
+        speed, rate = chosen
+        if speed <= LEAST * self.sensors.drive.max_speed:
+            return False
+        x, y = view.points
+        need = min(2.0 * self.sensors.drive.least_bend, view.goal_distance)
+        margin = self.window.radius - self.sensors.radius
+        return bool(kernels.free_arc(x, y, self.sensors.circles, margin, 1, rate / speed, need) >= need)
+
+    def arc(self, view: View, memory: DWAMemory) -> Velocity | None:
+        """What was chosen, for an ackermann robot."""
+        return memory.velocity if memory.is_free else None
 
     def _reachable(self, view: View) -> tuple[F64, F64]:
         """Speeds (v,) and turn rates or directions (w,) of the window; standing is one of them."""
@@ -147,11 +182,12 @@ class DWA(ScriptedPolicy):
         if self.is_holonomic:
             directions = view.goal_bearing + 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
             return speeds, directions
+        if self.window.is_steered:
+            most_bent = 1.0 / drive.least_bend
+            through = 2.0 * view.goal[1] / max(view.goal_distance**2, CREEP)  # the arc that meets the goal
+            return speeds, _with(np.linspace(-most_bent, most_bent, RATES), through)
         exact = min(max(self.gain * view.goal_bearing, -self.window.turn_rate), self.window.turn_rate)
-        rates = np.linspace(-self.window.turn_rate, self.window.turn_rate, RATES)
-        # The rate that faces the goal is one of them, in the place of the nearest.
-        rates[int(np.abs(rates - exact).argmin())] = exact
-        return speeds, rates
+        return speeds, _with(np.linspace(-self.window.turn_rate, self.window.turn_rate, RATES), exact)
 
     def _is_stuck(self, view: View, memory: DWAMemory, speeds: F64, scores: F64) -> bool:
         """Whether no velocity gets the robot on though it looks at the goal; it goes on turning until one does."""
@@ -182,6 +218,13 @@ class DWA(ScriptedPolicy):
         chord = speed * times * np.sinc(0.5 * turned / np.pi)
         places = np.stack([x + chord * np.cos(along), y + chord * np.sin(along)], axis=1).tolist()
         return Drawing(segments=[(*a, *b, "path") for a, b in zip(places[:-1], places[1:], strict=True)])
+
+
+def _with(rates: F64, exact: float) -> F64:
+    """Turn rates or curvatures (w,) from least to most; that which leads to the goal is one, in the place of the nearest."""
+    exact = min(max(exact, rates[0]), rates[-1])
+    rates[int(np.abs(rates - exact).argmin())] = exact
+    return rates
 
 
 def smoothed(scores: F64, *, is_round: bool) -> F64:

@@ -70,6 +70,7 @@ class KnownWorld:
             "max_speed": drive.max_speed,
             "max_reverse": drive.max_reverse,
             "max_turn_rate": drive.max_turn_rate,
+            **({"wheelbase": drive.wheelbase, "max_steering": drive.max_steering} if drive.wheelbase else {}),
             "max_acceleration": drive.max_acceleration if math.isfinite(drive.max_acceleration) else None,
         }
         world = {"family": "explicit", "bounds": [-EDGE, -EDGE, EDGE, EDGE], "start": [0, 0, 0], "goal": [EDGE / 2, 0]}

@@ -30,6 +30,7 @@ from bug_gym.agents.parameters import AtMost, Length, Weight
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
 from bug_gym.geometry import F64, velocity_along
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
+from bug_gym.manoeuvring import sees_behind
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
@@ -83,6 +84,8 @@ class MPPIMemory(Memory):
     """Where the last plan was made, odometry frame."""
     ways: F64 | None = None
     """Some ways that were tried there (STEPS + 1, n, 2), the chosen one last, robot's frame [m]."""
+    control: tuple[float, float] = (0.0, 0.0)
+    """The first of the plan, see Controls."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +131,7 @@ class MPPI(ScriptedPolicy):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
-        self.controls = Controls(sensors.drive, own.horizon)
+        self.controls = Controls(sensors.drive, own.horizon, may_back=sees_behind(sensors))
         self.plain = self.controls.plain_plans()
         worth = Worth(own.keep, own.clearance_weight, CONTACT_WEIGHT)
         count = own.samples + len(self.plain)
@@ -159,8 +162,13 @@ class MPPI(ScriptedPolicy):
             plan = best
         memory.steps += 1
         memory.pose, memory.ways = view.pose, np.concatenate([tried.places, chosen.places], axis=1)
-        memory.plan = self.controls.later(plan)
+        first, second = plan[0].tolist()
+        memory.control, memory.plan = (first, second), self.controls.later(plan)
         return self._free(view, self.controls.velocity(plan[0]))
+
+    def arc(self, view: View, memory: MPPIMemory) -> Velocity | None:
+        """What the plan begins with, for an ackermann robot."""
+        return self.controls.arc(memory.control)
 
     def improved(self, plan: F64, number: int) -> tuple[F64, RollOut, F64]:
         """A plan (KNOTS, 2) after one iteration: draw, try in the model as it stands, weigh.
@@ -244,16 +252,20 @@ class Controls:
     """Plans of a robot: KNOTS controls, pairs of shares of the greatest, and straight lines between them.
 
     Of a holonomic robot: the velocity ahead and to the left, together at most 1. Of a differential one: speed from 0 to 1,
-    and turn rate from -1 to 1; who steers as bug_gym.kinematics goes ahead by the cosine of the heading error only.
+    and turn rate from -1 to 1; who steers as bug_gym.kinematics goes ahead by the cosine of the heading error only. Of an
+    ackermann one: speed from -1, back, to 1, and the steering angle from -1 to 1.
 
     Args:
         drive: the robot's limits.
         horizon: what a plan covers [s].
+        may_back: whether an ackermann robot may drive backwards.
     """
 
-    def __init__(self, drive: Drive, horizon: float) -> None:
+    def __init__(self, drive: Drive, horizon: float, *, may_back: bool = True) -> None:
         self.drive = drive
         self.is_holonomic = drive.kinematics == "holonomic"
+        self.is_steered = drive.kinematics == "ackermann"
+        self.slowest = -1.0 if self.is_steered and may_back else 0.0
         self.gain = min(TURN_GAIN, 1.0 / drive.step)
         self.rate = min(drive.max_turn_rate, 0.999 * self.gain * TURN_IN_PLACE)
         """Largest turn rate at which it still drives ahead [rad/s]."""
@@ -266,6 +278,8 @@ class Controls:
         if self.is_holonomic:
             return np.asarray(plans / np.maximum(np.hypot(plans[..., :1], plans[..., 1:]), 1.0))
         turn = np.clip(plans[..., 1], -1.0, 1.0)
+        if self.is_steered:
+            return np.stack([np.clip(plans[..., 0], self.slowest, 1.0), turn], axis=-1)
         return np.stack([np.clip(plans[..., 0], 0.0, np.cos(turn * self.rate / self.gain)), turn], axis=-1)
 
     def actions(self, plans: F64) -> F64:
@@ -274,6 +288,9 @@ class Controls:
         if self.is_holonomic:
             return np.asarray(controls)
         top, back = self.drive.max_speed, self.drive.max_reverse
+        if self.is_steered:
+            speed = np.where(controls[..., 0] > 0.0, top, back) * controls[..., 0]
+            return np.stack([2.0 * (speed + back) / (top + back) - 1.0, controls[..., 1]], axis=-1)
         forward = 2.0 * (top * controls[..., 0] + back) / (top + back) - 1.0
         turn = controls[..., 1] * self.rate / self.drive.max_turn_rate
         return np.stack([forward, turn], axis=-1)
@@ -283,8 +300,15 @@ class Controls:
         first, second = control.tolist()
         if self.is_holonomic:
             return self.drive.max_speed * first, self.drive.max_speed * second
+        if self.is_steered:
+            return velocity_along(0.0 if first >= 0.0 else math.pi, max(abs(self.arc((first, second))[0]), CREEP))
         error = second * self.rate / self.gain
         return velocity_along(error, max(self.drive.max_speed * first / math.cos(error), CREEP))
+
+    def arc(self, control: tuple[float, float]) -> Velocity:
+        """Speed [m/s] and turn rate [rad/s] of an ackermann robot's control."""
+        speed = control[0] * (self.drive.max_speed if control[0] > 0.0 else self.drive.max_reverse)
+        return speed, speed * math.tan(control[1] * self.drive.max_steering) / self.drive.wheelbase
 
     def later(self, plan: F64) -> F64:
         """What is left of a plan (KNOTS, 2) a step of the robot later; it ends as it ended."""
@@ -297,7 +321,8 @@ class Controls:
             held = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(angles), np.sin(angles)], axis=1)])
         else:
             rates = np.linspace(-1.0, 1.0, 9)
-            held = np.concatenate([[[speed, rate] for rate in rates] for speed in (0.0, 0.5, 1.0)])
+            speeds = (*((-1.0,) if self.slowest < 0.0 else ()), 0.0, 0.5, 1.0)
+            held = np.concatenate([[[speed, rate] for rate in rates] for speed in speeds])
         return np.repeat(self.limited(held)[:, None], KNOTS, axis=1)
 
 

@@ -39,6 +39,8 @@ class Window(NamedTuple):
     """gamma."""
     is_holonomic: bool
     """Whether the second number of a velocity is a direction [rad] instead of a turn rate [rad/s]."""
+    is_steered: bool = False
+    """Whether it is a curvature [1/m], as a robot has that cannot turn on the spot."""
 
 
 @called
@@ -89,7 +91,7 @@ def way_to_stop(window: Window, speed: float) -> float:
 @called
 def driven_speed(window: Window, speed: float, second: float) -> float:
     """How fast the robot goes that steers at a speed so as to turn at a rate [m/s]."""
-    return speed if window.is_holonomic else speed * math.cos(second / window.gain)
+    return speed if window.is_holonomic or window.is_steered else speed * math.cos(second / window.gain)
 
 
 @called
@@ -123,7 +125,7 @@ def weigh_window(
     Args:
         window: limits and weights.
         speeds: (v,) [m/s], from 0 up; of a robot that turns they are those that it is steered with.
-        seconds: (w,) turn rates [rad/s], or directions [rad].
+        seconds: (w,) turn rates [rad/s], curvatures [1/m] or directions [rad].
         px: scan points (k,) in the robot's frame [m].
         py: the same.
         gx: goal in the robot's frame [m].
@@ -133,7 +135,7 @@ def weigh_window(
     goal = length(gx, gy)
     for i in range(speeds.size):
         for j in range(seconds.size):
-            second = seconds[j]
+            second = seconds[j] * speeds[i] if window.is_steered else seconds[j]
             speed = driven_speed(window, speeds[i], second)
             free = window.look
             if speed > 0.0 and window.is_holonomic:

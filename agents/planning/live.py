@@ -132,7 +132,7 @@ def outline_of(mover: Mover) -> F64:
 def ground_velocities(world: World, row: int, robots: list[int]) -> F64:
     """Velocities (n, 2) of some robots in the frame of the world [m/s]."""
     ahead, left = world.velocity[row, robots].T
-    if world.scenario.robot.kinematics == "differential":
+    if world.scenario.robot.kinematics != "holonomic":
         left = np.zeros_like(ahead)  # what stands there is a turn rate
     heading = world.pose[row, robots, 2]
     cos, sin = np.cos(heading), np.sin(heading)

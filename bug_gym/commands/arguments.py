@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from bug_gym.workers import Workers
 
 
-TRUST = "import and run the functions that scenarios name for reward_terms and observation_fields"
+TRUST = (
+    "import and run the code that scenarios name: functions of reward_terms and observation_fields, families of worlds"
+)
 
 
 def at_least_one(text: str) -> int:
@@ -38,8 +40,9 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:
-    """The seed and the overrides of a scenario, and the size of its picture."""
+    """Seed, overrides and trust of a scenario, and the size of its picture."""
     parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
+    parser.add_argument("--trust", action="store_true", help=TRUST)
     parser.add_argument("--size", type=int, default=600, help="longer side of the picture in pixels (default: 600)")
     add_overrides(parser)
 

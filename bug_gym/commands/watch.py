@@ -47,7 +47,7 @@ def _live(policies: list[str], place: str, options: argparse.Namespace) -> Show:
     from bug_gym.config import load  # loads pydantic
     from bug_gym.evaluation.live import Show, same_world  # loads the compiler
 
-    scenario = load(place, assignments(options.overrides))
+    scenario = load(place, assignments(options.overrides), trust=options.trust)
     worlds = same_world([policy_entry(text) for text in policies], scenario)
     return Show(worlds, first=options.seed, size=options.size)
 

@@ -13,6 +13,7 @@ from bug_gym.schema.errors import ScenarioError, shortened
 from bug_gym.schema.motions import LAWS
 from bug_gym.schema.values import Part
 from bug_gym.worlds import FAMILIES
+from bug_gym.worlds.own import own_families
 
 EXPECTED = {
     "greater_than": "a number above {gt:g}",
@@ -62,24 +63,30 @@ def explain(error: ValidationError, label: str) -> str:
 
 
 def _explain_one(detail: ErrorDetails) -> str:
+    """Key and fault, as one text."""
+    place, reason = fault(detail)
+    return f"{place}: {reason}" if place else reason
+
+
+def fault(detail: ErrorDetails) -> tuple[str, str]:
+    """The key of a fault, "" for the whole, and what came and what is allowed."""
     context, came, kind = detail.get("ctx", {}), detail["input"], detail["type"]
     keys = _keys(detail["loc"])
     if kind == "scenario":
         key = ".".join(filter(None, [*keys, context["key"]]))
-        return f"{key}: {context['reason']}" if key else str(context["reason"])
+        return key, str(context["reason"])
     known: tuple[str, ...] = ()
     if kind.startswith("union_tag"):
         discriminator = str(context["discriminator"]).strip("'")
-        known = FAMILIES if discriminator == "family" else LAWS
+        known = (*FAMILIES, *own_families()) if discriminator == "family" else LAWS
         keys.append(discriminator)
         if kind == "union_tag_not_found":
-            return f"{'.'.join(keys)}: missing, expected one of {', '.join(known)}"
+            return ".".join(keys), f"missing, expected one of {', '.join(known)}"
         came = context["tag"]
     elif kind == "literal_error":
         known = tuple(re.findall(r"'([^']+)'", context["expected"]))
     expected = EXPECTED[kind].format(**context) if kind in EXPECTED else detail["msg"]
-    place = f"{'.'.join(keys)}: " if keys else ""
-    return f"{place}got {shortened(came)}, expected {expected}{nearest_hint(came, known)}"
+    return ".".join(keys), f"got {shortened(came)}, expected {expected}{nearest_hint(came, known)}"
 
 
 def _keys(location: tuple[int | str, ...]) -> list[str]:

@@ -11,6 +11,7 @@ import yaml
 from pydantic import ValidationError
 
 from bug_gym.config.errors import explain
+from bug_gym.config.own_worlds import TRUST
 from bug_gym.config.scenario import Scenario
 from bug_gym.limits import MOST_DEPTH, MOST_NODES, TEXT, told_bytes
 from bug_gym.naming import nearest_hint
@@ -19,6 +20,7 @@ from bug_gym.schema.errors import ScenarioError, shortened
 from bug_gym.schema.own import OWN_PARTS, Named, ObservationField, RewardTerm, trusted
 from bug_gym.schema.values import Part
 from bug_gym.schema.yaml_text import parse_yaml, told_fault
+from bug_gym.worlds.own import OwnFamily
 
 MAP_KEYS = {"image", "resolution"}
 """What tells a map of ROS's map_server from a scenario."""
@@ -46,8 +48,8 @@ def load(
             paths in a file start from its folder, those in mappings and overrides from the working directory.
         reward_terms: further terms of the reward, by name: a function, or what RewardTerm says.
         observation_fields: further fields of the observation, by name: what ObservationField says.
-        trust: whether functions that are only named may be imported, which runs the code of their modules. Without it a
-            scenario that names some can be read, but no world of it is made.
+        trust: whether functions and families of worlds that are only named ("module:name") may be imported, which runs the
+            code of their modules. Without it a scenario that names some can be read, but no world of it is made.
 
     Raises:
         ScenarioError: where something is unknown, missing or not allowed.
@@ -56,7 +58,7 @@ def load(
     given = {f"{key}.{name}": part for key, parts in own.items() for name, part in _checked_own(key, parts).items()}
     if isinstance(source, Scenario) and not (overrides or given or trust):
         return source
-    scenario = _loaded(source, {**(overrides or {}), **given})
+    scenario = _loaded(source, {**(overrides or {}), **given}, trust=trust)
     return _with_trust(scenario) if trust else scenario
 
 
@@ -77,12 +79,14 @@ def _with_trust(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={key: own for key, own in parts.items() if own})
 
 
-def _loaded(source: str | Path | Mapping[str, Any] | Scenario, overrides: Mapping[str, Any]) -> Scenario:
+def _loaded(
+    source: str | Path | Mapping[str, Any] | Scenario, overrides: Mapping[str, Any], *, trust: bool
+) -> Scenario:
     label, data = _read(source)
     for key, value in overrides.items():
         _override(data, key, _plain(value, f"{label}: override {shortened(key)}"), label)
     try:
-        return Scenario.model_validate(data)
+        return Scenario.model_validate(data, context={TRUST: trust})
     except ValidationError as error:
         raise ScenarioError(explain(error, f"{label} with overrides" if overrides else label)) from None
 
@@ -94,10 +98,12 @@ def dump(scenario: Scenario) -> dict[str, Any]:
 
 
 def _with_functions(data: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
-    """A dump of the scenario in which its functions stand themselves, not where they are."""
+    """A dump of the scenario in which its functions, and its family from outside, stand themselves, not where they are."""
     for key in OWN_PARTS:
         for name, own in getattr(scenario, key).items():
             data[key][name]["function"] = own.function
+    if isinstance(scenario.world, OwnFamily):
+        data["world"]["family"] = scenario.world.source
     return data
 
 
@@ -181,7 +187,7 @@ def _resolve_paths(data: Any, folder: Path) -> None:
 
 
 def _resolve_functions(data: dict[str, Any], folder: Path) -> None:
-    """Makes "file.py:function" start from the file's folder, in place."""
+    """Makes "file.py:function", and the family "file.py:Class", start from the file's folder, in place."""
 
     def resolved(value: Any) -> Any:
         if isinstance(value, dict) and "function" in value:
@@ -192,6 +198,9 @@ def _resolve_functions(data: dict[str, Any], folder: Path) -> None:
     for key in OWN_PARTS:
         if isinstance(data.get(key), dict):
             data[key] = {name: resolved(value) for name, value in data[key].items()}
+    world = data.get("world")
+    if isinstance(world, dict) and "family" in world:
+        world["family"] = resolved(world["family"])
 
 
 def _plain(value: Any, label: str) -> Any:

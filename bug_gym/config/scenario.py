@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from bug_gym.config.own_worlds import AnyFamily
 from bug_gym.limits import MOST_DELAYED, WIDEST_SWING
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.own import OWN_PARTS, Named, ObservationFields, RewardTerms
@@ -17,7 +18,6 @@ from bug_gym.schema.ranges import Drawn
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
 from bug_gym.schema.values import Part
-from bug_gym.worlds import WorldFamily
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.family import Crew
 
@@ -40,7 +40,7 @@ class Scenario(Part):
     """The clock."""
     goal: GoalSettings = GoalSettings()
     """When the goal is reached."""
-    world: WorldFamily = EmptyWorld(family="empty")
+    world: AnyFamily = EmptyWorld(family="empty")
     """The family of worlds and its parameters."""
     reward: Reward = Reward()
     """Weights of the reward's terms."""
@@ -109,12 +109,13 @@ class Scenario(Part):
         if self.robot.circles is None or self.robot.kinematics == "holonomic":
             return
         beside = max(math.hypot(x, y) for x, y, _ in self.robot.circles)
-        turn = self.robot.max_turn_rate * self.time.step
+        turn = self.robot.greatest_turn_rate * self.time.step
         if turn * math.sqrt(beside) > WIDEST_SWING:
             most = WIDEST_SWING / math.sqrt(beside)
-            came = f"got {self.robot.max_turn_rate:g}, which turns the body by {turn:g} rad in a step"
+            key = "max_steering" if self.robot.kinematics == "ackermann" else "max_turn_rate"
+            came = f"got {getattr(self.robot, key):g}, which turns the body by {turn:g} rad in a step"
             reason = f"{came}, expected at most {most:g} rad with circles {beside:g} m beside its origin"
-            raise wrong(reason, "robot.max_turn_rate")
+            raise wrong(reason, f"robot.{key}")
 
     def _check_places(self) -> None:
         """Each robot starts clear of what is fixed and of the robots before it, and its goal is free."""

@@ -67,7 +67,7 @@ def evaluate(
             not read the map, see `summary.default_baseline`.
         repair: whether lines of `out` that this run cannot have, or has twice, are dropped; else they are an error.
         privileged: whether policies that read the map take part; tables mark them.
-        trust: whether functions that scenarios name (reward_terms, observation_fields) may be imported, which runs the code
+        trust: whether what scenarios name (functions, families of worlds) may be imported, which runs the code
             of their modules; workers import them too.
         pictures: whether to draw a typical episode of each policy and scenario into `out`, too.
         replays: most episodes that are driven once more for the report: of each policy and scenario the first failure of

@@ -26,14 +26,19 @@ from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.policy import MisfitError
 from bug_gym.references import code_digest
 from bug_gym.schema.own import OWN_PARTS, required_function
+from bug_gym.worlds.own import OwnFamily, required_trust
 
 logger = logging.getLogger("bug_gym")
 
 
 def own_code(scenario: Scenario) -> dict[str, str]:
-    """Digests of the files that a scenario's own functions are written in, by key and name."""
+    """Digests of the files that a scenario's own functions and family are written in, by key and name."""
     parts = {f"{key}.{name}": own for key in OWN_PARTS for name, own in getattr(scenario, key).items()}
-    return {told: code_digest(required_function(own, told)) for told, own in parts.items()}
+    told = {told: code_digest(required_function(own, told)) for told, own in parts.items()}
+    required_trust(scenario.world)
+    if isinstance(scenario.world, OwnFamily):
+        told["world.family"] = code_digest(scenario.world.found)
+    return told
 
 
 @dataclass(frozen=True)

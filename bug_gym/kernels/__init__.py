@@ -29,6 +29,7 @@ from bug_gym.kernels.free_way import free_distance, free_distances
 from bug_gym.kernels.ground import REGION_HEAD
 from bug_gym.kernels.laws import AWAY
 from bug_gym.kernels.layout import (
+    ACKERMANN,
     ALIGNED,
     BORDER,
     BOUNCE,
@@ -66,6 +67,7 @@ from bug_gym.kernels.layout import (
     places,
     rounded_up,
 )
+from bug_gym.kernels.manoeuvre import best_arc, free_arc
 from bug_gym.kernels.neighbours import COLUMNS, list_room
 from bug_gym.kernels.observation import OBSERVATION, observation_places
 from bug_gym.kernels.one import step_one
@@ -97,6 +99,7 @@ __all__ = [
     "COLUMNS",
     "CROWD",
     "CROWD_BIT",
+    "ACKERMANN",
     "DIFFERENTIAL",
     "ENDED",
     "EVADE",
@@ -138,6 +141,8 @@ __all__ = [
     "WAYPOINTS",
     "address_table",
     "beam_table",
+    "best_arc",
+    "free_arc",
     "free_distance",
     "free_distances",
     "free_turn",

@@ -94,6 +94,7 @@ def pursue(
     turn_rate: float,
     radius: float,
     aside: float,
+    least_bend: float,
 ) -> tuple[float, float]:
     """The speed [m/s] and the signed bend [m] of the fastest free arc to a place of the chain; speed 0: there is none.
 
@@ -109,6 +110,7 @@ def pursue(
         turn_rate: the greatest [rad/s].
         radius: of the disc that must not touch a point [m].
         aside: how far the chain may lie beside the arc [m].
+        least_bend: radius of the sharpest arc [m].
     """
     count = sample_chain(chain, spacing, samples)
     best, best_bend = 0.0, math.inf
@@ -120,7 +122,7 @@ def pursue(
         side = 1 if y >= 0.0 else -1
         bend = 0.5 * square / max(abs(y), 1e-6 * square)
         fastest = min(speed, turn_rate * bend)
-        if fastest <= best or not is_beside(samples, i, bend, side, aside):
+        if fastest <= best or bend < least_bend or not is_beside(samples, i, bend, side, aside):
             continue
         turn = 2.0 * math.atan2(abs(y), x)
         if free_turn(px, py, bend, side, radius, turn) < turn:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.body import body_circle
 from bug_gym.kernels.geometry import length, sin_cos
-from bug_gym.kernels.layout import DIFFERENTIAL, RUNNING, Floats, Integers, Record
+from bug_gym.kernels.layout import HOLONOMIC, RUNNING, Floats, Integers, Record
 
 WALL_HORIZON = 0.5  # a body comes no nearer to a still thing than would bring it there in this time [s]
 SKIN = 0.02  # room that bodies of a crowd leave between them and to robots [m]
@@ -348,7 +348,7 @@ def add_robots(
         vx, vy = 0.0, 0.0
         if k[s.outcome + r] == RUNNING:
             ahead, left = f[s.velocity + 2 * r], f[s.velocity + 2 * r + 1]
-            if s.kinematics == DIFFERENTIAL:
+            if s.kinematics != HOLONOMIC:
                 left = 0.0
             sin, cos = sin_cos(f[s.pose + 3 * r + 2])
             vx, vy = cos * ahead - sin * left, sin * ahead + cos * left

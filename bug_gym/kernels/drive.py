@@ -7,7 +7,7 @@ import math
 from bug_gym.compiling import inlined
 from bug_gym.kernels.geometry import clip, length, sin_cos, wrap
 from bug_gym.kernels.ground import factor_at
-from bug_gym.kernels.layout import HOLONOMIC, STREAM_ODOMETRY, Floats, Integers, Record, Regions
+from bug_gym.kernels.layout import ACKERMANN, HOLONOMIC, STREAM_ODOMETRY, Floats, Integers, Record, Regions
 from bug_gym.kernels.randomness import hash64, normal
 
 
@@ -71,7 +71,12 @@ def drive(f: Floats, s: Record, regions: Regions, r: int, first: float, second: 
         speed = clip(speed, -max_reverse, max_speed)
     limit = s.max_acceleration * step
     speed = min(max(speed, f[s.velocity + 2 * r] - limit), f[s.velocity + 2 * r] + limit)
-    rate = clip(second * s.full_turn_rate, -s.max_turn_rate, s.max_turn_rate)
+    if s.kinematics == ACKERMANN:
+        # The bicycle's: heading' = v tan(steering) / wheelbase about the rear axle (LaValle 2006, section 13.1.2.1).
+        steering_sin, steering_cos = sin_cos(clip(second * s.full_steering, -s.max_steering, s.max_steering))
+        rate = speed * (steering_sin / steering_cos) / s.wheelbase
+    else:
+        rate = clip(second * s.full_turn_rate, -s.max_turn_rate, s.max_turn_rate)
     half = 0.5 * rate * step
     # The chord of an arc of angle 2 half: its length over the arc's is sin(half)/half.
     half_sin, _half_cos = sin_cos(half)

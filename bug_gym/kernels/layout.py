@@ -22,7 +22,7 @@ Regions = Floats | None
 
 
 RUNNING, SUCCESS, COLLISION, TIMEOUT, ENDED = 0, 1, 2, 3, 4
-HOLONOMIC, DIFFERENTIAL = 0, 1
+HOLONOMIC, DIFFERENTIAL, ACKERMANN = 0, 1, 2
 STILL, BOUNCE, WAYPOINTS, RANDOM_WALK, CROWD, EVADE, REPLAY = 0, 1, 2, 3, 4, 5, 6
 TERMS = 6  # progress, goal, collision, step, clearance, smoothness
 BORDER = -1  # polygon number of the border's wall segments
@@ -160,10 +160,13 @@ FLOAT_CONSTANTS = (
     "max_speed",
     "max_reverse",
     "max_turn_rate",
+    "max_steering",
+    "wheelbase",
     "max_acceleration",
     "full_speed",
     "full_reverse",
     "full_turn_rate",
+    "full_steering",
     "body_reach",
     "goal_radius",
     "reach",

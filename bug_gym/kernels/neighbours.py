@@ -17,7 +17,7 @@ import numpy as np
 
 from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.geometry import length
-from bug_gym.kernels.layout import CROWD, Floats, Integers, Record
+from bug_gym.kernels.layout import ACKERMANN, CROWD, Floats, Integers, Record
 from bug_gym.kernels.motion import body_motion, bring_forward, move_looker
 from bug_gym.kernels.rays import Discs
 from bug_gym.kernels.vectors import LANES, move_eight
@@ -169,7 +169,9 @@ def list_from_here(f: Floats, k: Integers, s: Record) -> None:
     for r in range(s.robots):
         f[s.seen + 2 * r] = f[s.pose + 3 * r]
         f[s.seen + 2 * r + 1] = f[s.pose + 3 * r + 1]
-        reach = max(reach, reach_of(f, s, r, 0.0, s.max_turn_rate * s.step))
+        # An ackermann robot's own rate is no number that is drawn.
+        rate = s.full_turn_rate if s.kinematics == ACKERMANN else s.max_turn_rate
+        reach = max(reach, reach_of(f, s, r, 0.0, rate * s.step))
     f[s.closing] = 0.0
     f[s.listed_reach] = 0.0
     list_near(f, k, s, f[s.time], reach)

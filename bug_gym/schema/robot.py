@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
+from bug_gym.limits import FASTEST_TURN
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.ranges import least_of, most_of
 from bug_gym.schema.values import (
@@ -21,6 +22,7 @@ from bug_gym.schema.values import (
     DrawnShare,
     DrawnSpeed,
     DrawnSpread,
+    DrawnSteering,
     DrawnTopSpeed,
     DrawnTurnRate,
     NotNegative,
@@ -38,19 +40,24 @@ FULL_TURN_TOLERANCE = 0.005  # a rounded 6.28 in a file still means the whole ci
 class Robot(Part):
     """The robot's body and its limits. All numbers but `circles` may be drawn for each episode (bug_gym.schema.ranges)."""
 
-    kinematics: Literal["holonomic", "differential"] = "holonomic"
-    """How it moves: in any direction without turning, or ahead and around."""
+    kinematics: Literal["holonomic", "differential", "ackermann"] = "holonomic"
+    """How it moves: in any direction without turning, ahead and around, or as a car does, about its rear axle, on which its
+    origin lies."""
     radius: DrawnLength = 0.2
     """Radius of a round body [m]."""
     circles: Annotated[tuple[Disc, ...], Field(min_length=1, max_length=1000)] | None = None
     """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`. While it turns they
     are tested along their arcs: no contact is missed, and none comes more than 0.01 mm too early."""
     max_speed: DrawnTopSpeed = 1.0
-    """Maximum speed, of a differential robot ahead [m/s]."""
+    """Maximum speed, of a differential or ackermann robot ahead [m/s]."""
     max_reverse: DrawnSpeed = 0.3
-    """Maximum speed backwards of a differential robot [m/s]."""
+    """Maximum speed backwards of a differential or ackermann robot [m/s]."""
     max_turn_rate: DrawnTurnRate = 1.5
     """Maximum turn rate of a differential robot [rad/s]."""
+    wheelbase: DrawnLength = 0.3
+    """From the rear axle of an ackermann robot to its front axle [m]."""
+    max_steering: DrawnSteering = 0.6
+    """Greatest steering angle of an ackermann robot's front wheels to either side; they turn at once [rad]."""
     max_acceleration: DrawnAcceleration | None = None
     """Maximum change of speed [m/s^2]; none: at once."""
     latency: NotNegative = 0.0
@@ -61,7 +68,27 @@ class Robot(Part):
     def _limits_fit(self) -> Self:
         if most_of(self.max_reverse) > least_of(self.max_speed):
             raise wrong(f"got {self.max_reverse}, expected at most max_speed ({self.max_speed})", "max_reverse")
+        if self.kinematics == "ackermann" and self.greatest_turn_rate > FASTEST_TURN:
+            came = f"got {self.wheelbase}, with which the robot turns by up to {self.greatest_turn_rate:g} rad/s"
+            raise wrong(f"{came}, expected at most {FASTEST_TURN:g} rad/s", "wheelbase")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_what_it_lacks(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What only an ackermann robot has is told of one, or where it has been set."""
+        data: dict[str, Any] = handler(self)
+        if self.kinematics != "ackermann":
+            for key in ("wheelbase", "max_steering"):
+                if getattr(self, key) == Robot.model_fields[key].default:
+                    data.pop(key, None)
+        return data
+
+    @property
+    def greatest_turn_rate(self) -> float:
+        """How fast a robot that turns does so at most, of all that may be drawn [rad/s]."""
+        if self.kinematics != "ackermann":
+            return float(self.max_turn_rate)
+        return most_of(self.max_speed) * math.tan(most_of(self.max_steering)) / least_of(self.wheelbase)
 
     @property
     def footprint(self) -> tuple[tuple[float, float, float], ...]:

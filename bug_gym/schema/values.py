@@ -48,6 +48,7 @@ from bug_gym.limits import (
     SAMPLE_BYTES,
     SMALL,
     STEEP,
+    STEEPEST_STEERING,
     STRONG,
     WEIGHT_BYTES,
     told_bytes,
@@ -152,6 +153,8 @@ Moment = Annotated[float, Strict(), Field(ge=-EPOCH, le=EPOCH)]
 Speed = Annotated[float, Strict(), Field(ge=0.0, le=FAST)]
 TopSpeed = Annotated[float, Strict(), Field(gt=0.0, le=FAST), AfterValidator(not_tiny)]
 TurnRate = Annotated[float, Strict(), Field(gt=0.0, le=FASTEST_TURN), AfterValidator(not_tiny)]
+Steering = Annotated[float, Strict(), Field(gt=0.0, le=STEEPEST_STEERING), AfterValidator(not_tiny)]
+"""An angle of steered wheels from straight ahead [rad]."""
 Acceleration = Annotated[float, Strict(), Field(gt=0.0, le=STRONG), AfterValidator(not_tiny)]
 Factor = Annotated[float, Strict(), Field(ge=1.0, le=STRONG)]
 Noise = Annotated[float, Strict(), Field(ge=0.0, le=DRIFT)]
@@ -168,6 +171,7 @@ DrawnSpread = Annotated[NotNegative, *MAY_BE_DRAWN]
 DrawnTopSpeed = Annotated[TopSpeed, *MAY_BE_DRAWN]
 DrawnSpeed = Annotated[Speed, *MAY_BE_DRAWN]
 DrawnTurnRate = Annotated[TurnRate, *MAY_BE_DRAWN]
+DrawnSteering = Annotated[Steering, *MAY_BE_DRAWN]
 DrawnAcceleration = Annotated[Acceleration, *MAY_BE_DRAWN_LEAST]
 DrawnNoise = Annotated[Noise, *MAY_BE_DRAWN]
 DrawnBias = Annotated[Bias, *MAY_BE_DRAWN]

@@ -1,6 +1,7 @@
 """The families of worlds, one a file: a model of what a scenario may say, and the layout that is drawn from it.
 
-To add a family, write such a file with a `family` of its own, and list its model in `WorldFamily`.
+To add a family, write such a file with a `family` of its own, and list its model in `WorldFamily`. Families from outside need
+neither: see bug_gym.worlds.own.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from bug_gym.references import from_anywhere, is_reference
 from bug_gym.schema.values import tags
 from bug_gym.worlds.barn import BarnWorld
 from bug_gym.worlds.beach import BeachWorld
@@ -24,6 +26,7 @@ from bug_gym.worlds.forest import ForestWorld
 from bug_gym.worlds.hook import HookWorld
 from bug_gym.worlds.maze import MazeWorld
 from bug_gym.worlds.oni_wang import OniWangWorld
+from bug_gym.worlds.own import REGISTERED, checked_name, installed
 from bug_gym.worlds.replay import ReplayWorld
 from bug_gym.worlds.ring import RingWorld
 from bug_gym.worlds.rooms import RoomsWorld
@@ -32,7 +35,7 @@ from bug_gym.worlds.u_trap import UTrapWorld
 from bug_gym.worlds.urban import UrbanWorld
 from bug_gym.worlds.warehouse import WarehouseWorld
 
-__all__ = ["FAMILIES", "WorldFamily"]
+__all__ = ["FAMILIES", "WorldFamily", "register"]
 
 WorldFamily = Annotated[
     EmptyWorld
@@ -61,3 +64,24 @@ WorldFamily = Annotated[
 
 FAMILIES: tuple[str, ...] = tuple(tags(WorldFamily, "family"))
 """Names of the families, as the key `family` has them."""
+
+
+def register(name: str, reference: str) -> None:
+    """Give a family of worlds from outside a name that scenarios may say.
+
+    It holds for this process, and for the workers of its evaluations. A package that is installed offers its families to
+    all by entry points of the group `bug_gym.worlds`. Registering the same again changes nothing.
+
+    Args:
+        name: letters, digits, `_` and `-`.
+        reference: "module:Class", or "file.py:Class"; imported when a scenario says the name.
+
+    Raises:
+        ValueError: the name cannot be one or is taken, or the reference is none.
+    """
+    if not isinstance(reference, str) or not is_reference(reference):
+        raise ValueError(f"family {name!r}: got {reference!r}, expected text such as 'my_module:MyWorld'")
+    place = from_anywhere(reference)
+    if name not in REGISTERED or REGISTERED[name] != place:
+        shipped = {family: f"the family {family!r} of this package" for family in FAMILIES}
+        REGISTERED[checked_name(name, {**shipped, **installed(), **REGISTERED})] = place

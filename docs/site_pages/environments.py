@@ -148,6 +148,11 @@ def action(scenario: Scenario) -> str:
     robot = scenario.robot
     if robot.kinematics == "holonomic":
         told = f"velocity ahead and to the left, over {robot.max_speed:g} m/s"
+    elif robot.kinematics == "ackermann":
+        told = (
+            f"speed, scaled to -{robot.max_reverse:g} ... {robot.max_speed:g} m/s, and steering angle, "
+            f"scaled to +-{robot.max_steering:g} rad"
+        )
     else:
         told = (
             f"speed, scaled to -{robot.max_reverse:g} ... {robot.max_speed:g} m/s, and turn rate, "

@@ -232,6 +232,8 @@ class Robot:
             return ahead, left, turn
         room = View(self.observation(), self.sensors).free_distance(math.atan2(left, ahead), self.sensors.radius)
         share = min(greatest_speed(self.sensors.drive, room - self.clearance) / speed, 1.0)
+        if self.sensors.drive.kinematics == "ackermann":
+            turn *= share  # slower on the same arc
         return share * ahead, share * left, turn
 
 
@@ -258,5 +260,5 @@ def velocities(drive: kinematics.Drive, action: NDArray[Any]) -> tuple[float, fl
     if drive.kinematics == "holonomic":
         scale = drive.max_speed / max(math.hypot(first, second), 1.0)
         return first * scale, second * scale, 0.0
-    span = drive.max_speed + drive.max_reverse
-    return (first + 1.0) / 2.0 * span - drive.max_reverse, 0.0, second * drive.max_turn_rate
+    speed, turn = kinematics.asked_velocity(drive, (first, second))
+    return speed, 0.0, turn

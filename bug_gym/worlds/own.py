@@ -1,0 +1,185 @@
+"""Families of worlds of one's own: classes that a scenario names, or that have a name of their own here.
+
+A scenario says `family: my_module:MyFamily` or `family: my_file.py:MyFamily`, and whoever loads it says whether that may be
+imported. A name that a program has registered, or that an installed package offers, needs no more trust: the program and the
+package are code already.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import logging
+import re
+from collections.abc import Mapping
+from typing import Any, ClassVar, cast
+
+from pydantic import ConfigDict, Field, create_model, model_validator
+
+from bug_gym.references import from_anywhere, imported, is_reference, reference_of
+from bug_gym.schema.errors import ScenarioError, shortened, wrong
+from bug_gym.worlds.family import Family
+
+logger = logging.getLogger("bug_gym")
+
+GROUP = __name__.rpartition(".")[0]
+"""Group of entry points by which an installed package offers families, named as this package: name = "module:Class"."""
+
+REGISTERED: dict[str, str] = {}
+"""Where the families are that this process has registered, by name."""
+
+
+class TrustedFamily(str):
+    """A reference to a family that somebody has trusted already."""
+
+
+class OwnFamily:
+    """What makes a family from outside one that a scenario can hold: see `family_class`."""
+
+    family: str
+    reference: ClassVar[str]
+    found: ClassVar[type[Family]]
+
+    @property
+    def source(self) -> Any:
+        """What makes it again, trusted: its class, or what the scenario says."""
+        return self.found if self.family == reference_of(self.found) else TrustedFamily(self.family)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled by name and values, so that a process that has not imported its module does."""
+        data = self.model_dump()  # type: ignore[attr-defined]
+        return remade, (self.reference, data)
+
+
+class UnreadFamily(Family):
+    """A family from outside that nobody has trusted: its keys are kept as they are, and no world of it is made."""
+
+    model_config = ConfigDict(extra="allow")
+
+    family: str
+    """Where its class is."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_right(cls, data: object) -> object:
+        return data
+
+
+@functools.cache
+def installed() -> dict[str, str]:
+    """Where the families of installed packages are, by name; one whose name cannot be is left out with a word."""
+    found: dict[str, str] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        if point.name in found or not is_reference(point.value):
+            package = point.dist.name if point.dist else "?"
+            reason = "names no module:Class" if not is_reference(point.value) else "has a name that is taken"
+            logger.warning("worlds %r of package %s are left out: %r %s", point.name, package, point.value, reason)
+        else:
+            found[point.name] = point.value
+    return found
+
+
+def own_families() -> dict[str, str]:
+    """Names of families from outside, and where each is."""
+    return installed() | REGISTERED
+
+
+def checked_name(name: object, taken: Mapping[str, Any]) -> str:
+    """A name for a family from outside.
+
+    Raises:
+        ValueError: it cannot be one, or is taken.
+    """
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][\w-]*", name):
+        raise ValueError(f"got {name!r} as the name of a family, expected letters, digits, _ and -, such as 'my_world'")
+    if name in taken:
+        raise ValueError(f"the name {name!r} is taken, by {taken[name]}: choose another one")
+    return name
+
+
+def required_family(found: Any, told: str) -> type[Family]:
+    """What was found, where it is a family of worlds.
+
+    Raises:
+        ScenarioError: it is none.
+    """
+    if not isinstance(found, type) or not issubclass(found, Family):
+        came = f"class {found.__name__}" if isinstance(found, type) else f"an object of type {type(found).__name__}"
+        expected = "a class derived from bug_gym.worlds.family.Family, or DrawnPlaces beside it"
+        raise ScenarioError(f"{told} is no family of worlds: got {came}, expected {expected}")
+    if found.layout is Family.layout:
+        raise ScenarioError(f"{told} is no whole family of worlds: it lacks layout(crew, rng)")
+    return found
+
+
+@functools.cache
+def family_class(found: type[Family], reference: str) -> type[Family]:
+    """The class of a family from outside as a scenario holds it: its `family` is what the scenario says."""
+    said = (str, Field(description="Its name, or where its class is."))
+    bases = (OwnFamily, found)
+    made = cast(Any, create_model(found.__name__, __base__=bases, __module__=found.__module__, family=said))
+    made.reference, made.found = reference, found
+    return cast("type[Family]", made)
+
+
+def class_of(family: Any) -> type[Family]:
+    """The class behind what a scenario says of a family from outside, imported: a name, a reference, or a class itself.
+
+    Raises:
+        ScenarioError: no such module, file or class, or a class that is no family.
+        ImportError: the module imports another one that is missing.
+    """
+    if isinstance(family, type):
+        told = reference_of(family)
+        return family_class(required_family(family, told), told)
+    reference = own_families().get(family) or from_anywhere(str(family))
+    try:
+        found = imported(reference, "class")
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+    return family_class(required_family(found, reference), reference)
+
+
+def remade(reference: str, data: dict[str, Any]) -> Family:
+    """A family from outside out of what `OwnFamily` pickles."""
+    found = required_family(imported(reference, "class"), reference)
+    return family_class(found, reference).model_validate(data)
+
+
+def is_own(family: object) -> bool:
+    """Whether what a scenario says under `family` means one from outside."""
+    if isinstance(family, type):
+        return True
+    return isinstance(family, str) and (is_reference(family) or family in own_families())
+
+
+def needs_trust(family: object) -> bool:
+    """Whether it may be imported only where somebody says so: references in data are."""
+    return isinstance(family, str) and not isinstance(family, TrustedFamily) and family not in own_families()
+
+
+def required_trust(world: object) -> None:
+    """Refuse a family that nobody has trusted.
+
+    Raises:
+        ScenarioError: it is one.
+    """
+    if isinstance(world, UnreadFamily):
+        why = "to import it runs its code: pass trust=True (--trust) if you know where it comes from"
+        raise ScenarioError(f"world.family is the code {world.family}; {why}")
+
+
+def own_mapping(value: Mapping[str, Any]) -> dict[str, Any]:
+    """A world from outside as its class takes it: with `family` as text.
+
+    Raises:
+        PydanticCustomError: bounds or another key that no family can have.
+    """
+    family = value["family"]
+    if isinstance(family, type):
+        return {**value, "family": reference_of(family)}
+    if is_reference(str(family)):
+        return {**value, "family": from_anywhere(str(family))}
+    if not isinstance(family, str):
+        raise wrong(f"got {shortened(family)}, expected the name of a family", "family")
+    return {**value, "family": str(family)}

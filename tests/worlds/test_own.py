@@ -1,0 +1,252 @@
+"""Families of worlds from outside: by module, file, class, registered name and entry point; trust, workers, faces, files."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import yaml
+
+from bug_gym import worlds
+from bug_gym.agents.sb3 import make_vec_env
+from bug_gym.cli import main
+from bug_gym.config import Count, ScenarioError, dump, load, to_yaml
+from bug_gym.evaluation import evaluate
+from bug_gym.scenarios import as_explicit
+from bug_gym.simulation import Simulation
+from bug_gym.worlds import own
+from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
+from bug_gym.worlds.layout import Layout
+from bug_gym.worlds.places import finish
+
+CODE = '''
+import numpy as np
+from pathlib import Path
+from bug_gym.config import Count
+from bug_gym.worlds.family import DrawnPlaces, Family
+from bug_gym.worlds.places import finish
+
+Path(__file__).with_name("imported").touch()
+
+class Pegs(DrawnPlaces):
+    pegs: Count = 5
+    """How many."""
+    def layout(self, crew, rng):
+        circles = np.column_stack([rng.uniform(-3, 3, (self.pegs, 2)), np.full(self.pegs, 0.2)])
+        return finish(crew, self, (-8.0, 0.0, 0.0), (8.0, 0.0), circles=circles)
+
+class NoLayout(Family):
+    pass
+
+class NoFamily:
+    pass
+
+number = 3
+'''
+"""A user's file: a family, and what may be wrong with one."""
+
+MINE: dict[str, Any] = {"name": "mine", "lidar": {"beams": 8}, "world": {"family": "pegs.py:Pegs", "pegs": 3}}
+
+
+class Rows(DrawnPlaces):
+    """A family in this module."""
+
+    pegs: Count = 2
+    """How many."""
+
+    def layout(self, crew: Crew, rng: Rng) -> Layout:
+        circles = np.column_stack([rng.uniform(-3, 3, (self.pegs, 2)), np.full(self.pegs, 0.2)])
+        return finish(crew, self, (-8.0, 0.0, 0.0), (8.0, 0.0), circles=circles)
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with a user's file, in which everything runs; and nothing registered."""
+    (tmp_path / "pegs.py").write_text(CODE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr(own, "REGISTERED", {})
+    monkeypatch.setattr(worlds, "REGISTERED", own.REGISTERED)
+    yield tmp_path
+    own.installed.cache_clear()
+
+
+def circles_of(scenario: Any, seed: int = 0) -> Any:
+    """The circles of a world (n, 3)."""
+    simulation = Simulation(scenario)
+    simulation.reset(seeds=[seed])
+    return simulation.world.layout(0).circles
+
+
+# ---------------------------------------------------------------------------------------------- ways to name one
+
+
+def test_file_module_class_and_name_are_the_same_worlds(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = circles_of(load(MINE, trust=True))
+    assert expected.shape == (3, 3)
+    np.testing.assert_array_equal(
+        circles_of(load({**MINE, "world": {"family": "pegs:Pegs", "pegs": 3}}, trust=True)), expected
+    )
+    np.testing.assert_array_equal(circles_of({**MINE, "world": {"family": Rows, "pegs": 3}}), expected)
+    worlds.register("my-pegs", "pegs.py:Pegs")
+    worlds.register("my-pegs", "pegs.py:Pegs")  # again changes nothing
+    np.testing.assert_array_equal(circles_of({**MINE, "world": {"family": "my-pegs", "pegs": 3}}), expected)
+    point = importlib.metadata.EntryPoint("installed_pegs", f"{place / 'pegs.py'}:Pegs", own.GROUP)
+    wrong = importlib.metadata.EntryPoint("other", "no reference", own.GROUP)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point, wrong] if group == own.GROUP else [])
+    own.installed.cache_clear()
+    assert [*own.installed()] == ["installed_pegs"]
+    np.testing.assert_array_equal(circles_of({**MINE, "world": {"family": "installed_pegs", "pegs": 3}}), expected)
+
+
+def test_a_file_names_it_from_its_own_folder(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (place / "deep").mkdir()
+    (place / "deep" / "mine.yaml").write_text("world: {family: '../pegs.py:Pegs', pegs: 4}\n")
+    monkeypatch.chdir(place.parent)
+    assert len(circles_of(load(place / "deep" / "mine.yaml", trust=True))) == 4
+
+
+# ---------------------------------------------------------------------------------------------- trust
+
+
+def test_without_trust_it_is_data_and_nothing_is_imported(place: Path) -> None:
+    untrusted = load(MINE)
+    assert dump(untrusted)["world"] == {"family": f"{place / 'pegs.py'}:Pegs", "pegs": 3}
+    for make in (lambda: Simulation(untrusted), lambda: evaluate("random", MINE, episodes=1)):
+        with pytest.raises(
+            ScenarioError, match=r"world\.family is the code .*pegs\.py:Pegs; to import it runs its code: pass"
+        ):
+            make()
+    assert not (place / "imported").exists()
+    assert load(untrusted, trust=True) == load(MINE, trust=True)
+    assert (place / "imported").exists()
+
+
+def test_no_override_and_no_suite_grants_trust(place: Path) -> None:
+    suite = {"scenarios": [{"scenario": {**MINE, "trust": True}}]}
+    with pytest.raises(ScenarioError, match="unknown key"):
+        evaluate("random", suite, episodes=1)
+    with pytest.raises(ScenarioError, match="trust"):
+        Simulation("static", overrides={"world": MINE["world"]})
+    assert not (place / "imported").exists()
+
+
+def test_trust_stays_with_what_is_changed_and_copied() -> None:
+    trusted = load(MINE, trust=True)
+    changed = load(trusted, {"world.pegs": 6})
+    assert len(circles_of(changed)) == 6
+    copied = pickle.loads(pickle.dumps(trusted))
+    assert copied == trusted and copied.digest == trusted.digest
+    with pytest.raises(ScenarioError, match="trust"):
+        Simulation(load(trusted, {"world.family": "pegs.py:Pegs"}))  # named anew, by who knows whom
+
+
+# ---------------------------------------------------------------------------------------------- wherever worlds are
+
+
+def test_it_is_saved_and_loaded_and_written_out(place: Path) -> None:
+    trusted = load(MINE, trust=True)
+    assert load(dump(trusted), trust=True) == trusted
+    (place / "saved.yaml").write_text(to_yaml(trusted))
+    assert load(place / "saved.yaml", trust=True) == trusted
+    simulation = Simulation(trusted)
+    simulation.reset(seeds=[2])
+    explicit = as_explicit(trusted, simulation.world.layout(0))
+    np.testing.assert_array_equal(circles_of(explicit, 2), circles_of(trusted, 2))
+
+
+def test_faces_and_workers_have_the_same_worlds(place: Path) -> None:
+    env = gym.make("BugGym/Navigation-v0", scenario=MINE, observation="flat", trust=True)
+    vector = gym.make_vec("BugGym/Navigation-v0", num_envs=2, scenario=MINE, observation="flat", trust=True)
+    sb3 = make_vec_env("BugGym/Navigation-v0", 2, scenario=MINE, trust=True)
+    seen = env.reset(seed=5)[0]
+    np.testing.assert_array_equal(vector.reset(seed=5)[0][0], seen)
+    assert sb3.reset() is not None
+    worlds.register("my-pegs", "pegs.py:Pegs")
+    named = {**MINE, "world": {"family": "my-pegs"}}
+    for scenario, trust in ((MINE, True), (named, False)):
+        alone = evaluate("go_to_goal", scenario, episodes=9, trust=trust)
+        several = evaluate("go_to_goal", scenario, episodes=9, trust=trust, workers=2, out=place / f"out {trust}")
+        assert [(row.seed, row.path_length) for row in alone] == [(row.seed, row.path_length) for row in several]
+        (told,) = json.loads((place / f"out {trust}" / "manifest.json").read_text())["scenarios"].values()
+        assert len(told["code"]["world.family"]) == 16
+
+
+# ---------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("world", "message"),
+    [
+        ({"family": "pegs.py:Pags"}, r"world\.family: .*pegs\.py has no class 'Pags', did you mean 'Pegs'\?"),
+        ({"family": "nowhere:Pegs"}, r"world\.family: no module 'nowhere'"),
+        ({"family": "nowhere.py:Pegs"}, r"world\.family: no file .*nowhere\.py"),
+        ({"family": "pegs.py:NoFamily"}, "is no family of worlds: got class NoFamily, expected a class derived from"),
+        ({"family": "pegs.py:number"}, "is no family of worlds: got an object of type int"),
+        ({"family": "pegs.py:NoLayout"}, r"is no whole family of worlds: it lacks layout\(crew, rng\)"),
+        ({"family": "pegs.py:Pegs", "pigs": 1}, r"world\.pigs: unknown key, did you mean 'pegs'"),
+        ({"family": "pegs.py:Pegs", "pegs": -1}, r"world\.pegs: got -1, expected at least 0"),
+        ({"family": "pegs.py:Pegs", "separation": 99.0}, r"world\.separation: got 99, expected at most"),
+        ({"family": "my-pigs"}, r"world\.family: got 'my-pigs', .*did you mean 'my-pegs'"),
+    ],
+)
+def test_what_is_wrong_is_told_in_a_line(world: dict[str, Any], message: str) -> None:
+    worlds.register("my-pegs", "pegs.py:Pegs")
+    with pytest.raises(ScenarioError, match=message) as told:
+        load({**MINE, "world": world}, trust=True)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "reference", "message"),
+    [
+        ("maze", "pegs.py:Pegs", "the name 'maze' is taken, by the family 'maze' of this package"),
+        ("mine", "pegs.py:NoLayout", r"the name 'mine' is taken, by .*pegs\.py:Pegs"),
+        ("a/b", "pegs.py:Pegs", "as the name of a family, expected letters"),
+        ("other", "pegs.py", "expected text such as 'my_module:MyWorld'"),
+        ("other", Rows, "expected text such as 'my_module:MyWorld'"),
+    ],
+)
+def test_a_name_that_cannot_be_registered_is_refused(name: str, reference: Any, message: str) -> None:
+    worlds.register("mine", "pegs.py:Pegs")
+    with pytest.raises(ValueError, match=message):
+        worlds.register(name, reference)
+    assert [*own.REGISTERED] == ["mine"]
+
+
+# ---------------------------------------------------------------------------------------------- a new one
+
+
+def test_a_new_world_is_a_scenario_that_runs_and_a_test_that_passes(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "world", "fine_world"]) == 0
+    told = capsys.readouterr().out
+    (line,) = (line.strip() for line in told.splitlines() if "bug-gym evaluate" in line)
+    assert main([*line.split()[3:], "--episodes", "1"]) == 0
+    (seen,) = (line.strip() for line in told.splitlines() if "bug-gym show" in line)
+    assert main(seen.split()[3:]) == 0 and (place / "fine_world.png").exists()
+    assert yaml.safe_load((place / "fine_world.yaml").read_text())["world"]["family"] == "fine_world.py:FineWorld"
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_fine_world.py"]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert main(["new", "world", "fine_world"]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "message"), [("maze", "taken"), ("My-World", "expected"), ("class", "expected")])
+def test_a_new_world_needs_a_name_of_its_own(
+    place: Path, name: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "world", name]) == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1 and not list(place.glob("test_*"))
