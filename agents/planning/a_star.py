@@ -11,9 +11,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from bug_gym.agents.planning.bucket_list import (
+    BucketList,
+    bucket_list,
+    come_round,
+    drop_top,
+    grown,
+    has_room,
+    node_of,
+    put_in,
+    second_key,
+)
 from bug_gym.agents.planning.grid import COLUMN_STEPS, FAR, ROW_STEPS, Bytes, Grid
 from bug_gym.agents.planning.grid_planner import TerrainPlanner
-from bug_gym.agents.planning.open_list import OpenList, drop_spent, open_list, put, put_next, spend_first
 from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_between, offset_of, require_free, way_of
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Integers
@@ -36,10 +46,26 @@ def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Fo
     cells = grid.blocked.size
     cost, came = np.full(cells, FAR, dtype=np.int64), np.zeros(cells, dtype=np.uint8)
     kind = bound_of(grid) if guess is None else guess
-    expanded = search(grid.links, grid.weights, grid.lattice.columns, start, goal, kind, cost, came, open_list(cells))
+    opened = bucket_list(grid.weights)
+    columns = grid.lattice.columns
+    begin(columns, start, goal, kind, cost, opened)
+    expanded = 0
+    while True:
+        expanded += search(grid.links, grid.weights, columns, goal, kind, cost, came, opened)
+        if has_room(opened):
+            break
+        opened = grown(opened)
     if cost[goal] == FAR:
         return NO_WAY._replace(expanded=expanded)
     return Found(way_of(grid, came, start, goal), int(cost[goal]), expanded)
+
+
+@kernel
+def begin(columns: int, start: int, goal: int, kind: int, cost: Integers, opened: BucketList) -> None:
+    """Put the start into the list."""
+    left = bound(kind, start % columns - goal % columns, start // columns - goal // columns)
+    cost[start] = 0
+    put_in(opened, left, second_key(left, start))
 
 
 @kernel
@@ -47,38 +73,37 @@ def search(
     links: Bytes,
     weights: Integers | None,
     columns: int,
-    start: int,
     goal: int,
     kind: int,
     cost: Integers,
     came: Bytes,
-    heap: OpenList,
+    opened: BucketList,
 ) -> int:
-    """A* over open steps, until the goal's turn has come. Returns how many cells were expanded.
+    """A* over open steps, until the goal's turn has come or the list is full. Returns how many cells were expanded.
 
     Args:
         links: the open steps of each cell (n,).
         weights: what the ground of each costs (n,), None: the same everywhere.
         columns: of the grid.
-        start: number of a cell.
         goal: number of a cell.
         kind: what is left.
-        cost: of the way to each cell (n,), FAR at first; written here.
+        cost: of the way to each cell (n,), FAR where none has been found; written here.
         came: the step by which each was reached (n,); written here.
-        heap: empty.
+        opened: cells that have been found; in a full one the search goes on when it has grown.
     """
     goal_row, goal_column = goal // columns, goal % columns
-    cost[start] = 0
-    put(heap, 0, 0, start)
     expanded = 0
-    while heap.filled[0] > 0:
-        if heap.entries[0, 2] == goal:
+    while has_room(opened) and come_round(opened):
+        first, node = opened.heap[0, 0], node_of(opened.heap[0, 1])
+        if node == goal:
             break
-        node, is_spent = spend_first(heap), True
-        expanded += 1
+        drop_top(opened)
         dy = node // columns
         dx = node - dy * columns - goal_column
         dy -= goal_row
+        if first != cost[node] + bound(kind, dx, dy):
+            continue  # a shorter way to it has been found since, and was followed in its turn
+        expanded += 1
         for step in range(8):
             if not links[node] >> step & 1:
                 continue
@@ -88,9 +113,7 @@ def search(
                 cost[other] = through
                 came[other] = step
                 left = bound(kind, dx + COLUMN_STEPS[step], dy + ROW_STEPS[step])
-                is_spent = put_next(heap, through + left, left, other, is_spent)
-        if is_spent:
-            drop_spent(heap)
+                put_in(opened, through + left, second_key(left, other))
     return expanded
 
 
