@@ -25,8 +25,28 @@ from bug_gym.agents.planning.bucket_list import (
 from bug_gym.agents.planning.grid import COLUMN_STEPS, FAR, ROW_STEPS, Bytes, Grid
 from bug_gym.agents.planning.grid_planner import TerrainPlanner
 from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_between, offset_of, require_free, way_of
-from bug_gym.compiling import kernel
+from bug_gym.compiling import inlined, kernel
 from bug_gym.kernels.layout import Integers
+
+LOWEST = (0, *((steps & -steps).bit_length() - 1 for steps in range(1, 256)))
+"""The first step of some, told as bits."""
+
+AT_START = 8
+"""The step by which the start was reached: none."""
+
+
+def onward(step: int) -> int:
+    """The steps, as bits, that may lead on to somewhere new after a step.
+
+    What lies beside both cells was looked at from the first one already, where the way is no longer.
+    """
+    if step == AT_START:
+        return 255
+    ahead, aside = (0, 1, 7), (2, 6)
+    return sum(1 << (step + turn) % 8 for turn in ahead + aside)
+
+
+ONWARD = tuple(onward(step) for step in range(AT_START + 1))
 
 
 def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Found:
@@ -48,7 +68,7 @@ def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Fo
     kind = bound_of(grid) if guess is None else guess
     opened = bucket_list(grid.weights)
     columns = grid.lattice.columns
-    begin(columns, start, goal, kind, cost, opened)
+    begin(columns, start, goal, kind, cost, came, opened)
     expanded = 0
     while True:
         expanded += search(grid.links, grid.weights, columns, goal, kind, cost, came, opened)
@@ -61,10 +81,10 @@ def a_star(grid: Grid, start: int, goal: int, *, guess: int | None = None) -> Fo
 
 
 @kernel
-def begin(columns: int, start: int, goal: int, kind: int, cost: Integers, opened: BucketList) -> None:
+def begin(columns: int, start: int, goal: int, kind: int, cost: Integers, came: Bytes, opened: BucketList) -> None:
     """Put the start into the list."""
     left = bound(kind, start % columns - goal % columns, start // columns - goal // columns)
-    cost[start] = 0
+    cost[start], came[start] = 0, AT_START
     put_in(opened, left, second_key(left, start))
 
 
@@ -98,23 +118,41 @@ def search(
         if node == goal:
             break
         drop_top(opened)
+        here = cost[node]
         dy = node // columns
         dx = node - dy * columns - goal_column
         dy -= goal_row
-        if first != cost[node] + bound(kind, dx, dy):
+        if first != here + bound(kind, dx, dy):
             continue  # a shorter way to it has been found since, and was followed in its turn
         expanded += 1
-        for step in range(8):
-            if not links[node] >> step & 1:
-                continue
+        steps = np.int64(links[node])
+        if weights is None:
+            steps &= not_seen_before(links, columns, node, came[node])
+        while steps != 0:
+            step = LOWEST[steps]
+            steps &= steps - 1
             other = node + offset_of(step, columns)
-            through = cost[node] + cost_between(weights, node, other, step)
+            through = here + cost_between(weights, node, other, step)
             if through < cost[other]:
                 cost[other] = through
                 came[other] = step
                 left = bound(kind, dx + COLUMN_STEPS[step], dy + ROW_STEPS[step])
                 put_in(opened, through + left, second_key(left, other))
     return expanded
+
+
+@inlined
+def not_seen_before(links: Bytes, columns: int, node: int, by: int) -> int:
+    """The steps out of a cell, as bits, to what was not looked at from the cell before at no more cost.
+
+    After a straight step that is what lies aside, where a diagonal step leads there; the rest is in ONWARD.
+    """
+    steps: int = ONWARD[by]
+    if by < AT_START and not by & 1:
+        before = np.int64(links[node - offset_of(by, columns)])
+        for turn in (1, 7):
+            steps &= ~((before >> ((by + turn) & 7) & 1) << ((by + 2 * turn) & 7))
+    return steps
 
 
 class AStar(TerrainPlanner):

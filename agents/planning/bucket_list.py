@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bug_gym.agents.planning.grid import DIAGONAL, UNIT, Nodes
+from bug_gym.agents.planning.grid import UNIT, Nodes
 from bug_gym.agents.planning.open_list import is_before
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Integers
@@ -30,6 +30,7 @@ HELD, HEAPED, TURN, UNUSED, FREED = range(5)
 that have never waited; the first of those that have and do not any more."""
 ROUND = 8
 """Entries for which there must be room before a cell is expanded."""
+LAST_NODE = 2**31 - 1
 
 
 class BucketList(NamedTuple):
@@ -82,18 +83,18 @@ def has_room(opened: BucketList) -> bool:
 
 @inlined
 def second_key(left: int, node: int) -> int:
-    """Two keys as one: what is left, to 2^-16 of a cell, and the node, which is the last to decide.
+    """Two keys as one: what is left, to 2^-16 of a cell, and the node; among equals the last one comes first.
 
     Sums a + b sqrt(2) that differ do so by more than that where no side has more than 20,000 cells; if one has, cells come
     among their equals in an order that is not quite that of what is left, and ways are no longer for it.
     """
-    return (min(left >> 14, 2**31 - 1) << 32) | node
+    return (min(left >> 14, 2**31 - 1) << 32) | (LAST_NODE - node)
 
 
 @inlined
 def node_of(second: int) -> int:
     """The node in a second key."""
-    return second & (2**32 - 1)
+    return LAST_NODE - (second & (2**32 - 1))
 
 
 @called
