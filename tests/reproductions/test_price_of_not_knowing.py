@@ -48,6 +48,18 @@ def test_the_range_of_the_lidar_is_drawn_against_the_share_of_the_optimum(found:
         assert all(low <= middle <= high <= 1.0 for line in curves.lines.values() for middle, low, high in line)
 
 
+def test_what_was_driven_with_the_robots_own_range_is_what_that_range_would_give(found: Any) -> None:
+    scenarios = {name: price.SCENARIOS[name] for name in ("fields", "u_trap")}
+    own = price.ROBOT["lidar.range"]
+    anew = price.drive(["bug2"], scenarios, 2, Settings(), {"lidar.range": own})
+    for label in scenarios:
+        described = price.described([row for row in anew if row.scenario == label])
+        kept = found.data["ranges"][f"{own:g}"][label]["bug2"]
+        assert kept["n"] == 2
+        for key, value in described.items():
+            assert key.startswith("decision_time") or kept[key] == value
+
+
 def test_a_mean_of_nothing_is_a_dash() -> None:
     assert math.isnan(price.interval([])[0]) and price.told(price.interval([math.nan])) == "-"
     assert price.memory_of("nobody") == "" and price.memory_of("ppo_static") == "weights"
