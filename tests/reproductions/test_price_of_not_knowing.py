@@ -9,6 +9,7 @@ import pytest
 
 from bug_gym.reproductions import price_of_not_knowing as price
 from bug_gym.reproductions.result import Settings
+from bug_gym.reproductions.scripted_and_learned import ROBOT
 
 POLICIES = ("bug2", "a_star", "visibility_graph")
 
@@ -50,7 +51,7 @@ def test_the_range_of_the_lidar_is_drawn_against_the_share_of_the_optimum(found:
 
 def test_what_was_driven_with_the_robots_own_range_is_what_that_range_would_give(found: Any) -> None:
     scenarios = {name: price.SCENARIOS[name] for name in ("fields", "u_trap")}
-    own = price.ROBOT["lidar.range"]
+    own = ROBOT["lidar.range"]
     anew = price.drive(["bug2"], scenarios, 2, Settings(), {"lidar.range": own})
     for label in scenarios:
         described = price.described([row for row in anew if row.scenario == label])

@@ -47,7 +47,8 @@ def take_first(opened: BucketList) -> tuple[int, int]:
 def test_entries_come_in_the_order_of_their_keys_whatever_waits(seed: int) -> None:
     """Keys within half a ring above the first one, as those of neighbours are, many near it, and some below it."""
     generator = np.random.default_rng(seed)
-    opened, sorted_ones = bucket_list(room=8), []
+    opened = bucket_list(room=8)
+    sorted_ones: list[tuple[int, int, int]] = []
     reach, base = RING << NARROWEST - 1, 10**12
     for node in range(3000):
         farthest = reach if node % 2 else 3 << NARROWEST
