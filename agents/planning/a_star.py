@@ -125,7 +125,7 @@ def search(
         if first != here + bound(kind, dx, dy):
             continue  # a shorter way to it has been found since, and was followed in its turn
         expanded += 1
-        steps = np.int64(links[node])
+        steps = int(links[node])
         if weights is None:
             steps &= not_seen_before(links, columns, node, came[node])
         while steps != 0:
@@ -149,7 +149,7 @@ def not_seen_before(links: Bytes, columns: int, node: int, by: int) -> int:
     """
     steps: int = ONWARD[by]
     if by < AT_START and not by & 1:
-        before = np.int64(links[node - offset_of(by, columns)])
+        before = int(links[node - offset_of(by, columns)])
         for turn in (1, 7):
             steps &= ~((before >> ((by + turn) & 7) & 1) << ((by + 2 * turn) & 7))
     return steps

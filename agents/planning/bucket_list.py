@@ -78,7 +78,8 @@ def grown(opened: BucketList) -> BucketList:
 @kernel
 def has_room(opened: BucketList) -> bool:
     """Whether what is found from one more cell can be put in."""
-    return opened.counts[HELD] + ROUND <= len(opened.heap)
+    count: int = opened.counts[HELD]
+    return count + ROUND <= len(opened.heap)
 
 
 @inlined

@@ -26,7 +26,8 @@ from bug_gym.agents.planning.bucket_list import (
 from bug_gym.agents.planning.dijkstra import dijkstra
 from bug_gym.agents.planning.grid import STRAIGHT, UNIT, make_grid
 
-put, come, drop, pack, unpack = map(for_python, (put_in, come_round, drop_top, second_key, node_of))
+put, come, drop = for_python(put_in), for_python(come_round), for_python(drop_top)
+pack, unpack = for_python(second_key), for_python(node_of)
 
 
 def put_one(opened: BucketList, first: int, left: int, node: int) -> None:
