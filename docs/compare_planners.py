@@ -1,8 +1,9 @@
-"""A* and D* Lite beside other libraries' A* in one process: `python docs/compare_planners.py` writes planner_speed.md.
+"""A*, D* Lite and RRT* beside other libraries' in one process: `python docs/compare_planners.py` writes planner_speed.md.
 
-Compared with what is installed of pyastar2d (C++) and rustworkx (Rust, costs by calls of Python), which nothing here needs
-otherwise. Grids of 30 % random obstacles; all answer the same questions in turn, lengths are compared, times are of the
-processor. Without them the table has our rows alone.
+Compared with what is installed of pyastar2d (C++), rustworkx (Rust, costs by calls of Python) and ompl (C++, whether a
+piece is clear by calls of Python), which nothing here needs otherwise: `pip install pyastar2d rustworkx ompl`. Without
+them the tables have our rows alone. Times are of the processor. Grids have 30 % random obstacles; all answer the same
+questions in turn, and lengths are compared.
 """
 
 from __future__ import annotations
@@ -24,8 +25,13 @@ from bug_gym.agents.planning.a_star import a_star
 from bug_gym.agents.planning.d_star_lite import DStarLite
 from bug_gym.agents.planning.dijkstra import distances
 from bug_gym.agents.planning.grid import COLUMN_STEPS, FAR, ROW_STEPS, Grid, make_grid, relink_nodes
+from bug_gym.agents.planning.rrt_star import rrt_star
 from bug_gym.agents.planning.search import Found
+from bug_gym.agents.planning.smoothing import Solids
+from bug_gym.agents.planning.triangulated import Task
 from bug_gym.files import machine, replaced_when_done
+from bug_gym.reproductions.d2t_tables import MARGIN, map_of
+from bug_gym.reproductions.d2t_worlds import field, scenario_1, scenario_2
 
 SHARE = 0.3
 """Of the cells that are blocked."""
@@ -166,6 +172,137 @@ def d_star_lite_rows(side: int, repairs: int) -> dict[str, Measured]:
     return rows
 
 
+# --------------------------------------------------------------------------------------------------------------- RRT*
+
+
+SAMPLES = (500, 2000, 5000, 10_000, 20_000)
+"""After which lengths are looked at."""
+PIECES = (1.0, 5.0)
+"""The longest piece of a tree [m]: what the policy has unless told, and what suits maps of this size."""
+MAPS: tuple[Callable[[], Task], ...] = (scenario_1, scenario_2, lambda: field(3, 60))
+"""Of polygons, about 45 x 30 m."""
+TREES = ("RRTstar", "InformedRRTstar")
+"""Of ompl."""
+
+
+class Curve(NamedTuple):
+    """How a planner's ways fall toward the shortest one."""
+
+    over: list[list[float]]
+    """At each point of the curve, of each run: length over the shortest [%], infinite where there is no way yet."""
+
+
+def tree_of_ompl(
+    name: str, solids: Solids, task: Task, piece: float, seconds: list[float], seed: int
+) -> tuple[list[float], list[float]]:
+    """Lengths of one of its planner's ways [m]: after so many samples, and after so many seconds of the processor.
+
+    Its pieces are at most as long as ours, keep as far from the same obstacles, and are tried by the same function.
+    """
+    base, geometric, util = (importlib.import_module(f"ompl.{part}") for part in ("base", "geometric", "util"))
+    util.setLogLevel(util.LOG_NONE)
+    util.RNG.setSeed(seed + 1)
+
+    class Exact(base.MotionValidator):  # type: ignore[misc, name-defined]
+        """A piece is clear, or not."""
+
+        def checkMotion(self, one: Any, other: Any) -> bool:  # noqa: N802, its name
+            """Whether."""
+            return solids.is_clear((one[0], one[1]), (other[0], other[1]))
+
+    space, bounds = base.RealVectorStateSpace(2), base.RealVectorBounds(2)
+    for axis, (low, high) in enumerate(zip(task.border.min(axis=0), task.border.max(axis=0), strict=True)):
+        bounds.setLow(axis, float(low))
+        bounds.setHigh(axis, float(high))
+    space.setBounds(bounds)
+    information = base.SpaceInformation(space)
+    validator = Exact(information)
+    information.setMotionValidator(validator)
+    information.setStateValidityChecker(lambda state: True)  # what lies in an obstacle is reached by no clear piece
+    information.setup()
+    ends = [information.allocState() for _ in range(2)]
+    for state, place in zip(ends, (task.start, task.goal), strict=True):
+        state[0], state[1] = place
+    problem = base.ProblemDefinition(information)
+    problem.setStartAndGoalStates(*ends, 1e-3)
+    problem.setOptimizationObjective(base.PathLengthOptimizationObjective(information))
+    planner = getattr(geometric, name)(information)
+    planner.setRange(piece)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    after_samples: list[float] = []
+    after_seconds: list[float] = []
+    began, asked = time.process_time(), 0
+
+    def is_enough() -> bool:
+        nonlocal asked  # once a sample
+        spent, best = time.process_time() - began, planner.bestCost().value()
+        while len(after_samples) < len(SAMPLES) and asked >= SAMPLES[len(after_samples)]:
+            after_samples.append(best)
+        while len(after_seconds) < len(seconds) and spent >= seconds[len(after_seconds)]:
+            after_seconds.append(best)
+        asked += 1
+        return len(after_samples) == len(SAMPLES) and len(after_seconds) == len(seconds)
+
+    planner.solve(base.PlannerTerminationCondition(is_enough))
+    return after_samples, after_seconds
+
+
+def rrt_star_rows(runs: int, piece: float) -> tuple[list[float], dict[str, Curve]]:
+    """Median times of ours after some numbers of samples [s], and how far each planner is over the shortest way."""
+    times: list[list[float]] = [[] for _ in SAMPLES]
+    rows: dict[str, Curve] = {}
+
+    def add(name: str, shortest: float, lengths: list[float]) -> None:
+        row = rows.setdefault(name, Curve([[] for _ in SAMPLES]))
+        for at, long in zip(row.over, lengths, strict=True):
+            at.append(100.0 * (long / shortest - 1.0))
+
+    trees = TREES if find_spec("ompl") is not None else ()
+    for make in MAPS:
+        task = make()
+        plan, growth = map_of(task), task.radius + MARGIN
+        shortest, solids = plan.shortest_path(task.start, task.goal, radius=growth).length, Solids.of(plan, growth)
+        rrt_star(solids, plan.span, task.start, task.goal, samples=10)  # compiles
+        for seed in range(runs):
+            spent: list[float] = []
+            for samples, of_all in zip(SAMPLES, times, strict=True):
+                began = time.process_time()
+                found = rrt_star(solids, plan.span, task.start, task.goal, samples=samples, seed=seed, step=piece)
+                spent.append(time.process_time() - began)
+                of_all.append(spent[-1])
+            add("bug_gym rrt_star", shortest, [float(found.lengths[samples - 1]) for samples in SAMPLES])
+            for tree in trees:
+                after_samples, after_seconds = tree_of_ompl(tree, solids, task, piece, sorted(spent), seed)
+                name = f"ompl {version('ompl')} {tree}"
+                add(f"{name}, as many samples", shortest, after_samples)
+                add(f"{name}, as much time", shortest, after_seconds)
+    return [median(one) for one in times], rows
+
+
+def curves(piece: float, times: list[float], rows: dict[str, Curve]) -> str:
+    """A table of the page: medians, and how many runs had no way yet."""
+    heads = [f"{samples:,} samples, {1e3 * spent:.3g} ms" for samples, spent in zip(SAMPLES, times, strict=True)]
+    lines = [
+        f"**RRT\\*, pieces of {piece:g} m: length over the shortest way [%], median of "
+        f"{len(rows['bug_gym rrt_star'].over[0])} runs on {len(MAPS)} maps of polygons**",
+        "",
+        "| planner | " + " | ".join(heads) + " |",
+        "|---" * (1 + len(heads)) + "|",
+    ]
+    for name, row in rows.items():
+        cells = [f"{median(at):.2f}" + (f" ({none} none)" if (none := at.count(math.inf)) else "") for at in row.over]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+READING = (
+    "Times are medians of ours. All keep the same distance from the same obstacles. What ompl asks of Python takes most of "
+    "its time: the rows of as many samples compare the trees, those of as much time what a user of Python gets. (k none): "
+    "runs without a way yet, counted as infinite."
+)
+
+
 def require_equal(rows: dict[str, Measured]) -> None:
     """Raises a ValueError where two planners' ways differ in length."""
     (first, own), *others = rows.items()
@@ -197,6 +334,7 @@ def main() -> None:
     parser.add_argument("--side", type=int, default=1000, help="cells along a side (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=7, help="grids (default: %(default)s)")
     parser.add_argument("--repairs", type=int, default=100, help="repairs of D* Lite (default: %(default)s)")
+    parser.add_argument("--runs", type=int, default=5, help="of RRT* on each map (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=PAGE, help="the page to write (default: planner_speed.md)")
     options = parser.parse_args()
     parts = []
@@ -207,9 +345,11 @@ def main() -> None:
     rows = d_star_lite_rows(options.side, options.repairs)
     require_equal(rows)
     parts.append(table(f"{CHANGED} changed cells on {options.side:,} x {options.side:,}", rows))
+    parts += [curves(piece, *rrt_star_rows(options.runs, piece)) for piece in PIECES]
+    parts.append(READING)
     own = machine()
     page = [
-        "# Speed of the grid planners",
+        "# Speed of the planners",
         "",
         "Written by `python docs/compare_planners.py`. " + " ".join((__doc__ or "").split("\n\n", 1)[1].split()),
         "",

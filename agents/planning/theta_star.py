@@ -4,8 +4,12 @@ Source: Nash, Daniel, Koenig and Felner (2007), the basic one. Sensing assumed: 
 way. States: planning, following, waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells.
 Length: near the shortest of all, without a bound; never over that of A*'s way over the same cells by more than chance.
 
-A cell is reached from its neighbour's parent where the two are in sight: all cells that the straight line touches are
-free. Cells are taken for blocked half a diagonal earlier than for others, so such a line keeps its room everywhere.
+A cell is reached from its neighbour's parent where the two are in sight ("path 2" of the paper's UpdateVertex), else from
+the neighbour itself ("path 1"). In sight: all cells that the straight line touches are free. Cells are taken for blocked
+half a diagonal earlier than for others, so such a line keeps its room everywhere.
+
+Other than in the paper, ways lead over the centres of cells and not over their corners, and a cell whose turn has been is
+taken up again where a shorter way to it is found, which the paper leaves closed.
 
 Over ground that is not the same everywhere a straight way costs what the cells under it do, looked at four times a cell,
 and the one by way of the neighbour is tried too, as it may be the cheaper (Daniel, Nash, Koenig and Felner 2010 say so).

@@ -44,6 +44,8 @@ from bug_gym.reproductions import d2t_worlds
 MARGIN = 0.05
 """What ways keep from obstacles beside the robot [m]."""
 RRT_SAMPLES = 2000
+RRT_STEP = 5.0
+"""The longest piece of RRT*'s tree [m]: with pieces of 1 m so few samples do little more than reach the goal."""
 MANNER = Manner("funnel", margin=MARGIN, facets=1)
 
 PRINTED: dict[str, dict[str, tuple[float, float]]] = {
@@ -97,7 +99,7 @@ def planners(task: Task) -> dict[str, Callable[[int], float]]:
 
     def tree(seed: int) -> float:
         solids = Solids.of(map_of(task), task.radius + MARGIN)
-        found = rrt_star(solids, 100.0, task.start, task.goal, samples=RRT_SAMPLES, seed=seed)
+        found = rrt_star(solids, 100.0, task.start, task.goal, samples=RRT_SAMPLES, seed=seed, step=RRT_STEP)
         return path_length(found.places) if len(found.places) else math.inf
 
     def exact(seed: int) -> float:

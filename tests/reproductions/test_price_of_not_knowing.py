@@ -9,6 +9,7 @@ import pytest
 
 from bug_gym.reproductions import price_of_not_knowing as price
 from bug_gym.reproductions.result import Settings
+from bug_gym.reproductions.scripted_and_learned import ROBOT
 
 POLICIES = ("bug2", "a_star", "visibility_graph")
 
@@ -46,6 +47,18 @@ def test_the_range_of_the_lidar_is_drawn_against_the_share_of_the_optimum(found:
     for curves in found.curves:
         assert list(curves.x) == [2.0, 5.0] and list(curves.lines) == ["bug2"]
         assert all(low <= middle <= high <= 1.0 for line in curves.lines.values() for middle, low, high in line)
+
+
+def test_what_was_driven_with_the_robots_own_range_is_what_that_range_would_give(found: Any) -> None:
+    scenarios = {name: price.SCENARIOS[name] for name in ("fields", "u_trap")}
+    own = ROBOT["lidar.range"]
+    anew = price.drive(["bug2"], scenarios, 2, Settings(), {"lidar.range": own})
+    for label in scenarios:
+        described = price.described([row for row in anew if row.scenario == label])
+        kept = found.data["ranges"][f"{own:g}"][label]["bug2"]
+        assert kept["n"] == 2
+        for key, value in described.items():
+            assert key.startswith("decision_time") or kept[key] == value
 
 
 def test_a_mean_of_nothing_is_a_dash() -> None:
