@@ -27,6 +27,7 @@ from bug_gym.agents.tracking.layout import (
     PAST_POSE,
     POSE_X,
     POSE_Y,
+    RADIUS,
     RANGE,
     SCANS,
     SCANS_KEPT,
@@ -40,6 +41,8 @@ from bug_gym.agents.tracking.layout import (
     WHOLE,
     Memory,
     Scan,
+    X,
+    Y,
 )
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.geometry import wrap
@@ -62,6 +65,7 @@ ELSEWHERE = 2.5  # a track was elsewhere if it went so many times this far
 STOOD_SHARE = 0.6  # of a thing's hits that lie where something was when it stands
 TOO_FAR_ASIDE = 0.5  # a view from farther aside than this share of the distance is another view
 NEAR_HIT = 0.1  # between two hits on one surface there may be a gap, farther from both than this [m]
+SLACK, ASIDE, USEA = 0.05, 0.05, True
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
 
@@ -126,8 +130,8 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
             m = mark % TRACKS
             owners[i] = m if mark > 0 and memory.numbers[m, ID] == mark // TRACKS else -1
         past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
-        count_passes(now, past, scan.settings, counts)
-        count_passes(past, now, scan.settings, counts)
+        count_passes(memory, now, past, scan.settings, counts)
+        count_passes(memory, past, now, scan.settings, counts)
         tell_still(memory, now, past, scan.settings)
     for m in range(TRACKS):
         n = memory.numbers[m]
@@ -186,7 +190,7 @@ def was_there(memory: Memory, x: float, y: float, past: Surface, room: float, se
 
 
 @called
-def count_passes(surface: Surface, other: Surface, settings: Floats, counts: Integers) -> None:
+def count_passes(memory: Memory, surface: Surface, other: Surface, settings: Floats, counts: Integers) -> None:
     """Count for each track the beams of another scan that went through what one scan saw of it."""
     beams = len(surface.ranges)
     begin = 0
@@ -198,7 +202,7 @@ def count_passes(surface: Surface, other: Surface, settings: Floats, counts: Int
             continue
         while end < beams and surface.owner[end] == m and is_joined(surface, end, settings):
             end += 1
-        counts[m] += passes_of(surface, begin, end, other, settings)
+        counts[m] += passes_of(memory.state[m], surface, begin, end, other, settings)
         begin = end
 
 
@@ -213,7 +217,7 @@ def is_joined(surface: Surface, i: int, settings: Floats) -> bool:
 
 
 @called
-def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: Floats) -> int:
+def passes_of(s: Floats, surface: Surface, begin: int, end: int, other: Surface, settings: Floats) -> int:
     """How many beams of `other` went through the run of hits begin:end of a surface."""
     x, y, pose, step, noise = surface.x, surface.y, other.pose, settings[ANGLE_STEP], settings[NOISE]
     full = 2.0 * math.pi / step
@@ -247,12 +251,38 @@ def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: 
             off = min(f, 1.0 - f) * length
             if off <= NEAR_HIT:
                 away = 1.0 / ((1.0 - f) / ta + f / tb) + margin + SAG * off
-                if goes_beyond(other.ranges, ray, away, settings):
+                if goes_beyond(other.ranges, ray, away, settings) and fits_motion(s, ray, surface, other, settings):
                     count += 1
                     if goes_beyond(other.ranges, ray, away + SURELY * noise, settings):
                         count += 1
             ray += 1
     return count
+
+
+@inlined
+def chord_of(s: Floats, lag: float, ray: int, pose: Floats, settings: Floats) -> tuple[float, float, float]:
+    """Where a beam goes into a track's disc and comes out, some time before now, and how far it passes from its middle [m]."""
+    bearing = pose[HEADING] + settings[FIRST_ANGLE] + ray * settings[ANGLE_STEP]
+    dx, dy = s[X] - lag * s[VX] - pose[POSE_X], s[Y] - lag * s[VY] - pose[POSE_Y]
+    c, sn = math.cos(bearing), math.sin(bearing)
+    across, along = abs(dy * c - dx * sn), dx * c + dy * sn
+    half = math.sqrt(max(s[RADIUS] * s[RADIUS] - across * across, 0.0))
+    return along - half, along + half, across
+
+
+@inlined
+def fits_motion(s: Floats, ray: int, surface: Surface, other: Surface, settings: Floats) -> bool:
+    """x."""
+    newest = max(surface.pose[NOW], other.pose[NOW])
+    slack = SLACK + 2.0 * settings[NOISE]
+    far = other.ranges[ray % len(other.ranges)]
+    enters, out, across = chord_of(s, newest - other.pose[NOW], ray, other.pose, settings)
+    if across < s[RADIUS] - ASIDE:
+        return bool(abs(far - enters) < slack)
+    if USEA:
+        enters, out, across = chord_of(s, newest - surface.pose[NOW], ray, other.pose, settings)
+        return bool(across > s[RADIUS] or far > out)
+    return True
 
 
 @inlined
