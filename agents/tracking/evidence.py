@@ -66,7 +66,7 @@ LONGEST = 0.6  # hits farther from one another may be of two things [m]
 MOST_AT_ONCE, NEEDED, MOST, SOME = 2.0, 1.0, 4.0, 0.5
 # A thing met by fewer beams than FEW may be the edge of something with holes: it needs more evidence, and the way that it
 # is said to have gone must bring its hits this many times nearer to where it was seen than if it had stood.
-FEW, NEEDED_OF_FEW, NEARER, NEARER_OF_FEW = 4, 2.0, 1.2, 0.8
+FEW, NEEDED_OF_FEW, NEARER, NEARER_OF_FEW = 3, 2.0, 1.2, 0.8
 SURE_SPEED = 16.0  # significance of a speed that is sure, of a thing both of whose ends were seen
 WHOLE_FOR = 3  # so many times without a break
 PLACE = 0.05  # a hit as near as this, and twice the noise, to an old one lies where something was [m]
