@@ -3,7 +3,9 @@
 Some past scans are kept, and each two are compared both ways: what one saw of a thing is a run of hits, and a beam of the
 other that went between them and on, beyond noise, slant and what the other point of view may change, says that the thing
 came or left. The end of a wall that slides along as the robot moves says nothing: no beam goes through what was seen. And
-hits that lie where something was while the track, by its speed, was elsewhere, say that it stands.
+hits that lie where something was while the track, by its speed, was elsewhere, say that it stands. What is hollow (a pallet,
+a rack) lets beams through though it stands: a beam counts only where the disc, moved back to the time of the beam, lets it
+pass or stops it, and the hits have to lie nearer to one another moved than left in place.
 """
 
 from __future__ import annotations
@@ -14,6 +16,10 @@ from typing import NamedTuple
 from bug_gym.agents.tracking.filter import GATE, mahalanobis
 from bug_gym.agents.tracking.layout import (
     ANGLE_STEP,
+    AS_MOVED,
+    AS_STILL,
+    BEAMS,
+    BORN,
     EVIDENCE,
     FIRST_ANGLE,
     HEADING,
@@ -27,6 +33,7 @@ from bug_gym.agents.tracking.layout import (
     PAST_POSE,
     POSE_X,
     POSE_Y,
+    RADIUS,
     RANGE,
     SCANS,
     SCANS_KEPT,
@@ -40,6 +47,8 @@ from bug_gym.agents.tracking.layout import (
     WHOLE,
     Memory,
     Scan,
+    X,
+    Y,
 )
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.geometry import wrap
@@ -54,7 +63,10 @@ SAG = 1.0  # how far one surface may bend back between two hits, over the distan
 ASLANT = 2.0  # a surface seen more aslant than this, in range over distance across, may be two
 LONGEST = 0.6  # hits farther from one another may be of two things [m]
 # evidence: what one update may add, what a mover needs, the most there is, and what does where the speed is sure
-MOST_AT_ONCE, NEEDED, MOST, SOME = 1.5, 2.0, 4.0, 0.5
+MOST_AT_ONCE, NEEDED, MOST, SOME = 2.0, 1.0, 4.0, 0.5
+# A thing met by fewer beams than FEW may be the edge of something with holes: it needs more evidence, and the way that it
+# is said to have gone must bring its hits this many times nearer to where it was seen than if it had stood.
+FEW, NEEDED_OF_FEW, NEARER, NEARER_OF_FEW = 3, 2.0, 1.2, 0.8
 SURE_SPEED = 16.0  # significance of a speed that is sure, of a thing both of whose ends were seen
 WHOLE_FOR = 3  # so many times without a break
 PLACE = 0.05  # a hit as near as this, and twice the noise, to an old one lies where something was [m]
@@ -62,6 +74,9 @@ ELSEWHERE = 2.5  # a track was elsewhere if it went so many times this far
 STOOD_SHARE = 0.6  # of a thing's hits that lie where something was when it stands
 TOO_FAR_ASIDE = 0.5  # a view from farther aside than this share of the distance is another view
 NEAR_HIT = 0.1  # between two hits on one surface there may be a gap, farther from both than this [m]
+ON_OUTLINE = 0.05  # a hit as near as this, and twice the noise, to where a disc's outline would be lies on it [m]
+FAR = 0.5  # two places farther apart have nothing to do with one another [m]
+COMPARED = 0.7  # greatest age of a scan in which a thing is looked for where it was by its speed [s]
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
 
@@ -115,7 +130,11 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
     counts[:] = 0
     now = Surface(scan.ranges, scan.place_x, scan.place_y, scan.owner, scan.pose)
     for m in range(TRACKS):
-        memory.numbers[m, STOOD] = 0
+        memory.numbers[m, STOOD] = memory.numbers[m, BEAMS] = 0
+        memory.state[m, AS_STILL] = memory.state[m, AS_MOVED] = 0.0
+    for i in range(len(scan.owner)):
+        if scan.owner[i] >= 0:
+            memory.numbers[scan.owner[i], BEAMS] += 1
     for lag in range(len(LAGS)):
         k = scan_of_age(memory.scan_poses, scan.pose[NOW], LAGS[lag])
         if k < 0:
@@ -126,8 +145,8 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
             m = mark % TRACKS
             owners[i] = m if mark > 0 and memory.numbers[m, ID] == mark // TRACKS else -1
         past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
-        count_passes(now, past, scan.settings, counts)
-        count_passes(past, now, scan.settings, counts)
+        count_passes(memory, now, past, scan.settings, counts)
+        count_passes(memory, past, now, scan.settings, counts)
         tell_still(memory, now, past, scan.settings)
     for m in range(TRACKS):
         n = memory.numbers[m]
@@ -142,7 +161,10 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
 
 @called
 def tell_still(memory: Memory, now: Surface, past: Surface, settings: Floats) -> None:
-    """Mark tracks whose hits lie where the past scan had hits, though by their speed they were elsewhere then."""
+    """Mark tracks whose hits lie where the past scan had hits, though by their speed they were elsewhere then.
+
+    And add up how far the hits lie from those of the past scan, if the thing stood and if it moved as it is said to.
+    """
     beams, room = len(now.ranges), PLACE + 2.0 * settings[NOISE]
     age = now.pose[NOW] - past.pose[NOW]
     begin = 0
@@ -150,19 +172,24 @@ def tell_still(memory: Memory, now: Surface, past: Surface, settings: Floats) ->
         m, end = now.owner[begin], begin + 1
         while end < beams and now.owner[end] == m:
             end += 1
-        if m >= 0 and math.hypot(memory.state[m, VX], memory.state[m, VY]) * age > ELSEWHERE * room:
+        if m >= 0:
+            s = memory.state[m]
             explained = 0
             for i in range(begin, end):
-                explained += was_there(memory, now.x[i], now.y[i], past, room, settings)
-            if explained >= STOOD_SHARE * (end - begin):
+                stood = gap_of(memory, now.x[i], now.y[i], past, settings)
+                explained += stood < room
+                if age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6:
+                    s[AS_STILL] += stood
+                    s[AS_MOVED] += gap_of(memory, now.x[i] - age * s[VX], now.y[i] - age * s[VY], past, settings)
+            if math.hypot(s[VX], s[VY]) * age > ELSEWHERE * room and explained >= STOOD_SHARE * (end - begin):
                 memory.numbers[m, STOOD] = 1
         begin = end
 
 
 @inlined
-def was_there(memory: Memory, x: float, y: float, past: Surface, room: float, settings: Floats) -> int:
-    """Whether a past scan met something still at a place: 1 or 0."""
-    beams = len(past.ranges)
+def gap_of(memory: Memory, x: float, y: float, past: Surface, settings: Floats) -> float:
+    """How far from a place a past scan met something still [m], at most FAR."""
+    beams, best = len(past.ranges), FAR
     middle = int(round(beam_toward(x, y, past.pose, settings)))
     for ray in range(middle - 1, middle + 1):
         h, i = ray % beams, (ray + 1) % beams
@@ -179,14 +206,12 @@ def was_there(memory: Memory, x: float, y: float, past: Surface, room: float, se
         along = min(max((dx * sx + dy * sy) / square, 0.0), 1.0) if square > 0.0 else 0.0
         if square > LONGEST * LONGEST:
             along = round(along)
-        dx, dy = dx - along * sx, dy - along * sy
-        if dx * dx + dy * dy < room * room:
-            return 1
-    return 0
+        best = min(best, math.hypot(dx - along * sx, dy - along * sy))
+    return best
 
 
 @called
-def count_passes(surface: Surface, other: Surface, settings: Floats, counts: Integers) -> None:
+def count_passes(memory: Memory, surface: Surface, other: Surface, settings: Floats, counts: Integers) -> None:
     """Count for each track the beams of another scan that went through what one scan saw of it."""
     beams = len(surface.ranges)
     begin = 0
@@ -198,7 +223,7 @@ def count_passes(surface: Surface, other: Surface, settings: Floats, counts: Int
             continue
         while end < beams and surface.owner[end] == m and is_joined(surface, end, settings):
             end += 1
-        counts[m] += passes_of(surface, begin, end, other, settings)
+        counts[m] += passes_of(memory.state[m], surface, begin, end, other, settings)
         begin = end
 
 
@@ -213,7 +238,7 @@ def is_joined(surface: Surface, i: int, settings: Floats) -> bool:
 
 
 @called
-def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: Floats) -> int:
+def passes_of(s: Floats, surface: Surface, begin: int, end: int, other: Surface, settings: Floats) -> int:
     """How many beams of `other` went through the run of hits begin:end of a surface."""
     x, y, pose, step, noise = surface.x, surface.y, other.pose, settings[ANGLE_STEP], settings[NOISE]
     full = 2.0 * math.pi / step
@@ -223,6 +248,7 @@ def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: 
         b = unwrapped(toward, b, full) if i > begin else toward
         low, high = min(low, b), max(high, b)
     baseline = math.hypot(surface.pose[POSE_X] - pose[POSE_X], surface.pose[POSE_Y] - pose[POSE_Y])
+    newest = max(surface.pose[NOW], other.pose[NOW])
     count = 0
     b = beam_toward(x[begin], y[begin], pose, settings)
     tb = math.hypot(x[begin] - pose[POSE_X], y[begin] - pose[POSE_Y])
@@ -247,12 +273,31 @@ def passes_of(surface: Surface, begin: int, end: int, other: Surface, settings: 
             off = min(f, 1.0 - f) * length
             if off <= NEAR_HIT:
                 away = 1.0 / ((1.0 - f) / ta + f / tb) + margin + SAG * off
-                if goes_beyond(other.ranges, ray, away, settings):
+                if goes_beyond(other.ranges, ray, away, settings) and fits_motion(s, ray, newest, other, settings):
                     count += 1
                     if goes_beyond(other.ranges, ray, away + SURELY * noise, settings):
                         count += 1
             ray += 1
     return count
+
+
+@inlined
+def fits_motion(s: Floats, ray: int, newest: float, other: Surface, settings: Floats) -> bool:
+    """Whether a beam that went through what was seen of a track could do so, by where its motion had it then.
+
+    It passes the disc by, or it ends at its outline: the thing was farther off then. One that ends inside it went into a
+    hollow of something that is no disc, such as a pallet or a rack, and shows no motion. `newest` is now [s].
+    """
+    lag = newest - other.pose[NOW]
+    bearing = other.pose[HEADING] + settings[FIRST_ANGLE] + ray * settings[ANGLE_STEP]
+    dx, dy = s[X] - lag * s[VX] - other.pose[POSE_X], s[Y] - lag * s[VY] - other.pose[POSE_Y]
+    along_x, along_y = math.cos(bearing), math.sin(bearing)
+    across = abs(dy * along_x - dx * along_y)
+    if across >= s[RADIUS] - ON_OUTLINE:
+        return True
+    enters = dx * along_x + dy * along_y - math.sqrt(max(s[RADIUS] * s[RADIUS] - across * across, 0.0))
+    distance = other.ranges[ray % len(other.ranges)]
+    return bool(abs(distance - enters) < ON_OUTLINE + 2.0 * settings[NOISE])
 
 
 @inlined
@@ -288,13 +333,16 @@ def is_mover(s: Floats, n: Integers) -> bool:
     significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
     if n[IS_MOVING] > 0:
         return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance > SURE_SPEED))
-    if n[STOOD] > 0 or (n[HITS] & 1) == 0:
+    is_few = n[BEAMS] < FEW
+    nearer = NEARER_OF_FEW if is_few else NEARER
+    if n[STOOD] > 0 or (n[HITS] & 1) == 0 or s[AS_MOVED] > nearer * s[AS_STILL]:
         return False
     if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
         return True
     # the more there is of the one, the less is needed of the other
-    needed = GATE - 2.0 * s[EVIDENCE] + 1.0
-    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significance > needed and s[EVIDENCE] >= NEEDED
+    significant = significance > GATE - 2.0 * s[EVIDENCE] + 1.0
+    evident = s[EVIDENCE] >= (NEEDED_OF_FEW if is_few else NEEDED)
+    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significant and evident
 
 
 @inlined

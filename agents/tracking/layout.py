@@ -14,16 +14,17 @@ SCANS = 16
 """Past scans kept, for the space seen free."""
 
 # Columns of a track's state. PXX to PYY: covariance of the place, CXX to CYY: of place (first letter) and velocity,
-# VXX to VYY: of the velocity.
+# VXX to VYY: of the velocity. AS_STILL, AS_MOVED: how far its hits lie from those of earlier scans, if it stood and if it moved
+# as its velocity says [m].
 X, Y, VX, VY, PXX, PXY, PYY, CXX, CXY, CYX, CYY, VXX, VXY, VYY = range(14)
-RADIUS, RADIUS_VARIANCE, EVIDENCE, BORN, SEEN, INNOVATION = range(14, 20)
-STATE = 20
+RADIUS, RADIUS_VARIANCE, EVIDENCE, BORN, SEEN, INNOVATION, AS_STILL, AS_MOVED = range(14, 22)
+STATE = 22
 
 # Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest. WHOLE: at how many of
 # its last measurements without a break both its ends were seen. STOOD: whether most of its hits lie where something was
-# when the track, by its speed, was elsewhere.
-ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, STOOD = range(8)
-NUMBERS = 8
+# when the track, by its speed, was elsewhere. BEAMS: how many of this scan's hits are its.
+ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, STOOD, BEAMS = range(9)
+NUMBERS = 9
 
 # Columns of a memory's counters: number of the last track, and how many scans were kept.
 LAST_ID, SCANS_KEPT = range(2)

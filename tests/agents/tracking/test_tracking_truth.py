@@ -45,6 +45,33 @@ def test_a_mover_is_known_within_six_tenths_of_a_second(speed: float, heading: f
         assert known and known[0] <= 0.6 + 1e-6, (seed, known[:1])
 
 
+def rack(rng: np.random.Generator, x: float, y: float) -> list[list[list[float]]]:
+    """Posts of 0.08 to 0.24 m, 0.25 m apart, dense at the outline and sparse inside: beams slip in between them."""
+    posts = []
+    for i, j in product(range(6), range(6)):
+        if rng.random() < (0.75 if i in (0, 5) or j in (0, 5) else 0.25):
+            a, b, r = x + 0.25 * i, y + 0.25 * j, 0.04 + 0.08 * rng.random()
+            posts.append([[a - r, b - r], [a + r, b - r], [a + r, b + r], [a - r, b + r]])
+    return posts
+
+
+def test_beams_that_go_into_the_hollows_of_racks_are_hardly_taken_for_motion() -> None:
+    """Sixteen racks, and at most one ghost for each two, as a beam into a hollow shows no motion."""
+    ghosts = 0
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        scenario = world_of([], beams=64)
+        places = [(x + rng.random(), y + rng.random()) for x, y in product((-7, -3, 1, 5), (-7, -3, 1, 5))]
+        scenario["world"] |= {
+            "start": [-9.0, -9.0, 0.0],
+            "goal": [9.0, 9.0],
+            "polygons": [post for place in places for post in rack(rng, *place)],
+        }
+        steps = track(scenario, 25.0, policy="bug2", seed=seed)
+        ghosts += len({number for _, _, tracks in steps for number in tracks.id[tracks.moving].tolist()})
+    assert ghosts <= 0.5 * 16 * 3
+
+
 @pytest.fixture(scope="module")
 def crowd() -> dict[str, Any]:
     """What is counted among pedestrians, a world of each variant."""
