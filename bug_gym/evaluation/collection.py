@@ -39,7 +39,7 @@ from bug_gym.evaluation.minari_files import (
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.results_folder import differences
-from bug_gym.files import from_json, one_writer, replaced_when_done
+from bug_gym.files import from_json, one_writer, released, replaced_when_done
 from bug_gym.workers import each, starred
 
 FLOOR = "random"
@@ -91,7 +91,7 @@ class _Source(NamedTuple):
         """What the episodes are a function of."""
         seeds = self.scenario.seeds
         told = {
-            "version": bug_gym.__version__,
+            "version": released(bug_gym.__version__),
             "scenario": self.scenario.label,
             "digest": self.scenario.scenario.digest,
             "policy": self.entry.name,

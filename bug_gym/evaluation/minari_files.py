@@ -21,7 +21,7 @@ from bug_gym import kernels
 from bug_gym.checks import install_command
 from bug_gym.config import Scenario, dump
 from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations
-from bug_gym.files import from_json, moved_when_done, replaced_when_done
+from bug_gym.files import from_json, moved_when_done, released, replaced_when_done
 from bug_gym.observation import Field, as_dict
 from bug_gym.observation import fields as observation_fields
 
@@ -238,8 +238,8 @@ def open_dataset(folder: Path, scenario: Scenario | None = None) -> Any:
     from minari import MinariDataset
 
     found = read_identity(folder)
-    if found.get("version") != bug_gym.__version__:
-        raise ValueError(f"{folder} was collected with bug-gym {found.get('version')}, this is {bug_gym.__version__}")
+    if found.get("version") != (ours := released(bug_gym.__version__)):
+        raise ValueError(f"{folder} was collected with bug-gym {found.get('version')}, this is {ours}")
     if scenario is not None and found.get("digest") != scenario.digest:
         label = found.get("scenario")
         came = f"{label} {found.get('digest')}" if isinstance(label, str) else "another scenario"

@@ -6,10 +6,10 @@ import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import bug_gym
 from bug_gym.workers import Workers
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Reproduction:
         record = {
             "name": self.name,
             "holds": self.holds,
-            "bug_gym": version("bug-gym"),
+            "bug_gym": bug_gym.__version__,
             "commit": commit,
             "python": platform.python_version(),
             **self.data,
