@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> None:
     from bug_gym.evaluation.live import KEYS, Hand, Show, run, same_world  # loads the compiler
 
     path = None if options.record is None else writable(options.record, [JSON])
-    scenario = load(options.scenario, assignments(options.overrides))
+    scenario = load(options.scenario, assignments(options.overrides), trust=options.trust)
     hand = Hand(scenario, path)
     rivals = [policy_entry(text) for text in options.against.split(",")] if options.against else []
     worlds = same_world([PolicyEntry.of(("you", hand)), *rivals], scenario)

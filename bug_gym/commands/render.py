@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> None:
 
     out = writable(options.out, [HTML, GIF, MP4, PNG])
     policies, place = _named(options)
-    scenario, entries = load(place, assignments(options.overrides)), map(policy_entry, policies)
+    scenario, entries = load(place, assignments(options.overrides), trust=options.trust), map(policy_entry, policies)
     seeds = range(options.seed, options.seed + 1)
     rollouts = [Rollout(entry, ScenarioEntry(scenario.name, scenario, seeds), seeds) for entry in entries]
     if out.suffix.lower() == HTML:

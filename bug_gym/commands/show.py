@@ -22,12 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
+    from bug_gym.config import load  # loads pydantic
     from bug_gym.drawing.canvas import Canvas  # loads the compiler
     from bug_gym.drawing.clips import PNG, save_png  # loads the compiler
     from bug_gym.simulation import Simulation  # loads the compiler
 
     out, save = options.out and writable(options.out, [PNG]), options.save and writable(options.save)
-    simulation = Simulation(options.scenario, overrides=assignments(options.overrides))
+    simulation = Simulation(load(options.scenario, assignments(options.overrides), trust=options.trust))
     name = simulation.scenario.name
     if out is None and save is None:
         out = writable(f"{name}-{options.seed}.png", [PNG])

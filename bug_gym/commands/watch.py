@@ -47,7 +47,7 @@ def _live(policies: list[str], place: str, options: argparse.Namespace) -> Show:
     from bug_gym.config import load  # loads pydantic
     from bug_gym.evaluation.live import Show, same_world  # loads the compiler
 
-    scenario = load(place, assignments(options.overrides))
+    scenario = load(place, assignments(options.overrides), trust=options.trust)
     worlds = same_world([policy_entry(text) for text in policies], scenario)
     return Show(worlds, first=options.seed, size=options.size)
 
@@ -59,7 +59,7 @@ def _driven(path: Path, options: argparse.Namespace) -> Show:
 
     if options.overrides:
         raise ValueError(f"{path} says in which worlds it was driven, got {options.overrides[0]} as well")
-    scenario, episodes = read_driven(path)
+    scenario, episodes = read_driven(path, trust=options.trust)
     for episode in episodes:
         require_same_end(scenario, episode)
     seeds = [episode.seed for episode in episodes]

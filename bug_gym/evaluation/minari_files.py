@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
@@ -107,12 +108,16 @@ def write_dataset(
     import minari
     from minari.dataset.minari_storage import MinariStorage
 
-    env = gym.make("BugGym/Navigation-v0", scenario=dump(about.scenario), observation=form)
+    # It was trusted when episodes were driven in it; whoever makes the env of the dataset says so anew.
+    env = gym.make("BugGym/Navigation-v0", scenario=dump(about.scenario), observation=form, trust=True)
+    spec = deepcopy(env.spec)
+    assert spec is not None
+    del spec.kwargs["trust"]
     table = observation_fields(about.scenario)
     with moved_when_done(stage, root / name) as folder:
         storage = MinariStorage.new(
             folder / "data",
-            env_spec=env.spec,
+            env_spec=spec,
             observation_space=env.observation_space,
             action_space=env.action_space,
             data_format="hdf5",
