@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
@@ -26,7 +26,7 @@ def native(mode: AutoresetMode) -> Any:
     )  # our own vector env
 
 
-def robots(observation: str) -> Any:
+def robots(observation: Literal["dict", "flat"]) -> Any:
     worlds = bug_gym.parallel_env("crossing_robots", overrides=SHORT, robots=2, observation=observation, info="numeric")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # TorchRL was tried by its makers with an earlier PettingZoo

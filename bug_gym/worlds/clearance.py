@@ -38,7 +38,8 @@ class _Outlines:
         """Which rings (n,) have a point inside them (even-odd rule)."""
         at = np.flatnonzero((self.y > y) != (self.after > y))
         right = at[x < self.x[at] + (y - self.y[at]) * self.along_x[at] / self.along_y[at]]
-        return np.bincount(self.ring[right], minlength=self.count) % 2 == 1
+        crossed: NDArray[np.bool_] = np.bincount(self.ring[right], minlength=self.count) % 2 == 1
+        return crossed
 
 
 def clearance(circles: F64, rings: Sequence[F64], x: float, y: float) -> float:
