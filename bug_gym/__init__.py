@@ -7,6 +7,7 @@ loaded when the first one is made.
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
     from bug_gym.robots_env import env, parallel_env
     from bug_gym.schema.own import ObservationField, RewardTerm
 
-__version__ = "0.1.0"
+try:
+    __version__ = version("bug-gym")  # of git's tags, when it was installed
+except PackageNotFoundError:  # run from a folder, not installed
+    __version__ = "0.1.0.dev0"
 
 __all__ = ["ObservationField", "RewardTerm", "__version__", "env", "parallel_env", "register_envs", "show"]
 

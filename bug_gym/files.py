@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import shutil
 import socket
 import stat
@@ -235,6 +236,11 @@ def machine() -> dict[str, Any]:
     versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
     versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba")}
     return {"cpu": cpu_model(), "cores": os.cpu_count(), **versions}
+
+
+def released(version: str) -> str:
+    """What results are compared by: 0.2.0 of 0.2.0.dev7+g1234567, as else each commit would have results of its own."""
+    return re.sub(r"(\.dev\d+)?(\+.*)?$", "", version)
 
 
 def cpu_model() -> str:

@@ -18,6 +18,11 @@ def velocity_along(bearing: float, speed: float) -> Point:
     return speed * math.cos(bearing), speed * math.sin(bearing)
 
 
+def following(ring: F64) -> F64:
+    """Of each corner of a ring, (k, 2) or one of its coordinates (k,), the next one; much faster than `np.roll`."""
+    return np.concatenate((ring[1:], ring[:1]))
+
+
 def wrap(angle: float) -> float:
     """The same angle in [-pi, pi)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bug_gym import kernels
 from bug_gym.config import Scenario
 from bug_gym.draws import CONSTANTS, draw, drawn_numbers
-from bug_gym.geometry import F64
+from bug_gym.geometry import F64, following
 from bug_gym.limits import MEMORY, told_bytes
 from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
 from bug_gym.schema.polygons import WeightedRegion
@@ -612,10 +612,9 @@ class _Writer:
         self.arrays["polygon_side"][number] = inner_side(rings)
 
     def _ring(self, ring: F64) -> None:
-        ring = ring[np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) > SAME_POINT]
+        ring = ring[np.hypot(*(following(ring) - ring).T) > SAME_POINT]
         a, first, end = self.arrays, self.walls, self.walls + len(ring)
-        after = np.roll(ring, -1, axis=0)
-        a["wall"][4 * first : 4 * end] = np.column_stack([ring, after]).ravel()
+        a["wall"][4 * first : 4 * end] = np.hstack([ring, following(ring)]).ravel()
         self.walls = end
 
 
@@ -631,7 +630,7 @@ def cut_into_rings(walls: F64) -> Rings:
 
 def inner_side(rings: Rings) -> int:
     """Side of the walls on which a polygon lies, as its rings (k, 2) run: 1 left, -1 right, 0 not the same for all."""
-    areas = [float(ring[:, 0] @ np.roll(ring[:, 1], -1) - ring[:, 1] @ np.roll(ring[:, 0], -1)) for ring in rings]
+    areas = [float(x @ following(y) - y @ following(x)) for x, y in (ring.T for ring in rings)]
     sides = {math.copysign(1.0, area) * (1.0 if number == 0 else -1.0) for number, area in enumerate(areas)}
     return int(sides.pop()) if len(sides) == 1 else 0
 

@@ -22,6 +22,7 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
+import bug_gym
 from bug_gym.cluster import Cluster, connected
 from bug_gym.evaluation import evaluate
 from bug_gym.files import machine, replaced_when_done
@@ -137,7 +138,7 @@ def main() -> None:
     commit = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "HEAD"], capture_output=True, text=True, check=False)
     found: dict[str, Any] = {
         "name": "cluster",
-        "bug_gym": version("bug-gym"),
+        "bug_gym": bug_gym.__version__,
         "commit": commit.stdout.strip() or "unknown",
         "python": platform.python_version(),
         "ray": version("ray"),

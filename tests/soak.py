@@ -22,7 +22,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -32,6 +31,7 @@ import gymnasium as gym
 import numpy as np
 import psutil
 
+import bug_gym
 from bug_gym.files import machine
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -407,7 +407,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the kills (default: 0)")
     parser.add_argument("--out", type=Path, help="JSON to write (default: on the terminal only)")
     options = parser.parse_args(arguments)
-    made_by = {"bug_gym": version("bug-gym"), "commit": commit(), "python": platform.python_version()}
+    made_by = {"bug_gym": bug_gym.__version__, "commit": commit(), "python": platform.python_version()}
     with tempfile.TemporaryDirectory() as work:
         found = soak(options.minutes, options.seed, Path(work))
     record = {"name": "soak", "holds": holds(found), **made_by, "machine": machine(), **found}

@@ -15,6 +15,7 @@ import yaml
 import bug_gym
 from bug_gym.agents.learning.settings import training_names
 from bug_gym.cli import main
+from bug_gym.files import released
 from bug_gym.reproductions import REPRODUCTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -141,7 +142,7 @@ def code_in(text: str) -> list[str]:
 def test_the_citation_bears_the_version_and_the_license_of_the_package() -> None:
     said = yaml.safe_load(text_of(ROOT / "CITATION.cff"))
     assert {"cff-version", "message", "title", "authors"} <= said.keys()
-    assert said["version"] == bug_gym.__version__ and said["license"] == "MIT"
+    assert said["version"] == released(bug_gym.__version__) and said["license"] == "MIT"
 
 
 @pytest.mark.parametrize("path", FORMS, ids=[path.stem for path in FORMS])

@@ -14,22 +14,34 @@ from pathlib import Path
 import pytest
 
 import bug_gym
+from bug_gym.files import released
 
 ROOT = Path(__file__).resolve().parents[1]
+WHO = ("-c", "user.name=nobody", "-c", "user.email=nobody@example.org")
 HEAVY = ["torch", "stable_baselines3", "pygame", "matplotlib", "onnxruntime", "ray"]
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the wheel and the sdist, built from a copy: a stale build/ beside it would hide a lost file."""
+    """The folder of the wheel and the sdist, built from a copy: a stale build/ beside it would hide a lost file.
+
+    The copy is a checkout with the tag of a release, whose sdist holds what git knows.
+    """
     checkout = tmp_path_factory.mktemp("checkout")
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, checkout)
+    for path in ROOT.iterdir():
+        if path.is_file() and path.name != ".git":  # a file in a second work tree
+            shutil.copy(path, checkout)
     for name in ("bug_gym", "agents", "configs"):
         shutil.copytree(ROOT / name, checkout / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("docs", "notebooks", "ros", "tests", ".ci", ".github"):
+        (checkout / name).mkdir()
+        (checkout / name / "file.txt").touch()
+    for arguments in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "All"], ["tag", "v3.1.4"]):
+        subprocess.run(["git", *WHO, *arguments], cwd=checkout, check=True)
     command = [sys.executable, "-m", "build", "--wheel", "--sdist", "--no-isolation", str(checkout)]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout + run.stderr
+    (checkout / "dist" / "log.txt").write_text(run.stdout + run.stderr, encoding="utf-8")
     return checkout / "dist"
 
 
@@ -58,14 +70,77 @@ def test_the_wheel_holds_all_modules_and_settings_and_nothing_else(wheel: zipfil
     assert {name for name in wheel.namelist() if ".dist-info/" not in name} == shipped_files()
 
 
-def test_the_sdist_holds_what_the_wheel_holds(built: Path) -> None:
+def test_the_sdist_holds_what_the_wheel_holds_and_no_second_copy(built: Path) -> None:
     with tarfile.open(next(built.glob("*.tar.gz"))) as sdist:
         names = {member.name.split("/", 1)[1] for member in sdist if member.isfile()}
     assert shipped_files() <= names
+    assert {name.split("/")[0] for name in names if "/" in name} == {"bug_gym", "bug_gym.egg-info"}
+    assert {name for name in names if name.startswith("bug_gym/")} == shipped_files()
 
 
-def test_the_wheel_bears_the_version_of_the_package(built: Path) -> None:
-    assert next(built.glob("*.whl")).name.startswith(f"bug_gym-{bug_gym.__version__}-py3")
+def test_nothing_is_warned_of_while_it_is_built(built: Path) -> None:
+    told = (built / "log.txt").read_text(encoding="utf-8")
+    told = re.sub(r"(?m)^warning: .*byte-compiling is disabled, skipping.*$", "", told)  # PYTHONDONTWRITEBYTECODE
+    assert not re.findall(
+        r"(?im)^.*(?:warning|deprecat|is absent from).*$", re.sub(r"(?m)^(?:adding|copying) .*$", "", told)
+    )
+
+
+def test_a_tag_is_the_version(built: Path) -> None:
+    assert {path.name for path in built.iterdir() if path.suffix != ".txt"} == {
+        "bug_gym-3.1.4-py3-none-any.whl",
+        "bug_gym-3.1.4.tar.gz",
+    }
+
+
+@pytest.mark.parametrize("has_git", [True, False])
+def test_without_tags_it_is_a_version_before_the_first(has_git: bool, tmp_path: Path) -> None:
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    if has_git:
+        for arguments in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "All"]):
+            subprocess.run(["git", *WHO, *arguments], cwd=tmp_path, check=True)
+    said = subprocess.run(
+        [sys.executable, "-m", "setuptools_scm"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    found = said.stdout.strip()
+    assert re.fullmatch(r"0\.1\.0\.dev1\+g[0-9a-f]+(?:\.d\d+)?" if has_git else r"0\.1\.0\.dev0", found)
+    assert released(found) == "0.1.0"
+
+
+def test_the_package_knows_its_version_by_its_metadata(tmp_path: Path) -> None:
+    assert version_of(tmp_path, "4.0.0.dev3+gabc") == "4.0.0.dev3+gabc"
+
+
+def test_what_was_never_installed_says_the_version_of_sources_without_git(tmp_path: Path) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert version_of(tmp_path, None) == project["tool"]["setuptools_scm"]["fallback_version"]
+
+
+def version_of(folder: Path, metadata: str | None) -> str:
+    """What the package says that it is, where its metadata say this, or are not there."""
+    script = "import importlib.metadata as m, sys\n"
+    script += "def version(name, tell=m.version):\n"
+    script += "    if name != 'bug-gym': return tell(name)\n"
+    script += f"    if {metadata!r}: return {metadata!r}\n"
+    script += "    raise m.PackageNotFoundError(name)\n"
+    script += f"m.version = version; sys.path.insert(0, {str(ROOT)!r}); import bug_gym; print(bug_gym.__version__)"
+    run = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=True)
+    return run.stdout.strip()
+
+
+@pytest.mark.parametrize(
+    ("version", "compared"),
+    [
+        ("0.1.0", "0.1.0"),
+        ("0.1.0.dev0", "0.1.0"),
+        ("0.1.0.dev618+g011db4d.d20260101", "0.1.0"),
+        ("0.2.0+local", "0.2.0"),
+        ("0.2.0rc1", "0.2.0rc1"),
+        ("0.2.0rc2.dev1+gabc", "0.2.0rc2"),
+    ],
+)
+def test_results_of_a_release_and_of_the_commits_before_it_are_compared(version: str, compared: str) -> None:
+    assert released(version) == compared
 
 
 def test_the_wheel_installs_the_command(wheel: zipfile.ZipFile) -> None:

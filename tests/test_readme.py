@@ -30,6 +30,8 @@ CASES = [example for page in PAGES for example in EXAMPLES[page]]
 def test_the_example_runs(title: str, code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if "stable_baselines3" in code:
         pytest.importorskip("stable_baselines3")
+    if "torchrl" in code:
+        pytest.importorskip("torchrl")
     if "minari" in code:
         pytest.importorskip("minari")
         monkeypatch.setenv("MINARI_DATASETS_PATH", "datasets")

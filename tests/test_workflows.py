@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
+from try_wheel import EXTRAS
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKFLOWS = {path.name: path for path in sorted((ROOT / ".github" / "workflows").glob("*.y*ml"))}
@@ -36,7 +37,7 @@ def commands(name: str) -> str:
 
 
 def test_the_workflows_are_there() -> None:
-    assert set(WORKFLOWS) == {"test.yml", "nightly.yml", "docs.yml"}
+    assert set(WORKFLOWS) == {"test.yml", "nightly.yml", "docs.yml", "release.yml"}
 
 
 @pytest.mark.parametrize("name", WORKFLOWS)
@@ -82,6 +83,26 @@ def test_files_extras_and_variables_of_a_workflow_exist(name: str) -> None:
     paths = re.findall(r"(?<![\w/])((?:tests|docs|\.ci)/[\w./]+)", f"{run} {said.get('env', {})}")
     assert not [path for path in paths if not (ROOT / path).exists()]
     extras = {extra for some in re.findall(r"\[([a-z,]+)\]", run) for extra in some.split(",")}
-    assert extras and extras <= set(PROJECT["optional-dependencies"])
+    assert extras <= set(PROJECT["optional-dependencies"]) and (extras or "matrix.extra" in run)
     variables = set(re.findall(r"\$([A-Z_]+)\b", run)) - {"RUNNER_TEMP"}
     assert variables == set(said.get("env", {}))
+
+
+def test_a_release_is_tried_with_each_extra_alone() -> None:
+    extras = set(PROJECT["optional-dependencies"]) - {"all", "dev", "docs"}
+    assert set(workflow("release.yml")["jobs"]["try"]["strategy"]["matrix"]["extra"]) == {"", *extras}
+    assert set(EXTRAS) == {"", *extras}
+
+
+def test_a_release_is_published_once_all_else_holds_without_a_token() -> None:
+    said = workflow("release.yml")
+    publish = said["jobs"]["publish"]
+    assert set(publish["needs"]) == set(said["jobs"]) - {"publish"}
+    assert publish["permissions"] == {"id-token": "write"} and "github.ref_type == 'tag'" in publish["if"]
+    assert publish["steps"][-1]["uses"].startswith("pypa/gh-action-pypi-publish@")
+    assert "secrets." not in WORKFLOWS["release.yml"].read_text(encoding="utf-8")
+    others = [job for name, job in said["jobs"].items() if name != "publish"]
+    assert not any("permissions" in job for job in others)
+    checkout = said["jobs"]["build"]["steps"][0]
+    assert checkout["with"]["fetch-depth"] == 0  # else there is no tag to count from
+    assert "python -m build\n" in commands("release.yml") and "twine check --strict" in commands("release.yml")

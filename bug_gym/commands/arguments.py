@@ -40,11 +40,16 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:
-    """Seed, overrides and trust of a scenario, and the size of its picture."""
+    """The seed and the overrides of a scenario, whether its code is trusted, and the size of its picture."""
     parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
-    parser.add_argument("--trust", action="store_true", help=TRUST)
     parser.add_argument("--size", type=int, default=600, help="longer side of the picture in pixels (default: 600)")
     add_overrides(parser)
+    add_trust(parser)
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """`--trust`, without which no code is run that a scenario names."""
+    parser.add_argument("--trust", action="store_true", help=TRUST)
 
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:

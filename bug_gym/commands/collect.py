@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_overrides, assignments, policy_entry
+from bug_gym.commands.arguments import add_overrides, add_trust, assignments, policy_entry
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, required=True, help="folder of all datasets (MINARI_DATASETS_PATH); goes on where cut off"
     )
     add_overrides(parser)
+    add_trust(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -52,6 +53,7 @@ def run(options: argparse.Namespace) -> None:
         overrides=assignments(options.overrides),
         workers=options.workers,
         progress=True,
+        trust=options.trust,
     )
     for name in names:
         print(name)

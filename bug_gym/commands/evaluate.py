@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import TRUST, add_overrides, add_workers, assignments, policy_entry, workers_of
+from bug_gym.commands.arguments import add_overrides, add_trust, add_workers, assignments, policy_entry, workers_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replay-successes", action="store_true", help="a success of each policy and scenario is among them"
     )
-    parser.add_argument("--trust", action="store_true", help=TRUST)
+    add_trust(parser)
     parser.add_argument("--details", action="store_true", help="print all tables, and the paired differences")
     parser.add_argument(
         "--repair", action="store_true", help="drop lines of --out that stand there twice, or that this run cannot have"

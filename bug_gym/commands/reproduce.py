@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import argparse
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bug_gym.commands.arguments import add_workers, at_least_one, workers_of
 from bug_gym.files import replaced_when_done, writable
 from bug_gym.reproductions import reproduction
 from bug_gym.reproductions.result import Reproduction, Settings
+
+if TYPE_CHECKING:
+    from bug_gym.evaluation.page.recorded import Key
+    from bug_gym.workers import Workers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,16 +63,29 @@ def run(options: argparse.Namespace) -> None:
             Path(partial).write_text(result.as_json(commit), encoding="utf-8")
         print(f"numbers: {out}")
     if out and result.rows:
-        _write_page(out.with_suffix(".html"), result)
+        with workers_of(options) as workers:
+            replays = _failures(result, workers)
+        _write_page(out.with_suffix(".html"), result, replays)
     if out and result.curves:  # after the numbers, which are not lost where matplotlib is missing
         draw_curves(picture, result.curves)
 
 
-def _write_page(path: Path, result: Reproduction) -> None:
+def _failures(result: Reproduction, workers: Workers) -> dict[Key, str]:
+    """Episodes that failed, driven once more, where the reproduction says how."""
+    from bug_gym.evaluation.progress import progress_bar  # loads the compiler
+    from bug_gym.evaluation.replays import REPLAYS, chosen, replays_of  # loads the compiler
+
+    if result.plan is None:
+        return {}
+    with progress_bar(shown=True) as track:
+        return replays_of(result.plan, chosen(result.rows, REPLAYS), workers, track)
+
+
+def _write_page(path: Path, result: Reproduction, replays: Mapping[Key, str]) -> None:
     """The page about the episodes of a reproduction."""
     from bug_gym.evaluation.page import write_page  # loads the compiler
     from bug_gym.evaluation.summary import compare, default_baseline, summarise  # loads the compiler
 
     rows = result.rows
-    write_page(path, result.name, rows, summarise(rows), compare(rows, default_baseline(rows)))
+    write_page(path, result.name, rows, summarise(rows), compare(rows, default_baseline(rows)), replays)
     print(f"report: {path}")

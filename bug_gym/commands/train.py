@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bug_gym.checks import needed_from
-from bug_gym.commands.arguments import TRUST, above_zero, add_workers, assignments, at_least_one, workers_of
+from bug_gym.commands.arguments import above_zero, add_trust, add_workers, assignments, at_least_one, workers_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--threads", type=at_least_one, help="threads of torch (default: one for each core, offline one)"
     )
-    parser.add_argument("--trust", action="store_true", help=TRUST)
+    add_trust(parser)
     add_workers(parser, at_least_one)
     parser.add_argument("--start-from", metavar="MODEL", help="name or folder of a model of ours to begin with")
     parser.add_argument(

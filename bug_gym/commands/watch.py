@@ -59,7 +59,7 @@ def _driven(path: Path, options: argparse.Namespace) -> Show:
 
     if options.overrides:
         raise ValueError(f"{path} says in which worlds it was driven, got {options.overrides[0]} as well")
-    scenario, episodes = read_driven(path)
+    scenario, episodes = read_driven(path, trust=options.trust)
     for episode in episodes:
         require_same_end(scenario, episode)
     seeds = [episode.seed for episode in episodes]

@@ -39,7 +39,7 @@ from bug_gym.evaluation.minari_files import (
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.results_folder import differences
-from bug_gym.files import from_json, one_writer, replaced_when_done
+from bug_gym.files import from_json, one_writer, released, replaced_when_done
 from bug_gym.workers import each, starred
 
 FLOOR = "random"
@@ -91,7 +91,7 @@ class _Source(NamedTuple):
         """What the episodes are a function of."""
         seeds = self.scenario.seeds
         told = {
-            "version": bug_gym.__version__,
+            "version": released(bug_gym.__version__),
             "scenario": self.scenario.label,
             "digest": self.scenario.scenario.digest,
             "policy": self.entry.name,
@@ -140,6 +140,7 @@ def collect(
     overrides: Mapping[str, Any] | None = None,
     workers: int = 1,
     progress: bool = False,
+    trust: bool = False,
 ) -> list[str]:
     """Write a Minari dataset of each policy in the same worlds, and of several policies one of all their episodes.
 
@@ -158,6 +159,7 @@ def collect(
         overrides: values by dotted key that replace the scenario's.
         workers: processes that share the work.
         progress: whether to show a bar on the terminal.
+        trust: whether code that the scenario names may be imported and run.
 
     Returns:
         The names of the datasets.
@@ -173,9 +175,9 @@ def collect(
         raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {unknown[0]!r}")
     root = Path(out).absolute()  # Minari joins a relative one to itself
     extras = extras or Extras()
-    _required(scenario, overrides, extras)
-    plan = _planned(scenario, policies, episodes, seed, overrides)
-    ends = _planned(scenario, [FLOOR] if expert == FLOOR else [FLOOR, expert], episodes, seed, overrides)
+    _required(scenario, overrides, extras, trust=trust)
+    plan = _planned(scenario, policies, episodes, seed, overrides, trust=trust)
+    ends = _planned(scenario, [FLOOR] if expert == FLOOR else [FLOOR, expert], episodes, seed, overrides, trust=trust)
     sources = _sources(plan, root, extras)
     scores = tuple(_of_scores(source, sources) for source in _sources(ends, root, extras))
     datasets = _datasets(sources, forms, scores[-1].name)
@@ -199,18 +201,20 @@ def collect(
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _required(scenario: Any, overrides: Mapping[str, Any] | None, extras: Extras) -> None:
+def _required(scenario: Any, overrides: Mapping[str, Any] | None, extras: Extras, *, trust: bool) -> None:
     """Raise a ValueError where there are no datasets of a scenario, before anything is compiled for it."""
-    found = load(scenario, overrides)
+    found = load(scenario, overrides, trust=trust)
     if found.robots.count != 1:
         raise ValueError(f"datasets are of one robot, {found.name} has {found.robots.count}")
     if extras.shortest_path and ScenarioEntry(found.name, found, range(0)).has_moving_target:
         raise ValueError(f"{found.name} has a moving target and no shortest path")
 
 
-def _planned(scenario: Any, policies: Any, episodes: int, seed: int, overrides: Mapping[str, Any] | None) -> Plan:
+def _planned(
+    scenario: Any, policies: Any, episodes: int, seed: int, overrides: Mapping[str, Any] | None, *, trust: bool
+) -> Plan:
     """The policies in their worlds, each tried once."""
-    plan = make_plan(policies, [scenario], episodes=episodes, seed=seed, overrides=overrides)
+    plan = make_plan(policies, [scenario], episodes=episodes, seed=seed, overrides=overrides, trust=trust)
     if objects := [entry.label for entry in plan.policies if entry.policy is not None]:
         raise ValueError(f"datasets are of policies by name, got the object {objects[0]}")
     return plan

@@ -64,7 +64,7 @@ def write_driven(path: Path, scenario: Scenario, episodes: Sequence[DrivenEpisod
         partial.write_text(json.dumps(data.model_dump(), allow_nan=False) + "\n", encoding="utf-8")
 
 
-def read_driven(path: Path) -> tuple[Scenario, tuple[DrivenEpisode, ...]]:
+def read_driven(path: Path, *, trust: bool = False) -> tuple[Scenario, tuple[DrivenEpisode, ...]]:
     """What `write_driven` wrote.
 
     Raises:
@@ -79,7 +79,7 @@ def read_driven(path: Path) -> tuple[Scenario, tuple[DrivenEpisode, ...]]:
     if not isinstance(data, dict) or data.get("holds") != SUBJECT:
         raise ValueError(f"{path} holds no {SUBJECT}: `bug-gym play --record` writes such files")
     found = checked(DrivenEpisodes, data, f"{path} is damaged")
-    return load(found.scenario), found.episodes
+    return load(found.scenario, trust=trust), found.episodes
 
 
 def as_driven(rollout: Rollout, actions: Sequence[NDArray[np.float32]] | NDArray[np.float32]) -> DrivenEpisode:

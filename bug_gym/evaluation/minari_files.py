@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
@@ -21,7 +22,7 @@ from bug_gym import kernels
 from bug_gym.checks import install_command
 from bug_gym.config import Scenario, dump
 from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations
-from bug_gym.files import from_json, moved_when_done, replaced_when_done
+from bug_gym.files import from_json, moved_when_done, released, replaced_when_done
 from bug_gym.observation import Field, as_dict
 from bug_gym.observation import fields as observation_fields
 
@@ -107,12 +108,16 @@ def write_dataset(
     import minari
     from minari.dataset.minari_storage import MinariStorage
 
-    env = gym.make("BugGym/Navigation-v0", scenario=dump(about.scenario), observation=form)
+    # It was trusted when episodes were driven in it; whoever makes the env of the dataset says so anew.
+    env = gym.make("BugGym/Navigation-v0", scenario=dump(about.scenario), observation=form, trust=True)
+    spec = deepcopy(env.spec)
+    assert spec is not None
+    del spec.kwargs["trust"]
     table = observation_fields(about.scenario)
     with moved_when_done(stage, root / name) as folder:
         storage = MinariStorage.new(
             folder / "data",
-            env_spec=env.spec,
+            env_spec=spec,
             observation_space=env.observation_space,
             action_space=env.action_space,
             data_format="hdf5",
@@ -238,8 +243,8 @@ def open_dataset(folder: Path, scenario: Scenario | None = None) -> Any:
     from minari import MinariDataset
 
     found = read_identity(folder)
-    if found.get("version") != bug_gym.__version__:
-        raise ValueError(f"{folder} was collected with bug-gym {found.get('version')}, this is {bug_gym.__version__}")
+    if found.get("version") != (ours := released(bug_gym.__version__)):
+        raise ValueError(f"{folder} was collected with bug-gym {found.get('version')}, this is {ours}")
     if scenario is not None and found.get("digest") != scenario.digest:
         label = found.get("scenario")
         came = f"{label} {found.get('digest')}" if isinstance(label, str) else "another scenario"

@@ -22,6 +22,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
 from bug_gym.evaluation.summary import PRIVILEGED
+from bug_gym.files import released
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.policy import MisfitError
 from bug_gym.references import code_digest
@@ -81,7 +82,7 @@ class Plan:
             }
             for entry in self.policies
         }
-        versions = {"bug_gym": bug_gym.__version__, "python": platform.python_version()}
+        versions = {"bug_gym": released(bug_gym.__version__), "python": platform.python_version()}
         versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
         manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions}
         try:

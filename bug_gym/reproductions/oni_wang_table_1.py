@@ -13,6 +13,7 @@ from typing import Any
 
 from bug_gym.config import parse_yaml
 from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.plan import make_plan
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
@@ -27,8 +28,8 @@ def allowed_difference(ideal: float) -> float:
     return max(0.015 * ideal, 3.0 * STEP_LENGTH)
 
 
-def drive(table: Mapping[str, Any], settings: Settings) -> dict[str, list[EpisodeRow]]:
-    """One row a policy and route, in the table's order."""
+def asked(table: Mapping[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The policies and the suite of the table's cells."""
     scenarios = [
         {
             "scenario": "oni_wang",
@@ -41,8 +42,12 @@ def drive(table: Mapping[str, Any], settings: Settings) -> dict[str, list[Episod
         {"name": name, "parameters": {"clearance": CLEARANCE, "turn": "left", **parameters}}
         for name, parameters in table["policies"].items()
     ]
-    suite = {"name": "oni_wang_table_1", "version": 1, "scenarios": scenarios, "seeds": {"count": 1}}
-    rows = evaluate(policies, suite, workers=settings.workers, progress=settings.progress)
+    return policies, {"name": "oni_wang_table_1", "version": 1, "scenarios": scenarios, "seeds": {"count": 1}}
+
+
+def drive(table: Mapping[str, Any], settings: Settings) -> dict[str, list[EpisodeRow]]:
+    """One row a policy and route, in the table's order."""
+    rows = evaluate(*asked(table), workers=settings.workers, progress=settings.progress)
     by_cell = {(row.policy, row.scenario): row for row in rows}
     return {name: [by_cell[name, route] for route in table["routes"]] for name in table["policies"]}
 
@@ -99,6 +104,7 @@ def reproduce(settings: Settings) -> Reproduction:
         {"cells": data},
         holds,
         rows=[row for rows in driven.values() for row in rows],
+        plan=make_plan(*asked(table)),
     )
 
 

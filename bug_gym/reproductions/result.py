@@ -6,13 +6,14 @@ import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import bug_gym
 from bug_gym.workers import Workers
 
 if TYPE_CHECKING:
+    from bug_gym.evaluation.plan import Plan
     from bug_gym.evaluation.rows import EpisodeRow
 
 
@@ -72,13 +73,15 @@ class Reproduction:
     """What is drawn beside the JSON."""
     rows: Sequence[EpisodeRow] = ()
     """The episodes behind it, where one set of policies drove in one set of scenarios; a page is made of them."""
+    plan: Plan | None = None
+    """What the rows were asked for with, so that the page can replay failures; None: the page does not."""
 
     def as_json(self, commit: str) -> str:
         """The numbers with what they were made by, as JSON text."""
         record = {
             "name": self.name,
             "holds": self.holds,
-            "bug_gym": version("bug-gym"),
+            "bug_gym": bug_gym.__version__,
             "commit": commit,
             "python": platform.python_version(),
             **self.data,

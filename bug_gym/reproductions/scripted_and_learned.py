@@ -15,6 +15,7 @@ from bug_gym.agents.learning.folder import lone_names
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.plan import make_plan
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import Summary, paired_difference, summarise
@@ -84,7 +85,8 @@ def reproduce(settings: Settings) -> Reproduction:
             for label, (source, changes) in scenarios.items()
         ],
     }
-    rows = evaluate([entry(policy) for policy in policies], suite, workers=settings.workers, progress=settings.progress)
+    entries = [entry(policy) for policy in policies]
+    rows = evaluate(entries, suite, workers=settings.workers, progress=settings.progress)
     summaries = [summary for summary in summarise(rows, resamples=500) if summary.scenario in scenarios]
     hits = {
         label: {policy: _kinds(rows, label, policy, described) for policy in policies}
@@ -108,6 +110,7 @@ def reproduce(settings: Settings) -> Reproduction:
             "differences": differences,
         },
         rows=rows,
+        plan=make_plan(entries, suite),
     )
 
 

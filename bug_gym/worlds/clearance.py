@@ -2,15 +2,44 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bug_gym.geometry import F64
+from bug_gym.geometry import F64, following
 from bug_gym.worlds.layout import Mover, Rings
 
 Free = Callable[[float, float], bool]
+
+
+class _Outlines:
+    """All rings (k, 2) of a world as one list of sides, which is asked again and again."""
+
+    def __init__(self, rings: Sequence[F64]) -> None:
+        begin = np.concatenate(rings)
+        end = np.concatenate([following(ring) for ring in rings])
+        self.x, self.y = begin[:, 0].copy(), begin[:, 1].copy()
+        self.along_x, self.along_y = (end - begin).T.copy()
+        self.squared = np.maximum(self.along_x * self.along_x + self.along_y * self.along_y, 1e-300)
+        self.after = end[:, 1].copy()
+        self.count = len(rings)
+        self.ring = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+
+    def distance(self, x: float, y: float) -> float:
+        """To the nearest side [m]."""
+        share = ((x - self.x) * self.along_x + (y - self.y) * self.along_y) / self.squared
+        share = np.minimum(np.maximum(share, 0.0), 1.0)
+        return float(np.hypot(self.x + share * self.along_x - x, self.y + share * self.along_y - y).min())
+
+    def around(self, x: float, y: float) -> NDArray[np.bool_]:
+        """Which rings (n,) have a point inside them (even-odd rule)."""
+        at = np.flatnonzero((self.y > y) != (self.after > y))
+        right = at[x < self.x[at] + (y - self.y[at]) * self.along_x[at] / self.along_y[at]]
+        crossed: NDArray[np.bool_] = np.bincount(self.ring[right], minlength=self.count) % 2 == 1
+        return crossed
 
 
 def clearance(circles: F64, rings: Sequence[F64], x: float, y: float) -> float:
@@ -18,34 +47,27 @@ def clearance(circles: F64, rings: Sequence[F64], x: float, y: float) -> float:
     nearest = math.inf
     if len(circles):
         nearest = float((np.hypot(circles[:, 0] - x, circles[:, 1] - y) - circles[:, 2]).min())
-    point = np.array([x, y])
-    for ring in rings:
-        a, along = ring, np.roll(ring, -1, axis=0) - ring
-        share = ((point - a) * along).sum(1) / np.maximum((along**2).sum(1), 1e-300)
-        gaps = a + np.clip(share, 0.0, 1.0)[:, None] * along - point
-        nearest = min(nearest, float(np.hypot(gaps[:, 0], gaps[:, 1]).min()))
-    return nearest
+    return min(nearest, _Outlines(rings).distance(x, y)) if rings else nearest
 
 
 def contains(ring: F64, x: float, y: float) -> bool:
     """Whether a point lies inside a ring (even-odd rule)."""
-    x1, y1 = ring[:, 0], ring[:, 1]
-    x2, y2 = np.roll(x1, -1), np.roll(y1, -1)
-    straddles = (y1 > y) != (y2 > y)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of sides that are not straddled
-        crossing = x1 + (y - y1) * (x2 - x1) / (y2 - y1)
-    return bool(np.count_nonzero(straddles & (x < crossing)) % 2)
+    return bool(_Outlines([ring]).around(x, y)[0])
 
 
 def is_clear(circles: F64, polygons: Sequence[Rings], border: F64, room: float) -> Free:
     """A test whether a disc of radius `room` [m] fits at a point."""
-    rings = [border, *(ring for polygon in polygons for ring in polygon)]
+    outlines = _Outlines([border, *(ring for polygon in polygons for ring in polygon)])
+    shells = np.cumsum([1, *map(len, polygons)]).tolist()
 
     def free(x: float, y: float) -> bool:
-        if not contains(border, x, y) or clearance(circles, rings, x, y) < room:
+        around = outlines.around(x, y)
+        if not around[0]:
+            return False
+        if clearance(circles, (), x, y) < room or outlines.distance(x, y) < room:
             return False
         return not any(
-            contains(polygon[0], x, y) and not any(contains(hole, x, y) for hole in polygon[1:]) for polygon in polygons
+            around[shell] and not around[shell + 1 : after].any() for shell, after in itertools.pairwise(shells)
         )
 
     return free

@@ -29,23 +29,24 @@ def rings_of(polygon: object) -> Rings:
     """Shell and holes of a shapely polygon as open rings (k, 2), without points on straight lines."""
     import shapely  # slow to load, and most scenarios need none
 
-    simple = shapely.simplify(polygon, SAME_POINT)
-    rings = [simple.exterior, *simple.interiors]
-    return tuple(np.asarray(shapely.get_coordinates(ring)[:-1], dtype=np.float64) for ring in rings)
+    corners, ring = shapely.get_coordinates(shapely.get_rings(shapely.simplify(polygon, SAME_POINT)), return_index=True)
+    ends = np.flatnonzero(np.diff(ring)) + 1
+    return tuple(part[:-1].copy() for part in np.split(corners, ends))  # the first corner comes again as the last
 
 
 def as_polygons(solid: BaseGeometry) -> tuple[Rings, ...]:
     """The polygons of a shapely geometry."""
     import shapely  # slow to load, and most scenarios need none
 
-    return tuple(rings_of(piece) for piece in shapely.get_parts(solid) if piece.area > 0.0)
+    pieces = shapely.get_parts(solid)
+    return tuple(rings_of(piece) for piece in pieces[shapely.area(pieces) > 0.0])
 
 
 def boxes(rectangles: Sequence[Rectangle]) -> BaseGeometry:
     """The union of rectangles."""
     import shapely  # slow to load, and most scenarios need none
 
-    return shapely.union_all([shapely.box(*rectangle) for rectangle in rectangles])
+    return shapely.union_all(shapely.box(*np.array(rectangles, dtype=np.float64).reshape(-1, 4).T))
 
 
 def turned(ring: F64, centre: tuple[float, float], rotation: float | str, rng: Rng) -> F64:

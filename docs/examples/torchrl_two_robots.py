@@ -5,10 +5,8 @@ python torchrl_two_robots.py --minutes 1
 
 import argparse
 import time
-from typing import Any
 
 import torch
-from pettingzoo.utils import BaseParallelWrapper
 from tensordict.nn import TensorDictModule
 from tensordict.nn.distributions import NormalParamExtractor
 from torchrl.envs import PettingZooWrapper, RewardSum, TransformedEnv
@@ -21,24 +19,10 @@ ROBOTS, STEPS, EPOCHS, BATCH = 2, 2000, 6, 500
 SEEN, DONE, RETURN = ("robot", "observation"), ("robot", "done"), ("robot", "episode_reward")
 
 
-class WithoutInfos(BaseParallelWrapper[str, Any, Any]):
-    """TorchRL makes tensors of all that infos hold, and ours hold words."""
-
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Any]:
-        """Start an episode."""
-        observations, infos = super().reset(seed, options)
-        return observations, {agent: {} for agent in infos}
-
-    def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
-        """Drive the robots in play."""
-        *came, infos = super().step(actions)
-        return *came, {agent: {} for agent in infos}
-
-
 def make_env() -> TransformedEnv:
     """Two robots in one world; an episode goes on until both have ended (the mask tells who has)."""
-    robots = bug_gym.parallel_env("crossing_robots", robots=ROBOTS, observation="flat")
-    env = PettingZooWrapper(WithoutInfos(robots), use_mask=True, done_on_any=False, device="cpu")
+    robots = bug_gym.parallel_env("crossing_robots", robots=ROBOTS, observation="flat", info="numeric")
+    env = PettingZooWrapper(robots, use_mask=True, done_on_any=False, device="cpu")
     return TransformedEnv(env, RewardSum(in_keys=[("robot", "reward")], out_keys=[RETURN]))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -45,6 +46,8 @@ def test_the_json_says_what_made_it(tmp_path: Path) -> None:
     assert record["name"] == "oni-wang-table-1" and len(record["commit"]) in (7, 40)
     page = out.with_suffix(".html").read_text(encoding="utf-8")
     assert "oni-wang-table-1" in page and all(policy in page for policy in record["cells"])
+    buttons = set(re.findall(r'data-replay="(\d+)"', page))  # what failed can be looked at
+    assert buttons and buttons <= set(re.findall(r'id="replay-(\d+)"', page))
 
 
 def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
