@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.scan.contour_ahead import contour_ahead
 from bug_gym.agents.walls.contour import Contour
-from bug_gym.geometry import Point, wrap
+from bug_gym.geometry import Point
 from bug_gym.kinematics import Drive
 from bug_gym.steering import corner_cut, look_ahead
 from bug_gym.view import View
@@ -88,9 +88,9 @@ class Rounding:
             return False
         x, y, bearing = ahead[0].tolist()
         contour.foot = (*view.to_odometry(x, y), heading + bearing - start[2])
-        contour.sweep = ahead[1, 2] - bearing
-        if contour.heading is not None:
-            contour.sweep += wrap(contour.foot[2] - contour.heading)
+        turn = float(ahead[1, 2]) - bearing
+        # In the end of a narrow wedge, about half a turn, whose sense two directions alone leave open.
+        contour.sweep = turn if abs(turn) > 0.5 * math.pi else 0.0
         # From beside the contour back to it at half a right angle.
         joins = min(1 + int(gaps[nearest] / self.step), len(ahead) - 1)
         contour.course = np.concatenate([np.zeros((1, 2)), ahead[joins:, :2]])
