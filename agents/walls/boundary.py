@@ -156,6 +156,8 @@ class Boundary:
         )
         self.rounding: Rounding | None = None
         """How corners are rounded; None: the contour is kept to exactly."""
+        self.exact_length = 2.0 * clearance + sensors.goal_radius
+        """Distance to the goal within which it is in any case [m]: a goal in a corner may be seen from there alone."""
 
     def round_corners(self) -> None:
         """From now on follow walls as a robot should that is driven on arcs, along `Contour.course`."""
@@ -376,11 +378,13 @@ class Boundary:
         """
         contour = memory.contour
         assert contour is not None
-        if self.rounding is not None and contour.foot is not None:
-            place = self.rounding.go_on(view, contour)
+        rounding = self.rounding if view.goal_distance > self.exact_length else None
+        if rounding is not None and contour.foot is not None:
+            place = rounding.go_on(view, contour)
             if place is not None:
                 contour.waited = 0.0
                 return velocity_along(math.atan2(place[1], place[0]), self.pace)
+        contour.foot = None
         bearing = self._wall_bearing(view, contour)
         # At the hit point it is along the wall: a gap just too narrow must not turn it away there either.
         along = bearing + contour.side * 0.5 * math.pi
@@ -403,8 +407,8 @@ class Boundary:
             contour.asked = heading + view.heading
             contour.asked_for += 1
         self._move_hand(view, contour, heading)
-        if self.rounding is not None and first_heading is None:
-            self.rounding.begin(view, contour, heading)
+        if rounding is not None and first_heading is None:
+            rounding.begin(view, contour, heading)
         return velocity_along(heading, self.pace)
 
     def _resolved(self, view: View, contour: Contour, heading: float) -> float:
