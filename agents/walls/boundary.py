@@ -378,7 +378,7 @@ class Boundary:
         """
         contour = memory.contour
         assert contour is not None
-        rounding = self.rounding if view.goal_distance > self.exact_length else None
+        rounding = None if contour.is_exact or view.goal_distance <= self.exact_length else self.rounding
         if rounding is not None and contour.foot is not None:
             place = rounding.go_on(view, contour)
             if place is not None:

@@ -109,6 +109,8 @@ class Contour:
     """Whether less is asked, because a whole lap had no better place to leave than such ones."""
     waited: float = 0.0
     """Time without an open heading [s]."""
+    is_exact: bool = False
+    """Whether corners are no longer rounded."""
     foot: tuple[float, float, float] | None = None
     """Where the contour is nearest to a robot that rounds its corners, odometry frame [m], and its heading there [rad]."""
     course: NDArray[np.float64] | None = None

@@ -23,6 +23,10 @@ LONGEST_ALIGNING = 10
 LONGEST_ROUNDING = 60
 """The same for a robot that rounds corners, which takes up the contour in an arc."""
 
+WHIRLING = 3.0 * math.pi
+"""Turning without a lap after which a robot that rounds corners keeps to the contour exactly: it may whirl in a small room
+past whose door its arcs lead [rad]."""
+
 OFF_HEADING = math.radians(10.0)
 """How far the course of a robot that goes along a wall may differ from the wall's [rad]."""
 
@@ -88,6 +92,8 @@ class Laps:
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
+        if contour.foot is not None and abs(contour.turned - contour.gate.turned) > WHIRLING:
+            contour.is_exact = True
         is_missed = abs(contour.turned - contour.gate.turned) > MISSED * 2.0**contour.moved_gates
         # Among things that move laps are no laps, and a gate that is missed says nothing.
         if is_missed and not (is_closed or contour.is_disturbed) and self._is_aligned(view, contour, change):

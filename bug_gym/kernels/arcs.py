@@ -140,7 +140,16 @@ def angle_between(first: float, second: float) -> float:
 
 @inlined
 def is_arc_free(
-    px: Floats, py: Floats, x: float, y: float, cos: float, sin: float, bend: float, side: int, radius: float, turn: float
+    px: Floats,
+    py: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    bend: float,
+    side: int,
+    radius: float,
+    turn: float,
 ) -> bool:
     """Whether a disc turns on an arc from (x, y) along (cos, sin) without touching a point; see free_turn."""
     inner, outer = max(bend - radius, 0.0), bend + radius
