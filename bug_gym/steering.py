@@ -49,6 +49,11 @@ class Course(NamedTuple):
     """(k, 2) the robot's own place first, in its frame [m]."""
     aside: float
     """How far an arc may lie beside them [m]; 0: it keeps exactly to them, and turns on the spot at corners."""
+    hand: int = 0
+    """+1: they lead along a wall to the right; -1: to the left; 0: along none. At walls there are so many corners that arcs
+    are chosen for the time that the whole course takes."""
+    toward: float = 0.0
+    """How far an arc that turns toward that wall may lie beside them [m]."""
 
 
 def steered_action(
@@ -80,18 +85,13 @@ def pursuing(view: View, speed: float, course: Course, radius: float) -> tuple[f
     if speed < LEAST_SPEED * drive.max_speed or drive.max_turn_rate <= 0.0:
         return 0.0, 0.0
     x, y = view.points
-    speed, bend = kernels.pursue(
-        x,
-        y,
-        course.places,
-        SPACING,
-        np.empty((math.ceil(look_ahead(drive) / SPACING), 2)),
-        min(speed, drive.max_speed),
-        drive.max_turn_rate,
-        radius,
-        course.aside,
-        0.0,
-    )
+    samples = np.empty((math.ceil(look_ahead(drive) / SPACING), 3 if course.hand else 2))
+    speed = min(speed, drive.max_speed)
+    where = x, y, course.places, SPACING, samples, speed, drive.max_turn_rate, radius, course.aside
+    if course.hand:
+        speed, bend = kernels.round_corners(*where, course.toward, course.hand)
+    else:
+        speed, bend = kernels.pursue(*where, 0.0)
     return speed, speed / bend
 
 

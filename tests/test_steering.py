@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bug_gym import kernels
 from bug_gym.config import load
 from bug_gym.geometry import F64
+from bug_gym.reproductions.bug_no_way import CLEARANCE, problem
 from bug_gym.steering import heading_error, look_ahead
 from bug_gym.view import Sensors
 
@@ -130,3 +131,53 @@ def test_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pace(name: str,
             assert episode.outcome == "success"
             pace.append(episode.length / (0.1 * (len(episode.path) - 1)))
     assert np.mean(paces["differential"]) >= 0.9 * np.mean(paces["holonomic"])
+
+
+def test_along_walls_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pace() -> None:
+    """Of Bug2, in rooms; before corners were rounded it was 0.82."""
+    seeds, paces = (0, 1, 3), []
+    for kinematics in ("holonomic", "differential"):
+        episodes = [run_episode("bug2", "rooms", {"robot.kinematics": kinematics}, seed=seed) for seed in seeds]
+        assert all(episode.outcome == "success" for episode in episodes)
+        paces.append(sum(len(episode.path) - 1 for episode in episodes))
+    assert paces[0] >= 0.9 * paces[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("bug2", 1), ("bug2", 73), ("class1", 26), ("bug2", 5), ("dist_bug", 3)],
+    ids=["goal in a corner", "small room with a door", "small disc", "shut", "shut too"],
+)
+def test_rounded_corners_hide_no_way_and_make_none(name: str, seed: int) -> None:
+    """In the first a corner that is cut holds the goal, in the second arcs lead past the door, in the third past a gate."""
+    world = problem(seed)
+    episode = run_episode(name, world.scenario, {"robot.kinematics": "differential"}, clearance=CLEARANCE)
+    assert episode.min_clearance > 0.0
+    assert (episode.outcome, episode.verdict) == (("success", "") if world.has_way else ("running", "unreachable"))
+
+
+def test_a_slow_arc_is_begun_in_time_before_a_dead_end() -> None:
+    """Three sides of a square of 0.6 m: a half circle of 0.3 m takes less time than four turns on the spot."""
+    dead_end = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.6), (-1.0, 0.6)])
+    none = np.empty(0)
+    speed, bend = kernels.round_corners(none, none, dead_end, 0.1, np.empty((15, 3)), 1.0, 1.5, 0.3, 0.3, 0.1, 1)
+    assert 0.25 <= bend <= 0.4 and speed == pytest.approx(1.5 * bend)
+
+
+def test_an_arc_toward_the_wall_keeps_closer_to_its_contour() -> None:
+    """To the right, so with the wall on the right; the tight one goes straight on until it may turn."""
+    corner = np.array([(0.0, 0.0), (0.6, 0.0), (0.6, -3.0)])
+    none = np.empty(0)
+
+    def bend(hand: int) -> float:
+        return abs(kernels.round_corners(none, none, corner, 0.1, np.empty((25, 3)), 1.0, 1.5, 0.3, 0.3, 0.05, hand)[1])
+
+    assert bend(-1) < 2.0 and bend(1) > 10.0
+
+
+def test_an_arc_of_the_course_is_free() -> None:
+    line = np.array([(0.0, 0.0), (0.5, 0.0), (0.5, 3.0)])
+    px, py = np.array([0.55]), np.array([0.3])  # beyond the corner
+    speed, bend = kernels.round_corners(px, py, line, 0.1, np.empty((15, 3)), 1.0, 1.5, 0.3, 0.3, 0.3, 1)
+    if speed > 0.0:
+        assert least_gap(px, py, abs(bend), 1 if bend > 0.0 else -1, min(0.1 / abs(bend), math.pi)) >= 0.3 - 1e-6

@@ -19,6 +19,7 @@ from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
+from bug_gym.steering import Course
 from bug_gym.view import Sensors, View
 
 ReturnRule = Literal["shortest", "same"]
@@ -197,8 +198,9 @@ class Bug1(BoundaryBug):
             memory.mode = "boundary_following"
             memory.gate, memory.trace, memory.closest = contour.gate, [], None
 
-    def course(self, view: View, memory: Bug1Memory, velocity: Velocity) -> None:
-        """None: its hit points are those of the straight lines from where it leaves."""
+    def course(self, view: View, memory: Bug1Memory, velocity: Velocity) -> Course | None:
+        """Along walls only: its hit points are those of the straight lines from where it leaves."""
+        return super().course(view, memory, velocity) if memory.mode == "boundary_following" else None
 
     def draw(self, memory: Bug1Memory) -> Drawing:
         """Hit and leave points, and the nearest point of the lap."""

@@ -64,7 +64,8 @@ class Swarm(BugTeam):
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
         turns = ("right", "left") if self.parameters.first == "right" else ("left", "right")
         clearance = self.parameters.clearance
-        self.laws = [self.law(sensors, clearance=clearance, turn=turns[robot % 2]) for robot in range(self.robots)]
+        laws = (self.law(sensors, clearance=clearance, turn=turns[robot % 2]) for robot in range(self.robots))
+        self.laws = [law.without_course() for law in laws]
 
     def start(self, robots: int) -> tuple[SwarmMemory, ...]:
         """Memories of a new episode."""

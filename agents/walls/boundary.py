@@ -18,6 +18,7 @@ from bug_gym.agents.scan.motion import has_moved
 from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.headings import TRIED, OpenHeadings
 from bug_gym.agents.walls.laps import Laps
+from bug_gym.agents.walls.rounding import Rounding
 from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import speed_within
 from bug_gym.policy import Drawing, Velocity
@@ -153,6 +154,21 @@ class Boundary:
             gate_half_width=self.gate_half_width,
             arming_length=self.arming_length,
         )
+        self.rounding: Rounding | None = None
+        """How corners are rounded; None: the contour is kept to exactly."""
+        self.exact_length = 2.0 * clearance + sensors.goal_radius
+        """Distance to the goal within which it is in any case [m]: a goal in a corner may be seen from there alone."""
+
+    def round_corners(self) -> None:
+        """From now on follow walls as a robot should that is driven on arcs, along `Contour.course`."""
+        self.rounding = Rounding(
+            drive=self.sensors.drive,
+            step=self.step,
+            clearance=self.clearance,
+            inner=self.inner,
+            gate_half_width=self.gate_half_width,
+            safe_radius=self.safe_radius,
+        )
 
     # ------------------------------------------------------------------------------------------------------ where it is
 
@@ -177,6 +193,7 @@ class Boundary:
             memory.odometer += math.dist(memory.position, view.position)
         memory.position = view.position
         if memory.contour is not None:
+            memory.contour.course = None
             self.laps.advance(view, memory.contour)
 
     # -------------------------------------------------------------------------------------------------------- free ways
@@ -361,6 +378,13 @@ class Boundary:
         """
         contour = memory.contour
         assert contour is not None
+        rounding = None if contour.is_exact or view.goal_distance <= self.exact_length else self.rounding
+        if rounding is not None and contour.foot is not None:
+            place = rounding.go_on(view, contour)
+            if place is not None:
+                contour.waited = 0.0
+                return velocity_along(math.atan2(place[1], place[0]), self.pace)
+        contour.foot = None
         bearing = self._wall_bearing(view, contour)
         # At the hit point it is along the wall: a gap just too narrow must not turn it away there either.
         along = bearing + contour.side * 0.5 * math.pi
@@ -383,6 +407,8 @@ class Boundary:
             contour.asked = heading + view.heading
             contour.asked_for += 1
         self._move_hand(view, contour, heading)
+        if rounding is not None and first_heading is None:
+            rounding.begin(view, contour, heading)
         return velocity_along(heading, self.pace)
 
     def _resolved(self, view: View, contour: Contour, heading: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
@@ -53,9 +53,19 @@ class BoundaryBug(ScriptedPolicy):
         self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
+        if self._follows_course and not has_inertia(sensors.drive):
+            self.boundary.round_corners()
+
+    def without_course(self) -> Self:
+        """Itself, for who drives by its velocities alone: it keeps to contours exactly."""
+        self.boundary.rounding = None
+        return self
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
         """Straight on, taken up in an arc; exactly where the velocity leads along walls, back as it came, and with inertia."""
+        contour = memory.contour
+        if contour is not None and contour.course is not None and self.boundary.rounding is not None:
+            return Course(contour.course, self.boundary.rounding.aside, contour.side, self.boundary.rounding.toward)
         is_bound = has_inertia(self.sensors.drive) or memory.contour is not None or memory.mode not in FREE_MODES
         return straight_on(self.sensors.drive, velocity, is_bound=is_bound)
 

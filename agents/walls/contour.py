@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bug_gym.geometry import Point
 from bug_gym.policy import Memory
 from bug_gym.view import View
@@ -106,6 +109,12 @@ class Contour:
     """Whether less is asked, because a whole lap had no better place to leave than such ones."""
     waited: float = 0.0
     """Time without an open heading [s]."""
+    is_exact: bool = False
+    """Whether corners are no longer rounded."""
+    foot: tuple[float, float, float] | None = None
+    """Where the contour is nearest to a robot that rounds its corners, odometry frame [m], and its heading there [rad]."""
+    course: NDArray[np.float64] | None = None
+    """(k, 2) how the contour leads on from there, the robot's own place first, in its frame now [m]."""
 
 
 @dataclass

@@ -20,6 +20,16 @@ much [rad]."""
 LONGEST_ALIGNING = 10
 """Steps after which a lap begins where the robot is, aligned with the wall or not."""
 
+LONGEST_ROUNDING = 60
+"""The same for a robot that rounds corners, which takes up the contour in an arc."""
+
+WHIRLING = 3.0 * math.pi
+"""Turning without a lap after which a robot that rounds corners keeps to the contour exactly: it may whirl in a small room
+past whose door its arcs lead [rad]."""
+
+OFF_HEADING = math.radians(10.0)
+"""How far the course of a robot that goes along a wall may differ from the wall's [rad]."""
+
 
 def is_proof(contour: Contour) -> bool:
     """Whether the last step ended a lap that proves that there is no way.
@@ -70,7 +80,8 @@ class Laps:
         gate = Gate(contour.before, heading, contour.odometer - length, contour.turned)
         if contour.gate is None:
             contour.aligned = contour.aligned + 1 if self._is_aligned(view, contour, change) else 0
-            if contour.aligned > 2 or contour.steps > LONGEST_ALIGNING:
+            longest = LONGEST_ALIGNING if contour.foot is None else LONGEST_ROUNDING
+            if contour.aligned > 2 or contour.steps > longest:
                 contour.gate = gate
             return
         has_target_moved = math.dist(view.goal_position, contour.goal) > TARGET_MOVED
@@ -81,6 +92,8 @@ class Laps:
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
+        if contour.foot is not None and abs(contour.turned - contour.gate.turned) > WHIRLING:
+            contour.is_exact = True
         is_missed = abs(contour.turned - contour.gate.turned) > MISSED * 2.0**contour.moved_gates
         # Among things that move laps are no laps, and a gate that is missed says nothing.
         if is_missed and not (is_closed or contour.is_disturbed) and self._is_aligned(view, contour, change):
@@ -89,9 +102,13 @@ class Laps:
 
     def _is_aligned(self, view: View, contour: Contour, change: float) -> bool:
         """Whether a robot whose course has just changed by an angle [rad] goes along the wall, as it will on each lap."""
+        if contour.foot is not None and contour.heading is not None:
+            x, y, heading = contour.foot
+            is_near = math.dist(contour.position, (x, y)) <= 1.5 * self.step
+            return is_near and abs(wrap(contour.heading - heading)) <= OFF_HEADING
         # In a wedge the hit point lies deeper than a lap will lead, and next to a corner the way comes from behind.
         is_on_contour = view.nearest()[0] >= self.clearance - self.touch
-        return is_on_contour and contour.side * change <= math.radians(10.0)
+        return is_on_contour and contour.side * change <= OFF_HEADING
 
     def closes(self, contour: Contour, gate: Gate) -> bool:
         """Whether the last step passed a gate after a lap: far enough, in its direction, with a full turn made."""

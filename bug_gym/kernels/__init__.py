@@ -22,7 +22,7 @@ No fastmath: the same arithmetic in a batch of one and of thousands, bit for bit
 """
 
 from bug_gym.kernels.addresses import HAS_ADDRESSES, address_table
-from bug_gym.kernels.arcs import free_turn, pursue
+from bug_gym.kernels.arcs import free_turn, pursue, round_corners
 from bug_gym.kernels.avoidance import steering_floats
 from bug_gym.kernels.chords import point_wall_distance
 from bug_gym.kernels.free_way import free_distance, free_distances
@@ -147,6 +147,7 @@ __all__ = [
     "free_distances",
     "free_turn",
     "pursue",
+    "round_corners",
     "hash64",
     "is_compiled",
     "keeps_clear",

@@ -131,3 +131,114 @@ def pursue(
         if best == speed:
             break
     return best, best_bend
+
+
+@inlined
+def angle_between(first: float, second: float) -> float:
+    """How far two directions lie apart [rad]."""
+    apart = abs(first - second) % (2.0 * math.pi)
+    return min(apart, 2.0 * math.pi - apart)
+
+
+@inlined
+def is_arc_free(
+    px: Floats,
+    py: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    bend: float,
+    side: int,
+    radius: float,
+    turn: float,
+) -> bool:
+    """Whether a disc turns on an arc from (x, y) along (cos, sin) without touching a point; see free_turn."""
+    inner, outer = max(bend - radius, 0.0), bend + radius
+    inner, outer = inner * inner, outer * outer
+    for i in range(px.size):
+        dx, dy = px[i] - x, py[i] - y
+        along, beside = cos * dx + sin * dy, side * (cos * dy - sin * dx)
+        square = along * along + (beside - bend) * (beside - bend)
+        if inner < square < outer and turn_to_point(along, beside, bend, radius) < turn:
+            return False
+    return True
+
+
+@kernel
+def round_corners(
+    px: Floats,
+    py: Floats,
+    chain: Floats,
+    spacing: float,
+    samples: Floats,
+    speed: float,
+    turn_rate: float,
+    radius: float,
+    aside: float,
+    toward: float,
+    hand: int,
+) -> tuple[float, float]:
+    """The speed [m/s] and the signed bend [m] of the free arc with which the whole chain is gone in the least time.
+
+    As `pursue`, but the chain is gone from place to place, straight with turns on the spot or on free arcs, in the least
+    time in all; what is driven now is the first of these arcs. So a slow arc is begun where it saves most, in a dead end, say.
+    Speed 0: that begins with a turn on the spot.
+
+    Args:
+        px, py, chain, spacing, speed, turn_rate, radius: see `pursue`.
+        samples: (m, 3) room for places and, from each of them on, heading there as the chain comes, the time to the end [s].
+        aside: how far the chain may lie beside an arc [m],
+        toward: and beside one that turns toward the hand [m].
+        hand: +1: the hand is on a wall to the right; -1: to the left.
+    """
+    count = sample_chain(chain, spacing, samples)
+    samples[count - 1, 2] = 0.0
+    best, best_bend = 0.0, math.inf
+    for start in range(count - 2, -2, -1):
+        x, y, cos, sin = 0.0, 0.0, 1.0, 0.0
+        if start >= 0:
+            x, y = samples[start, 0], samples[start, 1]
+            before_x, before_y = (samples[start - 1, 0], samples[start - 1, 1]) if start > 0 else (0.0, 0.0)
+            length = math.hypot(x - before_x, y - before_y)
+            if length < 1e-9:
+                samples[start, 2] = samples[start + 1, 2]
+                continue
+            cos, sin = (x - before_x) / length, (y - before_y) / length
+        dx, dy = samples[start + 1, 0] - x, samples[start + 1, 1] - y
+        spot = abs(math.atan2(cos * dy - sin * dx, cos * dx + sin * dy))
+        least = spot / turn_rate + math.hypot(dx, dy) / speed + samples[start + 1, 2]
+        if start < 0 and spot < 1e-9:
+            least = math.inf  # straight on is an arc of endless radius, and is looked at as one
+        for goal in range(count - 1, start, -1):
+            dx, dy = samples[goal, 0] - x, samples[goal, 1] - y
+            along, left = cos * dx + sin * dy, cos * dy - sin * dx
+            square = along * along + left * left
+            if along <= 0.0:
+                continue
+            side = 1 if left >= 0.0 else -1
+            bend = 0.5 * square / max(abs(left), 1e-6 * square)
+            turn = 2.0 * math.atan2(abs(left), along)
+            fastest = min(speed, turn_rate * bend)
+            time = bend * turn / fastest + samples[goal, 2]
+            # It arrives with another heading than one that comes along the chain.
+            end_x = samples[goal - 1, 0] if goal > 0 else 0.0
+            end_y = samples[goal - 1, 1] if goal > 0 else 0.0
+            inward = math.atan2(samples[goal, 1] - end_y, samples[goal, 0] - end_x)
+            time += angle_between(math.atan2(sin, cos) + side * turn, inward) / turn_rate
+            if time >= least:
+                continue
+            off, is_near = toward if side == -hand else aside, True
+            for i in range(start + 1, goal):
+                dx, dy = samples[i, 0] - x, samples[i, 1] - y
+                ahead, beside = cos * dx + sin * dy, side * (cos * dy - sin * dx)
+                if abs(math.hypot(ahead, beside - bend) - bend) > off:
+                    is_near = False
+                    break
+            if is_near and is_arc_free(px, py, x, y, cos, sin, bend, side, radius, turn):
+                least = time
+                if start < 0:
+                    best, best_bend = fastest, side * bend
+        if start >= 0:
+            samples[start, 2] = least
+    return best, best_bend

@@ -102,8 +102,15 @@ def test_each_weight_works() -> None:
 
 def a_window(**weights: float) -> Window:
     """A window in which only the weights told count."""
-    none = {"heading_weight": 0.0, "distance_weight": 0.0, "speed_weight": 0.0}
-    limits = {"radius": 0.2, "max_speed": 1.0, "step": 0.1, "acceleration": 0.5, "turn_rate": 2.0, "gain": 1e9}
+    none: dict[str, Any] = {"heading_weight": 0.0, "distance_weight": 0.0, "speed_weight": 0.0}
+    limits: dict[str, Any] = {
+        "radius": 0.2,
+        "max_speed": 1.0,
+        "step": 0.1,
+        "acceleration": 0.5,
+        "turn_rate": 2.0,
+        "gain": 1e9,
+    }
     return Window(**limits, look=3.0, **{**none, **weights}, is_holonomic=False)
 
 

@@ -1,0 +1,98 @@
+"""The contour ahead: where a robot that follows a wall will come, as its present scan shows the wall.
+
+The rule of boundary following (walls.headings), step by step on one scan: from the last heading turned toward the wall, away
+from it until a step ends at the clearance.
+"""
+
+from __future__ import annotations
+
+import math
+
+from bug_gym.compiling import inlined, kernel
+from bug_gym.kernels.layout import Floats
+
+TRIED = math.radians(8.0)
+"""Angle between the headings tried [rad]; the first open one is refined."""
+
+REFINED = 4
+"""How often it is halved."""
+
+MOST_INWARD = math.radians(110.0)
+"""Turning toward the wall after which the contour ahead is only guessed: the wall there is out of sight [rad]."""
+
+TURNED_ASIDE = math.radians(60.0)
+"""Turn in one step at which the contour may pass a gap that is just too narrow (walls.headings) [rad]."""
+
+
+@inlined
+def is_clear(px: Floats, py: Floats, x: float, y: float, square: float) -> bool:
+    """Whether no point lies nearer to a place than the root of `square`."""
+    for i in range(px.size):
+        dx, dy = px[i] - x, py[i] - y
+        if dx * dx + dy * dy < square:
+            return False
+    return True
+
+
+@inlined
+def turn_until_clear(
+    px: Floats, py: Floats, x: float, y: float, heading: float, side: int, step: float, back: float, square: float
+) -> float:
+    """Turning away from the wall, from `-back` on, after which a step from (x, y) ends clear; above pi: none does."""
+    low, high = -back, -back
+    while high < math.pi:
+        angle = heading + side * high
+        if is_clear(px, py, x + step * math.cos(angle), y + step * math.sin(angle), square):
+            break
+        low, high = high, high + TRIED
+    if low < high < math.pi:
+        for _ in range(REFINED):
+            middle = 0.5 * (low + high)
+            angle = heading + side * middle
+            if is_clear(px, py, x + step * math.cos(angle), y + step * math.sin(angle), square):
+                high = middle
+            else:
+                low = middle
+    return high
+
+
+@kernel
+def contour_ahead(
+    px: Floats,
+    py: Floats,
+    start: tuple[float, float, float],
+    side: int,
+    step: float,
+    clearance: float,
+    inner: float,
+    places: Floats,
+) -> int:
+    """Places along the contour, the first of them where it starts, into `places` (m, 3); how many there are.
+
+    Args:
+        px, py: the scan's points (k,) in the robot's frame [m].
+        start: where the contour is gone along from [m], and the heading there [rad].
+        side: +1 with the wall on the right, -1 on the left.
+        step: length of a step [m].
+        clearance: distance to the wall at which a step ends [m].
+        inner: half the width of gaps that count [m]: before one that is narrower than twice the clearance it ends.
+        places: (m, 3) x, y [m] and the heading there [rad].
+    """
+    x, y, heading = start
+    places[0, 0], places[0, 1], places[0, 2] = x, y, heading
+    # Round a point a step turns by so much.
+    back = 2.0 * math.asin(min(0.5 * step / clearance, 1.0))
+    inward = 0.0
+    for count in range(1, len(places)):
+        turn = turn_until_clear(px, py, x, y, heading, side, step, back, clearance * clearance)
+        if turn > TURNED_ASIDE:
+            narrow = turn_until_clear(px, py, x, y, heading, side, step, back, inner * inner)
+            if turn >= math.pi or turn - narrow > TURNED_ASIDE:
+                return count
+        heading += side * turn
+        inward -= turn
+        if inward > MOST_INWARD:
+            return count
+        x, y = x + step * math.cos(heading), y + step * math.sin(heading)
+        places[count, 0], places[count, 1], places[count, 2] = x, y, heading
+    return len(places)
