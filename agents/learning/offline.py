@@ -25,7 +25,14 @@ from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
 from bug_gym.agents.learning.regression import Batch, Learner
-from bug_gym.agents.learning.settings import AnyOffline, CloningSettings, DaggerSettings, IQLSettings, TD3BCSettings
+from bug_gym.agents.learning.settings import (
+    AnyOffline,
+    CloningSettings,
+    CriticSettings,
+    DaggerSettings,
+    IQLSettings,
+    TD3BCSettings,
+)
 from bug_gym.agents.learning.shown import VALIDATING, reported
 from bug_gym.agents.learning.so_far import BestSoFar
 from bug_gym.agents.learning.td3_bc import TD3BC
@@ -71,14 +78,15 @@ class Samples:
         """Take in some episodes."""
         scaled = self._settings.reward_scale
         features = self._encoded(episodes.with_history(self._robot, self._settings.history))
-        seen = torch.from_numpy(episodes.seen)
+        steps = self._settings.n_steps if isinstance(self._settings, CriticSettings) else 1
+        rewards, following, worth = episodes.summed(steps, self._settings.gamma)
         self._parts.append(
             Batch(
-                features[seen],
+                features[torch.from_numpy(episodes.seen)],
                 torch.from_numpy(episodes.actions),
-                _tensor(scaled * episodes.rewards),
-                features[seen + 1],
-                _tensor(~episodes.is_final),
+                _tensor(scaled * rewards),
+                features[torch.from_numpy(following)],
+                _tensor(worth),
                 _tensor(scaled * episodes.returns(self._settings.gamma)),
             )
         )
@@ -103,7 +111,7 @@ def _tensor(values: Any) -> torch.Tensor:
 
 
 def make_actor(settings: AnyOffline, seed: int) -> ActorCriticPolicy:
-    """An untrained actor: the network of stable-baselines3's PPO."""
+    """An untrained actor: the network of stable-baselines3's PPO; its actions are continuous or discrete."""
     env = make_training_env(settings, seed)
     torch.manual_seed(seed)
     arguments = network_arguments(settings) | {"log_std_init": settings.policy_kwargs.log_std_init}
@@ -272,7 +280,7 @@ def _ask_expert(settings: DaggerSettings, actor: ActorCriticPolicy, samples: Sam
     count = settings.episodes_per_round
     first = TRAINING_SEEDS + seed * SEED_BLOCK + number * count
     learner = InTraining(actor, robot_of([scenario]), settings.history) if number else None
-    expert = make_expert(settings.expert, scenario)
+    expert = make_expert(settings.expert, scenario, discrete=settings.action == "discrete")
     samples.add(ask(expert, learner, scenario, range(first, first + count), settings.n_envs))
 
 

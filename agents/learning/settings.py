@@ -254,31 +254,35 @@ class CloningSettings(OfflineSettings):
     """Share of the episodes, those with the highest returns, that it learns from."""
 
 
-class IQLSettings(OfflineSettings):
+class CriticSettings(OfflineSettings):
+    """What offline trainings have that ask what an action is worth."""
+
+    data: Data
+    """What it learns from."""
+    n_steps: AtLeastOne = 10
+    """Steps whose rewards are summed before the value of what follows is added. A step of 0.1 s is a hundredth of an episode:
+    one at a time, what a collision costs would need thousands of gradient steps to be known a second before it."""
+    tau: Share = 0.005
+    """Share by which the target networks follow."""
+
+
+class IQLSettings(CriticSettings):
     """Implicit Q-learning, Kostrikov, Nair and Levine 2021."""
 
     algo: Literal["iql"]
-    data: Data
-    """What it learns from."""
     expectile: Share = 0.9
     """Of what recorded actions are worth, which a state is worth: 0.5 is their mean, 1 their maximum."""
     beta: NotNegative = 100.0
     """How much more actions weigh that were worth more, in exp(beta * advantage) [1]: a step of 0.1 s moves a robot by a tenth
     of a metre, so that one action is worth some hundredths more than another."""
-    tau: Share = 0.005
-    """Share by which the target network follows."""
 
 
-class TD3BCSettings(OfflineSettings):
+class TD3BCSettings(CriticSettings):
     """TD3+BC, Fujimoto and Gu 2021."""
 
     algo: Literal["td3_bc"]
-    data: Data
-    """What it learns from."""
     alpha: Coefficient = 2.5
     """Weight of the values against nearness to the recorded actions [1]."""
-    tau: Share = 0.005
-    """Share by which the target networks follow."""
     policy_delay: AtLeastOne = 2
     """Gradient steps of the critics for one of the actor."""
     policy_noise: NotNegative = 0.2
@@ -291,6 +295,8 @@ class DaggerSettings(OfflineSettings):
     """DAgger, Ross, Gordon and Bagnell 2011: the expert is asked again, along the learner's own ways."""
 
     algo: Literal["dagger"]
+    action: Literal["continuous", "discrete"] = "continuous"
+    """Which actions the robot takes; of discrete ones a probability is learnt, so that two ways round are not made one."""
     expert: str
     """Name of a scripted policy that is asked."""
     episodes_per_round: Episodes = 50
