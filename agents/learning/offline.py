@@ -50,6 +50,7 @@ from bug_gym.agents.learning.training import (
     write_best,
 )
 from bug_gym.held_out import TRAINING_SEEDS
+from bug_gym.policy import ScriptedPolicy
 from bug_gym.workers import Workers, are_several
 
 AT_ONCE = 65_536
@@ -156,7 +157,7 @@ def train_offline(
         expected = "no episodes" if isinstance(settings, DaggerSettings) else "episodes to learn from"
         raise ValueError(f"{settings.algo}: expected {expected}, got {'none' if episodes is None else 'some'}")
     if isinstance(settings, DaggerSettings):
-        make_expert(settings.expert, settings.loaded[0])  # what cannot be asked is found out before anything is written
+        _expert_of(settings)  # what cannot be asked is found out before anything is written
     require_same_data(Path(out), episodes)
     work = partial(_train_in, episodes=episodes, threads=threads, progress=progress)
     return train_in_folder(settings, out, seed, minutes, work)
@@ -274,14 +275,18 @@ def _gatherer(
     return lambda number: samples.add(kept) if number == 0 else None
 
 
+def _expert_of(settings: DaggerSettings) -> ScriptedPolicy:
+    (scenario,) = settings.loaded
+    return make_expert(settings.expert, scenario, discrete=settings.action == "discrete")
+
+
 def _ask_expert(settings: DaggerSettings, actor: ActorCriticPolicy, samples: Samples, seed: int, number: int) -> None:
     """A round of DAgger, in worlds that no other round sees; in the first the expert drives."""
     (scenario,) = settings.loaded
     count = settings.episodes_per_round
     first = TRAINING_SEEDS + seed * SEED_BLOCK + number * count
     learner = InTraining(actor, robot_of([scenario]), settings.history) if number else None
-    expert = make_expert(settings.expert, scenario, discrete=settings.action == "discrete")
-    samples.add(ask(expert, learner, scenario, range(first, first + count), settings.n_envs))
+    samples.add(ask(_expert_of(settings), learner, scenario, range(first, first + count), settings.n_envs))
 
 
 @contextmanager

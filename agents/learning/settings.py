@@ -262,7 +262,7 @@ class CriticSettings(OfflineSettings):
     n_steps: AtLeastOne = 10
     """Steps whose rewards are summed before the value of what follows is added. A step of 0.1 s is a hundredth of an episode:
     one at a time, what a collision costs would need thousands of gradient steps to be known a second before it."""
-    tau: Share = 0.005
+    tau: Share = 0.02
     """Share by which the target networks follow."""
 
 
@@ -272,9 +272,9 @@ class IQLSettings(CriticSettings):
     algo: Literal["iql"]
     expectile: Share = 0.9
     """Of what recorded actions are worth, which a state is worth: 0.5 is their mean, 1 their maximum."""
-    beta: NotNegative = 100.0
-    """How much more actions weigh that were worth more, in exp(beta * advantage) [1]: a step of 0.1 s moves a robot by a tenth
-    of a metre, so that one action is worth some hundredths more than another."""
+    beta: NotNegative = 20.0
+    """How much more actions weigh that were worth more, in exp(beta * advantage) [1]; of a second of driving one is worth some
+    hundredths more than another."""
 
 
 class TD3BCSettings(CriticSettings):

@@ -49,7 +49,7 @@ TRAININGS: dict[str, tuple[str, dict[str, Any]]] = {
 STARTS = "ppo_from_clone"
 """Name of the row that trains PPO twice, from nothing and from the model of the row CLONE of the same seed."""
 CLONE, ONLINE_TRAINING = "bc_hd_bug", "ppo_dynamic"
-ONLINE_CHANGES = {"n_timesteps": 1_500_000, "eval_freq": 65_536, "eval_episodes": 300, "test_episodes": 10}
+ONLINE_CHANGES = {"n_timesteps": 1_500_000, "eval_freq": 98_304, "eval_episodes": 300, "test_episodes": 10}
 ENOUGH = 0.98
 """Share of validation worlds that tells when PPO has learnt enough."""
 EXPERT, FLOOR, ONLINE = "hd_bug", "random", "ppo_dynamic"

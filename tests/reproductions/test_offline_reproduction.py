@@ -63,7 +63,9 @@ def test_every_kind_is_trained_and_judged_in_the_same_worlds(tmp_path: Path, mon
         assert [point[0] for point in start[f"{name}_curve"]] == [32, 64]
         assert start[name] == start[f"{name}_curve"][0][1] > 0.0
     assert start["from_nothing_curve"][0][1:] != start["from_clone_curve"][0][1:]
-    assert [row[:3] for row in second.rows] == [["0", *(f"{start[name]:.2f}" for name in ("from_nothing", "from_clone"))]]
+    assert [row[:3] for row in second.rows] == [
+        ["0", *(f"{start[name]:.2f}" for name in ("from_nothing", "from_clone"))]
+    ]
 
 
 def test_a_row_that_does_not_exist_is_refused() -> None:
