@@ -224,8 +224,6 @@ class OfflineSettings(Settings):
 
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1, max_length=1)
     """The scenario of the episodes, in which the model is judged."""
-    action: Literal["continuous"] = "continuous"
-    """Which actions the robot takes."""
     n_envs: AtLeastOne = 64
     """Worlds side by side, where worlds are driven in."""
     n_timesteps: Steps = 4_000
@@ -248,6 +246,8 @@ class CloningSettings(OfflineSettings):
     """Behaviour cloning, Pomerleau 1991."""
 
     algo: Literal["bc"]
+    action: Literal["continuous"] = "continuous"
+    """Which actions the robot takes."""
     data: Data
     """What it learns from."""
     keep_best: Share = 1.0
@@ -257,6 +257,8 @@ class CloningSettings(OfflineSettings):
 class CriticSettings(OfflineSettings):
     """What offline trainings have that ask what an action is worth."""
 
+    action: Literal["continuous"] = "continuous"
+    """Which actions the robot takes."""
     data: Data
     """What it learns from."""
     n_steps: AtLeastOne = 10
