@@ -24,17 +24,25 @@ from bug_gym.agents.learning.recorded import Recorded
 from bug_gym.config import Scenario
 from bug_gym.episodes import Episodes
 from bug_gym.geometry import F32
+from bug_gym.kinematics import discrete_actions
+from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import Memory, Policy, ScriptedPolicy
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 
-def make_expert(name: str, scenario: Scenario) -> ScriptedPolicy:
+def make_expert(name: str, scenario: Scenario, *, discrete: bool = False) -> ScriptedPolicy:
     """The scripted policy that is asked.
+
+    Args:
+        name: of it.
+        scenario: with one robot.
+        discrete: whether it answers with numbers of discrete actions.
 
     Raises:
         ValueError: no such policy, a learned one, or one that reads the map.
     """
-    expert = make_policy(name, scenario)
+    expert = make_policy(name, NavigationEnv(scenario, action="discrete") if discrete else scenario)
     if not isinstance(expert, ScriptedPolicy) or expert.privileged:
         raise ValueError(f"expert: expected a scripted policy that does not read the map, got {name!r}")
     return expert
@@ -72,6 +80,7 @@ class _Questions:
         self._state: Any = None
         self._starts = np.ones(simulation.count, dtype=bool)
         self._actions: F32 = np.zeros((simulation.count, 2), dtype=np.float32)
+        self._table = discrete_actions(Sensors.of(scenario).drive)
         self._taken: list[tuple[NDArray[Any], ...]] = []
         self._episodes.begin(simulation.all_rows)
         self._last = np.zeros((len(seeds), self._episodes.observation.shape[-1]), dtype=np.float32)
@@ -88,22 +97,26 @@ class _Questions:
         seen = self._episodes.observation[:, 0]
         numbers, before = self._episodes.number[rows], seen[rows]
         answers = self._answers(before, rows)
-        self._actions[rows] = answers
+        self._actions[rows] = self._as_driven(answers)
         if self._learner is not None:  # asked for all rows: its state is that of all
             chosen, self._state = self._learner.predict(seen, self._state, self._starts.copy(), deterministic=True)
-            self._actions[rows] = chosen[rows]
+            self._actions[rows] = self._as_driven(chosen[rows])
         self._starts[:] = False
         self._episodes.step(self._actions[:, None])
         self._taken.append((numbers, before, answers, self._episodes.reward[rows, 0]))
         self._end(rows)
 
-    def _answers(self, seen: F32, rows: NDArray[np.int64]) -> F32:
-        """What the expert would do (k, 2), its memories taken on."""
+    def _as_driven(self, actions: NDArray[Any]) -> NDArray[Any]:
+        """Actions (k, 2) of themselves, or of the numbers (k,) of discrete ones."""
+        return self._table[actions] if actions.dtype.kind in "iu" else actions
+
+    def _answers(self, seen: F32, rows: NDArray[np.int64]) -> NDArray[Any]:
+        """What the expert would do, (k, 2) or numbers (k,) of discrete actions, its memories taken on."""
         memories = tuple(self._memories[row] for row in rows)
         answers, memories = self._expert.predict(seen, memories, self._starts[rows])
         for row, memory in zip(rows.tolist(), memories, strict=True):
             self._memories[row] = memory
-        return np.clip(np.asarray(answers, dtype=np.float32), -1.0, 1.0)
+        return answers if self._expert.discrete else np.clip(np.asarray(answers, dtype=np.float32), -1.0, 1.0)
 
     def _end(self, rows: NDArray[np.int64]) -> None:
         """Keep how the episodes ended that did with this step, and begin the next ones."""

@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
@@ -60,7 +61,10 @@ class Decision(torch.nn.Module):
         assert isinstance(self.policy, ActorCriticPolicy)
         features = self.policy.extract_features(observation, self.policy.pi_features_extractor)
         assert isinstance(features, torch.Tensor)
-        return torch.clamp(self.policy.action_net(self.policy.mlp_extractor.forward_actor(features)), -1.0, 1.0)
+        answer: torch.Tensor = self.policy.action_net(self.policy.mlp_extractor.forward_actor(features))
+        if isinstance(self.policy.action_space, gym.spaces.Discrete):
+            return answer.argmax(dim=1)
+        return torch.clamp(answer, -1.0, 1.0)
 
 
 def write_onnx(path: Path, policy: BasePolicy) -> None:

@@ -25,7 +25,14 @@ from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
 from bug_gym.agents.learning.regression import Batch, Learner
-from bug_gym.agents.learning.settings import AnyOffline, CloningSettings, DaggerSettings, IQLSettings, TD3BCSettings
+from bug_gym.agents.learning.settings import (
+    AnyOffline,
+    CloningSettings,
+    CriticSettings,
+    DaggerSettings,
+    IQLSettings,
+    TD3BCSettings,
+)
 from bug_gym.agents.learning.shown import VALIDATING, reported
 from bug_gym.agents.learning.so_far import BestSoFar
 from bug_gym.agents.learning.td3_bc import TD3BC
@@ -43,6 +50,7 @@ from bug_gym.agents.learning.training import (
     write_best,
 )
 from bug_gym.held_out import TRAINING_SEEDS
+from bug_gym.policy import ScriptedPolicy
 from bug_gym.workers import Workers, are_several
 
 AT_ONCE = 65_536
@@ -71,14 +79,15 @@ class Samples:
         """Take in some episodes."""
         scaled = self._settings.reward_scale
         features = self._encoded(episodes.with_history(self._robot, self._settings.history))
-        seen = torch.from_numpy(episodes.seen)
+        steps = self._settings.n_steps if isinstance(self._settings, CriticSettings) else 1
+        rewards, following, worth = episodes.summed(steps, self._settings.gamma)
         self._parts.append(
             Batch(
-                features[seen],
+                features[torch.from_numpy(episodes.seen)],
                 torch.from_numpy(episodes.actions),
-                _tensor(scaled * episodes.rewards),
-                features[seen + 1],
-                _tensor(~episodes.is_final),
+                _tensor(scaled * rewards),
+                features[torch.from_numpy(following)],
+                _tensor(worth),
                 _tensor(scaled * episodes.returns(self._settings.gamma)),
             )
         )
@@ -103,7 +112,7 @@ def _tensor(values: Any) -> torch.Tensor:
 
 
 def make_actor(settings: AnyOffline, seed: int) -> ActorCriticPolicy:
-    """An untrained actor: the network of stable-baselines3's PPO."""
+    """An untrained actor: the network of stable-baselines3's PPO; its actions are continuous or discrete."""
     env = make_training_env(settings, seed)
     torch.manual_seed(seed)
     arguments = network_arguments(settings) | {"log_std_init": settings.policy_kwargs.log_std_init}
@@ -148,7 +157,7 @@ def train_offline(
         expected = "no episodes" if isinstance(settings, DaggerSettings) else "episodes to learn from"
         raise ValueError(f"{settings.algo}: expected {expected}, got {'none' if episodes is None else 'some'}")
     if isinstance(settings, DaggerSettings):
-        make_expert(settings.expert, settings.loaded[0])  # what cannot be asked is found out before anything is written
+        _expert_of(settings)  # what cannot be asked is found out before anything is written
     require_same_data(Path(out), episodes)
     work = partial(_train_in, episodes=episodes, threads=threads, progress=progress)
     return train_in_folder(settings, out, seed, minutes, work)
@@ -266,14 +275,18 @@ def _gatherer(
     return lambda number: samples.add(kept) if number == 0 else None
 
 
+def _expert_of(settings: DaggerSettings) -> ScriptedPolicy:
+    (scenario,) = settings.loaded
+    return make_expert(settings.expert, scenario, discrete=settings.action == "discrete")
+
+
 def _ask_expert(settings: DaggerSettings, actor: ActorCriticPolicy, samples: Samples, seed: int, number: int) -> None:
     """A round of DAgger, in worlds that no other round sees; in the first the expert drives."""
     (scenario,) = settings.loaded
     count = settings.episodes_per_round
     first = TRAINING_SEEDS + seed * SEED_BLOCK + number * count
     learner = InTraining(actor, robot_of([scenario]), settings.history) if number else None
-    expert = make_expert(settings.expert, scenario)
-    samples.add(ask(expert, learner, scenario, range(first, first + count), settings.n_envs))
+    samples.add(ask(_expert_of(settings), learner, scenario, range(first, first + count), settings.n_envs))
 
 
 @contextmanager

@@ -20,8 +20,8 @@ class Recorded:
 
     observations: F32
     """Flat observations (T + n, D): each episode's first, and one after each of its steps."""
-    actions: F32
-    """Actions (T, 2) in [-1, 1]: what is to be learnt."""
+    actions: NDArray[Any]
+    """Actions (T, 2) in [-1, 1], or numbers (T,) of discrete ones: what is to be learnt."""
     rewards: F64
     """Rewards (T,)."""
     steps: NDArray[np.int64]
@@ -60,6 +60,23 @@ class Recorded:
             value = float(self.rewards[step]) + (0.0 if step in first else gamma * value)
             found[step] = value
         return found
+
+    def summed(self, steps: int, gamma: float) -> tuple[F64, NDArray[np.int64], F64]:
+        """What came of each step (T,) and those after it, at most `steps` in all and no further than its episode.
+
+        Returns:
+            Discounted sum of their rewards (T,), which observation came after them (T,), and the discount of what it is
+            worth (T,) over that of one step: 0 where the episode terminated with them.
+        """
+        number = np.arange(len(self.rewards))
+        left = np.repeat(self.ends, self.steps) - number
+        taken = np.minimum(steps, left)
+        sums = self.rewards.copy()
+        for later in range(1, min(steps, int(left.max()))):
+            going = np.flatnonzero(later < left)
+            sums[going] += gamma**later * self.rewards[going + later]
+        worth = np.where(self.is_final[number + taken - 1], 0.0, gamma ** (taken - 1.0))
+        return sums, self.seen + taken, worth
 
     def best(self, share: float) -> Recorded:
         """The share of the episodes with the highest scores, at least one, in their order."""

@@ -10,6 +10,7 @@ import copy
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
+import gymnasium as gym
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
@@ -27,11 +28,11 @@ class Batch(NamedTuple):
     actions: torch.Tensor
     """(b, 2)."""
     rewards: torch.Tensor
-    """(b,), scaled."""
+    """(b,), scaled; of several steps their discounted sum."""
     following: torch.Tensor
-    """Features of what came of it (b, F)."""
+    """Features of what came of it, or of those steps (b, F)."""
     goes_on: torch.Tensor
-    """0 where the episode terminated with the step (b,), else 1."""
+    """What `following` counts for (b,), beside the discount of one step: 0 where the episode terminated, 1 after one step."""
     returns: torch.Tensor
     """Discounted sum of the scaled rewards from here on (b,)."""
 
@@ -49,15 +50,21 @@ class Learner(Protocol):
         ...
 
 
+def is_discrete(actor: ActorCriticPolicy) -> bool:
+    """Whether the actor answers with the number of an action."""
+    return isinstance(actor.action_space, gym.spaces.Discrete)
+
+
 def mean_action(actor: ActorCriticPolicy, features: torch.Tensor) -> torch.Tensor:
-    """The actor's answer (b, 2) before it is cut to [-1, 1]."""
+    """The actor's answer (b, 2) before it is cut to [-1, 1]; logarithms of odds (b, A) where actions are discrete."""
     answer: torch.Tensor = actor.action_net(actor.mlp_extractor.forward_actor(features))
     return answer
 
 
 def actor_parameters(actor: ActorCriticPolicy) -> list[torch.nn.Parameter]:
-    """The weights that an action depends on, and its standard deviation."""
-    return [*actor.mlp_extractor.policy_net.parameters(), *actor.action_net.parameters(), actor.log_std]
+    """The weights that an action depends on, and its standard deviation where it has one."""
+    spread = [] if is_discrete(actor) else [actor.log_std]
+    return [*actor.mlp_extractor.policy_net.parameters(), *actor.action_net.parameters(), *spread]
 
 
 def value_parameters(actor: ActorCriticPolicy) -> list[torch.nn.Parameter]:
@@ -74,7 +81,14 @@ def value(actor: ActorCriticPolicy, features: torch.Tensor) -> torch.Tensor:
 def regression_loss(
     actor: ActorCriticPolicy, features: torch.Tensor, actions: torch.Tensor, weights: torch.Tensor | None = None
 ) -> torch.Tensor:
-    """Mean negative logarithm of the density that the actor's Gaussian gives some actions (b, 2), weighted by (b,)."""
+    """Mean negative logarithm of what the actor gives some actions, weighted by (b,).
+
+    Of actions (b, 2) it is the density of a Gaussian; of numbers (b,) of discrete actions the probability, which can be high
+    for two ways round an obstacle and low for the one between them.
+    """
+    if is_discrete(actor):
+        losses = torch.nn.functional.cross_entropy(mean_action(actor, features), actions, reduction="none")
+        return (losses if weights is None else weights * losses).mean()
     log_std = torch.clamp(actor.log_std, min=LEAST_LOG_STD)
     errors = (actions - mean_action(actor, features)) * torch.exp(-log_std)
     losses = (0.5 * errors.square() + log_std).sum(dim=1)

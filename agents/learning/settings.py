@@ -224,8 +224,6 @@ class OfflineSettings(Settings):
 
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1, max_length=1)
     """The scenario of the episodes, in which the model is judged."""
-    action: Literal["continuous"] = "continuous"
-    """Which actions the robot takes."""
     n_envs: AtLeastOne = 64
     """Worlds side by side, where worlds are driven in."""
     n_timesteps: Steps = 4_000
@@ -248,37 +246,45 @@ class CloningSettings(OfflineSettings):
     """Behaviour cloning, Pomerleau 1991."""
 
     algo: Literal["bc"]
+    action: Literal["continuous"] = "continuous"
+    """Which actions the robot takes."""
     data: Data
     """What it learns from."""
     keep_best: Share = 1.0
     """Share of the episodes, those with the highest returns, that it learns from."""
 
 
-class IQLSettings(OfflineSettings):
+class CriticSettings(OfflineSettings):
+    """What offline trainings have that ask what an action is worth."""
+
+    action: Literal["continuous"] = "continuous"
+    """Which actions the robot takes."""
+    data: Data
+    """What it learns from."""
+    n_steps: AtLeastOne = 10
+    """Steps whose rewards are summed before the value of what follows is added. A step of 0.1 s is a hundredth of an episode:
+    one at a time, what a collision costs would need thousands of gradient steps to be known a second before it."""
+    tau: Share = 0.02
+    """Share by which the target networks follow."""
+
+
+class IQLSettings(CriticSettings):
     """Implicit Q-learning, Kostrikov, Nair and Levine 2021."""
 
     algo: Literal["iql"]
-    data: Data
-    """What it learns from."""
     expectile: Share = 0.9
     """Of what recorded actions are worth, which a state is worth: 0.5 is their mean, 1 their maximum."""
-    beta: NotNegative = 100.0
-    """How much more actions weigh that were worth more, in exp(beta * advantage) [1]: a step of 0.1 s moves a robot by a tenth
-    of a metre, so that one action is worth some hundredths more than another."""
-    tau: Share = 0.005
-    """Share by which the target network follows."""
+    beta: NotNegative = 20.0
+    """How much more actions weigh that were worth more, in exp(beta * advantage) [1]; of a second of driving one is worth some
+    hundredths more than another."""
 
 
-class TD3BCSettings(OfflineSettings):
+class TD3BCSettings(CriticSettings):
     """TD3+BC, Fujimoto and Gu 2021."""
 
     algo: Literal["td3_bc"]
-    data: Data
-    """What it learns from."""
     alpha: Coefficient = 2.5
     """Weight of the values against nearness to the recorded actions [1]."""
-    tau: Share = 0.005
-    """Share by which the target networks follow."""
     policy_delay: AtLeastOne = 2
     """Gradient steps of the critics for one of the actor."""
     policy_noise: NotNegative = 0.2
@@ -291,6 +297,8 @@ class DaggerSettings(OfflineSettings):
     """DAgger, Ross, Gordon and Bagnell 2011: the expert is asked again, along the learner's own ways."""
 
     algo: Literal["dagger"]
+    action: Literal["continuous", "discrete"] = "continuous"
+    """Which actions the robot takes; of discrete ones a probability is learnt, so that two ways round are not made one."""
     expert: str
     """Name of a scripted policy that is asked."""
     episodes_per_round: Episodes = 50

@@ -4,12 +4,15 @@ Behaviour cloning (of HD-BUG's episodes, and of a mixed dataset of HD-BUG, two b
 the mixed episodes, implicit Q-learning and TD3+BC on the mixed ones, and DAgger, which asks HD-BUG again. Each model is judged
 in the same worlds, which neither collection, training nor validation saw. The normalised score is Minari's: the mean return as
 a share of the way from the random policy's to HD-BUG's.
+
+PPO is trained twice beside them, from nothing and from the clone of HD-BUG of the same seed, up to 98 % of validation worlds.
 """
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import mean
 from typing import Any
@@ -27,6 +30,7 @@ from bug_gym.evaluation.progress import progress_bar
 from bug_gym.held_out import TEST_SEEDS
 from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.workers import each, on_this_machine, starred
 
 SEEDS = 3
 WORLDS = 200
@@ -42,6 +46,12 @@ TRAININGS: dict[str, tuple[str, dict[str, Any]]] = {
     "dagger_hd_bug": ("dagger_hd_bug", {}),
 }
 """Training of configs/train, and what is changed in it, by the name of a row."""
+STARTS = "ppo_from_clone"
+"""Name of the row that trains PPO twice, from nothing and from the model of the row CLONE of the same seed."""
+CLONE, ONLINE_TRAINING = "bc_hd_bug", "ppo_dynamic"
+ONLINE_CHANGES = {"n_timesteps": 1_500_000, "eval_freq": 98_304, "eval_episodes": 300, "test_episodes": 10}
+ENOUGH = 0.98
+"""Share of validation worlds that tells when PPO has learnt enough."""
 EXPERT, FLOOR, ONLINE = "hd_bug", "random", "ppo_dynamic"
 BESIDE = (EXPERT, "tangent_bug", "bug2", FLOOR, ONLINE)
 """Policies that are judged in the same worlds: those of the datasets, and PPO."""
@@ -50,7 +60,7 @@ DAGGER_AIM = 0.97
 
 
 def reproduce(settings: Settings) -> Reproduction:
-    """Train and judge; `seeds` is the number of trainings of each row, `policies` names the rows.
+    """Train and judge; `seeds` is the number of trainings of each row, `policies` names the rows, `workers` share them.
 
     Datasets are kept in results/datasets.
 
@@ -59,25 +69,35 @@ def reproduce(settings: Settings) -> Reproduction:
     """
     with needed_from("train", "offline"):
         from bug_gym.agents.learning.offline import train_offline  # noqa: F401  # loads torch
-    if unknown := [name for name in settings.policies if name not in TRAININGS]:
-        raise ValueError(f"rows are {', '.join(TRAININGS)}, got {unknown[0]!r}")
-    count, labels = settings.seeds or SEEDS, settings.policies or tuple(TRAININGS)
+    rows = (*TRAININGS, STARTS)
+    if unknown := [name for name in settings.policies if name not in rows]:
+        raise ValueError(f"rows are {', '.join(rows)}, got {unknown[0]!r}")
+    count, labels = settings.seeds or SEEDS, settings.policies or rows
+    workers = on_this_machine(settings.workers)
     worlds = range(TEST_SEEDS, TEST_SEEDS + WORLDS)
     beside = {name: _judged(name, worlds) for name in BESIDE}
     floor, ceiling = (float(beside[name]["return"]) for name in (FLOOR, EXPERT))
     jobs = [(label, seed) for label in labels for seed in range(count)]
+    for label in labels:
+        _episodes(_settings_of(CLONE if label == STARTS else label), workers)  # not by several of them at once
     found: dict[str, list[dict[str, Any]]] = {label: [] for label in labels}
     with progress_bar(shown=settings.progress) as track:
-        for label, seed in track(jobs, "trainings", len(jobs)):
-            found[label].append(_trained(label, seed, worlds))
+        work = each(partial(starred, _run), [(*job, worlds) for job in jobs], workers, in_order=True)
+        for (label, _), run in zip(jobs, track(work, "trainings", len(jobs)), strict=True):
+            found[label].append(run)
+    starts = found.pop(STARTS, [])
     for one in (*beside.values(), *(run for runs in found.values() for run in runs)):
         one["score"] = round((one["return"] - floor) / (ceiling - floor), 4)
     data = {"worlds": WORLDS, "seeds": count, "scenario": SCENARIO, "trainings": found, "beside": beside}
+    data |= {"starts": starts} if starts else {}
     claims = claims_of(data)
     header = ["", "seeds", "success [%]", "95 %", "score", "minutes of one core"]
     return Reproduction(
         "offline",
-        [Table(f"Offline learning in {WORLDS} held-out worlds of {SCENARIO}", header, list(_rows(data)))],
+        [
+            Table(f"Offline learning in {WORLDS} held-out worlds of {SCENARIO}", header, list(_rows(data))),
+            *([_starts_table(starts)] if starts else []),
+        ],
         [f"not so: {claim}" for claim, holds in claims.items() if not holds],
         {**data, "claims": claims},
         all(claims.values()) if claims else None,
@@ -95,6 +115,10 @@ def claims_of(data: Mapping[str, Any]) -> dict[str, bool]:
         claims["IQL does better than the best policy in its dataset"] = success["iql_mixed"] > single
     if {"iql_mixed", "bc_mixed"} <= success.keys():
         claims["IQL does better than cloning the same dataset"] = success["iql_mixed"] > success["bc_mixed"]
+    if data.get("starts"):
+        claims[f"PPO that begins with a clone reaches {100 * ENOUGH:g} % sooner, the clone's training included"] = (
+            is_sooner(data["starts"])
+        )
     return claims
 
 
@@ -113,13 +137,53 @@ def pooled(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
+def is_sooner(starts: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether PPO has learnt enough sooner from a clone with every seed; one that never has learnt enough is the later."""
+    never = float("inf")
+    return all(
+        (one["from_clone"] or never) + one["clone"]["minutes"] < (one["from_nothing"] or never) for one in starts
+    )
+
+
+def _run(label: str, seed: int, worlds: range) -> dict[str, Any]:
+    return _started(seed) if label == STARTS else _trained(label, seed, worlds)
+
+
+def _started(seed: int) -> dict[str, Any]:
+    """Minutes of one core until PPO has learnt enough, from nothing and from a clone, whose own are told beside."""
+    from bug_gym.agents.learning.offline import train_offline  # loads torch
+    from bug_gym.agents.learning.training import train  # loads torch
+
+    training = _settings_of(CLONE)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "clone"
+        kept = train_offline(training, folder, episodes=_episodes(training), seed=seed)
+        assert kept.best_point is not None
+        found: dict[str, Any] = {
+            "seed": seed,
+            "clone": {"success": kept.best_point.success, "minutes": round(kept.cpu_seconds / 60.0, 3)},
+        }
+        for name, begun in (("from_nothing", None), ("from_clone", str(folder))):
+            online = load_settings(ONLINE_TRAINING, {**ONLINE_CHANGES, "start_from": begun})
+            points = train(online, Path(place) / name, seed=seed, threads=1, tensorboard=False).points
+            found[name] = next((round(one.cpu_seconds / 60.0, 3) for one in points if one.success >= ENOUGH), None)
+            found[f"{name}_curve"] = [[one.steps, round(one.cpu_seconds / 60.0, 3), one.success] for one in points]
+    return found
+
+
+def _settings_of(label: str) -> AnyOffline:
+    """Of the training of a row."""
+    name, changes = TRAININGS[label]
+    training = load_settings(name, {**changes, "test_episodes": 10})  # judged here, in worlds and by measures of all
+    assert isinstance(training, OfflineSettings)
+    return training
+
+
 def _trained(label: str, seed: int, worlds: range) -> dict[str, Any]:
     """A model of a seed, judged."""
     from bug_gym.agents.learning.offline import train_offline  # loads torch
 
-    name, changes = TRAININGS[label]
-    training = load_settings(name, {**changes, "test_episodes": 10})  # judged here, in worlds and by measures of all
-    assert isinstance(training, OfflineSettings)
+    training = _settings_of(label)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "model"
         kept = train_offline(training, folder, episodes=_episodes(training), seed=seed)
@@ -132,8 +196,8 @@ def _trained(label: str, seed: int, worlds: range) -> dict[str, Any]:
         }
 
 
-def _episodes(training: AnyOffline) -> Any:
-    return None if isinstance(training, DaggerSettings) else episodes_for(training, root=COLLECTED)
+def _episodes(training: AnyOffline, workers: int = 1) -> Any:
+    return None if isinstance(training, DaggerSettings) else episodes_for(training, root=COLLECTED, workers=workers)
 
 
 def _judged(policy: str, worlds: range) -> dict[str, Any]:
@@ -150,3 +214,18 @@ def _rows(data: Mapping[str, Any]) -> Iterator[list[str]]:
         seeds = str(len(runs)) if label in data["trainings"] else "-"
         interval = f"{100 * one['low']:.1f} - {100 * one['high']:.1f}"
         yield [label, seeds, f"{100 * one['success']:.1f}", interval, f"{100 * one['score']:.1f}", minutes]
+
+
+def _starts_table(starts: Sequence[Mapping[str, Any]]) -> Table:
+    def told(minutes: float | None) -> str:
+        return "-" if minutes is None else f"{minutes:.2f}"
+
+    header = ["seed", "from nothing", "from the clone", "the clone's own", "its success [%]"]
+    rows = [
+        [
+            *(str(one["seed"]), told(one["from_nothing"]), told(one["from_clone"])),
+            *(told(one["clone"]["minutes"]), f"{100 * one['clone']['success']:.1f}"),
+        ]
+        for one in starts
+    ]
+    return Table(f"PPO: minutes of one core to {100 * ENOUGH:g} % of validation worlds of {SCENARIO}", header, rows)

@@ -128,7 +128,8 @@ def offline_learning(found: Record) -> Page:
                     *("normalised score", "minutes of one core"),
                 ],
                 rows,
-            )
+            ),
+            *starts_tables(found.get("starts", [])),
         ],
         f"Each number is of {seeds} of each kind ({offline.SEEDS} unless `--seeds` says otherwise). The interval is of "
         "the worlds of all seeds together and says nothing of how seeds differ. The score is 0 for `random` and 100 for "
@@ -137,8 +138,34 @@ def offline_learning(found: Record) -> Page:
         f"The mixed dataset holds as many episodes of each of {listed(f'`{name}`' for name in drivers)}, of which `{best}` "
         f"does best ({percent(found['beside'][best]['success'])} %); `filtered_bc_mixed` clones the tenth of them with the "
         "highest returns. The expert remembers obstacles and follows the tracks of what moves; a network that sees one scan, "
-        "or one scan and what changed, cannot tell apart all that it tells apart.",
+        f"or one scan and what changed, cannot tell apart all that it tells apart.{started_from(found.get('starts', []))}",
         list(found["claims"].items()),
+    )
+
+
+def starts_tables(starts: Sequence[Record]) -> list[str]:
+    """How soon PPO learnt enough, from nothing and from a clone; none where nobody has looked."""
+    rows = [
+        [
+            str(one["seed"]), number(one["from_nothing"], 2), number(one["from_clone"], 2),
+            number(one["clone"]["minutes"], 2), percent(one["clone"]["success"]),
+        ]
+        for one in starts
+    ]  # fmt: skip
+    header = ["seed", "from nothing", "from the clone", "the clone's own", "the clone's success [%]"]
+    title = f"PPO: minutes of one core to {percent(offline.ENOUGH)} % of validation worlds"
+    return [table(title, header, rows)] if starts else []
+
+
+def started_from(starts: Sequence[Record]) -> str:
+    """What the second table is of."""
+    if not starts:
+        return ""
+    changes = offline.ONLINE_CHANGES
+    return (
+        f"\n\nPPO is the training `{offline.ONLINE_TRAINING}` with {changes['n_timesteps']:,} steps, looked at every "
+        f"{changes['eval_freq']:,} in {changes['eval_episodes']} validation worlds; `{offline.CLONE}` of the same seed is what "
+        "it begins with in the third column. The collection of what the clone learns from is not counted."
     )
 
 

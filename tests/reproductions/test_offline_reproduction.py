@@ -11,6 +11,8 @@ pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with th
 pytest.importorskip("minari", reason="minari comes with the extra `data`")
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.learning import training
+from bug_gym.agents.learning.training import train
 from bug_gym.config import load
 from bug_gym.held_out import play
 from bug_gym.intervals import wilson_interval
@@ -19,6 +21,16 @@ from bug_gym.reproductions.result import Settings
 
 SMALL = {"n_timesteps": 20, "eval_freq": 10, "eval_episodes": 2, "batch_size": 16, "policy_kwargs": {"net_arch": [8]}}
 DATA = {"data": {"policies": ["bug2", "random"], "episodes": 2}}
+ONLINE = {
+    "n_timesteps": 64,
+    "n_envs": 8,
+    "n_steps": 4,
+    "batch_size": 32,
+    "eval_freq": 32,
+    "eval_episodes": 2,
+    "test_episodes": 2,
+    "policy_kwargs": {"net_arch": [8]},
+}
 WORLDS = 4
 
 
@@ -32,7 +44,16 @@ def small(label: str) -> tuple[str, dict[str, Any]]:
 def test_every_kind_is_trained_and_judged_in_the_same_worlds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(offline, "WORLDS", WORLDS)
     monkeypatch.setattr(offline, "COLLECTED", tmp_path)
+    monkeypatch.setattr(offline, "ONLINE_CHANGES", ONLINE)
+    monkeypatch.setattr(offline, "ENOUGH", 0.0)  # the first validation is enough
     monkeypatch.setattr(offline, "TRAININGS", {label: small(label) for label in offline.TRAININGS})
+    begun: list[str | None] = []
+
+    def watched(settings: Any, *arguments: Any, **others: Any) -> Any:
+        begun.append(settings.start_from)
+        return train(settings, *arguments, **others)
+
+    monkeypatch.setattr(training, "train", watched)
     found = reproduction("offline")(Settings(seeds=1))
     assert found.data["worlds"] == WORLDS and found.data["seeds"] == 1
     assert list(found.data["trainings"]) == [*offline.TRAININGS]
@@ -44,8 +65,16 @@ def test_every_kind_is_trained_and_judged_in_the_same_worlds(tmp_path: Path, mon
     played = play(make_policy("bug2", scenario), scenario, range(WORLDS))
     assert beside["bug2"]["success"] == played.ended("success").mean()
     assert found.holds is all(offline.claims_of(found.data).values())
-    (table,) = found.tables
+    table, second = found.tables
     assert [row[0] for row in table.rows] == [*offline.TRAININGS, *offline.BESIDE]
+    (start,) = found.data["starts"]
+    for name in ("from_nothing", "from_clone"):
+        assert [point[0] for point in start[f"{name}_curve"]] == [32, 64]
+        assert start[name] == start[f"{name}_curve"][0][1]
+    assert [None if path is None else Path(path).name for path in begun] == [None, "clone"]
+    assert [row[:3] for row in second.rows] == [
+        ["0", *(f"{start[name]:.2f}" for name in ("from_nothing", "from_clone"))]
+    ]
 
 
 def test_a_row_that_does_not_exist_is_refused() -> None:
@@ -73,3 +102,15 @@ def test_iql_is_compared_with_the_best_policy_of_its_dataset(iql: float, *, hold
     beside["ppo_dynamic"] = runs(0.99)[0]  # is not in the dataset
     claims = offline.claims_of({"trainings": trainings, "beside": beside})
     assert claims["IQL does better than the best policy in its dataset"] is holds
+
+
+@pytest.mark.parametrize(
+    ("nothing", "clone", "own", "holds"),
+    [(1.0, 0.5, 0.2, True), (1.0, 0.5, 0.6, False), (None, 0.5, 0.2, True), (1.0, None, 0.2, False)],
+)
+def test_a_clone_pays_where_it_and_what_follows_take_less_time(
+    nothing: float | None, clone: float | None, own: float, *, holds: bool
+) -> None:
+    one = {"from_nothing": nothing, "from_clone": clone, "clone": {"minutes": own, "success": 0.5}}
+    early = {"from_nothing": 9.0, "from_clone": 0.1, "clone": {"minutes": 0.1, "success": 0.5}}
+    assert offline.is_sooner([early, one]) is holds

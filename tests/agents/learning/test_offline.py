@@ -102,6 +102,28 @@ def test_steps_know_what_they_were_decided_from_and_what_came_of_them() -> None:
     assert episodes.returns(1.0).tolist() == [3.0, 2.0, 28.0, 24.0, 16.0]
 
 
+@pytest.mark.parametrize("steps", [1, 2, 3, 9])
+def test_sums_of_some_steps_end_with_their_episode(steps: int) -> None:
+    episodes, gamma = hand_made(), 0.5
+    sums, following, worth = episodes.summed(steps, gamma)
+    ends = np.repeat(episodes.ends, episodes.steps).tolist()
+    for number, end in enumerate(ends):
+        taken = range(number, min(number + steps, end))
+        assert sums[number] == sum(gamma**k * episodes.rewards[step] for k, step in enumerate(taken))
+        assert following[number] == episodes.seen[number] + len(taken)
+        is_over = number + steps >= 2 and number < 2  # the first episode of two steps terminated
+        assert worth[number] == (0.0 if is_over else gamma ** (len(taken) - 1))
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_the_true_values_solve_the_equation_of_several_steps(steps: int) -> None:
+    episodes, gamma = answered(4), 0.9
+    sums, following, worth = episodes.summed(steps, gamma)
+    values = np.zeros(len(episodes.observations))  # of what follows, along the episodes as they were recorded
+    values[episodes.seen] = episodes.returns(gamma)
+    assert sums + gamma * worth * values[following] == pytest.approx(values[episodes.seen])
+
+
 def test_the_best_episodes_are_those_of_the_highest_scores() -> None:
     episodes = hand_made()
     best = episodes.best(0.5)
@@ -157,6 +179,34 @@ def test_the_regression_is_the_negative_likelihood_of_a_gaussian() -> None:
     expected = -densities.sum(dim=1) - math.log(2.0 * math.pi)
     assert torch.isclose(regression_loss(actor, features, actions), expected.mean())
     assert torch.isclose(regression_loss(actor, features, actions, some), (some * expected).mean())
+
+
+def test_numbers_of_actions_are_learnt_by_their_likelihood() -> None:
+    torch.manual_seed(0)
+    box = gym.spaces.Box(-1.0, 1.0, (3,))
+    actor = ActorCriticPolicy(box, gym.spaces.Discrete(5), lambda _: 1e-3, net_arch=[16])
+    actions, some = torch.tensor([4, 0, 2]), torch.tensor([1.0, 0.0, 2.0])
+    features = actor.extract_features(torch.eye(3), actor.pi_features_extractor)
+    expected = -actor.get_distribution(torch.eye(3)).log_prob(actions)
+    assert isinstance(features, torch.Tensor)
+    assert torch.isclose(regression_loss(actor, features, actions), expected.mean())
+    assert torch.isclose(regression_loss(actor, features, actions, some), (some * expected).mean())
+
+
+def test_of_two_ways_round_one_is_taken_and_not_the_middle() -> None:
+    """A place where half went far to the left and a little fewer to the right."""
+    torch.manual_seed(0)
+    ones, actions = torch.ones(11, 1), torch.tensor([0] * 5 + [4] * 6)
+    box = gym.spaces.Box(-1.0, 1.0, (1,))
+    actor = ActorCriticPolicy(box, gym.spaces.Discrete(5), lambda _: 1e-3, net_arch=[16])
+    learner = Cloning(actor)
+    learner.optimizers[0].param_groups[0]["lr"] = 1e-2
+    nothing = torch.zeros(11)
+    for _ in range(200):
+        learner.update(Batch(ones, actions, nothing, ones, nothing, nothing))
+    chances = torch.softmax(mean_action(actor, ones[:1]), dim=1)[0]
+    assert chances[[0, 4]].tolist() == pytest.approx([5 / 11, 6 / 11], abs=0.03)
+    assert actor.predict(np.ones((1, 1), dtype=np.float32), deterministic=True)[0].tolist() == [4]
 
 
 def test_td3_bc_weighs_values_by_their_own_size() -> None:
@@ -328,6 +378,24 @@ def test_the_experts_memory_runs_along_the_learners_way(expert: str) -> None:
         assert np.array_equal(seen, found.observations[first + steps]) and terminated == found.terminated[number]
         first, taken = first + steps + 1, taken + steps
     assert len(set(found.steps.tolist())) > 1  # rows began again at different times
+
+
+def test_numbers_of_actions_are_asked_for_and_driven() -> None:
+    env = gym.make("BugGym/Dynamic-v0", overrides=SHORT, observation="flat", action="discrete")
+    seeds = range(TRAINING_SEEDS, TRAINING_SEEDS + 3)
+    found = ask(make_expert("bug2", SCENARIO, discrete=True), None, SCENARIO, seeds, 2)
+    assert found.actions.dtype.kind == "i" and found.actions.shape == found.rewards.shape
+    first = taken = 0
+    for seed, steps in zip(seeds, found.steps.tolist(), strict=True):
+        seen, _ = env.reset(seed=seed)
+        policy, state = make_policy("bug2", env), None
+        for step in range(steps):
+            assert np.array_equal(seen, found.observations[first + step])
+            answer, state = policy.predict(seen, state)
+            assert answer == found.actions[taken + step]
+            seen, reward, *_ = env.step(answer)
+            assert reward == found.rewards[taken + step]
+        first, taken = first + steps + 1, taken + steps
 
 
 def test_the_expert_drives_where_nobody_else_does() -> None:
