@@ -73,7 +73,7 @@ def test_the_page_of_a_bug_says_what_its_docstring_says(policies: Mapping[str, s
     assert "| **Guarantee** | reaches the goal or declares it unreachable. |" in text
     assert "| **States** | motion_to_goal, boundary_following. |" in text
     assert "| **Source** | Lumelsky and Stepanov (1987). |" in text
-    assert "![bug2](bug2.png)\n\n*what is seen*" in text
+    assert "![bug2](bug2.gif)\n\n*what is seen*" in text
     assert "| `turn` | `'left' \\| 'right'` | `'left'` |" in text
 
 

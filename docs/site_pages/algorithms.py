@@ -41,7 +41,7 @@ def pages(captions: Mapping[str, str]) -> Pages:
     """The pages of all policies and their index.
 
     Args:
-        captions: what the pictures show, by the first name of the policy; a page without one has no picture.
+        captions: what the films show, by the first name of the policy; a page without one has no film.
     """
     everything, told = one_a_model(), fares()
     made = {f"algorithms/{entry.names[0]}.md": page(entry, told, captions) for entry in everything}
@@ -85,7 +85,7 @@ def page(entry: Entry, told: list[Fare], captions: Mapping[str, str]) -> str:
     """The page of a policy."""
     name = entry.names[0]
     first, facts, rest = parts_of(str(entry.module.__doc__))
-    shown = f"![{name}]({name}.png)\n\n*{captions[name]}*" if name in captions else ""
+    shown = f"![{name}]({name}.gif)\n\n*{captions[name]}*" if name in captions else ""
     more = "\n\n".join(map(prose, rest))
     return paragraphs(
         f"# {names_of(entry)}",

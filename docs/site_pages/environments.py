@@ -20,7 +20,7 @@ from site_pages import Pages
 from site_pages.markup import one_line, paragraphs, table, toctree
 
 Captions = Mapping[str, Sequence[tuple[str, str]]]
-"""Policy and what its picture shows, by scenario."""
+"""Policy and what its film shows, by scenario."""
 
 HEAD = """# Environments
 
@@ -76,7 +76,7 @@ def capital(text: str) -> str:
 def page(name: str, captions: Sequence[tuple[str, str]]) -> str:
     """The page of a scenario."""
     scenario = load(name)
-    pictures = " ".join(f'![{policy} in {name}]({name}-{policy}.png){{width="49%"}}' for policy, _ in captions)
+    pictures = " ".join(f'![{policy} in {name}]({name}-{policy}.gif){{width="49%"}}' for policy, _ in captions)
     shown = f"{pictures}\n\n*{' '.join(caption for _, caption in captions)}*" if captions else ""
     yaml = (SCENARIO_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
     family = f"Worlds of the family [{tag(type(scenario.world), 'family')}](../worlds.md)."

@@ -1,23 +1,26 @@
-"""Pictures of policies and scenarios, driven and drawn when the site is built."""
+"""Films of policies and scenarios, driven and drawn when the site is built."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load, scenario_names
 from bug_gym.drawing.canvas import Canvas
-from bug_gym.drawing.clips import save_png
+from bug_gym.drawing.clips import Frame, save_gif
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
-from bug_gym.evaluation.pictures import portrait
+from bug_gym.evaluation.pictures import film
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.policy import MisfitError
 from site_pages.algorithms import one_a_model
 
-SIZE = 460
-"""Longer side of a picture [pixels]."""
+SIZE = 380
+"""Longer side of a film [pixels]."""
+
+FRAMES, HELD, FPS = 48, 18, 12.0
+"""Most frames of a film, for how many the last one stays, and how many are shown a second."""
 
 ONI_WANG = {"world.bounds": [-3, -14, 31, 13], "world.start": "A", "world.goal": "D", "lidar.range": 40.0}
 """The map of the paper on its own, with beams that reach everywhere."""
@@ -81,18 +84,18 @@ TEAM, EACH = "com1_rev3", "orca"
 
 
 def draw_policies(folder: Path) -> dict[str, str]:
-    """The picture of each policy; what it shows, by name."""
+    """The film of each policy; what it shows, by name."""
     folder.mkdir(parents=True, exist_ok=True)
     captions = {}
     for entry in one_a_model():
         name = entry.names[0]
         scene = (SCENES | LEARNED).get(name) or KINDS[entry.family]
-        captions[name] = draw(folder / f"{name}.png", name, scene)
+        captions[name] = draw(folder / f"{name}.gif", name, scene)
     return captions
 
 
 def draw_scenarios(folder: Path) -> dict[str, list[tuple[str, str]]]:
-    """The pictures of each scenario: policy and what is shown, by scenario."""
+    """The films of each scenario: policy and what is shown, by scenario."""
     folder.mkdir(parents=True, exist_ok=True)
     captions: dict[str, list[tuple[str, str]]] = {}
     for name in scenario_names():
@@ -103,21 +106,35 @@ def draw_scenarios(folder: Path) -> dict[str, list[tuple[str, str]]]:
             try:
                 if not several:
                     make_policy(policy, scenario)
-                caption = draw(folder / f"{name}-{policy}.png", policy, Scene(name, SEEDS.get(name, 1)))
+                caption = draw(folder / f"{name}-{policy}.gif", policy, Scene(name, SEEDS.get(name, 1)))
             except MisfitError:  # made for another robot
                 continue
             captions.setdefault(name, []).append((policy, caption))
     return captions
 
 
+def thinned(frames: Iterable[Frame]) -> list[Frame]:
+    """FRAMES frames of a film at most, evenly apart, and its last one."""
+    kept: list[Frame] = []
+    apart = 1
+    for number, frame in enumerate(frames):
+        last = frame
+        if number % apart == 0:
+            kept.append(frame)
+        if len(kept) > FRAMES:
+            kept, apart = kept[::2], 2 * apart
+    return kept if kept[-1] is last else [*kept, last]
+
+
 def draw(path: Path, policy: str, scene: Scene) -> str:
-    """Drive a policy through a scene to its end and draw its whole way; what the picture shows."""
+    """Drive a policy through a scene to its end and film it; what the film shows."""
     scenario = load(scene.scenario, scene.overrides)
     seeds = range(scene.seed, scene.seed + 1)
     rollout = Rollout(
         PolicyEntry(policy, policy, scene.parameters), ScenarioEntry(scenario.name, scenario, seeds), seeds
     )
-    save_png(path, portrait(rollout, Canvas(rollout.simulation, size=SIZE, title=policy)))
+    frames = thinned(film(rollout, Canvas(rollout.simulation, size=SIZE, title=policy), every=2))
+    save_gif(path, frames + HELD * frames[-1:], FPS)
     info = rollout.simulation.info()
     end = rollout.verdict() or str(info["outcome"][0, 0])
     if rollout.simulation.robots > 1:
