@@ -96,8 +96,6 @@ class Contour:
     """Steps in a row on the contour without turning away from the wall."""
     gate: Gate | None = None
     """Door where the lap began; None until the robot goes along the wall."""
-    moved_gates: int = 0
-    """How often the gate was moved because laps did not pass it."""
     is_lap_closed: bool = False
     """Whether the last step passed the gate, after a lap among still obstacles."""
     is_disturbed: bool = False

@@ -13,10 +13,6 @@ from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.geometry import wrap
 from bug_gym.view import View
 
-MISSED = 8.0 * math.pi
-"""Turning after which a gate counts as one that laps do not pass, and is moved; twice as much each time: a spiral may turn as
-much [rad]."""
-
 LONGEST_ALIGNING = 10
 """Steps after which a lap begins where the robot is, aligned with the wall or not."""
 
@@ -94,11 +90,6 @@ class Laps:
         contour.is_lap_closed = is_closed
         if contour.foot is not None and abs(contour.turned - contour.gate.turned) > WHIRLING:
             contour.is_exact = True
-        is_missed = abs(contour.turned - contour.gate.turned) > MISSED * 2.0**contour.moved_gates
-        # Among things that move laps are no laps, and a gate that is missed says nothing.
-        if is_missed and not (is_closed or contour.is_disturbed) and self._is_aligned(view, contour, change):
-            contour.gate = gate  # it stands in a dead end, deeper than later laps lead
-            contour.moved_gates += 1
 
     def _is_aligned(self, view: View, contour: Contour, change: float) -> bool:
         """Whether a robot whose course has just changed by an angle [rad] goes along the wall, as it will on each lap."""
