@@ -64,6 +64,8 @@ class OpenHeadings:
                 turned = self._turn_from(view, wall_bearing, side, self.inner)
             if turned is None:
                 turned = self._widest_heading(view, wall_bearing, side, nearest)
+            if turned is None and view.free_distance(travel + math.pi, self.safe_radius) >= self.step:
+                turned = travel + math.pi  # where a blind gap is widest, every way out of it is narrower
         return turned
 
     def _through(self, inner: float, side: int) -> list[float]:
