@@ -149,8 +149,9 @@ def test_along_walls_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pac
     ids=["goal in a corner", "small room with a door", "small disc", "shut", "shut too", "blind gap"],
 )
 def test_rounded_corners_hide_no_way_and_make_none(name: str, seed: int) -> None:
-    """In the first a corner that is cut holds the goal, in the second arcs lead past the door, in the third past a gate; the last
-    has a blind gap, out of whose widest place each way is narrower."""
+    """In the first a corner that is cut holds the goal, in the second arcs lead past the door, in the third past a gate; the
+    last has a blind gap, out of whose widest place each way is narrower.
+    """
     world = problem(seed)
     episode = run_episode(name, world.scenario, {"robot.kinematics": "differential"}, clearance=CLEARANCE)
     assert episode.min_clearance > 0.0
