@@ -26,7 +26,7 @@ import numpy as np
 from gymnasium.utils.performance import benchmark_step
 
 import bug_gym
-from bug_gym.agents import playable_names
+from bug_gym.agents import make_policy, playable_names
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.progress import progress_bar
@@ -49,6 +49,8 @@ SHARED = {
     "com1_rev3": (2, 4, 8, 16),
 }
 """Robots of worlds that several share, by who drives them; the laws of a team drive alone beside it."""
+BATCHED = ("bug0", "bug2", "tangent_bug", "ppo_dynamic")
+"""Whose decisions for many worlds at once are counted."""
 ELSEWHERE = {"ppo_crossing_robots": "crossing_robots"}
 """Where policies decide that were made for another robot than that of `dynamic`."""
 BATCHES = 16
@@ -104,7 +106,12 @@ def run_benchmark(
     """
     if repeats < 1 or worlds < 1 or not seconds > 0.0:
         raise ValueError(f"expected repeats, worlds >= 1 and seconds > 0, got {repeats}, {worlds} and {seconds}")
-    tasks = [*speed_tasks(worlds, seconds), *part_tasks(worlds, seconds), *start_tasks(), *decision_tasks()]
+    tasks = [
+        *speed_tasks(worlds, seconds),
+        *part_tasks(worlds, seconds),
+        *start_tasks(),
+        *decision_tasks(worlds, seconds),
+    ]
     with progress_bar(shown=True) as track:
         measurements = [measure(task, repeats) for task in track(tasks, "measurements", len(tasks))]
     settings = {**machine(), "worlds": worlds, "repeats": repeats, "seconds": seconds}
@@ -386,14 +393,17 @@ def compilation_time() -> float:
         return fresh_time(COMPILE, NUMBA_CACHE_DIR=empty)
 
 
-def decision_tasks() -> Iterator[Task]:
-    """Microseconds of a decision of each policy."""
+def decision_tasks(worlds: int, seconds: float) -> Iterator[Task]:
+    """Microseconds of a decision of each policy, and how many a second some make for many worlds at once."""
     for name in playable_names():
         yield Task(f"decision: {name}", "us", partial(decision_time, name, ELSEWHERE.get(name, "dynamic")))
     for name, counts in SHARED.items():
         for robots in counts:
             title = f"decision a robot: {name}, {robots} in a world"
             yield Task(title, "us", partial(decision_time, name, shared_world(robots)))
+    for name in BATCHED:
+        title = f"decisions in a batch: {name}, {worlds:,} worlds"
+        yield Task(title, "thousand decisions/s", partial(batch_speed, name, worlds, seconds))
 
 
 def shared_world(robots: int) -> dict[str, Any]:
@@ -409,3 +419,20 @@ def decision_time(policy: str, scenario: str | dict[str, Any]) -> float:
     rows = evaluate([policy], scenario, episodes=2)
     decisions = sum(row.decision_time_total / row.decision_time_mean for row in rows)
     return 1e6 * sum(row.decision_time_total for row in rows) / decisions
+
+
+def batch_speed(policy: str, worlds: int, seconds: float) -> float:
+    """Thousand decisions a second of a policy that is asked for many worlds at once; the worlds' own time doesn't count."""
+    env = gym.make_vec("BugGym/Dynamic-v0", num_envs=worlds, observation="flat")
+    decider, state = make_policy(policy, env), None
+    observations, _ = env.reset(seed=0)
+    starts, asked, spent = np.ones(worlds, dtype=np.bool_), 0, 0.0
+    while spent < seconds:
+        begin = perf_counter()
+        actions, state = decider.predict(observations, state, starts)
+        spent += perf_counter() - begin
+        asked += worlds
+        observations, _, terminated, truncated, _ = env.step(actions)
+        starts = terminated | truncated
+    env.close()
+    return asked / spent / 1000.0
