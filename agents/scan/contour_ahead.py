@@ -34,6 +34,30 @@ def is_clear(px: Floats, py: Floats, x: float, y: float, square: float) -> bool:
     return True
 
 
+FACING = math.cos(math.radians(150.0))
+"""Cosine of the angle from which on two points stand on either side of a place."""
+
+
+@inlined
+def is_tight(px: Floats, py: Floats, x: float, y: float, reach: float) -> bool:
+    """Whether things stand on either side of a place, both within `reach` of it [m]: the nearest one, and one facing it."""
+    nearest, at = reach * reach, -1
+    for i in range(px.size):
+        dx, dy = px[i] - x, py[i] - y
+        square = dx * dx + dy * dy
+        if square < nearest:
+            nearest, at = square, i
+    if at < 0:
+        return False
+    nx, ny = px[at] - x, py[at] - y
+    for i in range(px.size):
+        dx, dy = px[i] - x, py[i] - y
+        square = dx * dx + dy * dy
+        if square < reach * reach and nx * dx + ny * dy < FACING * math.sqrt(nearest * square):
+            return True
+    return False
+
+
 @inlined
 def turn_until_clear(
     px: Floats, py: Floats, x: float, y: float, heading: float, side: int, step: float, back: float, square: float
@@ -75,7 +99,8 @@ def contour_ahead(
         side: +1 with the wall on the right, -1 on the left.
         step: length of a step [m].
         clearance: distance to the wall at which a step ends [m].
-        inner: half the width of gaps that count [m]: before one that is narrower than twice the clearance it ends.
+        inner: half the width of gaps that count [m]: before one that is narrower than twice the clearance it ends, as before
+            every passage that is hardly wider, where which of its sides the hand is on must not be in doubt.
         places: (m, 3) x, y [m] and the heading there [rad].
     """
     x, y, heading = start
@@ -94,5 +119,7 @@ def contour_ahead(
         if inward > MOST_INWARD:
             return count
         x, y = x + step * math.cos(heading), y + step * math.sin(heading)
+        if is_tight(px, py, x, y, clearance + step):
+            return count
         places[count, 0], places[count, 1], places[count, 2] = x, y, heading
     return len(places)

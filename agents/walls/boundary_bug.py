@@ -25,6 +25,9 @@ class BoundaryParameters:
     """Which way to turn at a wall; of a bug that changes sides, at the first one."""
     leave_rule: LeaveRule = "front"
     """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
+    round_corners: bool = False
+    """Whether a differential robot rounds the corners of walls on arcs. It is faster then, but guarantees are weaker: among
+    thin things hardly far enough apart to pass it may take the wrong one for the wall that it follows."""
 
 
 def alternating_side(memory: BugMemory, first: int) -> int:
@@ -53,7 +56,7 @@ class BoundaryBug(ScriptedPolicy):
         self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
-        if self._follows_course and not has_inertia(sensors.drive):
+        if own.round_corners and self._follows_course and not has_inertia(sensors.drive):
             self.boundary.round_corners()
 
     def without_course(self) -> Self:
