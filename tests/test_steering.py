@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from bug_gym import kernels
 from bug_gym.config import load
 from bug_gym.geometry import F64
-from bug_gym.reproductions.bug_no_way import CLEARANCE, problem
+from bug_gym.reproductions.bug_no_way import problem
+from bug_gym.reproductions.claims import CLEARANCE
 from bug_gym.steering import heading_error, look_ahead
 from bug_gym.view import Sensors
 
