@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.lengths import Lengths, World, shortest_lengths
@@ -14,6 +14,8 @@ from bug_gym.evaluation.results_folder import ResultFolder
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.workers import Workers, are_several, each
+
+T = TypeVar("T")
 
 CHUNK = 8
 """Seeds of a job: what a kill can cost a worker, and how finely workers share the work."""
@@ -50,12 +52,13 @@ def known_lengths(
     """Shortest paths of all worlds to drive in, once a world; a moving target has none."""
     lengths = {} if folder is None else dict(folder.lengths)
     wanted = {
-        (scenario.label, seed): scenario
+        (scenario.label, seed): (scenario, seed)
         for _, scenario, seeds in missing
         for seed in seeds
         if not scenario.has_moving_target and (scenario.label, seed) not in lengths
     }
-    found = each(_shortest_length, [(scenario, seed) for (_, seed), scenario in wanted.items()], workers)
+    chunk = CHUNK if are_several(workers) else 1
+    found = itertools.chain.from_iterable(each(_shortest_lengths, _parts(list(wanted.values()), chunk), workers))
     for world, robots in track(found, "shortest paths", len(wanted)):
         if folder is not None:
             folder.add_lengths(world, robots)
@@ -63,9 +66,13 @@ def known_lengths(
     return lengths
 
 
-def _shortest_length(job: tuple[ScenarioEntry, int]) -> tuple[World, list[float]]:
-    scenario, seed = job
-    return (scenario.label, seed), shortest_lengths(scenario, seed)
+def _parts(sequence: Sequence[T], size: int) -> list[Sequence[T]]:
+    """A sequence cut into pieces of a size, the last one as long as is left."""
+    return [sequence[first : first + size] for first in range(0, len(sequence), size)]
+
+
+def _shortest_lengths(job: Sequence[tuple[ScenarioEntry, int]]) -> list[tuple[World, list[float]]]:
+    return [((scenario.label, seed), shortest_lengths(scenario, seed)) for scenario, seed in job]
 
 
 def drive_missing(
