@@ -263,12 +263,12 @@ def rrt_star_rows(runs: int, piece: float) -> tuple[list[float], dict[str, Curve
         task = make()
         plan, growth = map_of(task), task.radius + MARGIN
         shortest, solids = plan.shortest_path(task.start, task.goal, radius=growth).length, Solids.of(plan, growth)
-        rrt_star(solids, plan.span, task.start, task.goal, samples=10)  # compiles
+        rrt_star(solids, plan.box, task.start, task.goal, samples=10)  # compiles
         for seed in range(runs):
             spent: list[float] = []
             for samples, of_all in zip(SAMPLES, times, strict=True):
                 began = time.process_time()
-                found = rrt_star(solids, plan.span, task.start, task.goal, samples=samples, seed=seed, step=piece)
+                found = rrt_star(solids, plan.box, task.start, task.goal, samples=samples, seed=seed, step=piece)
                 spent.append(time.process_time() - began)
                 of_all.append(spent[-1])
             add("bug_gym rrt_star", shortest, [float(found.lengths[samples - 1]) for samples in SAMPLES])

@@ -39,15 +39,15 @@ from bug_gym.kernels.layout import Floats
 GOAL_SHARE = 0.05
 """Share of the samples that are the goal itself, until there is a way."""
 
-FIRST_REACH, DOUBLED = 1.5, 250.0
-"""Until there is a way, samples are from the ellipse of ways this many times the straight one; after so many it is twice
-as long."""
-
 WIDER = 1.1
 """How much wider than the least for which RRT* is proven the circle is in which the tree is drawn shorter."""
 
 SMOOTH_STEP = 0.1
 """How far apart the places are from which a way is pulled straight [m]."""
+
+PATIENCE, MOST_PLACES = 50, 3
+"""How many times as many samples the policy draws where it is narrow, see `rrt_star`, and how many times as many places
+its tree may have then: in a maze few samples can be joined, and those that can lie in dead ends."""
 
 TRIES = 4
 """Plans without a way after which the policy says so."""
@@ -73,24 +73,27 @@ class Grown(NamedTuple):
 
 def rrt_star(
     solids: Solids,
-    span: float,
+    box: tuple[float, float, float, float],
     start: Point,
     goal: Point,
     *,
     samples: int,
     seed: int | tuple[int, ...] = 0,
-    step: float = 1.0,
+    step: float = 5.0,
+    patience: int = 1,
 ) -> Grown:
     """The best way of a tree of random places.
 
     Args:
         solids: what pieces keep clear of.
-        span: no way is looked for that is longer than twice this before there is one [m].
+        box: xmin, ymin, xmax, ymax of where places are drawn until there is a way [m].
         start: root of the tree [m].
         goal: where to [m].
         samples: how many places are drawn.
         seed: what they are drawn from.
         step: the longest piece [m].
+        patience: how many times as many are drawn while there is no way and the tree has fewer than three times so many
+            places; from the first way on, `samples` more.
 
     Raises:
         ValueError: the start or the goal is not clear.
@@ -99,11 +102,13 @@ def rrt_star(
         if not solids.is_clear(place, place):
             where = f"({place[0]:g}, {place[1]:g})"
             raise ValueError(f"the {name} {where} lies in an obstacle, or nearer to one than {solids.growth:g} m")
-    draws = np.random.default_rng(seed).random((samples, 3))
-    tree = Tree(np.empty(samples + 1), np.empty(samples + 1), np.zeros(samples + 1, dtype=np.int32))
-    lengths, near = np.full(samples, np.inf), np.empty(samples + 1, dtype=np.int32)
-    ends = np.array([*start, *goal])
-    last = grow(tree, ends, span, draws, step, solids.edges, solids.discs, solids.growth, lengths, near)
+    draws = np.random.default_rng(seed).random((samples * patience, 3))
+    room = (MOST_PLACES + 1) * samples + 1
+    tree = Tree(np.empty(room), np.empty(room), np.zeros(room, dtype=np.int32))
+    lengths, near = np.full(len(draws), np.inf), np.empty(room, dtype=np.int32)
+    ends, around = np.array([*start, *goal]), np.array(box)
+    last, drawn = grow(tree, ends, around, draws, samples, step, solids.edges, solids.discs, solids.growth, lengths, near)
+    lengths = lengths[:drawn]
     if last < 0:
         return Grown(np.zeros((0, 2)), lengths)
     chain = [int(last)]
@@ -117,39 +122,41 @@ def rrt_star(
 def grow(
     tree: Tree,
     ends: Floats,
-    span: float,
+    box: Floats,
     draws: Floats,
+    samples: int,
     step: float,
     edges: Floats,
     discs: Floats,
     growth: float,
     lengths: Floats,
     near: Nodes,
-) -> int:
-    """Grow a tree by as many samples as there are draws. Returns the place from which the goal is reached, or -1.
+) -> tuple[int, int]:
+    """Grow a tree by samples. Returns the place from which the goal is reached, or -1, and how many draws were used.
 
     Args:
         tree: room for it; written here.
         ends: x, y of the start and of the goal (4,) [m].
-        span: see rrt_star [m].
+        box: see rrt_star (4,) [m].
         draws: three numbers from 0 to 1 a sample (n, 3).
+        samples: how many of them are used, and more where rrt_star's patience says so.
         step: the longest piece [m].
         edges: what pieces keep clear of (e, 4).
         discs: the same (d, 3).
         growth: how far they keep clear of it [m].
         lengths: of the best way after each sample (n,) [m]; written here.
-        near: working memory (n + 1,).
+        near: working memory, as long as the tree has room.
     """
     tree.x[0], tree.y[0], tree.parent[0] = ends[0], ends[1], 0
-    count, last = 1, -1
+    count, last, number, end = 1, -1, 0, samples
     apart = length(ends[2] - ends[0], ends[3] - ends[1])
     if apart <= step and is_clear(ends[0], ends[1], ends[2], ends[3], edges, discs, growth):
         last = 0
-    for number in range(len(draws)):
+    while number < end or (last < 0 and count < MOST_PLACES * samples and number < len(draws)):
         best = length_by(tree, last, ends)
         lengths[number] = best
-        longest = best if last >= 0 else min(FIRST_REACH * apart * 2.0 ** (number / DOUBLED), 2.0 * span)
-        x, y = sample(draws, number, ends, longest, last < 0)
+        number += 1
+        x, y = place_in_box(draws[number - 1], ends, box) if last < 0 else place_in_ellipse(draws[number - 1], ends, best)
         nearest, away = nearest_to(tree, count, x, y)
         if away == 0.0:
             continue
@@ -158,7 +165,9 @@ def grow(
             y = tree.y[nearest] + step / away * (y - tree.y[nearest])
         if not is_clear(tree.x[nearest], tree.y[nearest], x, y, edges, discs, growth):
             continue
-        area = 0.25 * math.pi * longest * math.sqrt(max(longest * longest - apart * apart, 0.0))
+        area = (box[2] - box[0]) * (box[3] - box[1])
+        if last >= 0:
+            area = min(0.25 * math.pi * best * math.sqrt(max(best * best - apart * apart, 0.0)), area)
         reach = min(WIDER * 2.0 * math.sqrt(1.5 * area / math.pi * math.log(count + 1.0) / (count + 1.0)), step)
         found = places_near(tree, count, x, y, reach, near)
         join(tree, count, x, y, nearest, near, found, edges, discs, growth)
@@ -167,18 +176,28 @@ def grow(
         rest = length(ends[2] - x, ends[3] - y)
         is_shorter = rest <= step and cost_to(tree, count - 1) + rest < length_by(tree, last, ends)
         if is_shorter and is_clear(x, y, ends[2], ends[3], edges, discs, growth):
+            if last < 0 and number > samples:
+                end = min(number + samples, len(draws))
             last = count - 1
-        lengths[number] = length_by(tree, last, ends)
-    return last
+        lengths[number - 1] = length_by(tree, last, ends)
+    return last, number
 
 
 @inlined
-def sample(draws: Floats, number: int, ends: Floats, longest: float, aims: bool) -> tuple[float, float]:
-    """A random place of the ellipse of ways no longer than `longest` [m]; where it aims, now and then the goal."""
-    u, v = draws[number, 0], draws[number, 1]
+def place_in_box(draw: Floats, ends: Floats, box: Floats) -> tuple[float, float]:
+    """A random place anywhere; now and then the goal."""
+    if draw[2] < GOAL_SHARE:
+        return ends[2], ends[3]
+    return box[0] + draw[0] * (box[2] - box[0]), box[1] + draw[1] * (box[3] - box[1])
+
+
+@inlined
+def place_in_ellipse(draw: Floats, ends: Floats, longest: float) -> tuple[float, float]:
+    """A random place of the ellipse of ways no longer than `longest` [m]."""
+    u, v = draw[0], draw[1]
     dx, dy = ends[2] - ends[0], ends[3] - ends[1]
     apart = length(dx, dy)
-    if (aims and draws[number, 2] < GOAL_SHARE) or apart == 0.0:
+    if apart == 0.0:
         return ends[2], ends[3]
     ahead = 0.5 * longest * math.sqrt(u) * math.cos(2.0 * math.pi * v)
     aside = 0.5 * math.sqrt(max(longest * longest - apart * apart, 0.0)) * math.sqrt(u) * math.sin(2.0 * math.pi * v)
@@ -271,8 +290,8 @@ class RRTStarParameters(PlannerParameters):
     """Parameters of RRT*."""
 
     samples: Annotated[int, AtMost(20_000)] = 4000
-    """Number of places that are drawn for a plan."""
-    step: Length = 1.0
+    """Number of places that are drawn for a plan; up to 50 times as many where few can be joined to the tree."""
+    step: Length = 5.0
     """The longest piece of the tree [m]."""
     seed: Annotated[int, AtMost(2**63 - 1)] = 0
     """Number that the draws are a function of."""
@@ -304,14 +323,15 @@ class RRTStar(MapPlanner):
         """The best way of a tree with as much room as there is."""
         live = live_of(memory)
         plan = live.still if scene.moving is None else live.still.with_obstacles(mover_discs(scene.moving))
+        patience = PATIENCE if scene.moving is None else 1  # movers may soon be gone
         for room in self.rooms:
-            places = self._way(plan, room, scene, memory.plans)
+            places = self._way(plan, room, scene, memory.plans, patience)
             if len(places) > 0:
                 return Plan(places, room.margin)
-        reason = f"no way was found by {self.parameters.samples} samples, which proves nothing"
+        reason = f"no way was found by {self.parameters.samples} samples and more, which proves nothing"
         return Plan(None, reason=reason, verdict="stuck" if memory.plans >= TRIES and scene.moving is None else "")
 
-    def _way(self, plan: PlanningMap, room: Room, scene: Scene, number: int) -> F64:
+    def _way(self, plan: PlanningMap, room: Room, scene: Scene, number: int, patience: int) -> F64:
         """The best way from the robot to the goal (k, 2), none where there is none."""
         nowhere = np.zeros((0, 2))
         # A free place may be nearer to an obstacle by as much as a polygon's chords are to their arc.
@@ -323,9 +343,8 @@ class RRTStar(MapPlanner):
             return nowhere
         own = self.parameters
         seed = (own.seed, number)
-        found = rrt_star(solids, plan.span, start, goal, samples=own.samples, seed=seed, step=own.step).places
-        if len(found) == 0:
+        tree = rrt_star(solids, plan.box, start, goal, samples=own.samples, seed=seed, step=own.step, patience=patience)
+        if len(tree.places) == 0:
             return nowhere
-        if own.smooth:
-            found = pulled(found, SMOOTH_STEP, solids.is_clear)
-        return np.concatenate([[scene.pose[:2]], found])
+        places = pulled(tree.places, SMOOTH_STEP, solids.is_clear) if own.smooth else tree.places
+        return np.concatenate([[scene.pose[:2]], places])

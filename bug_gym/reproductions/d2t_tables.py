@@ -98,8 +98,9 @@ def planners(task: Task) -> dict[str, Callable[[int], float]]:
         return run
 
     def tree(seed: int) -> float:
-        solids = Solids.of(map_of(task), task.radius + MARGIN)
-        found = rrt_star(solids, 100.0, task.start, task.goal, samples=RRT_SAMPLES, seed=seed, step=RRT_STEP)
+        plan = map_of(task)
+        solids = Solids.of(plan, task.radius + MARGIN)
+        found = rrt_star(solids, plan.box, task.start, task.goal, samples=RRT_SAMPLES, seed=seed, step=RRT_STEP)
         return path_length(found.places) if len(found.places) else math.inf
 
     def exact(seed: int) -> float:

@@ -329,7 +329,7 @@ def test_the_cost_of_rrt_star_falls_toward_the_shortest_way() -> None:
     solids = Solids.of(plan, growth)
     gaps = []
     for seed in range(4):
-        grown = rrt_star(solids, plan.span, start, goal, samples=6000, seed=seed)
+        grown = rrt_star(solids, plan.box, start, goal, samples=6000, seed=seed, step=1.0)
         finite = grown.lengths[np.isfinite(grown.lengths)]
         assert (np.diff(finite) <= 1e-12).all()
         assert finite[-1] == pytest.approx(np.hypot(*np.diff(grown.places, axis=0).T).sum())
@@ -345,17 +345,35 @@ def test_rrt_star_is_a_function_of_its_seed() -> None:
     plan, growth = scattered()
     solids = Solids.of(plan, growth)
     first, again, other = (
-        rrt_star(solids, plan.span, (0.8, 6.0), (19.2, 6.0), samples=600, seed=seed).lengths for seed in (1, 1, 2)
+        rrt_star(solids, plan.box, (0.8, 6.0), (19.2, 6.0), samples=600, seed=seed).lengths for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+def test_rrt_star_draws_on_where_few_places_can_be_joined() -> None:
+    """Between combs, which a way passes tooth by tooth, samples alone find none; patience does, and no longer than said."""
+    teeth = [(x, 0.0, 10.4) if number % 2 else (x, 1.6, 12.0) for number, x in enumerate(np.arange(2.0, 18.5, 2.4))]
+    polygons = tuple((np.array([[x, a], [x + 0.2, a], [x + 0.2, b], [x, b]]),) for x, a, b in teeth)
+    plan = PlanningMap(scattered()[0].border, np.zeros((0, 3)), polygons)
+    solids, start, goal = Solids.of(plan, 0.3), (0.7, 6.0), (19.3, 6.0)
+    exact = plan.shortest_path(start, goal, radius=0.3).length
+    for seed in range(3):
+        once, patient = (
+            rrt_star(solids, plan.box, start, goal, samples=1000, seed=seed, patience=patience) for patience in (1, 100)
+        )
+        assert len(once.places) == 0 and len(once.lengths) == 1000
+        first = int(np.argmax(np.isfinite(patient.lengths)))
+        assert 1000 < first < len(patient.lengths) <= first + 1000 + 1
+        assert exact - 1e-9 <= patient.lengths[-1] < 1.5 * exact
+        assert patient.lengths[-1] == pytest.approx(np.hypot(*np.diff(patient.places, axis=0).T).sum())
 
 
 def test_rrt_star_refuses_an_end_in_an_obstacle() -> None:
     plan, growth = scattered()
     inside = (float(plan.discs[0, 0]), float(plan.discs[0, 1]))
     with pytest.raises(ValueError, match="the start .* lies in an obstacle, or nearer to one than 0.25 m"):
-        rrt_star(Solids.of(plan, growth), plan.span, inside, (19.2, 6.0), samples=10)
+        rrt_star(Solids.of(plan, growth), plan.box, inside, (19.2, 6.0), samples=10)
 
 
 # ------------------------------------------------------------------------------------------------------------- straight
