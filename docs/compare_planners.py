@@ -203,20 +203,18 @@ def tree_of_ompl(
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(seed + 1)
 
-    class Exact(base.MotionValidator):  # type: ignore[misc, name-defined]
-        """A piece is clear, or not."""
+    def check_motion(_: Any, one: Any, other: Any) -> bool:
+        """Whether a piece is clear."""
+        return solids.is_clear((one[0], one[1]), (other[0], other[1]))
 
-        def checkMotion(self, one: Any, other: Any) -> bool:  # noqa: N802, its name
-            """Whether."""
-            return solids.is_clear((one[0], one[1]), (other[0], other[1]))
-
+    exact: Any = type("Exact", (base.MotionValidator,), {"checkMotion": check_motion})
     space, bounds = base.RealVectorStateSpace(2), base.RealVectorBounds(2)
     for axis, (low, high) in enumerate(zip(task.border.min(axis=0), task.border.max(axis=0), strict=True)):
         bounds.setLow(axis, float(low))
         bounds.setHigh(axis, float(high))
     space.setBounds(bounds)
     information = base.SpaceInformation(space)
-    validator = Exact(information)
+    validator = exact(information)
     information.setMotionValidator(validator)
     information.setStateValidityChecker(lambda state: True)  # what lies in an obstacle is reached by no clear piece
     information.setup()

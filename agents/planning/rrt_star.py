@@ -107,7 +107,9 @@ def rrt_star(
     tree = Tree(np.empty(room), np.empty(room), np.zeros(room, dtype=np.int32))
     lengths, near = np.full(len(draws), np.inf), np.empty(room, dtype=np.int32)
     ends, around = np.array([*start, *goal]), np.array(box)
-    last, drawn = grow(tree, ends, around, draws, samples, step, solids.edges, solids.discs, solids.growth, lengths, near)
+    last, drawn = grow(
+        tree, ends, around, draws, samples, step, solids.edges, solids.discs, solids.growth, lengths, near
+    )
     lengths = lengths[:drawn]
     if last < 0:
         return Grown(np.zeros((0, 2)), lengths)
@@ -156,7 +158,9 @@ def grow(
         best = length_by(tree, last, ends)
         lengths[number] = best
         number += 1
-        x, y = place_in_box(draws[number - 1], ends, box) if last < 0 else place_in_ellipse(draws[number - 1], ends, best)
+        x, y = (
+            place_in_box(draws[number - 1], ends, box) if last < 0 else place_in_ellipse(draws[number - 1], ends, best)
+        )
         nearest, away = nearest_to(tree, count, x, y)
         if away == 0.0:
             continue

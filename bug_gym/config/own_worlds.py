@@ -47,7 +47,7 @@ def _validated(family: type[Any], data: Mapping[str, Any]) -> Any:
 def _written(value: Any, handler: Any, info: Any) -> Any:
     """A world as data."""
     if isinstance(value, (OwnFamily, UnreadFamily)):
-        told: dict[str, Any] = value.model_dump(mode=info.mode, exclude_defaults=info.exclude_defaults)  # type: ignore[union-attr]
+        told = value.model_dump(mode=info.mode, exclude_defaults=info.exclude_defaults)
         return {"family": told.pop("family"), **told}
     return handler(value)
 

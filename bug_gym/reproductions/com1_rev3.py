@@ -40,6 +40,8 @@ STEP = 0.1
 """Way of one step [m]."""
 CONTACT = 0.5
 """Twice the radius of the robots of random worlds [m]."""
+ROOMY = ["robots", "worlds", "contacts", "standstills", "detours", "off Com1's solo way", "least gap [m]", "held [%]"]
+"""Columns of the table of random worlds."""
 SAME_CURVE = 0.1
 """How far from its solo way a place of Com1's may lie [m]: a step."""
 
@@ -302,23 +304,13 @@ def room(settings: Settings) -> Part:
         data[str(robots)] |= {"off_curve": off, "gap": gap, "held_share": held / time}
         counts = [str(value) for value in (contacts, standstills, detours, off)]
         rows.append([str(robots), str(len(found)), *counts, f"{gap:.2f}", f"{100.0 * held / time:.1f}"])
-    header = [
-        "robots",
-        "worlds",
-        "contacts",
-        "standstills",
-        "detours",
-        "off Com1's solo way",
-        "least gap [m]",
-        "held [%]",
-    ]
     note = (
         'The paper claims "no waiting time" but to avoid collisions: held is the share of all robots\' time. A detour is '
         "flagged where a robot has waited for more than 10 s, and then goes round its partner as the paper has it. The "
         f"solo way counts as left where a place lies more than {SAME_CURVE} m off it, in worlds without a detour; it is "
         "that of the first robot."
     )
-    return Part([Table("Random worlds of one to five rectangles", header, rows)], data, holds, [note])
+    return Part([Table("Random worlds of one to five rectangles", ROOMY, rows)], data, holds, [note])
 
 
 def _roomy(job: tuple[int, int]) -> dict[str, Any]:

@@ -33,10 +33,11 @@ class TrustedFamily(str):
     """A reference to a family that somebody has trusted already."""
 
 
-class OwnFamily:
+class OwnFamily(Family):
     """What makes a family from outside one that a scenario can hold: see `family_class`."""
 
     family: str
+    """Its name, or where its class is."""
     reference: ClassVar[str]
     found: ClassVar[type[Family]]
 
@@ -47,8 +48,7 @@ class OwnFamily:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled by name and values, so that a process that has not imported its module does."""
-        data = self.model_dump()  # type: ignore[attr-defined]
-        return remade, (self.reference, data)
+        return remade, (self.reference, self.model_dump())
 
 
 class UnreadFamily(Family):
@@ -115,7 +115,7 @@ def required_family(found: Any, told: str) -> type[Family]:
 @functools.cache
 def family_class(found: type[Family], reference: str) -> type[Family]:
     """The class of a family from outside as a scenario holds it: its `family` is what the scenario says."""
-    said = (str, Field(description="Its name, or where its class is."))
+    said = (str, Field(description="Its name, or where its class is."))  # its own family may have a name already
     bases = (OwnFamily, found)
     made = cast(Any, create_model(found.__name__, __base__=bases, __module__=found.__module__, family=said))
     made.reference, made.found = reference, found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift, operative_critical_points
+from bug_gym.reproductions.com1_rev3 import ROOMY
 from result_pages import Page, Record
 from result_pages.words import code, listed, number, percent, picture, share, table
 
@@ -109,17 +110,7 @@ def com1_rev3_room(crowds: Record) -> str:
         + [f"{one['gap']:.2f}", percent(one["held_share"])]
         for robots, one in crowds.items()
     ]
-    header = [
-        "robots",
-        "worlds",
-        "contacts",
-        "standstills",
-        "detours",
-        "off Com1's solo way",
-        "least gap [m]",
-        "held [%]",
-    ]
-    return table("Random worlds of one to five rectangles", header, rows)
+    return table("Random worlds of one to five rectangles", ROOMY, rows)
 
 
 def com1_rev3_pays(pays: Record) -> str:
