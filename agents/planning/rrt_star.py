@@ -156,11 +156,9 @@ def grow(
         last = 0
     while number < end or (last < 0 and count < MOST_PLACES * samples and number < len(draws)):
         best = length_by(tree, last, ends)
-        lengths[number] = best
+        draw, lengths[number] = draws[number], best
         number += 1
-        x, y = (
-            place_in_box(draws[number - 1], ends, box) if last < 0 else place_in_ellipse(draws[number - 1], ends, best)
-        )
+        x, y = place_in_box(draw, ends, box) if last < 0 else place_in_ellipse(draw, ends, best)
         nearest, away = nearest_to(tree, count, x, y)
         if away == 0.0:
             continue
