@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import shapely
+from ros_maps import write_map
 
 from bug_gym.agents.planning.live import LiveMap, Maps
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.robots_env import parallel_env
 from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
+from bug_gym.worlds.ros_files import FREE, OCCUPIED, UNKNOWN
 
 WORLD = {
     "family": "explicit",
@@ -115,6 +118,36 @@ def test_a_recorded_scan_is_a_map() -> None:
             PlanningMap.of_scan(angle, bad, reach=3.0)
     with pytest.raises(ValueError, match="reach must be above 0"):
         PlanningMap.of_scan([0.0], [1.0], reach=0.0)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5])
+def test_a_map_of_ros_is_its_walls_within_the_outline_of_its_picture(tmp_path: Path, turn: float) -> None:
+    """A wall of 2 x 40 cells of 0.1 m across a picture of 60 x 50; nobody knows what is above row 45."""
+    cells = np.full((50, 60), FREE)
+    cells[0:40, 30:32] = OCCUPIED
+    cells[45:] = UNKNOWN
+    path = write_map(tmp_path, cells, resolution=0.1, origin=[-1.0, 2.0, turn])
+
+    def there(x: float, y: float) -> tuple[float, float]:
+        return -1.0 + math.cos(turn) * x - math.sin(turn) * y, 2.0 + math.sin(turn) * x + math.cos(turn) * y
+
+    plan, careful = PlanningMap.of_ros(path), PlanningMap.of_ros(path, unknown_is_wall=True)
+    np.testing.assert_allclose(plan.border, [there(*at) for at in [(0, 0), (6, 0), (6, 5), (0, 5)]], atol=1e-9)
+    wall = shapely.Polygon([there(*at) for at in [(3.0, 0.0), (3.2, 0.0), (3.2, 4.0), (3.0, 4.0)]])
+    unknown = shapely.Polygon([there(*at) for at in [(0.0, 4.5), (6.0, 4.5), (6.0, 5.0), (0.0, 5.0)]])
+    assert shapely.union_all(plan.shapes()).symmetric_difference(wall).area < 1e-6
+    assert shapely.union_all(careful.shapes()).symmetric_difference(wall | unknown).area < 1e-6
+    assert plan.clearance_at(there(1.0, 2.5)) == pytest.approx(1.0) == careful.clearance_at(there(1.0, 2.5))
+    assert plan.clearance_at(there(1.0, 4.4)) == pytest.approx(0.6)
+    assert careful.clearance_at(there(1.0, 4.4)) == pytest.approx(0.1)
+    # Over the wall's end: a tangent, an arc about its corner, the wall's width, and the same down again.
+    away, down = math.hypot(2.0, 2.0), math.hypot(1.8, 2.0)
+    legs = sum(math.sqrt(length**2 - 0.2**2) for length in (away, down))
+    turns = sum(math.asin(2.0 / length) + math.asin(0.2 / length) for length in (away, down))
+    way = plan.shortest_path(there(1.0, 2.0), there(5.0, 2.0), radius=0.2)
+    assert way.length == pytest.approx(legs + 0.2 * turns + 0.2, abs=1e-3)
+    with pytest.raises(ValueError, match="none.yaml"):
+        PlanningMap.of_ros(tmp_path / "none.yaml")
 
 
 def test_each_robot_of_each_row_has_its_own_map() -> None:
