@@ -165,6 +165,36 @@ def is_arc_free(
     return True
 
 
+@inlined
+def place_before(samples: Floats, index: int) -> tuple[float, float]:
+    """The place of a chain before another; before the first one the robot's own."""
+    if index > 0:
+        return samples[index - 1, 0], samples[index - 1, 1]
+    return 0.0, 0.0
+
+
+@inlined
+def is_arc_beside(
+    samples: Floats,
+    first: int,
+    end: int,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    bend: float,
+    side: int,
+    off: float,
+) -> bool:
+    """Whether the places from one to before another lie no farther than that beside the arc from (x, y)."""
+    for i in range(first, end):
+        dx, dy = samples[i, 0] - x, samples[i, 1] - y
+        ahead, beside = cos * dx + sin * dy, side * (cos * dy - sin * dx)
+        if abs(math.hypot(ahead, beside - bend) - bend) > off:
+            return False
+    return True
+
+
 @kernel
 def round_corners(
     px: Floats,
@@ -199,7 +229,7 @@ def round_corners(
         x, y, cos, sin = 0.0, 0.0, 1.0, 0.0
         if start >= 0:
             x, y = samples[start, 0], samples[start, 1]
-            before_x, before_y = (samples[start - 1, 0], samples[start - 1, 1]) if start > 0 else (0.0, 0.0)
+            before_x, before_y = place_before(samples, start)
             length = math.hypot(x - before_x, y - before_y)
             if length < 1e-9:
                 samples[start, 2] = samples[start + 1, 2]
@@ -222,19 +252,13 @@ def round_corners(
             fastest = min(speed, turn_rate * bend)
             time = bend * turn / fastest + samples[goal, 2]
             # It arrives with another heading than one that comes along the chain.
-            end_x = samples[goal - 1, 0] if goal > 0 else 0.0
-            end_y = samples[goal - 1, 1] if goal > 0 else 0.0
+            end_x, end_y = place_before(samples, goal)
             inward = math.atan2(samples[goal, 1] - end_y, samples[goal, 0] - end_x)
             time += angle_between(math.atan2(sin, cos) + side * turn, inward) / turn_rate
             if time >= least:
                 continue
-            off, is_near = toward if side == -hand else aside, True
-            for i in range(start + 1, goal):
-                dx, dy = samples[i, 0] - x, samples[i, 1] - y
-                ahead, beside = cos * dx + sin * dy, side * (cos * dy - sin * dx)
-                if abs(math.hypot(ahead, beside - bend) - bend) > off:
-                    is_near = False
-                    break
+            off = toward if side == -hand else aside
+            is_near = is_arc_beside(samples, start + 1, goal, x, y, cos, sin, bend, side, off)
             if is_near and is_arc_free(px, py, x, y, cos, sin, bend, side, radius, turn):
                 least = time
                 if start < 0:
