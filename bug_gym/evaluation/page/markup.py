@@ -52,18 +52,21 @@ class Cell(NamedTuple):
     """Its id in the page."""
 
 
-def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int = 0) -> Markup:
+def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int | None = 0) -> Markup:
     """A table that the page sorts by a click on a name of a column, and filters by policy.
 
     Args:
         header: names of the columns.
         lines: the cells of each line, as many as the header has.
-        policy: number of the column with the policy, which is text; it and those before it are headers of their line.
+        policy: number of the column with the policy, which is text; it and those before it are headers of their line. None:
+            no column, the first one is the header.
     """
     head = element("tr", *(element("th", name, scope="col") for name in header))
     body = [
         element(
-            "tr", *(_cell(cell, column <= policy) for column, cell in enumerate(line)), data_policy=line[policy].content
+            "tr",
+            *(_cell(cell, column <= (policy or 0)) for column, cell in enumerate(line)),
+            data_policy=None if policy is None else line[policy].content,
         )
         for line in lines
     ]
