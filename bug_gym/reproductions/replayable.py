@@ -98,7 +98,20 @@ def replayable(
 
 def played(episodes: Sequence[Replayable]) -> list[Replayable]:
     """The episodes that a page plays: failures of each kind with who did well in that world; without any, typical ones."""
-    return chosen(episodes, MOST) or chosen(episodes, TYPICAL, successes=True)
+    return chosen(episodes, MOST) or typical(episodes)
+
+
+def typical(episodes: Sequence[Replayable]) -> list[Replayable]:
+    """Some episodes of the first policies in the first scenarios, in each in the same world: where one took the median time."""
+    found: list[Replayable] = []
+    scenarios = list(dict.fromkeys(one.scenario for one in episodes))
+    drivers = list(dict.fromkeys(one.policy for one in episodes))[: max(TYPICAL // max(len(scenarios), 1), 2)]
+    for scenario in scenarios:
+        mine = {(one.policy, one.seed): one for one in episodes if one.scenario == scenario and one.policy in drivers}
+        first = [one for one in mine.values() if one.policy == next(iter(mine.values())).policy]
+        middle = sorted(first, key=lambda one: one.steps)[(len(first) - 1) // 2 :][:1]
+        found += [mine[driver, one.seed] for one in middle for driver in drivers if (driver, one.seed) in mine]
+    return found[:TYPICAL]
 
 
 def replays(episodes: Sequence[Replayable], workers: Workers, *, progress: bool = True) -> dict[Key, str]:

@@ -61,11 +61,18 @@ def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int
         policy: number of the column with the policy, which is text; it and those before it are headers of their line. None:
             no column, the first one is the header.
     """
-    head = element("tr", *(element("th", name, scope="col") for name in header))
+    last = policy or 0
+    head = element(
+        "tr",
+        *(
+            element("th", name, scope="col", class_="name" if column <= last else None)
+            for column, name in enumerate(header)
+        ),
+    )
     body = [
         element(
             "tr",
-            *(_cell(cell, column <= (policy or 0)) for column, cell in enumerate(line)),
+            *(_cell(cell, column <= last) for column, cell in enumerate(line)),
             data_policy=None if policy is None else line[policy].content,
         )
         for line in lines
