@@ -109,7 +109,7 @@ def reproduce(settings: Settings) -> Reproduction:
         "arrived, with its 95 % interval; share of the optimum: shortest path over path, 0 for who did not arrive.",
         "privileged: was given the map.",
     ]
-    return Reproduction("price-of-not-knowing", tables, notes, data, not faults, curves, rows, episodes)
+    return Reproduction("price-of-not-knowing", tables, notes, data, not faults, curves, rows, episodes=episodes)
 
 
 def drive(

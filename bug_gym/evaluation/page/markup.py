@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import NamedTuple
 
+PROSE = 40
+"""Letters of a cell that are more than a number: it is set as text."""
 VOID = ("input", "path", "line", "meta")
 """Elements without a content."""
 
@@ -85,5 +87,6 @@ def _cell(cell: Cell, is_header: bool) -> Markup:
     if is_header:
         return element("th", cell.content, scope="row", id=cell.mark)
     if cell.share is None:
-        return element("td", cell.content, id=cell.mark)
+        is_prose = not isinstance(cell.content, Markup) and len(cell.content) > PROSE
+        return element("td", cell.content, class_="prose" if is_prose else None, id=cell.mark)
     return element("td", cell.content, class_="share", style=f"--share:{cell.share:.3f}", id=cell.mark)
