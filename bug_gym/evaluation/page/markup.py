@@ -63,14 +63,13 @@ def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int
         policy: number of the column with the policy, which is text; it and those before it are headers of their line. None:
             no column, the first one is the header.
     """
-    last = policy or 0
-    head = element(
-        "tr",
-        *(
-            element("th", name, scope="col", class_="name" if column <= last else None)
-            for column, name in enumerate(header)
-        ),
-    )
+    last, lines = policy or 0, list(lines)
+    texts = {*range(last + 1), *(column for line in lines for column, cell in enumerate(line) if _is_prose(cell))}
+    heads = [
+        element("th", name, scope="col", class_="name" if column in texts else None)
+        for column, name in enumerate(header)
+    ]
+    head = element("tr", *heads)
     body = [
         element(
             "tr",
@@ -87,6 +86,9 @@ def _cell(cell: Cell, is_header: bool) -> Markup:
     if is_header:
         return element("th", cell.content, scope="row", id=cell.mark)
     if cell.share is None:
-        is_prose = not isinstance(cell.content, Markup) and len(cell.content) > PROSE
-        return element("td", cell.content, class_="prose" if is_prose else None, id=cell.mark)
+        return element("td", cell.content, class_="prose" if _is_prose(cell) else None, id=cell.mark)
     return element("td", cell.content, class_="share", style=f"--share:{cell.share:.3f}", id=cell.mark)
+
+
+def _is_prose(cell: Cell) -> bool:
+    return not isinstance(cell.content, Markup) and len(cell.content) > PROSE
