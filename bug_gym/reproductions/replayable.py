@@ -106,7 +106,7 @@ def typical(episodes: Sequence[Replayable]) -> list[Replayable]:
     found: list[Replayable] = []
     scenarios = list(dict.fromkeys(one.scenario for one in episodes))
     drivers = list(dict.fromkeys(one.policy for one in episodes))[: max(TYPICAL // max(len(scenarios), 1), 2)]
-    for scenario in scenarios:
+    for scenario in scenarios[:TYPICAL]:
         mine = {(one.policy, one.seed): one for one in episodes if one.scenario == scenario and one.policy in drivers}
         first = [one for one in mine.values() if one.policy == next(iter(mine.values())).policy]
         middle = sorted(first, key=lambda one: one.steps)[(len(first) - 1) // 2 :][:1]
