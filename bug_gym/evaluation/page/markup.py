@@ -7,7 +7,7 @@ from html import escape
 from typing import NamedTuple
 
 PROSE = 40
-"""Letters of a cell that are more than a number: it is set as text."""
+"""Letters of a cell that are more than a number: its column is set as text."""
 VOID = ("input", "path", "line", "meta")
 """Elements without a content."""
 
@@ -73,7 +73,7 @@ def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int
     body = [
         element(
             "tr",
-            *(_cell(cell, column <= last) for column, cell in enumerate(line)),
+            *(_cell(cell, is_header=column <= last, is_text=column in texts) for column, cell in enumerate(line)),
             data_policy=None if policy is None else line[policy].content,
         )
         for line in lines
@@ -82,11 +82,11 @@ def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int
     return element("div", whole, class_="wide")
 
 
-def _cell(cell: Cell, is_header: bool) -> Markup:
+def _cell(cell: Cell, *, is_header: bool, is_text: bool) -> Markup:
     if is_header:
         return element("th", cell.content, scope="row", id=cell.mark)
     if cell.share is None:
-        return element("td", cell.content, class_="prose" if _is_prose(cell) else None, id=cell.mark)
+        return element("td", cell.content, class_="prose" if is_text else None, id=cell.mark)
     return element("td", cell.content, class_="share", style=f"--share:{cell.share:.3f}", id=cell.mark)
 
 
