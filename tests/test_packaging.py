@@ -1,6 +1,7 @@
 """What lands in the wheel, what an import loads, and which names the package takes."""
 
 import json
+import os
 import pkgutil
 import re
 import shutil
@@ -12,6 +13,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 import bug_gym
 from bug_gym.files import released
@@ -91,6 +93,30 @@ def test_a_tag_is_the_version(built: Path) -> None:
         "bug_gym-3.1.4-py3-none-any.whl",
         "bug_gym-3.1.4.tar.gz",
     }
+
+
+def test_the_page_on_the_index_leads_to_the_commit_that_was_built_and_keeps_the_version_of_its_tag(
+    tmp_path: Path,
+) -> None:
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tmp_path)
+    shutil.copytree(ROOT / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("_build", "results", "worlds"))
+    for arguments in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "All"], ["tag", "v3.1.4"]):
+        subprocess.run(["git", *WHO, *arguments], cwd=tmp_path, check=True)
+    release = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8"))
+    (step,) = [one["run"] for one in release["jobs"]["build"]["steps"] if "absolute_links.py" in one.get("run", "")]
+    told = {"GITHUB_SERVER_URL": "https://example.org", "GITHUB_REPOSITORY": "who/what", "GITHUB_SHA": "0" * 40}
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    subprocess.run(["bash", "-e", "-c", step], cwd=tmp_path, env={**os.environ, **told, "PATH": path}, check=True)
+    text, before = ((where / "README.md").read_text(encoding="utf-8") for where in (tmp_path, ROOT))
+    assert f"](https://example.org/who/what/raw/{'0' * 40}/docs/gallery.gif)" in text
+    assert f"](https://example.org/who/what/blob/{'0' * 40}/docs/README.md#guide)" in text
+    assert "](LICENSE)" not in text and not re.findall(r"\]\(docs/[^)]*(?:png|gif)\)", text)
+    assert re.sub(r"https://example.org/who/what/(?:raw|blob)/0{40}/", "", text) == before
+    said = subprocess.run(
+        [sys.executable, "-m", "setuptools_scm"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert said.stdout.strip() == "3.1.4"
 
 
 @pytest.mark.parametrize("has_git", [True, False])

@@ -16,6 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 WORKFLOWS = {path.name: path for path in sorted((ROOT / ".github" / "workflows").glob("*.y*ml"))}
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 MINOR = "Programming Language :: Python :: 3."
+GIVEN = {"RUNNER_TEMP", "GITHUB_SERVER_URL", "GITHUB_REPOSITORY", "GITHUB_SHA"}
+"""Variables that every workflow has."""
 PYTHONS = [f"3.{line.removeprefix(MINOR)}" for line in PROJECT["classifiers"] if re.fullmatch(rf"{MINOR}\d+", line)]
 
 
@@ -84,7 +86,7 @@ def test_files_extras_and_variables_of_a_workflow_exist(name: str) -> None:
     assert not [path for path in paths if not (ROOT / path).exists()]
     extras = {extra for some in re.findall(r"\[([a-z,]+)\]", run) for extra in some.split(",")}
     assert extras <= set(PROJECT["optional-dependencies"]) and (extras or "matrix.extra" in run)
-    variables = set(re.findall(r"\$([A-Z_]+)\b", run)) - {"RUNNER_TEMP"}
+    variables = set(re.findall(r"\$([A-Z_]+)\b", run)) - GIVEN
     assert variables == set(said.get("env", {}))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import subprocess
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,6 @@ from bug_gym.reproductions import reproduction
 from bug_gym.reproductions.result import Reproduction, Settings
 
 if TYPE_CHECKING:
-    from bug_gym.evaluation.page.recorded import Key
     from bug_gym.workers import Workers
 
 
@@ -62,30 +60,23 @@ def run(options: argparse.Namespace) -> None:
         with replaced_when_done(out) as partial:
             Path(partial).write_text(result.as_json(commit), encoding="utf-8")
         print(f"numbers: {out}")
-    if out and result.rows:
         with workers_of(options) as workers:
-            replays = _failures(result, workers)
-        _write_page(out.with_suffix(".html"), result, replays)
+            _write_page(out.with_suffix(".html"), result, workers)
     if out and result.curves:  # after the numbers, which are not lost where matplotlib is missing
         draw_curves(picture, result.curves)
 
 
-def _failures(result: Reproduction, workers: Workers) -> dict[Key, str]:
-    """Episodes that failed, driven once more, where the reproduction says how."""
-    from bug_gym.evaluation.progress import progress_bar  # loads the compiler
-    from bug_gym.evaluation.replays import REPLAYS, chosen, replays_of  # loads the compiler
-
-    if result.plan is None:
-        return {}
-    with progress_bar(shown=True) as track:
-        return replays_of(result.plan, chosen(result.rows, REPLAYS), workers, track)
-
-
-def _write_page(path: Path, result: Reproduction, replays: Mapping[Key, str]) -> None:
-    """The page about the episodes of a reproduction."""
+def _write_page(path: Path, result: Reproduction, workers: Workers) -> None:
+    """The page about a reproduction: its tables, some of its episodes to watch, and what its rows say."""
     from bug_gym.evaluation.page import write_page  # loads the compiler
+    from bug_gym.evaluation.page.findings import results, watched  # loads the compiler
     from bug_gym.evaluation.summary import compare, default_baseline, summarise  # loads the compiler
+    from bug_gym.reproductions.replayable import played, replays  # loads the compiler
 
-    rows = result.rows
-    write_page(path, result.name, rows, summarise(rows), compare(rows, default_baseline(rows)), replays)
+    rows, shown = result.rows, played(result.episodes)
+    recorded = replays(shown, workers)
+    tables = [(table.title, table.header, table.rows) for table in result.tables]
+    first = [results(tables, result.notes, result.holds), *watched(shown, recorded)]
+    differences = compare(rows, default_baseline(rows)) if rows else []
+    write_page(path, result.name, rows, summarise(rows) if rows else [], differences, recorded, first)
     print(f"report: {path}")

@@ -18,7 +18,7 @@ from bug_gym.evaluation.page import PAGE, write_page
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import progress_bar
-from bug_gym.evaluation.replays import REPLAYS, chosen, record_episode, replays_of
+from bug_gym.evaluation.replays import REPLAYS, chosen, record_episode, replays_of, wanted
 from bug_gym.evaluation.report import write_summary
 from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
@@ -111,7 +111,8 @@ def evaluate(
             summaries, differences = summarise(rows), compare(rows, baseline or default_baseline(rows))
             write_summary(folder.path, rows, summaries, differences)
             title = plan.suite or ", ".join(entry.label for entry in plan.scenarios)
-            recorded = replays_of(plan, chosen(rows, replays, successes=replay_successes), workers, track)
+            looked_at = wanted(plan, chosen(rows, replays, successes=replay_successes))
+            recorded = replays_of(looked_at, workers, track)
             write_page(folder.path / PAGE, title, rows, summaries, differences, recorded)
             if pictures:
                 draw_typical(plan, rows, folder.path / "pictures", on_this_machine(workers), track)

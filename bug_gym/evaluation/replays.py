@@ -6,11 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, zip_longest
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
-from bug_gym.evaluation.page.recorded import Key
+from bug_gym.evaluation.page.recorded import Ended, Key
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.rollout import Rollout
@@ -20,8 +20,8 @@ from bug_gym.workers import Workers, each
 
 REPLAYS = 24
 """Episodes that a report holds unless it is asked for others."""
-MOST_LETTERS = 20_000_000
-"""What the episodes of a report may take together [bytes]."""
+MOST_LETTERS = 15_000_000
+"""What the episodes of a report may take together [bytes]; its rows have the rest of 20 MB."""
 MOST_FRAMES = 1_000
 """Frames of an episode in a report; of a longer one, only each second step is kept, or each third."""
 
@@ -68,43 +68,65 @@ def recorded(rollout: Rollout, *, every: int = 1) -> Episode:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class _Wanted(NamedTuple):
+AnyEnded = TypeVar("AnyEnded", bound=Ended)
+
+
+class Wanted(NamedTuple):
     """An episode to record."""
 
+    key: Key
+    """What the page calls it."""
     policy: PolicyEntry
     scenario: ScenarioEntry
     seed: int
-    every: int
+    steps: int
+    """How many it has; 0 where nobody knows, which takes a drive to find out."""
 
 
-def replays_of(plan: Plan, rows: Sequence[EpisodeRow], workers: Workers, track: Track[Any]) -> dict[Key, str]:
-    """Some episodes of an evaluation, driven once more and packed, as far as there is room for them.
+def wanted(plan: Plan, rows: Sequence[EpisodeRow]) -> list[Wanted]:
+    """Some episodes of an evaluation, to be recorded.
 
     Args:
         plan: what was evaluated.
         rows: a row of each episode.
+    """
+    pairs = {(policy.label, scenario.label): (policy, scenario) for scenario, policy in plan.pairs()}
+    return [
+        Wanted((row.policy, row.scenario, row.seed), *pairs[row.policy, row.scenario], row.seed, row.steps)
+        for row in rows
+    ]
+
+
+def replays_of(episodes: Sequence[Wanted], workers: Workers, track: Track[Any]) -> dict[Key, str]:
+    """Some episodes, driven once more and packed, as far as there is room for them.
+
+    Args:
+        episodes: what to record.
         workers: who shares the work.
         track: shows how far it is.
     """
-    pairs = {(policy.label, scenario.label): (policy, scenario) for scenario, policy in plan.pairs()}
-    wanted = [
-        _Wanted(*pairs[row.policy, row.scenario], row.seed, max(1, math.ceil(row.steps / MOST_FRAMES))) for row in rows
-    ]
     found: dict[Key, str] = {}
     room = MOST_LETTERS
-    packed = track(each(_record, wanted, workers, in_order=True), "replays", len(wanted))
-    for one, letters in zip(wanted, packed, strict=True):
+    packed = track(each(_record, episodes, workers, in_order=True), "replays", len(episodes))
+    for one, letters in zip(episodes, packed, strict=True):
         if len(letters) <= room:
             room -= len(letters)
-            found[one.policy.label, one.scenario.label, one.seed] = letters
+            found[one.key] = letters
     return found
 
 
-def _record(wanted: _Wanted) -> str:
-    return recorded(Rollout(wanted.policy, wanted.scenario, [wanted.seed]), every=wanted.every).packed
+def _record(one: Wanted) -> str:
+    steps = one.steps or _steps_of(Rollout(one.policy, one.scenario, [one.seed]))
+    every = max(1, math.ceil(steps / MOST_FRAMES))
+    return recorded(Rollout(one.policy, one.scenario, [one.seed]), every=every).packed
 
 
-def chosen(rows: Sequence[EpisodeRow], count: int, *, successes: bool = False) -> list[EpisodeRow]:
+def _steps_of(rollout: Rollout) -> int:
+    ((row, *_),) = rollout.worlds()
+    return row.steps
+
+
+def chosen(rows: Sequence[AnyEnded], count: int, *, successes: bool = False) -> list[AnyEnded]:
     """The episodes to record: of each policy and scenario the first failure of each kind, one a world.
 
     Scenarios take turns, in each of them the policies that fail least: what they still cannot do is worth a look. After each
@@ -117,23 +139,23 @@ def chosen(rows: Sequence[EpisodeRow], count: int, *, successes: bool = False) -
     """
     failed = Counter(row.policy for row in rows if not row.success)
     ordered = sorted(rows, key=lambda row: failed[row.policy])
-    first: dict[tuple[str, str, str, str], EpisodeRow] = {}
-    arrived: dict[tuple[str, int], EpisodeRow] = {}
+    first: dict[tuple[str, str, str, str], AnyEnded] = {}
+    arrived: dict[tuple[str, int], AnyEnded] = {}
     for row in ordered:
         if row.success:
             arrived.setdefault((row.scenario, row.seed), row)
         if not row.success or successes:
             first.setdefault((row.scenario, row.policy, row.outcome, row.verdict), row)
-    worlds: dict[Key, EpisodeRow] = {}
+    worlds: dict[Key, AnyEnded] = {}
     for row in _in_turns(list(first.values())):
         for one in (row, arrived.get((row.scenario, row.seed), row)):
             worlds.setdefault((one.policy, one.scenario, one.seed), one)
     return list(worlds.values())[:count]
 
 
-def _in_turns(rows: Sequence[EpisodeRow]) -> Iterator[EpisodeRow]:
+def _in_turns(rows: Sequence[AnyEnded]) -> Iterator[AnyEnded]:
     """The first row of each scenario, then the second of each, and so on."""
-    by_scenario: dict[str, list[EpisodeRow]] = {}
+    by_scenario: dict[str, list[AnyEnded]] = {}
     for row in rows:
         by_scenario.setdefault(row.scenario, []).append(row)
     return (row for row in chain.from_iterable(zip_longest(*by_scenario.values())) if row is not None)

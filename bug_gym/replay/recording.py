@@ -23,6 +23,10 @@ POINT, SEGMENT, AREA = 0, 1, 2
 """What a shape of a drawing is."""
 
 
+_Part = tuple[int, str, Any]
+"""Kind, label and places (k, 2) of a part of a drawing: a tuple of pairs, or a ring as an array."""
+
+
 @dataclass(frozen=True)
 class Episode:
     """An episode to be looked at again; `bug_gym.show` plays it, and a notebook by itself."""
@@ -73,6 +77,7 @@ class Recorder:
         self._notes: dict[str, int] = {}
         self._labels: dict[str, int] = {}
         self._shapes: dict[tuple[int, ...], int] = {}
+        self._came: dict[tuple[Any, ...], int] = {}
         self._shown: list[list[int]] = []
 
     def record(self, drawings: Drawing | Sequence[Drawing | None] | None = None, *, note: str = "") -> None:
@@ -132,24 +137,21 @@ class Recorder:
         each = [drawings] if drawings is None or isinstance(drawings, Drawing) else drawings
         origins = self.simulation.world.array("origin")[self.row].reshape(-1, 3)
         return [
-            self._shapes.setdefault(shape, len(self._shapes))
+            self._number(robot, part, origins[robot])
             for robot, drawing in enumerate(each)
             if drawing is not None
-            for shape in self._shapes_of(drawing, origins[robot])
+            for part in _parts(drawing)
         ]
 
-    def _shapes_of(self, drawing: Drawing, origin: NDArray[np.float64]) -> list[tuple[int, ...]]:
-        """Kind, label and places of each part of a drawing: areas first, so that the rest lies above them."""
-        parts: list[tuple[int, str, Any]] = [
-            *((AREA, label, ring) for ring, label in drawing.areas),
-            *((SEGMENT, label, [(x1, y1), (x2, y2)]) for x1, y1, x2, y2, label in drawing.segments),
-            *((POINT, label, [(x, y)]) for x, y, label in drawing.points),
-        ]
-        shapes = []
-        for kind, label, places in parts:
-            number = self._labels.setdefault(str(label), len(self._labels))
-            shapes.append((kind, number, *changes(list(from_odometry(places, origin)), CENTI)))
-        return shapes
+    def _number(self, robot: int, part: _Part, origin: NDArray[np.float64]) -> int:
+        """The number of a shape; most stay from frame to frame, and are looked up as they came."""
+        kind, label, places = part
+        came = (robot, kind, label, places if isinstance(places, tuple) else places.tobytes())
+        if came not in self._came:
+            named = self._labels.setdefault(str(label), len(self._labels))
+            shape = (kind, named, *changes(list(from_odometry(places, origin)), CENTI))
+            self._came[came] = self._shapes.setdefault(shape, len(self._shapes))
+        return self._came[came]
 
     def episode(self) -> Episode:
         """What was taken down, as plain data.
@@ -173,6 +175,15 @@ class Recorder:
         return Episode(
             {**self._still, "frames": len(self._shown), "noteTexts": list(self._notes), **frames, **drawn},
         )
+
+
+def _parts(drawing: Drawing) -> list[_Part]:
+    """What a drawing consists of: areas first, so that the rest lies above them."""
+    return [
+        *((AREA, label, np.asarray(ring, dtype=np.float64)) for ring, label in drawing.areas),
+        *((SEGMENT, label, ((x1, y1), (x2, y2))) for x1, y1, x2, y2, label in drawing.segments),
+        *((POINT, label, ((x, y),)) for x, y, label in drawing.points),
+    ]
 
 
 def _standing(layout: Layout, box: tuple[float, float, float, float]) -> dict[str, Any]:

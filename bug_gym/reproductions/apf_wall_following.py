@@ -21,6 +21,7 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions import apf_worlds, sweep
 from bug_gym.reproductions.apf_tracks import (
+    Track,
     Variant,
     angle_curve,
     drive,
@@ -33,6 +34,7 @@ from bug_gym.reproductions.apf_tracks import (
 from bug_gym.reproductions.apf_worlds import CLEARANCE
 from bug_gym.reproductions.claims import as_percent, finite, mean, numbers
 from bug_gym.reproductions.oni_wang_table_1 import OVERRIDES, allowed_difference
+from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 from bug_gym.workers import each, starred
 
@@ -86,14 +88,29 @@ class Part(NamedTuple):
     holds: bool = True
     curves: Sequence[Curves] = ()
     notes: Sequence[str] = ()
+    episodes: Sequence[Replayable] = ()
+
+
+def shown(
+    label: str, scene: str, track: Track, variant: Variant, scenario: Any, overrides: Mapping[str, Any] | None = None
+) -> Replayable:
+    """An episode of `drive`, for the page."""
+    end = (track.outcome == "success", "gave_up" if track.verdict else track.outcome, track.verdict)
+    return Replayable(label, scene, 0, *end, driver_of(variant), scenario, overrides or {}, steps=len(track.modes))
+
+
+def driver_of(variant: Variant) -> dict[str, Any]:
+    """A variant as a policy of a suite."""
+    return {"name": variant[0], "parameters": dict(variant[1])}
 
 
 def still_scenes() -> Part:
     """Lengths of all methods in the scenes; the paper's method arrives in each."""
-    lines, data, tracks = [], {}, {}
+    lines, data, tracks, episodes = [], {}, {}, []
     for name, scenario in apf_worlds.scenes().items():
         found = {label: drive(scenario, variant) for label, variant in METHODS.items()}
         tracks[name] = found[OURS]
+        episodes += [shown(label, name, track, METHODS[label], scenario) for label, track in found.items()]
         lines.append([name, *(told(track) for track in found.values()), str(found[OURS].phases)])
         data[name] = {label: {"ending": told(track), "walls": track.phases} for label, track in found.items()}
     holds = all(track.outcome == "success" for track in tracks.values()) and tracks["12a"].phases == 2
@@ -102,18 +119,20 @@ def still_scenes() -> Part:
         over_time("A still scene (8a)", tracks["8a"]),
         angle_curve("Theta along a U (7c)", tracks["7c"]),
     ]
-    return Part([table], {"scenes": data}, holds, curves)
+    return Part([table], {"scenes": data}, holds, curves, episodes=episodes)
 
 
 def moving_scenes() -> Part:
     """Moving obstacles and targets: does it arrive, and how near does it come to anything?"""
-    lines, data, holds = [], {}, True
+    lines, data, episodes, holds = [], {}, [], True
     curves = []
     for name, scenario in apf_worlds.moving_scenes().items():
         found = {
             kind: drive(scenario, METHODS[OURS], {"robot.kinematics": kind}) for kind in ("holonomic", "differential")
         }
         for kind, track in found.items():
+            own = {"robot.kinematics": kind}
+            episodes.append(shown(OURS, f"{name}, {kind}", track, METHODS[OURS], scenario, own))
             lines.append([name, kind, told(track), str(track.phases), f"{track.clearance:.2f}"])
             data[f"{name}, {kind}"] = {"ending": told(track), "walls": track.phases, "clearance": track.clearance}
             holds = holds and track.outcome == "success"
@@ -124,7 +143,7 @@ def moving_scenes() -> Part:
         ["scene", "robot", "length [m]", "walls", "clearance [m]"],
         lines,
     )
-    return Part([table], {"moving": data}, holds, curves)
+    return Part([table], {"moving": data}, holds, curves, episodes=episodes)
 
 
 # ---------------------------------------------------------------------------------------------- routes
@@ -141,16 +160,16 @@ def routes(chosen: Sequence[str]) -> Part:
         "straight, by heading": {"approach": "straight", **PARTS["leave=heading"]},
         "field": {},
     }
-    lines, data, holds = [], {}, True
+    lines, data, episodes, holds = [], {}, [], True
     for turn, ideal in IDEAL.items():
         for route, length in zip(ROUTES, ideal, strict=True):
             if route not in chosen:
                 continue
             places = {**OVERRIDES, "world.start": route[0], "world.goal": route[1]}
-            found = {
-                kind: drive("oni_wang", (OURS, {"clearance": 1.0, "turn": turn, **parameters}), places)
-                for kind, parameters in kinds.items()
-            }
+            variants = {kind: (OURS, {"clearance": 1.0, "turn": turn, **own}) for kind, own in kinds.items()}
+            found = {kind: drive("oni_wang", variant, places) for kind, variant in variants.items()}
+            for kind, track in found.items():
+                episodes.append(shown(kind, f"route {route}, {turn}", track, variants[kind], "oni_wang", places))
             own = found["straight"]
             holds = holds and own.outcome == "success" and found["field"].outcome == "success"
             holds = holds and abs(own.length + own.distances[-1] - length) <= allowed_difference(length)
@@ -159,7 +178,7 @@ def routes(chosen: Sequence[str]) -> Part:
             lines.append([turn, route, f"{length:.2f}", *(told(track) for track in found.values())])
             data[f"{turn} {route}"] = {"ideal": length, **{kind: told(track) for kind, track in found.items()}}
     table = Table("Length [m] on the map of Oni and Wang at 1 m", ["turn", "route", "ideal", *kinds], lines)
-    return Part([table], {"routes": data}, holds)
+    return Part([table], {"routes": data}, holds, episodes=episodes)
 
 
 # ---------------------------------------------------------------------------------------------- many worlds
@@ -172,8 +191,19 @@ def trap_rows(seed: int, variants: Mapping[str, Variant]) -> list[EpisodeRow]:
 
 def maze_rows(seed: int, variants: Mapping[str, Variant]) -> list[EpisodeRow]:
     """What each variant does in the maze of a seed."""
-    world = {key: value for key, value in apf_worlds.ROBOT.items() if key != "world"}
-    return world_rows({**world, "world": {"family": "maze"}}, "mazes", seed, variants)
+    return world_rows(maze(seed), "mazes", seed, variants)
+
+
+def maze(seed: int) -> dict[str, Any]:
+    """The scenario of all seeds."""
+    return {**apf_worlds.ROBOT, "world": {"family": "maze"}}
+
+
+WORLDS: dict[Callable[..., list[EpisodeRow]], Callable[[int], dict[str, Any]]] = {
+    trap_rows: apf_worlds.trap,
+    maze_rows: maze,
+}
+"""Where each drives."""
 
 
 def world_rows(scenario: Any, name: str, seed: int, variants: Mapping[str, Variant]) -> list[EpisodeRow]:
@@ -212,7 +242,12 @@ def compare(
         data[label] = {**numbers(mine), "wrong": wrong, "length_ratio": finite(ratio)}
         holds = holds and wrong == 0
     header = ["", "reached [%]", "touched or wrong", "length [m]", "to the first", "turning [rad]"]
-    return Part([Table(f"{title}, {seeds} worlds", header, lines)], {title: data}, holds)
+    episodes = [
+        Replayable(row.policy, title, row.seed, row.success, row.outcome, row.verdict, driver_of(variants[row.policy]),
+                   partial(WORLDS[worlds], row.seed), steps=row.steps)
+        for row in rows
+    ]  # fmt: skip
+    return Part([Table(f"{title}, {seeds} worlds", header, lines)], {title: data}, holds, episodes=episodes)
 
 
 # ---------------------------------------------------------------------------------------------- drift, limits
@@ -243,10 +278,11 @@ def drift(seeds: int, settings: Settings) -> Part:
             DRIFT_SCENARIOS,
         ),
     ]
-    found = [(one, sweep.run(one, settings.policies or DRIFTING, seeds, settings)) for one in sweeps]
-    tables = [table for one, summaries in found for table in sweep.tables(one, summaries)]
-    data = {"drift": [sweep.numbers(*one) for one in found]}
-    return Part(tables, data, curves=[sweep.curves(*one) for one in found])
+    found = [sweep.run(one, settings.policies or DRIFTING, seeds, settings) for one in sweeps]
+    tables = [table for one in found for table in sweep.tables(one)]
+    data = {"drift": [sweep.numbers(one) for one in found]}
+    episodes = [episode for one in found for episode in one.episodes]
+    return Part(tables, data, curves=[sweep.curves(one) for one in found], episodes=episodes)
 
 
 def limits(seeds: int) -> Part:
@@ -300,4 +336,5 @@ def reproduce(settings: Settings) -> Reproduction:
         {"seeds": seeds, **{key: value for part in found for key, value in part.data.items()}},
         all(part.holds for part in found),
         curves=[curve for part in found for curve in part.curves],
+        episodes=[episode for part in found for episode in part.episodes],
     )

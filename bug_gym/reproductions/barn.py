@@ -25,6 +25,7 @@ from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.intervals import means, stratified_bootstrap, wilson_interval
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.claims import finite
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.worlds.barn_files import load_barn
 
@@ -171,7 +172,7 @@ def reproduce(settings: Settings) -> Reproduction:
     maps = load_barn(str(settings.data))
     worlds = sorted(maps)[: settings.seeds]
     references = {f"world {number}": maps[number].reference_length for number in worlds}
-    lines, data, refused, episodes, holds = [], {}, {}, [], True
+    lines, data, refused, compared, episodes, holds = [], {}, {}, [], [], True
     for robot in (*ROBOTS, "faithful"):
         scenarios = [scenario(robot, str(settings.data), number) for number in worlds]
         asked = settings.policies or (CLAIMED if robot == "holonomic" else every_policy())
@@ -183,16 +184,19 @@ def reproduce(settings: Settings) -> Reproduction:
         rows = evaluate(entries, suite, workers=settings.workers, progress=settings.progress)
         # A page shows robots beside one another; the number of the world stands where a seed does.
         numbers = {f"world {number}": number for number in worlds}
-        episodes += [replace(row, scenario=robot, seed=numbers[row.scenario]) for row in rows]
+        compared += [replace(row, scenario=robot, seed=numbers[row.scenario]) for row in rows]
+        found = replayable(rows, entries, scenarios)
+        episodes += [one._replace(scenario=robot, seed=numbers[one.scenario], driven_seed=one.seed) for one in found]
         for policy in dict.fromkeys(row.policy for row in rows):
-            found = summed_up([row for row in rows if row.policy == policy], references)
-            holds = holds and is_as_claimed(robot, policy, found)
-            data[f"{robot} {policy}"] = found
-            lines.append(line(policy, robot, found))
+            told = summed_up([row for row in rows if row.policy == policy], references)
+            holds = holds and is_as_claimed(robot, policy, told)
+            data[f"{robot} {policy}"] = told
+            lines.append(line(policy, robot, told))
     title = f"{len(worlds)} worlds of the BARN benchmark"
-    told = [*notes(references), *(left_out(robot, mine) for robot, mine in refused.items() if mine)]
+    remarks = [*notes(references), *(left_out(robot, mine) for robot, mine in refused.items() if mine)]
     data = {"results": data, "refused": refused}
-    return Reproduction("barn", [Table(title, HEADER, lines)], told, data, holds, rows=episodes)
+    table = Table(title, HEADER, lines)
+    return Reproduction("barn", [table], remarks, data, holds, rows=compared, episodes=episodes)
 
 
 def every_policy() -> list[str]:

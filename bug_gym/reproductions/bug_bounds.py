@@ -35,6 +35,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.intervals import wilson_interval
+from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
 from bug_gym.worlds.layout import Layout
@@ -277,11 +278,7 @@ def reproduce(settings: Settings) -> Reproduction:
     policies = settings.policies or (*COMPLETE, *NEARLY)
     for policy in policies:
         make_policy(policy, load("static"), clearance=CLEARANCE)  # an unknown one is found out before the work
-    jobs = [
-        (policy, world_of(seed), seed, {"clearance": CLEARANCE, **PARAMETERS.get(policy, {})})
-        for policy in policies
-        for seed in range(seeds)
-    ]
+    jobs = [(policy, world_of(seed), seed, parameters_of(policy)) for policy in policies for seed in range(seeds)]
     with progress_bar(shown=settings.progress) as track:
         work = each(partial(starred, drive), jobs, settings.workers)
         found: list[Found] = list(track(work, "episodes", len(jobs)))
@@ -320,4 +317,18 @@ def reproduce(settings: Settings) -> Reproduction:
         ],
     }
     title = f"Guarantees and bounds in {seeds} worlds at a clearance of {CLEARANCE:g} m"
-    return Reproduction("bug-bounds", [Table(title, header, lines)], notes, data, holds)
+    episodes = list(map(as_replayable, sorted(found, key=lambda one: one.seed)))
+    return Reproduction("bug-bounds", [Table(title, header, lines)], notes, data, holds, episodes=episodes)
+
+
+def parameters_of(policy: str) -> dict[str, Any]:
+    """What a policy is made with."""
+    return {"clearance": CLEARANCE, **PARAMETERS.get(policy, {})}
+
+
+def as_replayable(one: Found) -> Replayable:
+    """An episode, for the page; one that arrived may have broken a claim all the same."""
+    verdict = ", ".join(one.faults) if one.outcome == "success" else one.verdict
+    driver = {"name": one.policy, "parameters": parameters_of(one.policy)}
+    end = (not one.faults, one.outcome, verdict)
+    return Replayable(one.policy, one.world, one.seed, *end, driver, *WORLDS[one.world])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.reproductions.bug_bounds import CLEARANCE, COMPLETE
+from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.scenarios import polygon_data
 from bug_gym.workers import each, starred
@@ -274,7 +275,19 @@ def reproduce(settings: Settings) -> Reproduction:
     notes += [f"{one.policy}, {one.kind}, seed {one.seed}: {one.outcome} {one.verdict}" for one in wrong[:40]]
     data = {"seeds": seeds, "clearance": CLEARANCE, "policies": counted, "wrong": [one._asdict() for one in wrong]}
     title = f"Ways and no ways in {seeds} worlds at a clearance of {CLEARANCE:g} m"
-    return Reproduction("bug-no-way", [Table(title, header, lines)], notes, data, not wrong)
+    episodes = [as_replayable(one, {"clearance": CLEARANCE}, partial(drawn, one.seed)) for one in found]
+    return Reproduction("bug-no-way", [Table(title, header, lines)], notes, data, not wrong, episodes=episodes)
+
+
+def drawn(seed: int) -> Scenario:
+    """The scenario of a seed."""
+    return problem(seed).scenario
+
+
+def as_replayable(one: Answer, parameters: Mapping[str, Any], world: Any) -> Replayable:
+    """An answer, for the page, with the parameters of its policy and its scenario."""
+    driver = {"name": one.policy, "parameters": dict(parameters)}
+    return Replayable(one.policy, one.kind, one.seed, one.is_right, one.outcome, one.verdict, driver, world)
 
 
 def counts(found: Sequence[Answer]) -> dict[str, int]:

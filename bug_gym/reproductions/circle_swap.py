@@ -16,6 +16,7 @@ from typing import Any
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
+from bug_gym.reproductions.replayable import Replayable, replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 ROBOTS = (2, 4, 8, 16)
@@ -33,33 +34,36 @@ ALONE = ("hd_bug", "ppo_rush")
 
 def reproduce(settings: Settings) -> Reproduction:
     """Drive robots across circles, then crowds with each policy."""
-    circles, lines = {}, []
+    circles, lines, episodes = {}, [], []
     for kinematics in KINEMATICS:
         for robots in ROBOTS:
             worlds = min(math.ceil(RUNS / robots), settings.seeds or RUNS)
-            rows = drive(["orca"], "circle_swap", robots, kinematics, worlds, settings)
+            rows, shown = drive(["orca"], "circle_swap", robots, kinematics, worlds, settings)
+            episodes += shown
             circles[f"{kinematics}, {robots}"] = told = measured(rows)
             lines.append([kinematics, str(robots), str(len(rows)), *words(rows, told), f"{told['longest']:.1f}"])
     holds = all(told["contacts"] == 0 and told["success"] == 1.0 for told in circles.values())
-    crowds, compared = crossing_crowds(settings)
+    crowds, compared, shown = crossing_crowds(settings)
     header = ["kinematics", "robots", "runs", *HEADER, "longest [s]"]
     tables = [
         Table("Changing places across a circle of 4 m with orca", header, lines),
         Table("Crowds that cross", ["worlds", "policy", *HEADER, "success minus orca's [%]"], compared),
     ]
-    return Reproduction("circle-swap", tables, NOTES, {"circles": circles, "crowds": crowds}, holds)
+    data = {"circles": circles, "crowds": crowds}
+    return Reproduction("circle-swap", tables, NOTES, data, holds, episodes=[*episodes, *shown])
 
 
 HEADER = ("reached [%]", "contacts", "least gap [m]", "time [s]", "way over straight", "decision [us]")
 
 
-def crossing_crowds(settings: Settings) -> tuple[dict[str, Any], list[list[str]]]:
-    """Numbers by scenario and policy, and lines of a table."""
-    data, lines = {}, []
+def crossing_crowds(settings: Settings) -> tuple[dict[str, Any], list[list[str]], list[Replayable]]:
+    """Numbers by scenario and policy, lines of a table, and the episodes."""
+    data, lines, episodes = {}, [], []
     policies = settings.policies or ("orca", *ALONE)
     for label, (scenario, robots, most) in CROWDS.items():
         worlds = min(most, settings.seeds or most)
-        rows = drive(policies, scenario, robots, "differential", worlds, settings)
+        rows, shown = drive(policies, scenario, robots, "differential", worlds, settings)
+        episodes += shown
         for policy in policies:
             mine = of(rows, policy=policy)
             data[f"{label}, {policy}"] = told = measured(mine)
@@ -68,16 +72,17 @@ def crossing_crowds(settings: Settings) -> tuple[dict[str, Any], list[list[str]]
                 gap = paired_difference(mine, of(rows, policy="orca"), "success")
                 against = f"{100 * gap.mean:+.1f} [{100 * gap.low:+.1f}, {100 * gap.high:+.1f}]"
             lines.append([label, policy, *words(mine, told), against])
-    return data, lines
+    return data, lines, episodes
 
 
 def drive(
     policies: list[str] | tuple[str, ...], scenario: str, robots: int, kinematics: str, worlds: int, settings: Settings
-) -> list[EpisodeRow]:
+) -> tuple[list[EpisodeRow], list[Replayable]]:
     """Episodes of several robots with some policies, each robot by itself."""
     overrides = {"robots.count": robots, "robot.kinematics": kinematics}
     entry = {"scenario": scenario, "label": scenario, "overrides": overrides}
-    return run(list(policies), [entry], worlds, settings, name="circle-swap")
+    rows = run(list(policies), [entry], worlds, settings, name="circle-swap")
+    return rows, replayable(rows, policies, [entry], f"{{}}, {robots} {kinematics}")
 
 
 def measured(rows: list[EpisodeRow]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.teams import team_rows
 from bug_gym.intervals import means, stratified_bootstrap, wilson_interval
+from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.reproductions.team_runs import TeamRun, run_team
 from bug_gym.reproductions.team_worlds import (
@@ -95,6 +97,7 @@ class Part(NamedTuple):
     data: dict[str, Any]
     holds: bool
     notes: list[str]
+    episodes: Sequence[Replayable] = ()
 
 
 def reproduce(settings: Settings) -> Reproduction:
@@ -111,7 +114,17 @@ def reproduce(settings: Settings) -> Reproduction:
     tables = [table for part in parts.values() for table in part.tables]
     notes = [note for part in parts.values() for note in part.notes]
     data = {name: {**part.data, "holds": part.holds} for name, part in parts.items()}
-    return Reproduction("com1-rev3", tables, notes, data, all(part.holds for part in parts.values()))
+    episodes = [episode for part in parts.values() for episode in part.episodes]
+    holds = all(part.holds for part in parts.values())
+    return Reproduction("com1-rev3", tables, notes, data, holds, episodes=episodes)
+
+
+def shown(
+    policy: str, scenario: str, seed: int, end: str, world: Any, parameters: dict[str, Any], **more: Any
+) -> Replayable:
+    """An episode, for the page."""
+    driver = {"name": policy, "parameters": parameters}
+    return Replayable(policy, scenario, seed, end == "success", end, "", driver, world, **more)
 
 
 # ----------------------------------------------------------------------------------------------- worked facts
@@ -241,10 +254,16 @@ def _totals(one: Across) -> dict[str, float]:
 def claim(settings: Settings) -> Part:
     """In how many random worlds com1_rev3 takes less way than bug1_pair, and by how much."""
     worlds = settings.seeds or 500
-    rows, data = [], {}
+    rows, data, episodes = [], {}, []
     for title, most in (("one obstacle", 1), ("one to five obstacles", 5)):
         found = list(each(_compared, [(seed, most) for seed in range(worlds)], settings.workers, in_order=True))
         both = [one for one in found if one["com1_rev3"] is not None and one["bug1_pair"] is not None]
+        episodes += [
+            shown(name, title, seed, "none arrived" if one[name] is None else "success",
+                  partial(random_world, seed, most=most), {"clearance": CLEARANCE})
+            for seed, one in enumerate(found)
+            for name in ("com1_rev3", "bug1_pair")
+        ]  # fmt: skip
         saved = [one["bug1_pair"] - one["com1_rev3"] for one in both]
         less = sum(value > 0.0 for value in saved)
         by_half = sum(value >= 0.5 * one["length"] for value, one in zip(saved, both, strict=True))
@@ -257,7 +276,8 @@ def claim(settings: Settings) -> Part:
         "The paper claims that it is less by half the obstacle's length always; half the length is that of the longest "
         "side that any obstacle of the world has across the way."
     )
-    return Part([Table("Ways of both robots together: com1_rev3 and bug1_pair", header, rows)], data, True, [note])
+    table = Table("Ways of both robots together: com1_rev3 and bug1_pair", header, rows)
+    return Part([table], data, True, [note], episodes)
 
 
 def _compared(job: tuple[int, int]) -> dict[str, Any]:
@@ -290,9 +310,13 @@ def share(count: int, n: int) -> str:
 def room(settings: Settings) -> Part:
     """Random worlds of 2, 4 and 8 robots: no contact, no standstill, and Com1's curve the one that it drives alone."""
     worlds = settings.seeds or 500
-    rows, data, holds = [], {}, True
+    rows, data, episodes, holds = [], {}, [], True
     for robots in (2, 4, 8):
         found = list(each(_roomy, [(seed, robots) for seed in range(worlds)], settings.workers, in_order=True))
+        for seed, one in enumerate(found):
+            end = "contact" if one["contact"] else "standstill" if one["standstill"] else "success"
+            world = partial(random_world, seed, robots)
+            episodes.append(shown("com1_rev3", f"{robots} robots", seed, end, world, {"clearance": CLEARANCE}))
         contacts = sum(one["contact"] for one in found)
         standstills = sum(one["standstill"] for one in found)
         detours = sum(one["detour"] for one in found)
@@ -310,7 +334,7 @@ def room(settings: Settings) -> Part:
         f"solo way counts as left where a place lies more than {SAME_CURVE} m off it, in worlds without a detour; it is "
         "that of the first robot."
     )
-    return Part([Table("Random worlds of one to five rectangles", ROOMY, rows)], data, holds, [note])
+    return Part([Table("Random worlds of one to five rectangles", ROOMY, rows)], data, holds, [note], episodes)
 
 
 def _roomy(job: tuple[int, int]) -> dict[str, Any]:
@@ -378,7 +402,16 @@ def table_2(settings: Settings) -> Part:
         "Effectiveness is the share of routes on which the goal is reached; who fails on one has no efficiency, its "
         f"total is infinite. Rev3 drives about as far as Rev2 wherever that arrives: {'yes' if same else 'no'}."
     )
-    return Part([Table("Maps of our own in the manner of Table 2", header, rows)], data, same, [note])
+    episodes = [
+        shown(job[0], f"map {job[1]}, {job[2]}{job[3]}", 0, "not reached" if length is None else "success",
+              partial(route_world, *job[1:]), SINGLE)
+        for job, length in found.items()
+    ]  # fmt: skip
+    return Part([Table("Maps of our own in the manner of Table 2", header, rows)], data, same, [note], episodes)
+
+
+SINGLE = {"clearance": 0.5, "turn": "left"}
+"""Parameters of those who drive alone."""
 
 
 def routes_of(label: str) -> list[tuple[str, str]]:
@@ -389,38 +422,42 @@ def routes_of(label: str) -> list[tuple[str, str]]:
 def _single(job: tuple[str, str, str, str]) -> float | None:
     """Length of one route [m]; None where the goal is not reached."""
     name, label, start, goal = job
+    scenario = load(route_world(label, start, goal))
+    entry = PolicyEntry(name, name, SINGLE)
+    ((row,),) = Rollout(entry, ScenarioEntry(label, scenario, range(1)), [0]).worlds()
+    return row.path_length + row.goal_distance if row.success else None
+
+
+def route_world(label: str, start: str, goal: str) -> dict[str, Any]:
+    """The scenario of a route of a map."""
     polygons, circles, places = GAZEBO[label]
     (x, y), end = places[start], places[goal]
     pose = (x, y, math.atan2(end[1] - y, end[0] - x))
-    scenario = load(team_scenario(polygons, [pose], end, circles=circles, radius=0.2))
-    entry = PolicyEntry(name, name, {"clearance": 0.5, "turn": "left"})
-    ((row,),) = Rollout(entry, ScenarioEntry(label, scenario, range(1)), [0]).worlds()
-    return row.path_length + row.goal_distance if row.success else None
+    return team_scenario(polygons, [pose], end, circles=circles, radius=0.2)
 
 
 def fig_6(settings: Settings) -> Part:
     """The starts and goals of Fig. 6 on both maps: exactly one arrives, and it was the nearer one at the stop."""
     jobs = [(figure, label) for figure in FIG_6 for label in GAZEBO]
-    rows, data, holds = [], {}, True
+    rows, data, episodes, holds = [], {}, [], True
     for (figure, label), one in zip(jobs, each(_figure, jobs, settings.workers, in_order=True), strict=True):
         printed = FIG_6[figure]
         holds &= one["holds"]
         data[f"{figure} {label}"] = one
+        end = "success" if one["holds"] else "not as the paper says"
+        scene = f"Fig. 6 {figure}, map {label}"
+        episodes.append(shown("com1_rev3", scene, 0, end, figure_world(figure, label), {"clearance": 0.5}))
         stopped = "({:.1f}, {:.1f})".format(*one["stops"])
         paper = f"{printed[3]} at ({printed[4][0]:.1f}, {printed[4][1]:.1f})"
         rows.append([figure, paper, label, f"{one['stopped']} at {stopped}", "yes" if one["holds"] else "no"])
     header = ["Fig. 6", "the paper: who stops", "map", "ours: who stops", "one arrives, the nearer one"]
-    return Part([Table("Starts and goals of Fig. 6 on maps of our own", header, rows)], data, holds, [])
+    return Part([Table("Starts and goals of Fig. 6 on maps of our own", header, rows)], data, holds, [], episodes)
 
 
 def _figure(job: tuple[str, str]) -> dict[str, Any]:
     """One start and goal on one map."""
-    figure, label = job
-    com1, rev3, goal, _, _ = FIG_6[figure]
-    polygons, circles, _ = GAZEBO[label]
-    heading = [math.atan2(goal[1] - y, goal[0] - x) for x, y in (com1, rev3)]
-    starts = [(*com1, heading[0]), (*rev3, heading[1])]
-    run = run_team("com1_rev3", team_scenario(polygons, starts, goal, circles=circles, radius=0.2), clearance=0.5)
+    goal = FIG_6[job[0]][2]
+    run = run_team("com1_rev3", figure_world(*job), clearance=0.5)
     if run.winner is None:
         return {"stopped": "none", "stops": [0.0, 0.0], "holds": False}
     named = run.paths[run.named_at, :, :2]
@@ -434,17 +471,41 @@ def _figure(job: tuple[str, str]) -> dict[str, Any]:
     }
 
 
+def figure_world(figure: str, label: str) -> dict[str, Any]:
+    """The scenario of a start and goal on a map."""
+    com1, rev3, goal, _, _ = FIG_6[figure]
+    polygons, circles, _ = GAZEBO[label]
+    heading = [math.atan2(goal[1] - y, goal[0] - x) for x, y in (com1, rev3)]
+    starts = [(*com1, heading[0]), (*rev3, heading[1])]
+    return team_scenario(polygons, starts, goal, circles=circles, radius=0.2)
+
+
 # ------------------------------------------------------------------------------------------- does a team pay?
 
 MAZES = ("maze", "rooms", "u_trap", "static")
+PAIR = {"robots.count": 2, "mission": "first"}
+"""What is changed in them for a team."""
+ENDS = {
+    (True, False): "success",
+    (True, True): "a collision",
+    (False, True): "a collision",
+    (False, False): "none arrived",
+}
+"""How an episode ended, by whether a robot arrived, and whether one collided."""
 
 
 def pays(settings: Settings) -> Part:
     """First arrival of com1_rev3 beside the better of its two members, each driving alone from between their places."""
     worlds = min(settings.seeds or 100, 100)
-    rows, data = [], {}
+    rows, data, episodes = [], {}, []
     for name in MAZES:
         found = list(each(_paying, [(name, seed) for seed in range(worlds)], settings.workers, in_order=True))
+        episodes += [
+            shown(
+                "com1_rev3", name, seed, ENDS[one["team"].success, one["team"].collided > 0], name, {}, overrides=PAIR
+            )
+            for seed, one in enumerate(found)
+        ]
         both = [(one["team"], one["best"]) for one in found if one["team"].success and one["best"] is not None]
         differences = [team.time - best.time for team, best in both]
         totals = [team.total_length - best.path_length for team, best in both]
@@ -456,7 +517,7 @@ def pays(settings: Settings) -> Part:
     header = ["world", "n", "team arrives [%]", "best member [%]", "time, team minus best [s]"]
     header += ["way of all minus best [m]", "collisions of the team"]
     note = "The best member is the one that would arrive first alone, which nobody knows beforehand."
-    return Part([Table("Does a team pay?", header, rows)], data, True, [note])
+    return Part([Table("Does a team pay?", header, rows)], data, True, [note], episodes)
 
 
 def difference(values: Sequence[float]) -> str:
@@ -470,7 +531,7 @@ def difference(values: Sequence[float]) -> str:
 def _paying(job: tuple[str, int]) -> dict[str, Any]:
     """One world: the team, and the member that arrives first where it is alone."""
     name, seed = job
-    pair = load(name, {"robots.count": 2, "mission": "first"})
+    pair = load(name, PAIR)
     team = _rows("com1_rev3", {}, pair, seed)
     members = [
         row

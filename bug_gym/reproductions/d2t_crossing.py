@@ -21,6 +21,8 @@ from bug_gym.simulation import Simulation
 
 GAP = 1.2
 """Asked for between robot and pedestrian [m]."""
+DRIVER: dict[str, Any] = {"name": "d2t_eaco", "parameters": {"mover_margin": GAP, "optimiser": "eaco_refined"}}
+"""Who drives, as a policy of a suite."""
 TURNED, SLOWED = math.radians(5.0), 0.95
 """A robot has turned by more than this, and slowed down below this share of its speed."""
 ENOUGH_STEPS = 2500
@@ -51,7 +53,7 @@ def crossings() -> list[float]:
 def cross() -> Crossing:
     """Drive once."""
     simulation = Simulation(d2t_worlds.BEACH)
-    policy = make_policy("d2t_eaco", simulation, mover_margin=GAP, optimiser="eaco_refined")
+    policy = make_policy(DRIVER["name"], simulation, **DRIVER["parameters"])
     observation, state = simulation.reset(seeds=[0]), None
     live = Maps(simulation).of_robot(0)
     places, gaps, centres = [], [], []

@@ -19,6 +19,7 @@ from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions import d2t_crossing, d2t_tables, d2t_worlds
 from bug_gym.reproductions.claims import as_percent, mean, numbers, of, run
 from bug_gym.reproductions.hd_bug_real import SCENES, crossing
+from bug_gym.reproductions.replayable import Replayable, replayable
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 
 RUNS, TOWNS, SLEEVES, ANT_SEEDS, EPISODES = 50, 200, 60, 10, 5
@@ -37,23 +38,26 @@ DRIVERS: dict[str, dict[str, Any]] = {
 def reproduce(settings: Settings) -> Reproduction:
     """Run all of it; `seeds` cuts every part to so many runs, towns, sleeves and episodes."""
     claims: list[tuple[str, bool]] = []
-    tables, data = [], {}
+    tables, data, episodes = [], {}, []
     for part in (table_2, clustering, ants, two_pedestrians, beach):
-        found, own, checked = part(settings)
+        found, own, checked, shown = part(settings)
         tables += found
+        episodes += shown
         data[part.__name__] = own
         claims += checked
     curves = convergence_curves(settings)
     if settings.data is not None:
-        found, data["recorded"] = recorded(settings)
+        found, data["recorded"], shown = recorded(settings)
         tables += found
+        episodes += shown
     tables.append(
         Table(
             "Claims that are checked", ["claim", "holds"], [[text, "yes" if is_so else "NO"] for text, is_so in claims]
         )
     )
     data["claims"] = dict(claims)
-    return Reproduction("d2t-eaco", tables, NOTES, data, all(is_so for _, is_so in claims), [curves])
+    holds = all(is_so for _, is_so in claims)
+    return Reproduction("d2t-eaco", tables, NOTES, data, holds, [curves], episodes=episodes)
 
 
 def said(data: dict[str, Any]) -> Table:
@@ -83,7 +87,8 @@ def said(data: dict[str, Any]) -> Table:
     return Table("What the paper says, and what was found", ["said", "found"], rows)
 
 
-Part = tuple[list[Table], dict[str, Any], list[tuple[str, bool]]]
+Part = tuple[list[Table], dict[str, Any], list[tuple[str, bool]], list[Replayable]]
+"""Tables, numbers, claims and whether they hold, and what was driven."""
 
 
 def table_2(settings: Settings) -> Part:
@@ -120,7 +125,7 @@ def table_2(settings: Settings) -> Part:
     ]
     header = ["map", "d2t_eaco shorter than the next best [%]", "as the printed lengths say", "against A* there"]
     tables.append(Table("How much shorter", header, lines))
-    return tables, data, claims
+    return tables, data, claims, []
 
 
 GRID = ("bfs", "d_star", "bidirectional_a_star", "a_star")
@@ -167,7 +172,7 @@ def clustering(settings: Settings) -> Part:
         Table("Clustering: the beach", ["obstacles", "clusters"], [[str(len(beach_task.obstacles)), str(clusters)]]),
     ]
     halved = saved["obstacles clustered"] <= 0.5 * saved["obstacles"]
-    return tables, data, [("the beach: 28 -> 9", clusters == 9), ("towns: at most half of the obstacles", halved)]
+    return tables, data, [("the beach: 28 -> 9", clusters == 9), ("towns: at most half of the obstacles", halved)], []
 
 
 def ants(settings: Settings) -> Part:
@@ -214,7 +219,7 @@ def ants(settings: Settings) -> Part:
             rows,
         ),
     ]
-    return tables, data, claims
+    return tables, data, claims, []
 
 
 def convergence_curves(settings: Settings) -> Curves:
@@ -256,7 +261,9 @@ def two_pedestrians(settings: Settings) -> Part:
         ("two pedestrians: 1.2 m are kept", abs(found.gap - d2t_crossing.GAP) < 0.1),
         ("two pedestrians: the second deviation is the smaller one", second < first),
     ]
-    return [Table("Two pedestrians on the beach", ["", "found", "printed"], rows)], found._asdict(), claims
+    scene = (found.outcome == "success", found.outcome, "", d2t_crossing.DRIVER, d2t_worlds.BEACH)
+    episodes = [Replayable("d2t_eaco", "two pedestrians", 0, *scene)]
+    return [Table("Two pedestrians on the beach", ["", "found", "printed"], rows)], found._asdict(), claims, episodes
 
 
 def driven_by(rows: Sequence[EpisodeRow], label: str, scene: str) -> list[EpisodeRow]:
@@ -283,9 +290,8 @@ def beach(settings: Settings) -> Part:
     drivers = {
         label: one for label, one in DRIVERS.items() if not settings.policies or one["name"] in settings.policies
     }
-    rows = run(
-        [{**one, "label": label} for label, one in drivers.items()], scenarios, seeds, settings, name="d2t-beach"
-    )
+    entries = [{**one, "label": label} for label, one in drivers.items()]
+    rows = run(entries, scenarios, seeds, settings, name="d2t-beach")
     lines, data = [], {}
     for scene in scenarios:
         for label in drivers:
@@ -301,10 +307,11 @@ def beach(settings: Settings) -> Part:
     header = ["beach", "policy", "reached [%]", "collisions", "time [s]", "way [m]", "least gap [m]"]
     still = [row for row in rows if row.scenario == "0 pedestrians" and row.policy != "velocity_obstacle alone"]
     claims = [("the beach without pedestrians: every planner arrives", all(row.success for row in still))]
-    return [Table(f"The beach, {seeds} runs a line", header, lines)], data, claims
+    episodes = replayable(rows, entries, scenarios)
+    return [Table(f"The beach, {seeds} runs a line", header, lines)], data, claims, episodes
 
 
-def recorded(settings: Settings) -> tuple[list[Table], dict[str, Any]]:
+def recorded(settings: Settings) -> tuple[list[Table], dict[str, Any], list[Replayable]]:
     """Recorded pedestrians, who do not see the robot."""
     assert settings.data is not None
     seeds = settings.seeds or EPISODES
@@ -317,7 +324,8 @@ def recorded(settings: Settings) -> tuple[list[Table], dict[str, Any]]:
             mine = driven_by(rows, str(driver["label"]), scene)
             lines.append([scene, str(driver["label"]), as_percent(mine), str(len(of(mine, outcome="collision")))])
             data[f"{scene}, {driver['label']}"] = numbers(mine)
-    return [Table("Recorded pedestrians", ["scene", "policy", "reached [%]", "collisions"], lines)], data
+    tables = [Table("Recorded pedestrians", ["scene", "policy", "reached [%]", "collisions"], lines)]
+    return tables, data, replayable(rows, drivers, scenarios)
 
 
 NOTES = [

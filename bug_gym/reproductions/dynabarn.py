@@ -18,6 +18,7 @@ from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions import barn
 from bug_gym.reproductions.avoidable import SUDDEN, appeared
 from bug_gym.reproductions.claims import mean, of, run
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.worlds.dynabarn_files import load_dynabarn
 
@@ -105,7 +106,8 @@ def reproduce(settings: Settings) -> Reproduction:
     ]
     title = f"{len(scenarios)} worlds of DynaBARN, {PHASES} phases each"
     lines = [line(policy, found) for policy, found in data.items()]
-    return Reproduction("dynabarn", [Table(title, header, lines)], NOTES, {"results": data}, None)
+    episodes = replayable(rows, policies, scenarios, is_right=is_success)
+    return Reproduction("dynabarn", [Table(title, header, lines)], NOTES, {"results": data}, None, episodes=episodes)
 
 
 NOTES = [

@@ -8,6 +8,7 @@ from bug_gym.agents.hd_bug.parameters import Part
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions import hd_bug_tables
 from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, mean, numbers, of, paired, path_ratio, run, told
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 WHOLE = "whole"
@@ -46,7 +47,8 @@ def reproduce(settings: Settings) -> Reproduction:
             lines.append([world, variant, as_percent(mine), *shown(mine), *compared(mine, whole, variant)])
             data[f"{world}, {variant}"] = {**numbers(mine), **worth(mine, whole)}
     table = Table(f"What each part is worth, {seeds} worlds a line", HEADER, lines)
-    return Reproduction("hd-bug-ablation", [table], NOTES, {"results": data}, None)
+    episodes = replayable(rows, entries, scenarios)
+    return Reproduction("hd-bug-ablation", [table], NOTES, {"results": data}, None, episodes=episodes)
 
 
 HEADER = [

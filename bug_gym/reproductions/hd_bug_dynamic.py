@@ -12,6 +12,7 @@ from typing import Any
 
 from bug_gym.reproductions.avoidable import is_avoidable
 from bug_gym.reproductions.claims import CLEARANCE, ROBOT, as_percent, mean, numbers, of, paired, run, told
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 PREDICTORS = ("kalman", "constant_velocity", "none", "supervised", "rl")
@@ -62,9 +63,11 @@ def reproduce(settings: Settings) -> Reproduction:
     predictors = settings.policies or (PAPER, *PREDICTORS)
     seeds = settings.seeds or SEEDS
     entries = [entry(predictor) for predictor in predictors]
-    lines, pairs, data, differences, holds = [], [], {}, {}, True
+    lines, pairs, data, differences, episodes, holds = [], [], {}, {}, [], True
     for label, (scenario, asked) in WORLDS.items():
-        rows = run(entries, [{"scenario": scenario, "label": label}], seeds, settings, name="hd-bug-dynamic")
+        worlds = [{"scenario": scenario, "label": label}]
+        rows = run(entries, worlds, seeds, settings, name="hd-bug-dynamic")
+        episodes += replayable(rows, entries, worlds)
         for predictor in predictors:
             mine = of(rows, policy=predictor)
             hits = of(mine, outcome="collision")
@@ -92,7 +95,8 @@ def reproduce(settings: Settings) -> Reproduction:
     if pairs:
         tables.append(Table("Minus kalman, in the same worlds", PAIRED, pairs))
     data = {"results": data, "paired": differences}
-    return Reproduction("hd-bug-dynamic", tables, NOTES, data, holds if "kalman" in predictors else None)
+    claimed = holds if "kalman" in predictors else None
+    return Reproduction("hd-bug-dynamic", tables, NOTES, data, claimed, episodes=episodes)
 
 
 PAIRED = ["movers", "line", "success [%]", "95 %", "p (McNemar)", "time [s]", "95 %", "p (sign test)"]

@@ -11,6 +11,7 @@ from typing import Any
 
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions.claims import ROBOT, as_percent, entry, mean, numbers, of, paired, path_ratio, run, told
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 POLICIES = (
@@ -94,12 +95,14 @@ def field(obstacles: int, lidar_range: float) -> dict[str, Any]:
 def reproduce(settings: Settings) -> Reproduction:
     """Run both tables."""
     policies = settings.policies or POLICIES
-    tables, data, holds = [], {}, True
+    entries = [entry(policy) for policy in policies]
+    tables, data, episodes, holds = [], {}, [], True
     differences: dict[str, Any] = {}
     for lidar_range in RANGES:
         scenarios = [{"scenario": field(count, lidar_range), "label": str(count)} for count in OBSTACLES]
         name = f"hd-bug-tables-{lidar_range:g}"
-        rows = run([entry(policy) for policy in policies], scenarios, settings.seeds or SEEDS, settings, name=name)
+        rows = run(entries, scenarios, settings.seeds or SEEDS, settings, name=name)
+        episodes += replayable(rows, entries, scenarios, f"{{}} obstacles, {lidar_range:g} m")
         lines = []
         for count in OBSTACLES:
             for policy in policies:
@@ -115,7 +118,8 @@ def reproduce(settings: Settings) -> Reproduction:
             )
             holds = holds and claims_hold(rows, found)
     kept = {"results": data, "paired": differences}
-    return Reproduction("hd-bug-tables", tables, NOTES, kept, holds if "hd_bug" in policies else None)
+    claimed = holds if "hd_bug" in policies else None
+    return Reproduction("hd-bug-tables", tables, NOTES, kept, claimed, episodes=episodes)
 
 
 HEADER = [

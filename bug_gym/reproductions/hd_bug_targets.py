@@ -16,6 +16,7 @@ import shapely
 from bug_gym.config import dump, load
 from bug_gym.evaluation.summary import paired_difference
 from bug_gym.reproductions.claims import FIRST_SEED, ROBOT, as_percent, mean, numbers, of, run
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.scenarios import as_explicit
 from bug_gym.simulation import Simulation
@@ -98,9 +99,11 @@ def with_way_points(scene: dict[str, Any], seed: int) -> dict[str, Any]:
 def reproduce(settings: Settings) -> Reproduction:
     """Hunt each kind of target."""
     seeds = settings.seeds or SEEDS
-    lines, data, holds = [], {}, True
+    lines, data, episodes, holds = [], {}, [], True
     for target in TARGETS:
-        rows = run(POLICIES, scenes(target, seeds), seeds, settings, name="hd-bug-targets")
+        worlds = scenes(target, seeds)
+        rows = run(POLICIES, worlds, seeds, settings, name="hd-bug-targets")
+        episodes += replayable(rows, POLICIES, worlds, target)
         rows = [replace(row, scenario=target) for row in rows]
         ours, pursuit = of(rows, policy="hd_bug_map"), of(rows, policy="pure_pursuit")
         sooner = paired_difference(ours, pursuit, "time")
@@ -116,7 +119,8 @@ def reproduce(settings: Settings) -> Reproduction:
                 holds = holds and enough and sooner.mean < 0.0
     header = ["target", "policy", "intercepted [%]", "time [s]", "time_ratio", "time minus pure pursuit's [s], paired"]
     title = f"Moving targets among 40 still obstacles, {seeds} worlds a line"
-    return Reproduction("hd-bug-targets", [Table(title, header, lines)], NOTES, {"results": data}, holds)
+    table = Table(title, header, lines)
+    return Reproduction("hd-bug-targets", [table], NOTES, {"results": data}, holds, episodes=episodes)
 
 
 NOTES = [

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions.claims import CLEARANCE, as_percent, entry, mean, numbers, of, paired, path_ratio, run, told
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 TRAPS: dict[str, dict[str, Any]] = {
@@ -27,7 +29,8 @@ def reproduce(settings: Settings) -> Reproduction:
         {"scenario": name, "overrides": {"time.limit": TIME_LIMIT, **overrides}, "label": name}
         for name, overrides in TRAPS.items()
     ]
-    rows = run([entry(policy) for policy in policies], scenarios, seeds, settings, name="hd-bug-traps")
+    entries = [entry(policy) for policy in policies]
+    rows = run(entries, scenarios, seeds, settings, name="hd-bug-traps")
     lines, pairs, data, differences, holds = [], [], {}, {}, True
     for name in TRAPS:
         for policy in policies:
@@ -38,8 +41,7 @@ def reproduce(settings: Settings) -> Reproduction:
             ratio = f"{mean([path_ratio(row) for row in reached]):.3f}" if reached else "-"
             lines.append([name, policy, as_percent(mine), str(unreachable), str(hits), ratio])
             data[f"{name}, {policy}"] = numbers(mine)
-            right = unreachable if name == "ring" else len(reached)
-            holds = holds and right == len(mine)
+            holds = holds and all(map(is_right, mine))
         if set(POLICIES) <= set(policies):
             first, second = (of(rows, policy=policy, scenario=name) for policy in POLICIES)
             differences[name] = gap = paired(first, second)
@@ -52,7 +54,14 @@ def reproduce(settings: Settings) -> Reproduction:
     tables = [Table(f"Traps, {seeds} worlds a line", header, lines)]
     if pairs:
         tables.append(Table("hd_bug minus hd_bug_map, in the same worlds", PAIRED, pairs))
-    return Reproduction("hd-bug-traps", tables, notes, {"results": data, "paired": differences}, holds)
+    episodes = replayable(rows, entries, scenarios, is_right=is_right)
+    data = {"results": data, "paired": differences}
+    return Reproduction("hd-bug-traps", tables, notes, data, holds, episodes=episodes)
+
+
+def is_right(row: EpisodeRow) -> bool:
+    """Whether an episode ended as its world is: there is no way in the ring."""
+    return row.verdict == "unreachable" if row.scenario == "ring" else row.success
 
 
 PAIRED = ["trap", "success [%]", "95 %", "p (McNemar)", "path [m]", "95 %", "p (sign test)"]

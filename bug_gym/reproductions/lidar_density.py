@@ -33,11 +33,12 @@ NOISE = sweep.Sweep(
 def reproduce(settings: Settings) -> Reproduction:
     """Run both sweeps."""
     policies, seeds = settings.policies or POLICIES, settings.seeds or SEEDS
-    found = [(one, sweep.run(one, policies, seeds, settings)) for one in (DENSITY, NOISE)]
+    found = [sweep.run(one, policies, seeds, settings) for one in (DENSITY, NOISE)]
     return Reproduction(
         "lidar-density",
-        [table for one, summaries in found for table in sweep.tables(one, summaries)],
+        [table for one in found for table in sweep.tables(one)],
         [f"{seeds} worlds each of {' and '.join(SCENARIOS)}; the default clearance, which knows nothing of the noise."],
-        {"sweeps": [sweep.numbers(*one) for one in found]},
-        curves=[sweep.curves(*one) for one in found],
+        {"sweeps": [sweep.numbers(one) for one in found]},
+        curves=[sweep.curves(one) for one in found],
+        episodes=[episode for one in found for episode in one.episodes],
     )

@@ -53,19 +53,20 @@ SWEEPS = (
 def reproduce(settings: Settings) -> Reproduction:
     """Run both sweeps."""
     policies, seeds = settings.policies or POLICIES, settings.seeds or SEEDS
-    found = [(one, sweep.run(one, policies, seeds, settings)) for one in SWEEPS]
+    found = [sweep.run(one, policies, seeds, settings) for one in SWEEPS]
     notes = [
         f"{seeds} worlds each of {' and '.join(SCENARIOS)}; rotation noise {TURN_SHARE:g} rad/sqrt(m) a m/sqrt(m)."
     ]
-    for one, summaries in found:
-        names = [name for name, row in summaries.items() if row[-1].success >= SURVIVES]
+    for one in found:
+        names = [name for name, row in one.summaries.items() if row[-1].success >= SURVIVES]
         notes.append(
-            f"{one.title}: at {TRANSLATION[-1]:g} m/sqrt(m) at least 90 % succeed with {', '.join(names) or 'none'}."
+            f"{one.sweep.title}: at {TRANSLATION[-1]:g} m/sqrt(m) at least 90 % succeed with {', '.join(names) or 'none'}."
         )
     return Reproduction(
         "odometry-drift",
-        [table for one, summaries in found for table in sweep.tables(one, summaries)],
+        [table for one in found for table in sweep.tables(one)],
         notes,
-        {"sweeps": [sweep.numbers(*one) for one in found]},
-        curves=[sweep.curves(*one) for one in found],
+        {"sweeps": [sweep.numbers(one) for one in found]},
+        curves=[sweep.curves(one) for one in found],
+        episodes=[episode for one in found for episode in one.episodes],
     )

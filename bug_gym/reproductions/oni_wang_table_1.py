@@ -13,8 +13,8 @@ from typing import Any
 
 from bug_gym.config import parse_yaml
 from bug_gym.evaluation import evaluate
-from bug_gym.evaluation.plan import make_plan
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 SOURCE = Path(__file__).parent.parent / "configs" / "reproductions" / "oni_wang_table_1.yaml"
@@ -70,10 +70,12 @@ def reproduce(settings: Settings) -> Reproduction:
     """Run the table."""
     table = parse_yaml(SOURCE.read_text(encoding="utf-8"))
     driven = drive(table, settings)
+    rows = [row for mine in driven.values() for row in mine]
+    policies, suite = asked(table)
     lines, data = [], {}
-    for name, rows in driven.items():
+    for name, mine in driven.items():
         kinds = {kind: table[kind][name] for kind in ("printed", "sharp", "rounded")}
-        cells = [cell(*parts) for parts in zip(rows, kinds["rounded"], kinds["printed"], strict=True)]
+        cells = [cell(*parts) for parts in zip(mine, kinds["rounded"], kinds["printed"], strict=True)]
         data[name] = {
             route: {**one, **{kind: values[index] for kind, values in kinds.items()}}
             for index, (route, one) in enumerate(zip(table["routes"], cells, strict=True))
@@ -103,8 +105,8 @@ def reproduce(settings: Settings) -> Reproduction:
         notes,
         {"cells": data},
         holds,
-        rows=[row for rows in driven.values() for row in rows],
-        plan=make_plan(*asked(table)),
+        rows=rows,
+        episodes=replayable(rows, policies, suite["scenarios"]),
     )
 
 

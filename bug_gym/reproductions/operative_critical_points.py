@@ -24,6 +24,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.geometry import F64
+from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
 
@@ -187,12 +188,16 @@ def drive(
     )
 
 
-def jobs_of(settings: Settings) -> list[tuple[str, str, Any, dict[str, Any], int, dict[str, Any]]]:
+Job = tuple[str, str, Any, dict[str, Any], int, dict[str, Any]]
+"""The arguments of `drive`."""
+
+
+def jobs_of(settings: Settings) -> list[Job]:
     """All episodes: scenes, sparse worlds, still worlds and repairs."""
     seeds, policies = settings.seeds or SEEDS, settings.policies or POLICIES
     few = max(seeds // 5, 1)
     clearance = {"clearance": CLEARANCE}
-    jobs: list[tuple[str, str, Any, dict[str, Any], int, dict[str, Any]]] = []
+    jobs: list[Job] = []
     for name, world in SCENES.items():
         for policy in policies:
             for kinematics in ("holonomic", "differential") if policy == OURS else ("holonomic",):
@@ -336,4 +341,12 @@ def reproduce(settings: Settings) -> Reproduction:
             "sparse": sparse,
         },
         holds,
+        episodes=[as_replayable(*pair) for pair in zip(found, jobs, strict=True)],
     )
+
+
+def as_replayable(one: Found, job: Job) -> Replayable:
+    """An episode, for the page."""
+    label, policy, scenario, overrides, seed, parameters = job
+    driver = {"name": policy, "parameters": parameters}
+    return Replayable(policy, label, seed, one.outcome == "success", one.outcome, "", driver, scenario, overrides)

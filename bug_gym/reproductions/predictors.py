@@ -25,12 +25,13 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.learning.folder import TRAINED_FOLDER
 from bug_gym.agents.prediction import make_predictor, predictor_names
-from bug_gym.agents.prediction.samples import LAWS, displacement_errors, moments, world_of
+from bug_gym.agents.prediction.samples import DRIVER, LAWS, displacement_errors, moments, world_of
 from bug_gym.agents.prediction.settings import PredictorSettings
 from bug_gym.checks import needed_from
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.geometry import F64
 from bug_gym.held_out import TEST_SEEDS
+from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.view import Sensors
 from bug_gym.workers import each, starred
@@ -94,7 +95,12 @@ def reproduce(settings: Settings) -> Reproduction:
             "claims": dict(claims),
         },
         all(holds for _, holds in claims) if claims else None,
-    )
+        episodes=[
+            Replayable(DRIVER, label, seed, True, "driven, its movers predicted", "", DRIVER,
+                       partial(world_of, path or label, seed))
+            for label, seed, path in tasks
+        ],
+    )  # fmt: skip
 
 
 def _seeds(count: int) -> range:

@@ -24,6 +24,7 @@ from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.intervals import means, stratified_bootstrap
 from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, finite, mean, numbers, of, path_ratio
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 from bug_gym.reproductions.scripted_and_learned import ROBOT, Described, real_maps
 
@@ -72,6 +73,7 @@ def reproduce(settings: Settings) -> Reproduction:
     policies = [by_label.get(name, entry(name)) for name in asked]
     worlds = settings.seeds or WORLDS
     rows = drive(policies, scenarios, worlds, settings, {})
+    episodes = replayable(rows, policies, changed(scenarios, {}))
     labels = list(dict.fromkeys(row.policy for row in rows))
     tables = [price_table(label, of(rows, scenario=label), labels) for label in scenarios]
     data: dict[str, Any] = {"worlds": worlds, "policies": {}, "ranges": {}}
@@ -80,16 +82,17 @@ def reproduce(settings: Settings) -> Reproduction:
         data["policies"][policy] = {label: described(found) for label, found in mine.items() if found}
     chosen = [one for one in SEERS if not settings.policies or label_of(one) in settings.policies]
     curves = []
+    by_range: dict[float, Sequence[EpisodeRow]] = {}
     if chosen:
         names = {label_of(one) for one in chosen}
         driven = [row for row in rows if row.policy in names and row.scenario in SCENARIOS]
-        by_range = {
+        for metres in RANGES:
             # With the range that the robot has anyway, all of them have been driven above.
-            metres: driven
-            if metres == ROBOT["lidar.range"]
-            else drive(chosen, SCENARIOS, worlds, settings, {"lidar.range": metres})
-            for metres in RANGES
-        }
+            by_range[metres] = driven
+            if metres != ROBOT["lidar.range"]:
+                other = {"lidar.range": metres}
+                by_range[metres] = drive(chosen, SCENARIOS, worlds, settings, other)
+                episodes += replayable(by_range[metres], chosen, changed(SCENARIOS, other), f"{{}}, {metres:g} m")
         tables += [range_table(label, by_range) for label in SCENARIOS]
         curves = [range_curves(label, by_range) for label in SCENARIOS]
         data["ranges"] = {
@@ -99,14 +102,14 @@ def reproduce(settings: Settings) -> Reproduction:
             }
             for metres, found in by_range.items()
         }
-    faults = too_short([*rows, *(row for found in (by_range.values() if chosen else ()) for row in found)])
+    faults = too_short([*rows, *(row for found in by_range.values() for row in found)])
     data["too_short"] = faults
     notes = [
         f"{worlds} worlds a scenario, the same for all; path over the shortest one for the same disc, of those that "
         "arrived, with its 95 % interval; share of the optimum: shortest path over path, 0 for who did not arrive.",
         "privileged: was given the map.",
     ]
-    return Reproduction("price-of-not-knowing", tables, notes, data, not faults, curves, rows)
+    return Reproduction("price-of-not-knowing", tables, notes, data, not faults, curves, rows, episodes=episodes)
 
 
 def drive(
@@ -120,12 +123,17 @@ def drive(
     suite = {
         "name": "price-of-not-knowing",
         "seeds": {"first": FIRST_SEED, "count": worlds},
-        "scenarios": [
-            {"scenario": source, "label": label, "overrides": {**ROBOT, **own, "time.limit": TIME_LIMIT, **changes}}
-            for label, (source, own) in scenarios.items()
-        ],
+        "scenarios": changed(scenarios, changes),
     }
     return evaluate(list(policies), suite, workers=settings.workers, progress=settings.progress)
+
+
+def changed(scenarios: Mapping[str, Described], changes: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The scenarios of a suite, with changes of the robot."""
+    return [
+        {"scenario": source, "label": label, "overrides": {**ROBOT, **own, "time.limit": TIME_LIMIT, **changes}}
+        for label, (source, own) in scenarios.items()
+    ]
 
 
 def label_of(policy: Any) -> str:

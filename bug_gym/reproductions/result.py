@@ -13,8 +13,8 @@ import bug_gym
 from bug_gym.workers import Workers
 
 if TYPE_CHECKING:
-    from bug_gym.evaluation.plan import Plan
     from bug_gym.evaluation.rows import EpisodeRow
+    from bug_gym.reproductions.replayable import Replayable
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ class Reproduction:
     curves: Sequence[Curves] = ()
     """What is drawn beside the JSON."""
     rows: Sequence[EpisodeRow] = ()
-    """The episodes behind it, where one set of policies drove in one set of scenarios; a page is made of them."""
-    plan: Plan | None = None
-    """What the rows were asked for with, so that the page can replay failures; None: the page does not."""
+    """The rows behind it, where one set of policies drove in one set of scenarios; the page compares the policies."""
+    episodes: Sequence[Replayable] = ()
+    """The episodes that its tables count, some of which the page plays; empty where they count something else."""
 
     def as_json(self, commit: str) -> str:
         """The numbers with what they were made by, as JSON text."""

@@ -15,12 +15,12 @@ from bug_gym.agents.learning.folder import lone_names
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
-from bug_gym.evaluation.plan import make_plan
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import Summary, paired_difference, summarise
 from bug_gym.reproductions.claims import CLEARANCE, entry
 from bug_gym.reproductions.collisions import KINDS, contact
+from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 
 WORLDS = 100
@@ -77,7 +77,7 @@ def reproduce(settings: Settings) -> Reproduction:
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
     policies = list(settings.policies or (*SCRIPTED, *lone_names()))
     worlds = settings.seeds or WORLDS
-    suite = {
+    suite: dict[str, Any] = {
         "name": "scripted-and-learned",
         "seeds": {"count": worlds},
         "scenarios": [
@@ -110,7 +110,7 @@ def reproduce(settings: Settings) -> Reproduction:
             "differences": differences,
         },
         rows=rows,
-        plan=make_plan(entries, suite),
+        episodes=replayable(rows, entries, suite["scenarios"]),
     )
 
 

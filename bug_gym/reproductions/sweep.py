@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.summary import Summary, summarise
+from bug_gym.reproductions.replayable import Replayable, replayable
 from bug_gym.reproductions.result import Curves, Settings, Table
 
 
@@ -26,29 +27,40 @@ class Sweep:
     """Scenarios that are pooled for each value."""
 
 
-def run(sweep: Sweep, policies: Sequence[str], seeds: int, settings: Settings) -> dict[str, list[Summary]]:
-    """Summaries of each policy, one a value, over all scenarios together."""
-    found: dict[str, list[Summary]] = {policy: [] for policy in policies}
+class Swept(NamedTuple):
+    """What came of a sweep."""
+
+    sweep: Sweep
+    summaries: dict[str, list[Summary]]
+    """Of each policy, one a value, over all scenarios together."""
+    episodes: list[Replayable]
+
+
+def run(sweep: Sweep, policies: Sequence[str], seeds: int, settings: Settings) -> Swept:
+    """Drive all policies with each value."""
+    found = Swept(sweep, {policy: [] for policy in policies}, [])
     for value, overrides in zip(sweep.values, sweep.overrides, strict=True):
-        scenarios = [{"scenario": name, "overrides": dict(overrides)} for name in sweep.scenarios]
+        scenarios: list[dict[str, Any]] = [{"scenario": name, "overrides": dict(overrides)} for name in sweep.scenarios]
         suite = {"name": f"sweep-{value:g}", "scenarios": scenarios, "seeds": {"count": seeds}}
         rows = evaluate(list(policies), suite, workers=settings.workers, progress=settings.progress)
         # One stratum a scenario; the last summaries are those over all of them.
         for summary in summarise(rows, resamples=200)[-len(policies) :]:
-            found[summary.policy].append(summary)
+            found.summaries[summary.policy].append(summary)
+        found.episodes.extend(replayable(rows, policies, scenarios, f"{{}}, {sweep.title}: {value:g}"))
     return found
 
 
-def tables(sweep: Sweep, found: Mapping[str, list[Summary]]) -> list[Table]:
+def tables(found: Swept) -> list[Table]:
     """Success with its interval, and path over shortest path, against the value."""
+    sweep = found.sweep
     header = ["policy", *(f"{value:g}" for value in sweep.values)]
     success = [
         [policy, *(f"{100 * s.success:.0f} [{100 * s.success_low:.0f}, {100 * s.success_high:.0f}]" for s in summaries)]
-        for policy, summaries in found.items()
+        for policy, summaries in found.summaries.items()
     ]
     ratio = [
         [policy, *(f"{s.path_ratio:.2f}" if isfinite(s.path_ratio) else "-" for s in summaries)]
-        for policy, summaries in found.items()
+        for policy, summaries in found.summaries.items()
     ]
     return [
         Table(f"{sweep.title}: success [%] with its 95 % interval against {sweep.label}", header, success),
@@ -56,16 +68,18 @@ def tables(sweep: Sweep, found: Mapping[str, list[Summary]]) -> list[Table]:
     ]
 
 
-def curves(sweep: Sweep, found: Mapping[str, list[Summary]]) -> Curves:
+def curves(found: Swept) -> Curves:
     """Success against the value, to draw."""
     lines = {
-        policy: [(s.success, s.success_low, s.success_high) for s in summaries] for policy, summaries in found.items()
+        policy: [(s.success, s.success_low, s.success_high) for s in summaries]
+        for policy, summaries in found.summaries.items()
     }
-    return Curves(sweep.title, sweep.label, "success", list(sweep.values), lines)
+    return Curves(found.sweep.title, found.sweep.label, "success", list(found.sweep.values), lines)
 
 
-def numbers(sweep: Sweep, found: Mapping[str, list[Summary]]) -> dict[str, Any]:
+def numbers(found: Swept) -> dict[str, Any]:
     """The sweep as JSON can hold it."""
+    sweep = found.sweep
     series = {
         policy: [
             {
@@ -76,6 +90,6 @@ def numbers(sweep: Sweep, found: Mapping[str, list[Summary]]) -> dict[str, Any]:
             }
             for s in summaries
         ]
-        for policy, summaries in found.items()
+        for policy, summaries in found.summaries.items()
     }
     return {"label": sweep.label, "values": list(sweep.values), "scenarios": list(sweep.scenarios), "policies": series}

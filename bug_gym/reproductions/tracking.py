@@ -27,6 +27,7 @@ from bug_gym.config import Scenario, dump
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.held_out import TEST_SEEDS
 from bug_gym.intervals import wilson_interval
+from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.reproductions.tracking_runs import CONFIRMED_IN, DRIVERS, Counts, frames, judge
 from bug_gym.workers import each, starred
@@ -62,10 +63,12 @@ def reproduce(settings: Settings) -> Reproduction:
         for seed in range(TEST_SEEDS, TEST_SEEDS + (settings.seeds or worlds))
     ]
     found: dict[str, list[Counts]] = {label: [] for label in (*still, *moving)}
+    episodes = []
     with progress_bar(shown=settings.progress) as track:
         runs = each(partial(starred, watch), [task[1:] for task in tasks], settings.workers, in_order=True)
-        for (label, _, _), counts in zip(tasks, track(runs, "worlds", len(tasks)), strict=True):
+        for (label, scenario, seed), counts in zip(tasks, track(runs, "worlds", len(tasks)), strict=True):
             found[label].append(counts)
+            episodes.append(as_replayable(label, scenario, seed, len(counts.ghosts)))
     ghosts = {label: ghost_numbers(found[label]) for label in still}
     known = {label: mover_numbers(found[label]) for label in moving}
     claims = list(check(ghosts, known))
@@ -76,6 +79,7 @@ def reproduce(settings: Settings) -> Reproduction:
         + ([] if settings.data else ["no real maps and recorded pedestrians: give their folder with --data"]),
         {"still": ghosts, "moving": known, "claims": dict(claims)},
         all(holds for _, holds in claims),
+        episodes=episodes,
     )
 
 
@@ -95,10 +99,22 @@ def families(data: Path | None) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def watch(scenario: Scenario | str | dict[str, Any], seed: int) -> Counts:
     """What is counted in one world."""
-    kinematics, noise, beams = VARIANTS[seed % len(VARIANTS)]
-    overrides = {"robot.kinematics": kinematics, "lidar.noise": noise, "lidar.beams": beams}
-    driver = DRIVERS[seed // len(VARIANTS) % len(DRIVERS)]
+    driver, overrides = driven_by(seed)
     return judge(frames(scenario, seed, driver, overrides=overrides))
+
+
+def driven_by(seed: int) -> tuple[str, dict[str, Any]]:
+    """Who drives in the world of a seed, and what is changed in its scenario."""
+    kinematics, noise, beams = VARIANTS[seed % len(VARIANTS)]
+    driver = DRIVERS[seed // len(VARIANTS) % len(DRIVERS)]
+    return driver, {"robot.kinematics": kinematics, "lidar.noise": noise, "lidar.beams": beams}
+
+
+def as_replayable(label: str, scenario: Any, seed: int, ghosts: int) -> Replayable:
+    """An episode, for the page; what fails in it is the tracker."""
+    driver, overrides = driven_by(seed)
+    end = f"{ghosts} still {'thing' if ghosts == 1 else 'things'} called moving" if ghosts else "no ghosts"
+    return Replayable(driver, label, seed, not ghosts, end, "", driver, scenario, overrides)
 
 
 def ghost_numbers(worlds: Sequence[Counts]) -> dict[str, Any]:

@@ -21,8 +21,10 @@ from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.page import PAGE, page, write_page
 from bug_gym.evaluation.page.distributions import BINS, HEIGHT, counts, histogram
 from bug_gym.evaluation.page.failures import told_seeds
+from bug_gym.evaluation.page.findings import results, watched
 from bug_gym.evaluation.page.markup import Markup, element
-from bug_gym.evaluation.replays import chosen
+from bug_gym.evaluation.page.recorded import Key
+from bug_gym.evaluation.replays import chosen, record_episode
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import compare, summarise
 from bug_gym.replay.packing import unpacked
@@ -78,6 +80,7 @@ class Reader(HTMLParser):
         self.tables: list[list[list[str]]] = []
         self.texts: dict[str, str] = {}
         self._open = ["start"]
+        self._is_in_cell = False
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -89,14 +92,15 @@ class Reader(HTMLParser):
             self.tables[-1].append([])
         elif tag in ("td", "th"):
             self.tables[-1][-1].append("")
+            self._is_in_cell = True
 
     def handle_endtag(self, tag: str) -> None:
-        if tag == "table":
-            self._open.append("after a table")
+        if tag in ("td", "th"):
+            self._is_in_cell = False
 
     def handle_data(self, data: str) -> None:
         self.texts[self._open[-1]] = self.texts.get(self._open[-1], "") + data
-        if self.tables and self.tables[-1] and self.tables[-1][-1] and self._open[-1] != "after a table":
+        if self._is_in_cell:
             self.tables[-1][-1][-1] += data
 
 
@@ -383,6 +387,72 @@ def test_a_browser_replays_a_failure_and_another_policy_beside_it(tmp_path: Path
     assert told["seed"] == "0" and told["alone"] == ["go_to_goal"]
     assert told["offered"] == ["nothing", "bug2, disc, seed 0"] and told["both"] == ["go_to_goal", "bug2"]
     assert "timeout" in told["states"][0] and "success" in told["states"][1] and told["inTable"] == 2
+
+
+# ---------------------------------------------------------------------------------------------- of a reproduction
+
+
+def findings_page(replays: dict[Key, str], rows: list[EpisodeRow]) -> str:
+    """The page of a reproduction with a table about policies and one about something else."""
+    tables = [
+        ("lengths", ["policy", "length [m]"], [["bug2", "12.0"], [HOSTILE, "7.5"]]),
+        ("planners", ["planner", "ms"], [["a_star", "1.0"]]),
+    ]
+    first = [results(tables, ["lengths are " + HOSTILE], holds=False), *watched(rows, replays)]
+    return page("of a paper", [], [], replays=replays, first=first)
+
+
+def test_the_page_of_a_reproduction_has_its_tables_and_says_nothing_of_replays_where_there_are_none() -> None:
+    text = findings_page({}, [])
+    reader = Reader(text)
+    assert [table[0] for table in reader.tables] == [["policy", "length [m]"], ["planner", "ms"]]
+    assert reader.tables[0][2] == [HOSTILE, "7.5"] and "NOT every claim holds" in text
+    assert not {"img", "script"} & {tag for tag, _ in reader.elements[:-2]}  # the data and the page's own script
+    links = [str(one["href"]) for _, one in reader.elements if "href" in one]
+    assert links == ["#results"] and "<h2>Watch" not in text and "data-replay" not in text.partition("<script")[0]
+    filtered = [one["data-policy"] for _, one in reader.elements if "data-policy" in one]
+    assert filtered == ["bug2", HOSTILE]  # planners are no policies
+
+
+def test_episodes_to_watch_are_told_with_how_they_ended() -> None:
+    failed, arrived = ROWS[3], ROWS[8]
+    keys = [(row.policy, row.scenario, row.seed) for row in (failed, arrived)]
+    text = findings_page(dict.fromkeys(keys, "letters"), [failed, arrived])
+    assert Reader(text).tables[-1][1:] == [["box", "middling", "time was up", "3"], ["box", "best", "success", "0"]]
+    assert "The first failure of each kind" in text and "Nothing failed" not in text
+    assert "Nothing failed" in findings_page({keys[1]: "letters"}, [arrived])
+    # What found no room in the page is not offered.
+    assert len(Reader(findings_page({keys[0]: "letters"}, [failed, arrived])).tables[-1]) == 2
+
+
+# What a reader would do: filter by policy, look at what is left, and watch.
+WATCHED = """
+{
+const told = {};
+const until = async (is) => { for (let n = 0; n < 300 && !is(); n += 1) await new Promise((done) => setTimeout(done, 20)); };
+(async () => {
+  const filter = document.getElementById("filter");
+  filter.value = "bug2"; filter.dispatchEvent(new Event("input"));
+  told.left = [...document.querySelectorAll("#results tbody tr")].filter((row) => !row.hidden).length;
+  document.querySelector("#watch tr:not([hidden]) button[data-replay]").click();
+  const titles = () => [...document.querySelectorAll("#replay figcaption b")].map((title) => title.textContent);
+  await until(() => titles().length === 1);
+  told.played = titles();
+  told.isShown = document.getElementById("episodes").offsetHeight > 0;
+  told.isWide = document.documentElement.scrollWidth > window.innerWidth;
+  document.title = JSON.stringify(told);
+})();
+}
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
+def test_a_browser_plays_what_a_reproduction_has_to_watch(tmp_path: Path) -> None:
+    episodes = [record_episode(policy, "disc", overrides={"time.limit": 10}) for policy in ("go_to_goal", "bug2")]
+    rows = [replace(BLANK, policy=one.title, scenario="disc") for one in episodes]
+    replays = {(one.title, "disc", 0): one.packed for one in episodes}
+    told = browsed(findings_page(replays, rows), tmp_path, WATCHED)
+    assert told == {"left": 2, "played": ["bug2"], "isShown": False, "isWide": False}
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")

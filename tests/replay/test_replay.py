@@ -98,6 +98,18 @@ def test_a_mind_is_recorded_in_the_world_and_each_shape_once() -> None:
     np.testing.assert_allclose(hit, [x + math.cos(heading), y + math.sin(heading)], atol=0.011)
 
 
+def test_the_same_drawing_of_two_robots_lies_where_each_of_them_started() -> None:
+    simulation = Simulation("crossing_robots", overrides={"robots.count": 2})
+    simulation.reset(seeds=[0])
+    recorder = Recorder(simulation)
+    for _ in range(2):
+        recorder.record([Drawing(points=[(0.0, 0.0, "hit")])] * 2)
+    data = recorder.episode().data
+    starts = [pose[:2] for pose in simulation.world.pose[0]]
+    np.testing.assert_allclose([np.array(shape[2:]) * CENTI for shape in data["shapes"]], starts, atol=0.006)
+    assert data["shown"] == [[0, 2], 0]
+
+
 def test_a_policy_is_replayed_to_its_end_with_its_states_and_its_drawing() -> None:
     episode = record_episode("bug2", "disc", every=7)
     data = unpacked(episode.packed)

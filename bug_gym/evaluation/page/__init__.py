@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 import bug_gym
 from bug_gym.evaluation.matrix import matrix
@@ -35,6 +35,15 @@ LARGEST_WHOLE = 2**53
 """From here on a number of JavaScript is not every whole number: seeds are kept as text."""
 
 
+class Section(NamedTuple):
+    """A part of the page."""
+
+    title: str
+    told: str
+    """What a reader has to know of it."""
+    content: Markup
+
+
 def write_page(
     path: Path,
     title: str,
@@ -42,21 +51,23 @@ def write_page(
     summaries: Sequence[Summary],
     differences: Sequence[PairedDifference] = (),
     replays: Mapping[Key, str] | None = None,
+    first: Sequence[Section] = (),
 ) -> None:
     """Write the page about some rows.
 
     Args:
         path: of the file, which is replaced as a whole.
         title: what was evaluated.
-        rows: one an episode and robot.
+        rows: one an episode and robot; without any the page says nothing of them.
         summaries: what `summarise` makes of them.
         differences: what `compare` makes of them.
         replays: episodes that were recorded, packed, by policy, scenario and seed.
+        first: what stands before all that.
 
     Raises:
-        ValueError: no rows, or a path that cannot be written to.
+        ValueError: a path that cannot be written to.
     """
-    text = page(title, rows, summaries, differences, replays)
+    text = page(title, rows, summaries, differences, replays, first)
     with replaced_when_done(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
@@ -67,52 +78,79 @@ def page(
     summaries: Sequence[Summary],
     differences: Sequence[PairedDifference] = (),
     replays: Mapping[Key, str] | None = None,
+    first: Sequence[Section] = (),
 ) -> str:
     """The text of the page, see `write_page`."""
     recorded = Recorded(replays or {})
-    policies, scenarios = _numbered(row.policy for row in rows), _numbered(row.scenario for row in rows)
-    sections = [
-        _section(
-            "Success",
-            "Share of successes [%] with its 95 % Wilson interval, the best first; a cell leads to its failures. "
-            "Policies marked (privileged) read the map.",
-            matrix_table(matrix(summaries), scenarios, policies),
-        ),
-        _section(
-            "Differences",
-            "Means over pairs in the same worlds with a 95 % bootstrap interval; p is of the exact McNemar test on "
-            "success, not corrected for the number of comparisons.",
-            differences_to_baseline(differences),
-        ),
-        _section("Summaries", "Means; path, time and clearance are of successes.", summaries_by_scenario(summaries)),
-        _section(
-            "Distributions",
-            "Of successes: the median, in brackets the middle half. Bars of a column share an axis, whose ends its name "
-            "tells; what lies beyond stands in the last bar.",
-            distributions(rows),
-        ),
-        _section(
-            "Failures",
-            "With the seeds of their worlds"
-            + ("; a button replays the episode. " if replays else ". ")
-            + "Any episode of a policy and a scenario by name is replayed by bug-gym render POLICY SCENARIO --seed SEED "
-            "--out race.html, several policies side by side by bug-gym render SCENARIO --policies POLICY,POLICY.",
-            failures(rows, scenarios, policies, recorded.numbers),
-        ),
-    ]
+    keys = [*((row.policy, row.scenario) for row in rows), *((key[0], key[1]) for key in recorded.numbers)]
+    policies, scenarios = _numbered(policy for policy, _ in keys), _numbered(scenario for _, scenario in keys)
+    sections = list(first)
+    if rows:
+        sections += _about_rows(rows, summaries, differences, policies, scenarios, recorded)
+    titles = [one.title for one in sections] + (["Episodes"] if rows else [])
     script = "\n".join([part("player.js"), _part("page.js")])
-    worlds = len({(row.scenario, row.seed) for row in rows})
-    counts = (_told(len(policies), "policy", "policies"), _told(len(scenarios), "scenario"), _told(worlds, "world"))
     return Template(_part("page.html")).substitute(
         title=joined([title]),
-        subtitle=joined([f"{', '.join(counts)}, {_told(len(rows), 'episode')}; bug_gym {bug_gym.__version__}"]),
+        subtitle=joined(["; ".join(filter(None, [_counts(rows), f"bug_gym {bug_gym.__version__}"]))]),
+        nav=joined(joined([element("a", name.lower(), href=f"#{name.lower()}"), " "]) for name in titles),
         style=_part("page.css") + part("player.css"),
-        sections=joined(sections),
+        sections=joined(map(_section, sections)),
+        hidden="" if rows else "hidden",
         data=_embedded(_data(rows, policies, scenarios, recorded)),
         replays=episodes_of(recorded),
         script=script,
         digest=digest(script),
     )
+
+
+def _about_rows(
+    rows: Sequence[EpisodeRow],
+    summaries: Sequence[Summary],
+    differences: Sequence[PairedDifference],
+    policies: Mapping[str, int],
+    scenarios: Mapping[str, int],
+    recorded: Recorded,
+) -> list[Section]:
+    """What the page says of all episodes together."""
+    return [
+        Section(
+            "Success",
+            "Share of successes [%] with its 95 % Wilson interval, the best first; a cell leads to its failures. "
+            "Policies marked (privileged) read the map.",
+            matrix_table(matrix(summaries), scenarios, policies),
+        ),
+        Section(
+            "Differences",
+            "Means over pairs in the same worlds with a 95 % bootstrap interval; p is of the exact McNemar test on "
+            "success, not corrected for the number of comparisons.",
+            differences_to_baseline(differences),
+        ),
+        Section("Summaries", "Means; path, time and clearance are of successes.", summaries_by_scenario(summaries)),
+        Section(
+            "Distributions",
+            "Of successes: the median, in brackets the middle half. Bars of a column share an axis, whose ends its name "
+            "tells; what lies beyond stands in the last bar.",
+            distributions(rows),
+        ),
+        Section(
+            "Failures",
+            "With the seeds of their worlds"
+            + ("; a button replays the episode. " if recorded.numbers else ". ")
+            + "Any episode of a policy and a scenario by name is replayed by bug-gym render POLICY SCENARIO --seed SEED "
+            "--out race.html, several policies side by side by bug-gym render SCENARIO --policies POLICY,POLICY.",
+            failures(rows, scenarios, policies, recorded.numbers),
+        ),
+    ]
+
+
+def _counts(rows: Sequence[EpisodeRow]) -> str:
+    """How much the page is about, "" where it has no rows."""
+    if not rows:
+        return ""
+    policies, scenarios = ({getattr(row, name) for row in rows} for name in ("policy", "scenario"))
+    worlds = len({(row.scenario, row.seed) for row in rows})
+    counts = (_told(len(policies), "policy", "policies"), _told(len(scenarios), "scenario"), _told(worlds, "world"))
+    return f"{', '.join(counts)}, {_told(len(rows), 'episode')}"
 
 
 def _numbered(labels: Any) -> dict[str, int]:
@@ -123,8 +161,9 @@ def _told(count: int, one: str, many: str = "") -> str:
     return f"{count:,} {one if count == 1 else many or f'{one}s'}"
 
 
-def _section(title: str, told: str, content: Markup) -> Markup:
-    return element("section", element("h2", title), element("p", told, class_="told"), content, id=title.lower())
+def _section(one: Section) -> Markup:
+    told = [element("p", one.told, class_="told")] if one.told else []
+    return element("section", element("h2", one.title), *told, one.content, id=one.title.lower())
 
 
 def _part(name: str) -> str:

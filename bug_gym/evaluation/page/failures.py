@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from bug_gym.evaluation.page.markup import Cell, Markup, element, table
-from bug_gym.evaluation.page.recorded import Key, buttons
+from bug_gym.evaluation.page.recorded import Ended, Key, buttons
 from bug_gym.evaluation.rows import EpisodeRow
 
 KINDS = {
@@ -25,9 +25,9 @@ def mark(scenario: int, policy: int) -> str:
     return f"failed-{scenario}-{policy}"
 
 
-def end(row: EpisodeRow) -> str:
+def end(row: Ended) -> str:
     """How an episode ended, with the policy's verdict."""
-    kind = KINDS[row.outcome]
+    kind = KINDS.get(row.outcome, row.outcome)
     return f"{kind}: {row.verdict}" if row.verdict else kind
 
 

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import NamedTuple
 
+PROSE = 40
+"""Letters of a cell that are more than a number: its column is set as text."""
 VOID = ("input", "path", "line", "meta")
 """Elements without a content."""
 
@@ -52,18 +54,27 @@ class Cell(NamedTuple):
     """Its id in the page."""
 
 
-def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int = 0) -> Markup:
+def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int | None = 0) -> Markup:
     """A table that the page sorts by a click on a name of a column, and filters by policy.
 
     Args:
         header: names of the columns.
         lines: the cells of each line, as many as the header has.
-        policy: number of the column with the policy, which is text; it and those before it are headers of their line.
+        policy: number of the column with the policy, which is text; it and those before it are headers of their line. None:
+            no column, the first one is the header.
     """
-    head = element("tr", *(element("th", name, scope="col") for name in header))
+    last, lines = policy or 0, list(lines)
+    texts = {*range(last + 1), *(column for line in lines for column, cell in enumerate(line) if _is_prose(cell))}
+    heads = [
+        element("th", name, scope="col", class_="name" if column in texts else None)
+        for column, name in enumerate(header)
+    ]
+    head = element("tr", *heads)
     body = [
         element(
-            "tr", *(_cell(cell, column <= policy) for column, cell in enumerate(line)), data_policy=line[policy].content
+            "tr",
+            *(_cell(cell, is_header=column <= last, is_text=column in texts) for column, cell in enumerate(line)),
+            data_policy=None if policy is None else line[policy].content,
         )
         for line in lines
     ]
@@ -71,9 +82,13 @@ def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int
     return element("div", whole, class_="wide")
 
 
-def _cell(cell: Cell, is_header: bool) -> Markup:
+def _cell(cell: Cell, *, is_header: bool, is_text: bool) -> Markup:
     if is_header:
         return element("th", cell.content, scope="row", id=cell.mark)
     if cell.share is None:
-        return element("td", cell.content, id=cell.mark)
+        return element("td", cell.content, class_="prose" if is_text else None, id=cell.mark)
     return element("td", cell.content, class_="share", style=f"--share:{cell.share:.3f}", id=cell.mark)
+
+
+def _is_prose(cell: Cell) -> bool:
+    return not isinstance(cell.content, Markup) and len(cell.content) > PROSE

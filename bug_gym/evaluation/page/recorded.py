@@ -3,11 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Protocol
 
 from bug_gym.evaluation.page.markup import Markup, element, joined
 
 Key = tuple[str, str, int]
 """Policy and scenario by label, and seed."""
+
+
+class Ended(Protocol):
+    """An episode and how it ended, as far as it matters for what is replayed: a row of an evaluation, or what looks so."""
+
+    @property
+    def policy(self) -> str:
+        """Label of the policy."""
+
+    @property
+    def scenario(self) -> str:
+        """Label of the scenario."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of the world."""
+
+    @property
+    def success(self) -> bool:
+        """Whether it ended as it should."""
+
+    @property
+    def outcome(self) -> str:
+        """How it ended."""
+
+    @property
+    def verdict(self) -> str:
+        """What is said of that, "" where nothing."""
 
 
 class Recorded:
