@@ -15,6 +15,7 @@ from bug_gym.worlds.grid import carve
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import draw_within
 from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes
+from bug_gym.worlds.room_walls import Plan, drawn_walls, whole_walls
 
 
 class RoomsWorld(DrawnPlaces):
@@ -42,6 +43,12 @@ class RoomsWorld(DrawnPlaces):
         xmin, ymin, xmax, ymax = self.bounds
         return (xmax - xmin) / self.columns, (ymax - ymin) / self.rows
 
+    @property
+    def plan(self) -> Plan:
+        """What is drawn from."""
+        half = 0.5 * self.wall
+        return Plan(self.columns, self.rows, self.bounds, half, self.door, self.loops, self.unevenness)
+
     def check(self, robot: Robot) -> None:
         """The robot fits through the doors, and they into the smallest room's walls."""
         check_cells(self.columns, self.rows, "columns")
@@ -55,8 +62,8 @@ class RoomsWorld(DrawnPlaces):
         """Rooms with doors between neighbours: a tree of them, and some more."""
 
         def build() -> tuple[Rings, ...]:
-            open_right, open_up = carve(self.columns, self.rows, self.loops, rng)
-            return room_walls(self, open_right, open_up, rng)
+            polygons = drawn_walls(self.plan, rng)
+            return plainly_drawn_walls(self, rng) if polygons is None else polygons
 
         return draw_within(crew, self, rng, build)
 
@@ -70,6 +77,12 @@ def uneven_lines(low: float, high: float, count: int, unevenness: float, rng: Rn
     return lines
 
 
+def plainly_drawn_walls(world: RoomsWorld, rng: Rng) -> tuple[Rings, ...]:
+    """The walls of one world: in words what `drawn_walls` does in compiled code."""
+    open_right, open_up = carve(world.columns, world.rows, world.loops, rng)
+    return room_walls(world, open_right, open_up, rng)
+
+
 def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tuple[Rings, ...]:
     """The walls between rooms, with a door wherever a room is open to the next (see `grid.carve`)."""
     xmin, ymin, xmax, ymax = world.bounds
@@ -81,9 +94,6 @@ def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tu
         begin = float(rng.uniform(low + half, high - half - world.door))
         return begin, begin + world.door
 
-    # Walls go on a little beyond the border, so that no beam slips between the two.
-    walls = [(line - half, ymin - half, line + half, ymax + half) for line in x[1:-1].tolist()]
-    walls += [(xmin - half, line - half, xmax + half, line + half) for line in y[1:-1].tolist()]
     doors: list[Rectangle] = []
     for column, row in np.argwhere(open_right).tolist():
         low, high = door(y[row], y[row + 1])
@@ -91,4 +101,4 @@ def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tu
     for column, row in np.argwhere(open_up).tolist():
         low, high = door(x[column], x[column + 1])
         doors.append((low, y[row + 1] - world.wall, high, y[row + 1] + world.wall))
-    return as_polygons(boxes(walls).difference(boxes(doors)))
+    return as_polygons(boxes(whole_walls(x, y, half)).difference(boxes(doors)))
