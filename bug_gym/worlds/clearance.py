@@ -5,14 +5,20 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.geometry import F64, following
+from bug_gym.kernels.free_place import fits
+from bug_gym.kernels.layout import Integers
 from bug_gym.worlds.layout import Mover, Rings
 
 Free = Callable[[float, float], bool]
+"""Whether there is room at x, y [m]."""
+Clear = Callable[[float], Free]
+"""That test for discs of a radius [m]."""
 
 
 class _Outlines:
@@ -71,6 +77,25 @@ def is_clear(circles: F64, polygons: Sequence[Rings], border: F64, room: float) 
         )
 
     return free
+
+
+def clear_among(border: F64, polygons: Sequence[Rings]) -> Clear:
+    """Tests whether discs fit at a point; holes count as filled, as a closed courtyard is no place to be."""
+    return partial(is_clear, np.zeros((0, 3)), tuple(rings[:1] for rings in polygons), border)
+
+
+def compiled_clear(corners: F64, firsts: Integers) -> Clear:
+    """The same in compiled code, 20 times as fast, for a border and polygons without holes.
+
+    Args:
+        corners: (n, 2) of the border, then of the polygons [m].
+        firsts: (rings + 1,), where each of them begins.
+    """
+
+    def clear(room: float) -> Free:
+        return lambda x, y: fits(corners, firsts, x, y, room)
+
+    return clear
 
 
 def obstacles_of(circles: F64, polygons: tuple[Rings, ...], movers: Sequence[Mover]) -> tuple[F64, tuple[Rings, ...]]:

@@ -8,6 +8,7 @@ by `kernels.rooms`.
 from __future__ import annotations
 
 import functools
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +17,9 @@ from bug_gym.geometry import F64
 from bug_gym.kernels.generator import give_back, taken
 from bug_gym.kernels.layout import Integers
 from bug_gym.kernels.rooms import cut_doors, draw_rooms
+from bug_gym.worlds.clearance import compiled_clear
 from bug_gym.worlds.family import Rng
-from bug_gym.worlds.layout import Rings
+from bug_gym.worlds.places import Walls
 from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes
 
 
@@ -59,7 +61,7 @@ def whole_walls(x: F64, y: F64, half: float) -> list[Rectangle]:
     return walls + [(xmin - half, line - half, xmax + half, line + half) for line in y[1:-1].tolist()]
 
 
-def drawn_walls(plan: Plan, rng: Rng) -> tuple[Rings, ...] | None:
+def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
     """The walls of one world; None, and nothing drawn, where the plain way has to draw it.
 
     That is where a generator isn't NumPy's PCG64, where there are less than two walls, and where doors leave slivers of
@@ -83,8 +85,9 @@ def drawn_walls(plan: Plan, rng: Rng) -> tuple[Rings, ...] | None:
     walk, after, begins = np.empty((most, 2)), np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     corners, firsts = np.empty((most + 4, 2)), np.empty(most + 2, dtype=np.int64)
     rings = cut_doors(*uncut, x, y, right, up, plan.half, plan.door, walk, after, begins, corners, firsts)
-    ends = firsts[1 : rings + 1].tolist()
-    return tuple((corners[begin:end],) for begin, end in zip(ends, ends[1:], strict=False))
+    firsts = firsts[: rings + 1]
+    polygons = tuple((corners[begin:end],) for begin, end in pairwise(firsts[1:].tolist()))
+    return Walls(polygons, compiled_clear(corners, firsts))
 
 
 class Lines:

@@ -13,7 +13,7 @@ from bug_gym.schema.values import Box, Lines, Positive, Share
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng, check_cells
 from bug_gym.worlds.grid import carve
 from bug_gym.worlds.layout import Layout, Rings
-from bug_gym.worlds.places import draw_within
+from bug_gym.worlds.places import Walls, draw_within
 from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes
 from bug_gym.worlds.room_walls import Plan, drawn_walls, whole_walls
 
@@ -61,9 +61,8 @@ class RoomsWorld(DrawnPlaces):
     def layout(self, crew: Crew, rng: Rng) -> Layout:
         """Rooms with doors between neighbours: a tree of them, and some more."""
 
-        def build() -> tuple[Rings, ...]:
-            polygons = drawn_walls(self.plan, rng)
-            return plainly_drawn_walls(self, rng) if polygons is None else polygons
+        def build() -> Walls:
+            return drawn_walls(self.plan, rng) or Walls(plainly_drawn_walls(self, rng))
 
         return draw_within(crew, self, rng, build)
 
