@@ -17,7 +17,7 @@ from bug_gym.geometry import F64
 from bug_gym.kernels.generator import give_back, taken
 from bug_gym.kernels.layout import Integers
 from bug_gym.kernels.rooms import cut_doors, draw_rooms
-from bug_gym.worlds.clearance import compiled_clear
+from bug_gym.worlds.clearance import Outlines
 from bug_gym.worlds.family import Rng
 from bug_gym.worlds.places import Walls
 from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes
@@ -87,7 +87,7 @@ def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
     rings = cut_doors(*uncut, x, y, right, up, plan.half, plan.door, walk, after, begins, corners, firsts)
     firsts = firsts[: rings + 1]
     polygons = tuple((corners[begin:end],) for begin, end in pairwise(firsts[1:].tolist()))
-    return Walls(polygons, compiled_clear(corners, firsts))
+    return Walls(polygons, Outlines(corners, firsts))
 
 
 class Lines:
