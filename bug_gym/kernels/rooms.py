@@ -26,10 +26,10 @@ def carve_rooms(g: Words, right: Flags, up: Flags, loops: float, trail: Integers
     while last >= 0:
         x, y = trail[last] // rows, trail[last] % rows
         is_way = (
-            x + 1 < columns and not seen[min(x + 1, columns - 1), y],
-            x > 0 and not seen[max(x - 1, 0), y],
-            y + 1 < rows and not seen[x, min(y + 1, rows - 1)],
-            y > 0 and not seen[x, max(y - 1, 0)],
+            x + 1 < columns and not seen[x + 1, y],
+            x > 0 and not seen[x - 1, y],
+            y + 1 < rows and not seen[x, y + 1],
+            y > 0 and not seen[x, y - 1],
         )
         ways = 0
         for way in range(4):
@@ -153,6 +153,80 @@ def face(lines: Floats, number: int, half: float) -> float:
     return lines[line] + half if is_upper else lines[line] - half
 
 
+@inlined
+def door_of(i: int, j: int, next_i: int, next_j: int, right: Floats, up: Floats) -> tuple[float, int]:
+    """Where the door in a side of the walls' rings begins [m], NaN where it has none, and the door's number.
+
+    A side leads from where faces i (along x) and j (along y) meet to where the next two do.
+    """
+    is_upright = i == next_i
+    low = min(j, next_j) if is_upright else min(i, next_i)
+    if low % 2 == 1:  # the end of a wall, beyond the border; the others are sides of rooms
+        return math.nan, 0
+    if is_upright:
+        column, row = (i + 1) // 2 - 1, low // 2
+        return right[column, row], column * right.shape[1] + row
+    column, row = low // 2, (j + 1) // 2 - 1
+    return up[column, row], right.size + column * up.shape[1] + row
+
+
+@called
+def walk_along(
+    faces: Integers,
+    ring_firsts: Integers,
+    x: Floats,
+    y: Floats,
+    right: Floats,
+    up: Floats,
+    half: float,
+    door: float,
+    walk: Floats,
+    after: Integers,
+    begins: Integers,
+) -> int:
+    """Walk along the rings of whole walls, over what doors leave of them; the arguments are those of `cut_doors`.
+
+    Writes the points to `walk`, and to `after` the number of each one's next point on this face of the wall, or -1 - jamb
+    where a door breaks it off: a jamb is one of the two sides of a door. The face behind begins at the point that `begins`
+    has for that jamb. Returns how many points there are.
+    """
+    points = 0
+    for ring in range(ring_firsts.size - 1):
+        first, begin, end = points, ring_firsts[ring], ring_firsts[ring + 1]
+        for corner in range(begin, end):
+            following = corner + 1 if corner + 1 < end else begin
+            i, j, next_i, next_j = faces[corner, 0], faces[corner, 1], faces[following, 0], faces[following, 1]
+            here_x, here_y = face(x, i, half), face(y, j, half)
+            walk[points, 0], walk[points, 1] = here_x, here_y
+            after[points] = points + 1
+            points += 1
+            near, number = door_of(i, j, next_i, next_j, right, up)
+            if math.isnan(near):
+                continue
+            goes_up = next_i > i or next_j > j
+            for side in range(2):
+                is_far = (side == 1) == goes_up
+                place = near + door if is_far else near
+                walk[points, 0] = here_x if i == next_i else place
+                walk[points, 1] = place if i == next_i else here_y
+                jamb = 2 * number + int(is_far)
+                if side == 0:
+                    after[points] = -1 - jamb
+                else:
+                    after[points] = points + 1
+                    begins[jamb] = points
+                points += 1
+        after[points - 1] = first
+    return points
+
+
+@inlined
+def next_point(point: int, after: Integers, begins: Integers) -> int:
+    """The point that follows: on this face of the wall, or across a door's jamb."""
+    way = after[point]
+    return way if way >= 0 else begins[-1 - way]
+
+
 @kernel
 def cut_doors(
     faces: Integers,
@@ -171,12 +245,11 @@ def cut_doors(
 ) -> int:
     """Cut doors out of walls: the rings of what is left, behind that of the border.
 
-    The rings of the walls are walked along. A door breaks off there, and the way goes on across the wall where the door's
-    same side is met again. Each ring that comes of it begins one corner after that where the walk first meets it, as GEOS' rings do.
+    The rings of whole walls are walked along. A door breaks them off; the way goes on along its jamb, on the other face of
+    the wall. Each ring that comes of it begins one corner after that where the walk first met it, as those of GEOS do.
 
     Args:
-        faces: (n, 2) of the corners of walls without doors, by the numbers of the faces that meet there, the solid on the
-            right of each ring.
+        faces: (n, 2), the faces that meet at each corner of whole walls, the solid on the right of each ring.
         ring_firsts: (rings + 1,), where each of those rings begins.
         x: (columns + 1,), the walls' places along x [m].
         y: (rows + 1,), along y [m].
@@ -184,68 +257,31 @@ def cut_doors(
         up: (columns, rows - 1), where the doors upwards begin along x [m], NaN where there is none.
         half: half a wall [m].
         door: width of doors [m].
-        walk: scratch (m, 2), m at least n + 4 for each door.
+        walk: scratch (m, 2), m = n + 4 for each door.
         after: scratch (m,).
-        begins: scratch, 2 for each wall between two rooms.
+        begins: scratch (2,) for each door.
         corners: (m + 4, 2) to write: the border, then the rings [m].
         firsts: (m + 2,) to write: where each of them begins, and the end of the last.
 
     Returns:
         How many rings there are, the border among them.
     """
-    points = 0
-    rows = y.size - 1
-    for ring in range(ring_firsts.size - 1):
-        first = points
-        for corner in range(ring_firsts[ring], ring_firsts[ring + 1]):
-            following = corner + 1 if corner + 1 < ring_firsts[ring + 1] else ring_firsts[ring]
-            i, j, next_i, next_j = faces[corner, 0], faces[corner, 1], faces[following, 0], faces[following, 1]
-            here_x, here_y = face(x, i, half), face(y, j, half)
-            walk[points, 0], walk[points, 1] = here_x, here_y
-            after[points] = points + 1
-            points += 1
-            begin, number = math.nan, 0
-            is_upright = i == next_i
-            low = min(j, next_j) if is_upright else min(i, next_i)
-            if low % 2 == 0:  # the side of a room; the others are the ends of walls
-                if is_upright:
-                    column, row = (i + 1) // 2 - 1, low // 2
-                    begin, number = right[column, row], column * rows + row
-                else:
-                    column, row = low // 2, (j + 1) // 2 - 1
-                    begin, number = up[column, row], right.size + column * (rows - 1) + row
-            if math.isnan(begin):
-                continue
-            goes_up = next_j > j or next_i > i
-            for side in (0, 1):
-                is_end = (side == 1) == goes_up  # of the door: its far end along the axis
-                place = begin + door if is_end else begin
-                walk[points, 0] = here_x if is_upright else place
-                walk[points, 1] = place if is_upright else here_y
-                if side == 0:
-                    after[points] = -1 - (2 * number + int(is_end))
-                else:
-                    after[points] = points + 1
-                    begins[2 * number + int(is_end)] = points
-                points += 1
-        after[points - 1] = first
-    xmin, ymin, xmax, ymax = x[0], y[0], x[x.size - 1], y[y.size - 1]
+    points = walk_along(faces, ring_firsts, x, y, right, up, half, door, walk, after, begins)
     for corner in range(4):
-        corners[corner, 0] = xmax if 0 < corner < 3 else xmin
-        corners[corner, 1] = ymax if corner > 1 else ymin
-    firsts[0] = 0
-    firsts[1] = 4
+        corners[corner, 0] = x[x.size - 1] if 0 < corner < 3 else x[0]
+        corners[corner, 1] = y[y.size - 1] if corner > 1 else y[0]
+    firsts[0], firsts[1] = 0, 4
     rings, size = 1, 4
-    for start in range(points):
-        if after[start] == USED:
+    for met in range(points):
+        if after[met] == USED:
             continue
-        point = after[start] if after[start] >= 0 else begins[-1 - after[start]]
+        point = next_point(met, after, begins)
         while after[point] != USED:
             corners[size, 0], corners[size, 1] = walk[point, 0], walk[point, 1]
             size += 1
-            way = after[point]
+            following = next_point(point, after, begins)
             after[point] = USED
-            point = way if way >= 0 else begins[-1 - way]
+            point = following
         rings += 1
         firsts[rings] = size
     return rings

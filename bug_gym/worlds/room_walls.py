@@ -42,7 +42,7 @@ class Plan(NamedTuple):
     """How far walls stand off their even places, 0 to 1."""
 
 
-class Uncut(NamedTuple):
+class WholeRings(NamedTuple):
     """The rings of walls without doors."""
 
     faces: Integers
@@ -73,55 +73,53 @@ def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
         return None
     x, y = np.empty(columns + 1), np.empty(rows + 1)
     right, up = np.empty((columns - 1, rows)), np.empty((columns, rows - 1))
-    flags = np.zeros(right.shape, dtype=np.bool_), np.zeros(up.shape, dtype=np.bool_)
-    seen, trail = np.zeros((columns, rows), dtype=np.bool_), np.empty(columns * rows, dtype=np.int64)
+    flags = (np.zeros(shape, dtype=np.bool_) for shape in (right.shape, up.shape, (columns, rows)))
     settings = plan.bounds, plan.half, plan.door, plan.loops, plan.unevenness
-    lie = draw_rooms(words, *settings, x, y, right, up, *flags, seen, trail)
-    uncut = uncut_walls(columns, rows, lie, Lines(x, y, plan.half)) if lie >= 0 else None
-    if uncut is None:
+    lie = draw_rooms(words, *settings, x, y, right, up, *flags, np.empty(columns * rows, dtype=np.int64))
+    whole = whole_rings(columns, rows, lie) if lie >= 0 else None
+    if whole is None:
         return None
     give_back(rng, words)
-    most = len(uncut.faces) + 4 * (right.size + up.size)
-    walk, after, begins = np.empty((most, 2)), np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+    doors = right.size + up.size
+    most = len(whole.faces) + 4 * doors
+    scratch = np.empty((most, 2)), np.empty(most, dtype=np.int64), np.empty(2 * doors, dtype=np.int64)
     corners, firsts = np.empty((most + 4, 2)), np.empty(most + 2, dtype=np.int64)
-    rings = cut_doors(*uncut, x, y, right, up, plan.half, plan.door, walk, after, begins, corners, firsts)
+    rings = cut_doors(*whole, x, y, right, up, plan.half, plan.door, *scratch, corners, firsts)
     firsts = firsts[: rings + 1]
     polygons = tuple((corners[begin:end],) for begin, end in pairwise(firsts[1:].tolist()))
     return Walls(polygons, Outlines(corners, firsts))
 
 
-class Lines:
-    """Where the walls of one world stand; all that lie alike about the middle are one to a cache."""
+@functools.cache
+def whole_rings(columns: int, rows: int, lie: int) -> WholeRings | None:
+    """The rings that shapely makes of walls without doors, where they lie so about the middle (see `draw_rooms`).
 
-    def __init__(self, x: F64, y: F64, half: float) -> None:
-        self.x, self.y, self.half = x, y, half
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Lines)
-
-    def __hash__(self) -> int:
-        return 0
-
-
-@functools.lru_cache(maxsize=256)
-def uncut_walls(columns: int, rows: int, lie: int, lines: Lines) -> Uncut | None:
-    """The rings that shapely makes of walls without doors, for all worlds whose walls lie alike about the middle.
-
-    None where it makes a corner that isn't one of two faces.
+    None where several walls are in the very middle: their order may be any.
     """
-    x_faces, y_faces = (
-        {place: number for number, place in enumerate(faces_of(places, lines.half))} for places in (lines.x, lines.y)
-    )
-    rings = [ring for rings in as_polygons(boxes(whole_walls(lines.x, lines.y, lines.half))) for ring in rings]
-    try:
-        faces = [(x_faces[x], y_faces[y]) for ring in rings for x, y in ring.tolist()]
-    except KeyError:
+    lie_x, lie_y = divmod(lie, (rows + 1) ** 2)
+    x, y = stand_ins(columns, lie_x), stand_ins(rows, lie_y)
+    if x is None or y is None:
         return None
+    half = 0.25
+    x_faces, y_faces = numbered_faces(x, half), numbered_faces(y, half)
+    rings = [ring for rings in as_polygons(boxes(whole_walls(x, y, half))) for ring in rings]
+    faces = [(x_faces[i], y_faces[j]) for ring in rings for i, j in ring.tolist()]
     ends = np.cumsum([0, *map(len, rings)])
-    return Uncut(np.array(faces, dtype=np.int64), ends.astype(np.int64))
+    return WholeRings(np.array(faces, dtype=np.int64), ends.astype(np.int64))
 
 
-def faces_of(lines: F64, half: float) -> list[float]:
-    """Places of the faces of walls in order: the border's outer one, two of each wall, the border's [m]."""
+def stand_ins(count: int, lie: int) -> F64 | None:
+    """Places (count + 1,) of walls that lie about 0 as told, at whole numbers; None where several would be at 0."""
+    within, before = divmod(lie, count)
+    if within > 1:
+        return None
+    places = np.arange(count + 1.0) - before - 1.0
+    places[before + 1 :] += 1 - within
+    places[0], places[-1] = -count - 1.0, count + 1.0
+    return places
+
+
+def numbered_faces(lines: F64, half: float) -> dict[float, int]:
+    """Numbers of faces by their places, in the order of `kernels.rooms.face`."""
     inner = [face for line in lines[1:-1].tolist() for face in (line - half, line + half)]
-    return [float(lines[0]) - half, *inner, float(lines[-1]) + half]
+    return {face: number for number, face in enumerate([lines[0] - half, *inner, lines[-1] + half])}

@@ -90,7 +90,8 @@ def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tu
     y = uneven_lines(ymin, ymax, world.rows, world.unevenness, rng)
 
     def door(low: float, high: float) -> tuple[float, float]:
-        begin = float(rng.uniform(low + half, high - half - world.door))
+        low, high = low + half, high - half - world.door
+        begin = float(rng.uniform(low, max(low, high)))  # a door as wide as its room may be wider by rounding
         return begin, begin + world.door
 
     doors: list[Rectangle] = []
