@@ -480,8 +480,8 @@ class World:
     def _load_standing(self, rows: NDArray[np.int64], layouts: Sequence[Layout]) -> None:
         """Put layouts in which nothing moves into rows (n,): the same as one after the other, several times as fast."""
         still = standing(layouts)
-        sizes = (int(spans.size.max()) for spans in (still.circles, still.polygons))
-        self.grow(Capacity(*sizes, walls=int(still.corners.max())))
+        most = (int(sizes.max()) for sizes in (still.circles.size, still.polygons.size, still.corners))
+        self.grow(Capacity(*most))
         seed, episode = self.seed[rows], self.episode[rows]
         self.floats[rows] = 0.0
         self.ints[rows] = 0

@@ -45,7 +45,7 @@ def high_product(a: np.uint64, b: np.uint64) -> np.uint64:
     a_low, a_high, b_low, b_high = a & LOWER, a >> HALF, b & LOWER, b >> HALF
     first = a_high * b_low + ((a_low * b_low) >> HALF)
     second = a_low * b_high + (first & LOWER)
-    return a_high * b_high + (first >> HALF) + (second >> HALF)
+    return np.uint64(a_high * b_high + (first >> HALF) + (second >> HALF))
 
 
 @called
@@ -58,7 +58,7 @@ def next_word(g: Words) -> np.uint64:
     new_high = high_product(low, FACTOR_LOW) + high * FACTOR_LOW + low * FACTOR_HIGH + g[STEP_HIGH] + carry
     g[STATE_HIGH], g[STATE_LOW] = new_high, new_low
     mixed, turn = new_high ^ new_low, new_high >> TURN
-    return (mixed >> turn) | (mixed << ((WORD - turn) & (WORD - ONE)))
+    return np.uint64((mixed >> turn) | (mixed << ((WORD - turn) & (WORD - ONE))))
 
 
 @inlined
@@ -72,7 +72,7 @@ def next_half(g: Words) -> np.uint64:
     """The next 32 bits: the lower half of a word, then the upper one."""
     if g[IS_LEFT] != np.uint64(0):
         g[IS_LEFT] = np.uint64(0)
-        return g[LEFT]
+        return np.uint64(g[LEFT])
     word = next_word(g)
     g[IS_LEFT], g[LEFT] = ONE, word >> HALF
     return word & LOWER
@@ -89,4 +89,4 @@ def drawn_below(g: Words, bound: int) -> int:
         threshold = (LOWER + ONE - count) % count
         while product & LOWER < threshold:
             product = next_half(g) * count
-    return np.int64(product >> HALF)
+    return int(np.int64(product >> HALF))

@@ -150,7 +150,7 @@ def face(lines: Floats, number: int, half: float) -> float:
     """Place of a face: the border's outer one, the lower and the upper one of each wall, the border's upper one [m]."""
     line, last = (number + 1) // 2, lines.size - 1
     is_upper = line == last or (number % 2 == 0 and line > 0)
-    return lines[line] + half if is_upper else lines[line] - half
+    return float(lines[line] + half if is_upper else lines[line] - half)
 
 
 @inlined
@@ -224,7 +224,7 @@ def walk_along(
 def next_point(point: int, after: Integers, begins: Integers) -> int:
     """The point that follows: on this face of the wall, or across a door's jamb."""
     way = after[point]
-    return way if way >= 0 else begins[-1 - way]
+    return int(way if way >= 0 else begins[-1 - way])
 
 
 @kernel

@@ -6,14 +6,11 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.geometry import F64, following
-from bug_gym.kernels.free_place import fits
-from bug_gym.kernels.layout import Integers
 from bug_gym.worlds.layout import Mover, Rings
 
 Free = Callable[[float, float], bool]
@@ -83,19 +80,6 @@ def is_clear(circles: F64, polygons: Sequence[Rings], border: F64, room: float) 
 def clear_among(border: F64, polygons: Sequence[Rings]) -> Clear:
     """Tests whether discs fit at a point; holes count as filled, as a closed courtyard is no place to be."""
     return partial(is_clear, np.zeros((0, 3)), tuple(rings[:1] for rings in polygons), border)
-
-
-class Outlines(NamedTuple):
-    """A border and polygons without holes, as compiled code reads them."""
-
-    corners: F64
-    """Corners (n, 2) of the border, then of the polygons [m]."""
-    firsts: Integers
-    """Where each of them begins (rings + 1,)."""
-
-    def clear(self, room: float) -> Free:
-        """A test whether a disc of radius `room` [m] fits at a point, 20 times as fast as `is_clear`."""
-        return lambda x, y: fits(self.corners, self.firsts, x, y, room)
 
 
 def obstacles_of(circles: F64, polygons: tuple[Rings, ...], movers: Sequence[Mover]) -> tuple[F64, tuple[Rings, ...]]:

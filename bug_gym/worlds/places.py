@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bug_gym.geometry import F64, Point
-from bug_gym.kernels.free_place import draw_start_and_goal
-from bug_gym.kernels.generator import give_back, taken
 from bug_gym.schema.motions import Motion
 from bug_gym.schema.values import Region, StartRegion
-from bug_gym.worlds.clearance import Clear, Free, Outlines, clear_among, is_clear, obstacles_of
+from bug_gym.worlds.clearance import Clear, Free, clear_among, is_clear, obstacles_of
 from bug_gym.worlds.family import Crew, DrawnPlaces, Family, Rng
 from bug_gym.worlds.layout import Layout, Mover, Rings, side_by_side
+
+if TYPE_CHECKING:
+    from bug_gym.worlds.outlines import Outlines  # loads the compiler
 
 TRIES = 1000  # at one place
 ATTEMPTS = 20  # at a whole world
@@ -223,50 +224,11 @@ def draw_within(crew: Crew, world: DrawnPlaces, rng: Rng, build: Callable[[], Wa
     for _ in range(ATTEMPTS):
         polygons, outlines = build()
         clear = clear_among(border_of(world), polygons) if outlines is None else outlines.clear
+        free = clear(crew.robot.reach)
         try:
-            start, goal = draw_both_within(crew, world, rng, clear(crew.robot.reach), outlines)
+            pair = None if outlines is None else outlines.draw_both(crew, world, rng, TRIES)
+            start, goal = pair or draw_both(crew, world, world.start, world.goal, rng, free, free, world.separation)
             return finish(crew, world, start, goal, polygons=polygons, clear=None if outlines is None else clear)
         except ValueError as error:
             fault = error
     raise ValueError(f"{fault}; none of {ATTEMPTS} worlds had room for start and goal")
-
-
-def draw_both_within(
-    crew: Crew, world: DrawnPlaces, rng: Rng, free: Free, outlines: Outlines | None
-) -> tuple[Pose, Point]:
-    """A start and a goal in what is free: in compiled code, or, the same, in Python where that has none.
-
-    Raises:
-        ValueError: no such pair was found.
-    """
-    pair = None if outlines is None else compiled_draw_both(crew, world, rng, outlines)
-    return pair or draw_both(crew, world, world.start, world.goal, rng, free, free, world.separation)
-
-
-def compiled_draw_both(crew: Crew, world: DrawnPlaces, rng: Rng, outlines: Outlines) -> tuple[Pose, Point] | None:
-    """What `draw_both` draws; None, and nothing drawn, where the scenario says a place, for robots in a row, or in doubt."""
-    start, goal = world.start, world.goal
-    words = taken(rng)
-    if words is None or isinstance(start, tuple) or isinstance(goal, tuple):
-        return None
-    if crew.robots.count > 1 and not crew.robots.places:
-        return None
-    box = world.box
-    heading = None if start is None else start.heading
-    found = np.empty(5)
-    is_found = draw_start_and_goal(
-        words,
-        *outlines,
-        crew.robot.reach,
-        box if start is None else start.region,
-        math.nan if heading is None else heading,
-        box if goal is None else goal.region,
-        world.separation,
-        TRIES,
-        found,
-    )
-    if not is_found:
-        return None
-    give_back(rng, words)
-    x, y, heading, goal_x, goal_y = found.tolist()
-    return (x, y, heading), (goal_x, goal_y)

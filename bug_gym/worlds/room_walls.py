@@ -17,10 +17,10 @@ from bug_gym.geometry import F64
 from bug_gym.kernels.generator import give_back, taken
 from bug_gym.kernels.layout import Integers
 from bug_gym.kernels.rooms import cut_doors, draw_rooms
-from bug_gym.worlds.clearance import Outlines
 from bug_gym.worlds.family import Rng
+from bug_gym.worlds.outlines import Outlines
 from bug_gym.worlds.places import Walls
-from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes
+from bug_gym.worlds.polygons import as_polygons, boxes, lined_walls
 
 
 class Plan(NamedTuple):
@@ -51,16 +51,6 @@ class WholeRings(NamedTuple):
     """Where each ring begins (rings + 1,)."""
 
 
-def whole_walls(x: F64, y: F64, half: float) -> list[Rectangle]:
-    """The walls between rooms as if they had no doors, along lines at x (columns + 1,) and y (rows + 1,) [m].
-
-    They go on a little beyond the border, so that no beam slips between the two.
-    """
-    xmin, ymin, xmax, ymax = (float(place) for place in (x[0], y[0], x[-1], y[-1]))
-    walls = [(line - half, ymin - half, line + half, ymax + half) for line in x[1:-1].tolist()]
-    return walls + [(xmin - half, line - half, xmax + half, line + half) for line in y[1:-1].tolist()]
-
-
 def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
     """The walls of one world; None, and nothing drawn, where the plain way has to draw it.
 
@@ -73,18 +63,19 @@ def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
         return None
     x, y = np.empty(columns + 1), np.empty(rows + 1)
     right, up = np.empty((columns - 1, rows)), np.empty((columns, rows - 1))
-    flags = (np.zeros(shape, dtype=np.bool_) for shape in (right.shape, up.shape, (columns, rows)))
+    open_right, open_up = np.zeros(right.shape, dtype=np.bool_), np.zeros(up.shape, dtype=np.bool_)
+    seen, trail = np.zeros((columns, rows), dtype=np.bool_), np.empty(columns * rows, dtype=np.int64)
     settings = plan.bounds, plan.half, plan.door, plan.loops, plan.unevenness
-    lie = draw_rooms(words, *settings, x, y, right, up, *flags, np.empty(columns * rows, dtype=np.int64))
+    lie = draw_rooms(words, *settings, x, y, right, up, open_right, open_up, seen, trail)
     whole = whole_rings(columns, rows, lie) if lie >= 0 else None
     if whole is None:
         return None
     give_back(rng, words)
     doors = right.size + up.size
     most = len(whole.faces) + 4 * doors
-    scratch = np.empty((most, 2)), np.empty(most, dtype=np.int64), np.empty(2 * doors, dtype=np.int64)
+    walk, after, begins = np.empty((most, 2)), np.empty(most, dtype=np.int64), np.empty(2 * doors, dtype=np.int64)
     corners, firsts = np.empty((most + 4, 2)), np.empty(most + 2, dtype=np.int64)
-    rings = cut_doors(*whole, x, y, right, up, plan.half, plan.door, *scratch, corners, firsts)
+    rings = cut_doors(*whole, x, y, right, up, plan.half, plan.door, walk, after, begins, corners, firsts)
     firsts = firsts[: rings + 1]
     polygons = tuple((corners[begin:end],) for begin, end in pairwise(firsts[1:].tolist()))
     return Walls(polygons, Outlines(corners, firsts))
@@ -102,7 +93,7 @@ def whole_rings(columns: int, rows: int, lie: int) -> WholeRings | None:
         return None
     half = 0.25
     x_faces, y_faces = numbered_faces(x, half), numbered_faces(y, half)
-    rings = [ring for rings in as_polygons(boxes(whole_walls(x, y, half))) for ring in rings]
+    rings = [ring for rings in as_polygons(boxes(lined_walls(x, y, half))) for ring in rings]
     faces = [(x_faces[i], y_faces[j]) for ring in rings for i, j in ring.tolist()]
     ends = np.cumsum([0, *map(len, rings)])
     return WholeRings(np.array(faces, dtype=np.int64), ends.astype(np.int64))

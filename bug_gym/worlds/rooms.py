@@ -14,8 +14,7 @@ from bug_gym.worlds.family import Crew, DrawnPlaces, Rng, check_cells
 from bug_gym.worlds.grid import carve
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import Walls, draw_within
-from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes
-from bug_gym.worlds.room_walls import Plan, drawn_walls, whole_walls
+from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes, lined_walls
 
 
 class RoomsWorld(DrawnPlaces):
@@ -43,12 +42,6 @@ class RoomsWorld(DrawnPlaces):
         xmin, ymin, xmax, ymax = self.bounds
         return (xmax - xmin) / self.columns, (ymax - ymin) / self.rows
 
-    @property
-    def plan(self) -> Plan:
-        """What is drawn from."""
-        half = 0.5 * self.wall
-        return Plan(self.columns, self.rows, self.bounds, half, self.door, self.loops, self.unevenness)
-
     def check(self, robot: Robot) -> None:
         """The robot fits through the doors, and they into the smallest room's walls."""
         check_cells(self.columns, self.rows, "columns")
@@ -62,9 +55,16 @@ class RoomsWorld(DrawnPlaces):
         """Rooms with doors between neighbours: a tree of them, and some more."""
 
         def build() -> Walls:
-            return drawn_walls(self.plan, rng) or Walls(plainly_drawn_walls(self, rng))
+            return self.compiled_walls(rng) or Walls(plain_walls(self, rng))
 
         return draw_within(crew, self, rng, build)
+
+    def compiled_walls(self, rng: Rng) -> Walls | None:
+        """What `plain_walls` draws, in compiled code; None, and nothing drawn, where that has to draw it."""
+        from bug_gym.worlds.room_walls import Plan, drawn_walls  # loads the compiler
+
+        plan = Plan(self.columns, self.rows, self.bounds, 0.5 * self.wall, self.door, self.loops, self.unevenness)
+        return drawn_walls(plan, rng)
 
 
 def uneven_lines(low: float, high: float, count: int, unevenness: float, rng: Rng) -> F64:
@@ -76,8 +76,8 @@ def uneven_lines(low: float, high: float, count: int, unevenness: float, rng: Rn
     return lines
 
 
-def plainly_drawn_walls(world: RoomsWorld, rng: Rng) -> tuple[Rings, ...]:
-    """The walls of one world: in words what `drawn_walls` does in compiled code."""
+def plain_walls(world: RoomsWorld, rng: Rng) -> tuple[Rings, ...]:
+    """The walls of one world."""
     open_right, open_up = carve(world.columns, world.rows, world.loops, rng)
     return room_walls(world, open_right, open_up, rng)
 
@@ -101,4 +101,4 @@ def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tu
     for column, row in np.argwhere(open_up).tolist():
         low, high = door(x[column], x[column + 1])
         doors.append((low, y[row + 1] - world.wall, high, y[row + 1] + world.wall))
-    return as_polygons(boxes(whole_walls(x, y, half)).difference(boxes(doors)))
+    return as_polygons(boxes(lined_walls(x, y, half)).difference(boxes(doors)))

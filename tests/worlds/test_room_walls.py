@@ -8,11 +8,11 @@ import shapely
 
 from bug_gym.config import RoomsWorld, Scenario, load
 from bug_gym.scenarios import draw_layout
-from bug_gym.worlds import places, rooms
+from bug_gym.worlds import places
 from bug_gym.worlds.clearance import is_clear
 from bug_gym.worlds.layout import Layout
-from bug_gym.worlds.room_walls import drawn_walls, numbered_faces, stand_ins, whole_rings
-from bug_gym.worlds.rooms import plainly_drawn_walls
+from bug_gym.worlds.room_walls import numbered_faces, stand_ins, whole_rings
+from bug_gym.worlds.rooms import plain_walls
 
 CASES: dict[str, tuple[dict[str, Any], int]] = {
     "shipped": ({}, 500),
@@ -65,7 +65,7 @@ def test_walls_are_those_of_the_plain_way(name: str) -> None:
     world = world_of(settings)
     for seed in range(seeds):
         rng, plain_rng = generator(seed), generator(seed)
-        walls, plain = drawn_walls(world.plan, rng), plainly_drawn_walls(world, plain_rng)
+        walls, plain = world.compiled_walls(rng), plain_walls(world, plain_rng)
         assert walls is not None
         assert [[ring.tobytes() for ring in rings] for rings in walls.polygons] == [
             [ring.tobytes() for ring in rings] for rings in plain
@@ -74,10 +74,9 @@ def test_walls_are_those_of_the_plain_way(name: str) -> None:
 
 
 def plain_layout(scenario: Scenario, seed: int, patch: pytest.MonkeyPatch) -> Layout:
-    """The world of a seed, nothing of it by compiled code."""
+    """The world of a seed, nothing of it by compiled code, which looks for places among compiled walls only."""
     with patch.context() as patched:
-        patched.setattr(rooms, "drawn_walls", lambda plan, rng: None)
-        patched.setattr(places, "draw_start_and_goal", None)
+        patched.setattr(RoomsWorld, "compiled_walls", lambda world, rng: None)
         return draw_layout(scenario, seed, 0)
 
 
@@ -102,7 +101,7 @@ def test_a_world_without_room_says_the_same_as_the_plain_way(monkeypatch: pytest
 def test_what_is_free_among_compiled_walls_is_what_is_free() -> None:
     rng, found = np.random.default_rng(5), set()
     world = world_of({})
-    walls = drawn_walls(world.plan, generator(3))
+    walls = world.compiled_walls(generator(3))
     assert walls is not None and walls.outlines is not None
     border = np.array(world.corners)
     corners = np.concatenate([rings[0] for rings in walls.polygons])
@@ -128,7 +127,7 @@ def test_what_is_free_among_compiled_walls_is_what_is_free() -> None:
 def test_what_compiled_code_cannot_draw_is_drawn_plainly(settings: dict[str, Any], rng: np.random.Generator) -> None:
     world = world_of(settings)
     before = str(rng.bit_generator.state)
-    assert drawn_walls(world.plan, rng) is None
+    assert world.compiled_walls(rng) is None
     assert str(rng.bit_generator.state) == before
     layout = world.layout(load({"world": {"family": "rooms"}}).crew, rng)
     cut = shapely.union_all([shapely.Polygon(rings[0], rings[1:]) for rings in layout.polygons])
