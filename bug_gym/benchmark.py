@@ -307,6 +307,7 @@ def part_tasks(worlds: int, seconds: float) -> Iterator[Task]:
         yield Task(
             f"new world: {obstacles} circles, {beams} beams", "us", partial(new_world_time, scenario, worlds, seconds)
         )
+    yield Task("new world: rooms", "us", partial(new_world_time, "rooms", worlds, seconds))
 
 
 def part_time(part: str, scenario: dict[str, Any], worlds: int, seconds: float) -> float:
@@ -350,7 +351,7 @@ def frame_time(seconds: float) -> float:
     return 1000.0 * spent / number
 
 
-def new_world_time(scenario: dict[str, Any], worlds: int, seconds: float) -> float:
+def new_world_time(scenario: str | dict[str, Any], worlds: int, seconds: float) -> float:
     """Time of a new world with its first observation [us]."""
     simulation = Simulation(scenario, worlds)
     number = 0

@@ -214,14 +214,10 @@ class Simulation:
         rows = self.all_rows if rows is None else rows
         if len(layouts) != len(rows):
             raise ValueError(f"got {len(layouts)} layouts for {len(rows)} rows")
-        self._load(rows, layouts)
+        self.world.load_all(rows, layouts)
         self._seeded[rows] = True
         self.begin(rows)
         return self.observations(rows)
-
-    def _load(self, rows: Rows, layouts: Sequence[Layout]) -> None:
-        for row, layout in zip(rows, layouts, strict=True):
-            self.world.load(int(row), layout)
 
     def restart_robots(self, rows: Rows, starts: NDArray[np.float64]) -> NDArray[np.float32]:
         """Put robots whose runs have ended back to a start, while their worlds go on; not where something stands there.
@@ -284,7 +280,7 @@ class Simulation:
         keys = zip(*(numbers.tolist() for numbers in starts), strict=True)
         layouts = [scenarios.draw_layout(self.scenario, *key) for key in keys]
         self.world.seed[rows], self.world.episode[rows] = starts
-        self._load(rows, layouts)
+        self.world.load_all(rows, layouts)
 
     def step(self, actions: ArrayLike, rows: Rows | None = None) -> Transition:
         """Advance the rows by one step.

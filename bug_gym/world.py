@@ -21,6 +21,7 @@ from bug_gym.geometry import F64, following
 from bug_gym.limits import MEMORY, told_bytes
 from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
 from bug_gym.schema.polygons import WeightedRegion
+from bug_gym.standing import is_standing, signed_area, standing
 from bug_gym.worlds.layout import SAME_POINT, Layout, Mover, Rings
 
 KINEMATICS = {
@@ -468,8 +469,53 @@ class World:
 
     # ------------------------------------------------------------------------------------------ layouts
 
+    def load_all(self, rows: NDArray[np.int64], layouts: Sequence[Layout]) -> None:
+        """Put a layout into each of the rows (n,); `Simulation.begin` then starts their episodes."""
+        stands = np.array([is_standing(layout) for layout in layouts], dtype=np.bool_)
+        if stands.any():
+            self._load_standing(rows[stands], [layout for layout in layouts if is_standing(layout)])
+        for number in np.flatnonzero(~stands).tolist():
+            self.load(int(rows[number]), layouts[number])
+
+    def _load_standing(self, rows: NDArray[np.int64], layouts: Sequence[Layout]) -> None:
+        """Put layouts in which nothing moves into rows (n,): the same as one after the other, several times as fast."""
+        still = standing(layouts)
+        most = (int(sizes.max()) for sizes in (still.circles.size, still.polygons.size, still.corners))
+        self.grow(Capacity(*most))
+        seed, episode = self.seed[rows], self.episode[rows]
+        self.floats[rows] = 0.0
+        self.ints[rows] = 0
+        self.seed[rows], self.episode[rows] = seed, episode
+        self.pose[rows] = [layout.starts for layout in layouts]
+        discs, polygons = int(self.spec["discs"][0]), self.capacity.polygons
+        goals = np.arange(self.goals) + discs + polygons
+        disc_rows, polygon_rows = rows[still.circles.owner], rows[still.polygons.owner]
+        bodies = discs + still.polygons.place
+        for axis, name in enumerate(("body_x", "body_y")):
+            view = self._view(name)
+            view[disc_rows, still.circles.place] = still.circle[:, axis]
+            view[polygon_rows, bodies] = still.centre[:, axis]
+            view[rows[:, None], goals] = [layout.goals[:, axis] for layout in layouts]
+        radius = self._view("body_radius")
+        radius[disc_rows, still.circles.place] = still.circle[:, 2]
+        radius[polygon_rows, bodies] = still.radius
+        radius[rows[:, None], goals] = [[layout.goal_room] for layout in layouts]
+        walls = self._view("wall").reshape(self.count, -1, 4)
+        walls[rows[still.of_world.owner], still.of_world.place] = still.walls
+        for name in ("polygon_first", "polygon_walls", "polygon_side"):
+            self._view(name)[polygon_rows, still.polygons.place] = getattr(still, name)
+        counts = {
+            "disc_count": still.circles.size,
+            "polygon_count": still.polygons.size,
+            "wall_count": still.of_world.size,
+            "border_walls": still.border_walls,
+        }
+        for name, values in counts.items():
+            self._view(name)[rows, 0] = values
+        self._view("goal_body")[rows] = goals[np.minimum(np.arange(self.robots), self.goals - 1)]
+
     def load(self, row: int, layout: Layout) -> None:
-        """Put a layout into a row; `Simulation.begin` then starts its episode."""
+        """Put a layout into a row, body after body."""
         self.grow(Capacity.of(layout))
         seed, episode = self.seed[row], self.episode[row]
         self.floats[row] = 0.0
@@ -630,7 +676,7 @@ def cut_into_rings(walls: F64) -> Rings:
 
 def inner_side(rings: Rings) -> int:
     """Side of the walls on which a polygon lies, as its rings (k, 2) run: 1 left, -1 right, 0 not the same for all."""
-    areas = [float(x @ following(y) - y @ following(x)) for x, y in (ring.T for ring in rings)]
+    areas = [signed_area(*ring.T) for ring in rings]
     sides = {math.copysign(1.0, area) * (1.0 if number == 0 else -1.0) for number, area in enumerate(areas)}
     return int(sides.pop()) if len(sides) == 1 else 0
 

@@ -34,6 +34,7 @@ from bug_gym.agents import make_policy, policy_names
 from bug_gym.agents.sb3 import make_vec_env
 from bug_gym.config import load, scenario_names, to_yaml
 from bug_gym.evaluation import evaluate
+from bug_gym.scenarios import draw_layout
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDED = Path(__file__).with_name("recorded.json")
@@ -297,6 +298,28 @@ def prediction_env() -> Iterator[Step]:
         yield observation, judgement, info
 
 
+ROOMS: dict[str, dict[str, Any]] = {
+    "shipped": {},
+    "many": {"columns": 5, "rows": 6, "door": 0.8, "loops": 0.0, "unevenness": 0.3},
+    "four by three": {"columns": 4, "rows": 3, "door": 1.0, "loops": 1.0},
+    "even": {"columns": 4, "rows": 2, "unevenness": 0.0, "wall": 0.1},
+    "uneven": {"columns": 4, "rows": 4, "door": 0.5, "unevenness": 0.85, "wall": 0.1},
+    "one wall": {"columns": 2, "rows": 1},
+    "a row": {"columns": 6, "rows": 1},
+    "places": {"start": {"region": [-9.0, -9.0, -5.0, -5.0], "heading": 0.5}, "goal": [8.0, 8.0]},
+}
+"""What scenarios say of rooms, by name."""
+
+
+def room_cases(seeds: int = 500) -> Cases:
+    """Layouts of `rooms`, which compiled code draws as shapely would."""
+    cases: Cases = {}
+    for name, world in ROOMS.items():
+        scenario = load({"world": {"family": "rooms", **world}})
+        cases[f"rooms/layouts/{name}"] = digest_of([draw_layout(scenario, seed, 0) for seed in range(seeds)])
+    return cases
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Policies
 # ---------------------------------------------------------------------------------------------------------------------
@@ -432,7 +455,7 @@ def jobs_of(section: str) -> list[tuple[Callable[..., Cases], tuple[Any, ...]]]:
     if section == "worlds":
         robots = [(name, label, own) for name in scenario_names() for label, own in KINEMATICS.items()]
         robots += [("dynamic", "discrete", {}), ("static", "long_body", LONG_BODY), ("dynamic", "blind", BLIND)]
-        return [(registered_cases, ()), *((world_cases, robot) for robot in robots)]
+        return [(registered_cases, ()), (room_cases, ()), *((world_cases, robot) for robot in robots)]
     if section == "policies":
         drives = [(name, label, own, *size) for name, size in DRIVES.items() for label, own in KINEMATICS.items()]
         drives += [(name, label, own, 1, 150) for label, (name, own) in SPECIAL.items()]

@@ -33,7 +33,7 @@ LAYERS = (
     ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals", "by_hand"),
     ("worlds",),
     ("config",),
-    ("draws", "world", "scenarios", "floor_plans", "maps"),
+    ("draws", "standing", "world", "scenarios", "floor_plans", "maps"),
     ("observation", "task", "own_parts", "view", "inertia", "steering", "manoeuvring"),
     ("simulation", "policy", "team_policy"),
     ("drawing", "replay", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),

@@ -16,6 +16,7 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "obstacles": ("dynamic", {}),
     "bodies that look": ("crowd", {}),
     "regions": ("terrain", {}),
+    "rooms": ("rooms", {}),
     "several robots": ("crossing_robots", {}),
     "several robots, regions": ("static", {"robots.count": 2, "world.regions": [{"circle": [0, 0, 1], "factor": 2.0}]}),
 }

@@ -9,6 +9,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
     arcs  stopping                                     the way on an arc; whether a robot with inertia can stop
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
+    generator  free_place  rooms                       NumPy's generator; places where there is room; walls of `rooms`
     neighbours                                         the bodies near the robots, side by side
     contact  avoidance                                 who touches what, when; half planes of velocities
     sensing  laws                                      the scan and the clearance; bodies that look

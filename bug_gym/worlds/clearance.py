@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from bug_gym.geometry import F64, following
 from bug_gym.worlds.layout import Mover, Rings
 
 Free = Callable[[float, float], bool]
+"""Whether there is room at x, y [m]."""
+Clear = Callable[[float], Free]
+"""That test for discs of a radius [m]."""
 
 
 class _Outlines:
@@ -71,6 +75,11 @@ def is_clear(circles: F64, polygons: Sequence[Rings], border: F64, room: float) 
         )
 
     return free
+
+
+def clear_among(border: F64, polygons: Sequence[Rings]) -> Clear:
+    """Tests whether discs fit at a point; holes count as filled, as a closed courtyard is no place to be."""
+    return partial(is_clear, np.zeros((0, 3)), tuple(rings[:1] for rings in polygons), border)
 
 
 def obstacles_of(circles: F64, polygons: tuple[Rings, ...], movers: Sequence[Mover]) -> tuple[F64, tuple[Rings, ...]]:

@@ -67,8 +67,12 @@ class Family(Part):
     @property
     def box(self) -> tuple[float, float, float, float]:
         """xmin, ymin, xmax, ymax of the bounds, or of what holds them [m]."""
-        x, y = zip(*self.corners, strict=True)
-        return min(x), min(y), max(x), max(y)
+        match self.bounds:
+            case (float(xmin), float(ymin), float(xmax), float(ymax)):
+                return xmin, ymin, xmax, ymax
+            case corners:
+                x, y = zip(*corners, strict=True)
+                return min(x), min(y), max(x), max(y)
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:

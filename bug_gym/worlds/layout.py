@@ -65,5 +65,6 @@ class Layout:
 def side_by_side(start: Sequence[float], robots: int) -> F64:
     """Poses (R, 3) of robots 2 m apart in a row across the heading, their middle at `start`."""
     x, y, heading = start
-    offset = 2.0 * np.arange(robots) - (robots - 1.0)
-    return np.column_stack([x - offset * math.sin(heading), y + offset * math.cos(heading), np.full(robots, heading)])
+    sin, cos = math.sin(heading), math.cos(heading)
+    offsets = [2.0 * robot - (robots - 1.0) for robot in range(robots)]
+    return np.array([(x - offset * sin, y + offset * cos, heading) for offset in offsets])

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bug_gym.geometry import F64, Point
 from bug_gym.schema.motions import Motion
 from bug_gym.schema.values import Region, StartRegion
-from bug_gym.worlds.clearance import Free, is_clear, obstacles_of
+from bug_gym.worlds.clearance import Clear, Free, clear_among, is_clear, obstacles_of
 from bug_gym.worlds.family import Crew, DrawnPlaces, Family, Rng
 from bug_gym.worlds.layout import Layout, Mover, Rings, side_by_side
+
+if TYPE_CHECKING:
+    from bug_gym.worlds.outlines import Outlines  # loads the compiler
 
 TRIES = 1000  # at one place
 ATTEMPTS = 20  # at a whole world
@@ -107,6 +112,7 @@ def finish(
     movers: tuple[Mover, ...] = (),
     target: Motion | None = None,
     goal_room: float | None = None,
+    clear: Clear | None = None,
 ) -> Layout:
     """The layout of a world, its robots placed as the scenario says: by their own places, or side by side.
 
@@ -125,6 +131,7 @@ def finish(
         movers=movers,
         target=target,
         goal_room=goal_room,
+        clear=clear,
     )
 
 
@@ -139,6 +146,7 @@ def finish_crew(
     movers: tuple[Mover, ...] = (),
     target: Motion | None = None,
     goal_room: float | None = None,
+    clear: Clear | None = None,
 ) -> Layout:
     """The layout of a world that has starts (R, 3) and goals (R, 2) or (1, 2) for its robots.
 
@@ -155,7 +163,7 @@ def finish_crew(
         target=target,
         goal_room=crew.goal_room if goal_room is None else goal_room,
     )
-    check_places(crew, layout)
+    check_places(crew, layout, clear)
     return layout
 
 
@@ -183,20 +191,30 @@ def check_spacing(crew: Crew) -> None:
         raise ValueError(f"robots that reach {reach:g} m overlap where they start 2 m apart: give each its own place")
 
 
-def check_places(crew: Crew, layout: Layout) -> None:
-    """Raises where a robot starts, or a goal lies, in an obstacle or outside."""
-    circles, polygons = obstacles_of(layout.circles, layout.polygons, layout.movers)
+def check_places(crew: Crew, layout: Layout, clear: Clear | None = None) -> None:
+    """Raises where a robot starts, or a goal lies, in an obstacle or outside, as `clear` says if it is told."""
+    if clear is None:
+        clear = partial(is_clear, *obstacles_of(layout.circles, layout.polygons, layout.movers), layout.border)
     for number, pose in enumerate(layout.starts.tolist()):
         for x, y, radius in crew.robot.body(tuple(pose)):
             # 1e-9: what touches when it starts is free, whatever the rounding
-            if not is_clear(circles, polygons, layout.border, radius - 1e-9)(x, y):
+            if not clear(radius - 1e-9)(x, y):
                 raise ValueError(f"robot {number} cannot start at {pose}: an obstacle or the border is in its way")
     for x, y in layout.goals.tolist():
-        if not is_clear(circles, polygons, layout.border, 0.0)(x, y):
+        if not clear(0.0)(x, y):
             raise ValueError(f"the goal {[x, y]} lies in an obstacle or outside")
 
 
-def draw_within(crew: Crew, world: DrawnPlaces, rng: Rng, build: Callable[[], tuple[Rings, ...]]) -> Layout:
+class Walls(NamedTuple):
+    """Walls that are drawn before start and goal."""
+
+    polygons: tuple[Rings, ...]
+    """Corners of each of them [m]."""
+    outlines: Outlines | None = None
+    """The same for compiled code, of walls without holes whose family has it compiled."""
+
+
+def draw_within(crew: Crew, world: DrawnPlaces, rng: Rng, build: Callable[[], Walls]) -> Layout:
     """A world whose walls are drawn first, then start and goal in what is free and not enclosed.
 
     Raises:
@@ -204,13 +222,13 @@ def draw_within(crew: Crew, world: DrawnPlaces, rng: Rng, build: Callable[[], tu
     """
     fault = ValueError()
     for _ in range(ATTEMPTS):
-        polygons = build()
-        # Holes count as filled: a closed courtyard is no place to be.
-        filled = tuple(rings[:1] for rings in polygons)
-        free = is_clear(np.zeros((0, 3)), filled, border_of(world), crew.robot.reach)
+        polygons, outlines = build()
+        clear = clear_among(border_of(world), polygons) if outlines is None else outlines.clear
+        free = clear(crew.robot.reach)
         try:
-            start, goal = draw_both(crew, world, world.start, world.goal, rng, free, free, world.separation)
-            return finish(crew, world, start, goal, polygons=polygons)
+            pair = None if outlines is None else outlines.draw_both(crew, world, rng, TRIES)
+            start, goal = pair or draw_both(crew, world, world.start, world.goal, rng, free, free, world.separation)
+            return finish(crew, world, start, goal, polygons=polygons, clear=None if outlines is None else clear)
         except ValueError as error:
             fault = error
     raise ValueError(f"{fault}; none of {ATTEMPTS} worlds had room for start and goal")

@@ -49,6 +49,16 @@ def boxes(rectangles: Sequence[Rectangle]) -> BaseGeometry:
     return shapely.union_all(shapely.box(*np.array(rectangles, dtype=np.float64).reshape(-1, 4).T))
 
 
+def lined_walls(x: F64, y: F64, half: float) -> list[Rectangle]:
+    """Walls along all but the outermost lines at x (columns + 1,) and y (rows + 1,) [m], `half` a wall thick to either side.
+
+    They go on a little beyond the border, which the outermost lines are, so that no beam slips between the two.
+    """
+    xmin, ymin, xmax, ymax = (float(place) for place in (x[0], y[0], x[-1], y[-1]))
+    walls = [(line - half, ymin - half, line + half, ymax + half) for line in x[1:-1].tolist()]
+    return walls + [(xmin - half, line - half, xmax + half, line + half) for line in y[1:-1].tolist()]
+
+
 def turned(ring: F64, centre: tuple[float, float], rotation: float | str, rng: Rng) -> F64:
     """A ring (k, 2) turned about a point by an angle [rad], or by one that is drawn."""
     angle = float(rng.uniform(-math.pi, math.pi)) if rotation == "random" else float(rotation)

@@ -13,8 +13,8 @@ from bug_gym.schema.values import Box, Lines, Positive, Share
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng, check_cells
 from bug_gym.worlds.grid import carve
 from bug_gym.worlds.layout import Layout, Rings
-from bug_gym.worlds.places import draw_within
-from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes
+from bug_gym.worlds.places import Walls, draw_within
+from bug_gym.worlds.polygons import Rectangle, as_polygons, boxes, lined_walls
 
 
 class RoomsWorld(DrawnPlaces):
@@ -54,11 +54,17 @@ class RoomsWorld(DrawnPlaces):
     def layout(self, crew: Crew, rng: Rng) -> Layout:
         """Rooms with doors between neighbours: a tree of them, and some more."""
 
-        def build() -> tuple[Rings, ...]:
-            open_right, open_up = carve(self.columns, self.rows, self.loops, rng)
-            return room_walls(self, open_right, open_up, rng)
+        def build() -> Walls:
+            return self.compiled_walls(rng) or Walls(plain_walls(self, rng))
 
         return draw_within(crew, self, rng, build)
+
+    def compiled_walls(self, rng: Rng) -> Walls | None:
+        """What `plain_walls` draws, in compiled code; None, and nothing drawn, where that has to draw it."""
+        from bug_gym.worlds.room_walls import Plan, drawn_walls  # loads the compiler
+
+        plan = Plan(self.columns, self.rows, self.bounds, 0.5 * self.wall, self.door, self.loops, self.unevenness)
+        return drawn_walls(plan, rng)
 
 
 def uneven_lines(low: float, high: float, count: int, unevenness: float, rng: Rng) -> F64:
@@ -70,6 +76,12 @@ def uneven_lines(low: float, high: float, count: int, unevenness: float, rng: Rn
     return lines
 
 
+def plain_walls(world: RoomsWorld, rng: Rng) -> tuple[Rings, ...]:
+    """The walls of one world."""
+    open_right, open_up = carve(world.columns, world.rows, world.loops, rng)
+    return room_walls(world, open_right, open_up, rng)
+
+
 def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tuple[Rings, ...]:
     """The walls between rooms, with a door wherever a room is open to the next (see `grid.carve`)."""
     xmin, ymin, xmax, ymax = world.bounds
@@ -78,12 +90,10 @@ def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tu
     y = uneven_lines(ymin, ymax, world.rows, world.unevenness, rng)
 
     def door(low: float, high: float) -> tuple[float, float]:
-        begin = float(rng.uniform(low + half, high - half - world.door))
+        low, high = low + half, high - half - world.door
+        begin = float(rng.uniform(low, max(low, high)))  # a door as wide as its room may be wider by rounding
         return begin, begin + world.door
 
-    # Walls go on a little beyond the border, so that no beam slips between the two.
-    walls = [(line - half, ymin - half, line + half, ymax + half) for line in x[1:-1].tolist()]
-    walls += [(xmin - half, line - half, xmax + half, line + half) for line in y[1:-1].tolist()]
     doors: list[Rectangle] = []
     for column, row in np.argwhere(open_right).tolist():
         low, high = door(y[row], y[row + 1])
@@ -91,4 +101,4 @@ def room_walls(world: RoomsWorld, open_right: F64, open_up: F64, rng: Rng) -> tu
     for column, row in np.argwhere(open_up).tolist():
         low, high = door(x[column], x[column + 1])
         doors.append((low, y[row + 1] - world.wall, high, y[row + 1] + world.wall))
-    return as_polygons(boxes(walls).difference(boxes(doors)))
+    return as_polygons(boxes(lined_walls(x, y, half)).difference(boxes(doors)))

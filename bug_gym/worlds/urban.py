@@ -9,7 +9,7 @@ from bug_gym.schema.robot import Robot
 from bug_gym.schema.values import Box, Lines, NotNegative, Positive, Share
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng, check_cells
 from bug_gym.worlds.layout import Layout, Rings
-from bug_gym.worlds.places import draw_within
+from bug_gym.worlds.places import Walls, draw_within
 from bug_gym.worlds.polygons import Rectangle, boxes, rings_of
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class UrbanWorld(DrawnPlaces):
 
     def layout(self, crew: Crew, rng: Rng) -> Layout:
         """Blocks between streets; nobody starts or arrives in a closed courtyard."""
-        return draw_within(crew, self, rng, lambda: city_buildings(self, rng))
+        return draw_within(crew, self, rng, lambda: Walls(city_buildings(self, rng)))
 
 
 def city_buildings(world: UrbanWorld, rng: Rng) -> tuple[Rings, ...]:
