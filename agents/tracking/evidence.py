@@ -180,11 +180,12 @@ def tell_still_run(
     memory: Memory, m: int, now: Surface, past: Surface, begin: int, end: int, settings: Floats
 ) -> None:
     """The same for a run of a track's hits, as far as it may change what the track is taken for."""
-    s, room = memory.state[m], PLACE + 2.0 * settings[NOISE]
+    s, n, room = memory.state[m], memory.numbers[m], PLACE + 2.0 * settings[NOISE]
+    if n[STOOD] > 0:
+        return
     age = now.pose[NOW] - past.pose[NOW]
     was_elsewhere = math.hypot(s[VX], s[VY]) * age > ELSEWHERE * room
-    # Of what is known to move nobody asks whether its hits lie nearer moved or in place.
-    is_compared = age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6 and memory.numbers[m, IS_MOVING] == 0
+    is_compared = age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6 and may_begin_to_move(s, n)
     needed, explained = STOOD_SHARE * (end - begin), 0
     for i in range(begin, end):
         if not is_compared and (not was_elsewhere or explained >= needed or explained + end - i < needed):
@@ -195,7 +196,13 @@ def tell_still_run(
             s[AS_STILL] += stood
             s[AS_MOVED] += gap_of(memory, now.x[i] - age * s[VX], now.y[i] - age * s[VY], past, settings)
     if was_elsewhere and explained >= needed:
-        memory.numbers[m, STOOD] = 1
+        n[STOOD] = 1
+
+
+@inlined
+def may_begin_to_move(s: Floats, n: Integers) -> bool:
+    """Whether a track that is still so far may be a mover after this update, whatever its evidence comes to."""
+    return n[IS_MOVING] == 0 and (n[HITS] & 1) > 0 and is_fast(s, n, min(s[EVIDENCE] + MOST_AT_ONCE, MOST), True)
 
 
 @inlined
@@ -355,20 +362,32 @@ def goes_beyond(ranges: Floats, ray: int, distance: float, settings: Floats) -> 
 @inlined
 def is_mover(s: Floats, n: Integers) -> bool:
     """Whether a track moves: its speed is significant and the space it takes and leaves says so too."""
-    speed = math.hypot(s[VX], s[VY])
-    significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
     if n[IS_MOVING] > 0:
-        return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance > SURE_SPEED))
-    is_few = n[BEAMS] < FEW
-    nearer = NEARER_OF_FEW if is_few else NEARER
+        speed = math.hypot(s[VX], s[VY])
+        return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance_of(s) > SURE_SPEED))
+    nearer = NEARER_OF_FEW if n[BEAMS] < FEW else NEARER
     if n[STOOD] > 0 or (n[HITS] & 1) == 0 or s[AS_MOVED] > nearer * s[AS_STILL]:
         return False
-    if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
+    return is_fast(s, n, s[EVIDENCE], n[IS_CONFIRMED] > 0)
+
+
+@inlined
+def is_fast(s: Floats, n: Integers, evidence: float, is_confirmed: bool) -> bool:
+    """Whether a track's speed is that of a mover for which there is so much evidence; the more, the rather."""
+    significance = significance_of(s)
+    if math.hypot(s[VX], s[VY]) <= LEAST_SPEED:
+        return False
+    if n[WHOLE] >= WHOLE_FOR and evidence >= SOME and significance > SURE_SPEED:
         return True
     # the more there is of the one, the less is needed of the other
-    significant = significance > GATE - 2.0 * s[EVIDENCE] + 1.0
-    evident = s[EVIDENCE] >= (NEEDED_OF_FEW if is_few else NEEDED)
-    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significant and evident
+    significant = significance > GATE - 2.0 * evidence + 1.0
+    return is_confirmed and significant and evidence >= (NEEDED_OF_FEW if n[BEAMS] < FEW else NEEDED)
+
+
+@inlined
+def significance_of(s: Floats) -> float:
+    """Squared Mahalanobis distance of a track's velocity from standing."""
+    return mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
 
 
 @inlined
