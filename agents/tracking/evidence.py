@@ -176,9 +176,7 @@ def tell_still(memory: Memory, now: Surface, past: Surface, settings: Floats) ->
 
 
 @inlined
-def tell_still_run(
-    memory: Memory, m: int, now: Surface, past: Surface, begin: int, end: int, settings: Floats
-) -> None:
+def tell_still_run(memory: Memory, m: int, now: Surface, past: Surface, begin: int, end: int, settings: Floats) -> None:
     """The same for a run of a track's hits, as far as it may change what the track is taken for."""
     s, n, room = memory.state[m], memory.numbers[m], PLACE + 2.0 * settings[NOISE]
     if n[STOOD] > 0:
