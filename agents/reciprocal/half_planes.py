@@ -173,6 +173,22 @@ def share_out(peers: Floats, at_rest: Floats, step: float, slow: float, settled:
 
 
 @kernel
+def outline_reaches(bodies: Floats, robot_margin: float, track_margin: float, noise: float, reaches: Floats) -> None:
+    """How near to a body's place a hit is of the body (n,) [m]; -1: it counts as a still thing, whose hits stay.
+
+    Args:
+        bodies: (n, BODY).
+        robot_margin: how far outside a robot's outline a hit is still of it [m].
+        track_margin: the same of what is tracked [m].
+        noise: what a range may be off beside that [m].
+        reaches: filled.
+    """
+    for b in range(reaches.size):
+        margin = robot_margin if bodies[b, GAP_SHARE] < 1.0 else track_margin
+        reaches[b] = bodies[b, RADIUS] + margin + noise if bodies[b, SHARE] > 0.0 else -1.0
+
+
+@kernel
 def is_among(bodies: Floats, peers: Floats, found: Flags) -> None:
     """Which bodies (n, BODY) overlap one of the other robots (k, BODY), and so are taken for it; fills `found` (n,)."""
     for i in range(found.size):

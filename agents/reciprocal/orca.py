@@ -42,6 +42,7 @@ from bug_gym.agents.reciprocal.half_planes import (
     VY,
     drawn_share,
     is_among,
+    outline_reaches,
     reciprocal_velocity,
     share_out,
     speed_before_bodies,
@@ -206,23 +207,26 @@ class Orca(ScriptedPolicy):
                 memory.seed = zlib.crc32(view.field("peers").tobytes())
         if self.tracker is None or memory.tracker is None:
             return peers
-        return np.concatenate([peers, self._movers(view, memory, memory.tracker, peers)])
+        movers = self._movers(view, memory, memory.tracker, peers)
+        return peers if movers is None else np.concatenate([peers, movers])
 
-    def _movers(self, view: View, memory: OrcaMemory, kept: TrackerMemory, peers: F64) -> F64:
-        """What moves in the scan and is no robot, as bodies (n, BODY)."""
+    def _movers(self, view: View, memory: OrcaMemory, kept: TrackerMemory, peers: F64) -> F64 | None:
+        """What moves in the scan and is no robot, as bodies (n, BODY); None: nothing."""
         assert self.tracker is not None
         self.tracker.take_in(kept, view, memory.steps * self.sensors.drive.step)
         moving = self.tracker.moving(kept)
-        movers = np.empty((len(moving), BODY))
         if not len(moving):
-            return movers
+            return None
+        movers, is_robot = np.empty((len(moving), BODY)), np.empty(len(moving), dtype=np.bool_)
         cos, sin = math.cos(view.heading), math.sin(view.heading)
         to_robot = np.array([[cos, -sin], [sin, cos]])
         movers[:, PX : PY + 1] = (moving[:, TRACK_X : TRACK_Y + 1] - view.position) @ to_robot
-        movers[:, VX : VY + 1] = moving[:, TRACK_VX : TRACK_VY + 1] @ to_robot
-        movers[:, RADIUS], movers[:, SHARE], movers[:, GAP_SHARE] = moving[:, TRACK_RADIUS], 1.0, 1.0
-        is_robot = np.empty(len(movers), dtype=np.bool_)
+        movers[:, RADIUS] = moving[:, TRACK_RADIUS]
         is_among(movers, peers, is_robot)
+        if is_robot.all():
+            return None
+        movers[:, VX : VY + 1] = moving[:, TRACK_VX : TRACK_VY + 1] @ to_robot
+        movers[:, SHARE], movers[:, GAP_SHARE] = 1.0, 1.0
         return movers[~is_robot]
 
     def without_bodies(self, view: View, bodies: F64) -> View:
@@ -232,9 +236,8 @@ class Orca(ScriptedPolicy):
             view: what it sees.
             bodies: (n, BODY); those that count as still things stay.
         """
-        ranges, noise = view.ranges.copy(), 3.0 * self.sensors.range_noise
-        margins = np.where(bodies[:, GAP_SHARE] < 1.0, BODY_MARGIN, TRACK_MARGIN)
-        reaches = np.where(bodies[:, SHARE] > 0.0, bodies[:, RADIUS] + margins + noise, -1.0)
+        ranges, reaches = view.ranges.copy(), np.empty(len(bodies))
+        outline_reaches(bodies, BODY_MARGIN, TRACK_MARGIN, 3.0 * self.sensors.range_noise, reaches)
         take_out_discs(ranges, self._cos, self._sin, self.sensors.range, bodies, reaches)
         return view.with_ranges(ranges)
 

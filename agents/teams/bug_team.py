@@ -123,8 +123,12 @@ class BugTeam(TeamPolicy):
         if memory.own.contour is not None or view.goal_distance > nearest + SAME_DISTANCE:
             return False
         boundary, bearing, distance = self.laws[robot].boundary, view.goal_bearing, view.goal_distance
-        # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`.
-        is_free = view.free_distance(bearing, 0.5 * (boundary.clearance + boundary.inner)) >= distance
+        # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`. Where it has
+        # passed it the way leads off the wall: no point ahead lies nearer to the way than the wall to the robot. Along a round
+        # obstacle a fixed radius would still touch points ahead, for sqrt(2 m R) more at m less than that radius.
+        passes = 0.5 * (boundary.clearance + boundary.inner)
+        radius = min(max(view.nearest()[0], boundary.hit_radius), passes)
+        is_free = view.free_distance(bearing, radius) >= distance
         return is_free or boundary.can_reach_goal(view, bearing, distance)
 
     def check_winner(self, memories: Sequence[BugTeamMemory]) -> None:

@@ -81,8 +81,8 @@ def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: F
                 break
 
 
-@kernel
-def put_in_walls(
+@called
+def put_in_walls_of(
     ranges: Floats,
     hidden: Flags,
     ux: Floats,
@@ -96,22 +96,7 @@ def put_in_walls(
     turn: float,
     widest: float,
 ) -> None:
-    """Put into hidden beams the walls that a partner sees: pieces between neighbouring points of its scan.
-
-    Args:
-        ranges: (B,), changed in place [m].
-        hidden: which beams to fill (B,).
-        ux: directions' x (B,), in either robot's own frame.
-        uy: directions' y (B,).
-        far: range that means "nothing seen" [m].
-        bodies: places (k, 2) of robots in the looking robot's frame, itself too: what is seen of them is no wall [m].
-        reach: how near to a place a point is of the body there [m].
-        theirs: the partner's ranges (B,) [m].
-        x: the partner's place in the looking robot's frame [m].
-        y: likewise [m].
-        turn: the partner's heading in it [rad].
-        widest: two neighbouring points are of one wall where they are nearer than so many ranges.
-    """
+    """The same for one partner at a place [m], with its ranges (B,) [m] and its heading [rad]."""
     cos, sin = math.cos(turn), math.sin(turn)
     beams = theirs.size
     for i in range(beams):
@@ -128,3 +113,35 @@ def put_in_walls(
         if is_body_point(x1, y1, bodies, reach) or is_body_point(x2, y2, bodies, reach):
             continue
         put_wall(ranges, hidden, ux, uy, x1, y1, x2, y2)
+
+
+@kernel
+def put_in_walls(
+    ranges: Floats,
+    hidden: Flags,
+    ux: Floats,
+    uy: Floats,
+    far: float,
+    bodies: Floats,
+    reach: float,
+    theirs: Floats,
+    places: Floats,
+    widest: float,
+) -> None:
+    """Put into hidden beams the walls that partners see: pieces between neighbouring points of their scans.
+
+    Args:
+        ranges: (B,), changed in place [m].
+        hidden: which beams to fill (B,).
+        ux: directions' x (B,), in any robot's own frame.
+        uy: directions' y (B,).
+        far: range that means "nothing seen" [m].
+        bodies: places (k, 2) of robots in the looking robot's frame, itself too: what is seen of them is no wall [m].
+        reach: how near to a place a point is of the body there [m].
+        theirs: the partners' ranges (p, B) [m].
+        places: the partners' places [m] and headings [rad] in the looking robot's frame (p, 3).
+        widest: two neighbouring points are of one wall where they are nearer than so many ranges.
+    """
+    for p in range(theirs.shape[0]):
+        x, y, turn = places[p, 0], places[p, 1], places[p, 2]
+        put_in_walls_of(ranges, hidden, ux, uy, far, bodies, reach, theirs[p], x, y, turn, widest)

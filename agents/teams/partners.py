@@ -63,12 +63,15 @@ def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -
     if not take_out_bodies(ranges, ux, uy, sensors.range, bodies[:-1], reach, hidden):
         return Seen(view, view)
     widest = SAME_WALL * 2.0 * math.pi / len(ranges)
+    theirs, places = [], []
     for (other, word), apart, (x, y) in zip(told, gaps, bodies[:-1].tolist(), strict=True):
         if other.view is None or not other.is_heard or apart > 2.0 * sensors.range + ROUNDING:  # sees nothing in reach
             continue
-        turn = word.heading - frame.heading - view.heading
-        theirs = other.view.ranges
-        put_in_walls(ranges, hidden, ux, uy, sensors.range, bodies, reach, theirs, x, y, turn, widest)
+        theirs.append(other.view.ranges)
+        places.append((x, y, word.heading - frame.heading - view.heading))
+    if theirs:
+        their_scans, their_places = np.array(theirs), np.array(places)
+        put_in_walls(ranges, hidden, ux, uy, sensors.range, bodies, reach, their_scans, their_places, widest)
     seen = view.with_ranges(ranges)
     ranges[hidden] = 0.0
     return Seen(seen, view.with_ranges(ranges))

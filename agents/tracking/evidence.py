@@ -116,7 +116,7 @@ def scan_of_age(poses: Floats, now: float, age: float) -> int:
 
 
 @called
-def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integers) -> None:
+def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integers, toward: Floats) -> None:
     """Count for each track the beams that passed where it is now, and those that pass now where it was.
 
     A still thing has neither, and its hits lie where there were hits before. EVIDENCE rises in an update that shows
@@ -125,7 +125,7 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
     Args:
         memory: of the tracks and past scans.
         scan: of now.
-        owners, counts: scratch, of as many as beams, and of TRACKS or more.
+        owners, counts, toward: scratch, of as many as beams, of TRACKS or more, and of as many as beams.
     """
     counts[:] = 0
     now = Surface(scan.ranges, scan.place_x, scan.place_y, scan.owner, scan.pose)
@@ -145,8 +145,8 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
             m = mark % TRACKS
             owners[i] = m if mark > 0 and memory.numbers[m, ID] == mark // TRACKS else -1
         past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
-        count_passes(memory, now, past, scan.settings, counts)
-        count_passes(memory, past, now, scan.settings, counts)
+        count_passes(memory, now, past, scan.settings, counts, toward)
+        count_passes(memory, past, now, scan.settings, counts, toward)
         tell_still(memory, now, past, scan.settings)
     for m in range(TRACKS):
         n = memory.numbers[m]
@@ -165,25 +165,42 @@ def tell_still(memory: Memory, now: Surface, past: Surface, settings: Floats) ->
 
     And add up how far the hits lie from those of the past scan, if the thing stood and if it moved as it is said to.
     """
-    beams, room = len(now.ranges), PLACE + 2.0 * settings[NOISE]
-    age = now.pose[NOW] - past.pose[NOW]
-    begin = 0
+    beams, begin = len(now.ranges), 0
     while begin < beams:
         m, end = now.owner[begin], begin + 1
         while end < beams and now.owner[end] == m:
             end += 1
         if m >= 0:
-            s = memory.state[m]
-            explained = 0
-            for i in range(begin, end):
-                stood = gap_of(memory, now.x[i], now.y[i], past, settings)
-                explained += stood < room
-                if age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6:
-                    s[AS_STILL] += stood
-                    s[AS_MOVED] += gap_of(memory, now.x[i] - age * s[VX], now.y[i] - age * s[VY], past, settings)
-            if math.hypot(s[VX], s[VY]) * age > ELSEWHERE * room and explained >= STOOD_SHARE * (end - begin):
-                memory.numbers[m, STOOD] = 1
+            tell_still_run(memory, m, now, past, begin, end, settings)
         begin = end
+
+
+@inlined
+def tell_still_run(memory: Memory, m: int, now: Surface, past: Surface, begin: int, end: int, settings: Floats) -> None:
+    """The same for a run of a track's hits, as far as it may change what the track is taken for."""
+    s, n, room = memory.state[m], memory.numbers[m], PLACE + 2.0 * settings[NOISE]
+    if n[STOOD] > 0:
+        return
+    age = now.pose[NOW] - past.pose[NOW]
+    was_elsewhere = math.hypot(s[VX], s[VY]) * age > ELSEWHERE * room
+    is_compared = age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6 and may_begin_to_move(s, n)
+    needed, explained = STOOD_SHARE * (end - begin), 0
+    for i in range(begin, end):
+        if not is_compared and (not was_elsewhere or explained >= needed or explained + end - i < needed):
+            break
+        stood = gap_of(memory, now.x[i], now.y[i], past, settings)
+        explained += stood < room
+        if is_compared:
+            s[AS_STILL] += stood
+            s[AS_MOVED] += gap_of(memory, now.x[i] - age * s[VX], now.y[i] - age * s[VY], past, settings)
+    if was_elsewhere and explained >= needed:
+        n[STOOD] = 1
+
+
+@inlined
+def may_begin_to_move(s: Floats, n: Integers) -> bool:
+    """Whether a track that is still so far may be a mover after this update, whatever its evidence comes to."""
+    return n[IS_MOVING] == 0 and (n[HITS] & 1) > 0 and is_fast(s, n, min(s[EVIDENCE] + MOST_AT_ONCE, MOST), True)
 
 
 @inlined
@@ -211,8 +228,10 @@ def gap_of(memory: Memory, x: float, y: float, past: Surface, settings: Floats) 
 
 
 @called
-def count_passes(memory: Memory, surface: Surface, other: Surface, settings: Floats, counts: Integers) -> None:
-    """Count for each track the beams of another scan that went through what one scan saw of it."""
+def count_passes(
+    memory: Memory, surface: Surface, other: Surface, settings: Floats, counts: Integers, toward: Floats
+) -> None:
+    """Count for each track the beams of another scan that went through what one scan saw of it, as long as it matters."""
     beams = len(surface.ranges)
     begin = 0
     while begin < beams:
@@ -223,8 +242,16 @@ def count_passes(memory: Memory, surface: Surface, other: Surface, settings: Flo
             continue
         while end < beams and surface.owner[end] == m and is_joined(surface, end, settings):
             end += 1
-        counts[m] += passes_of(memory.state[m], surface, begin, end, other, settings)
+        more = most_passes(memory.state[m]) - counts[m]
+        if more > 0:
+            counts[m] += passes_of(memory.state[m], surface, begin, end, other, settings, more, toward)
         begin = end
+
+
+@inlined
+def most_passes(s: Floats) -> int:
+    """From how many beams on more of them change nothing in what an update makes of a track's evidence."""
+    return max(int(math.ceil(2.0 * min(MOST_AT_ONCE, MOST - s[EVIDENCE]))), 2)
 
 
 @inlined
@@ -238,36 +265,38 @@ def is_joined(surface: Surface, i: int, settings: Floats) -> bool:
 
 
 @called
-def passes_of(s: Floats, surface: Surface, begin: int, end: int, other: Surface, settings: Floats) -> int:
-    """How many beams of `other` went through the run of hits begin:end of a surface."""
+def passes_of(
+    s: Floats, surface: Surface, begin: int, end: int, other: Surface, settings: Floats, most: int, toward: Floats
+) -> int:
+    """How many beams of `other` went through the run of hits begin:end of a surface; it counts as far as `most`."""
     x, y, pose, step, noise = surface.x, surface.y, other.pose, settings[ANGLE_STEP], settings[NOISE]
     full = 2.0 * math.pi / step
-    low, high, b = math.inf, -math.inf, 0.0
-    for i in range(begin, end):
-        toward = beam_toward(x[i], y[i], pose, settings)
-        b = unwrapped(toward, b, full) if i > begin else toward
-        low, high = min(low, b), max(high, b)
+    toward[begin] = beam_toward(x[begin], y[begin], pose, settings)
+    low, high = toward[begin], toward[begin]
+    for i in range(begin + 1, end):
+        toward[i] = unwrapped(beam_toward(x[i], y[i], pose, settings), toward[i - 1], full)
+        low, high = min(low, toward[i]), max(high, toward[i])
     baseline = math.hypot(surface.pose[POSE_X] - pose[POSE_X], surface.pose[POSE_Y] - pose[POSE_Y])
     newest = max(surface.pose[NOW], other.pose[NOW])
     count = 0
-    b = beam_toward(x[begin], y[begin], pose, settings)
     tb = math.hypot(x[begin] - pose[POSE_X], y[begin] - pose[POSE_Y])
     for i in range(begin, max(end - 1, begin + 1)):
         j = min(i + 1, end - 1)
-        a, ta = b, tb
-        b = unwrapped(beam_toward(x[j], y[j], pose, settings), a, full)
+        a, b, ta = toward[i], toward[j], tb
         tb = math.hypot(x[j] - pose[POSE_X], y[j] - pose[POSE_Y])
         near = min(ta, tb)
         if baseline > TOO_FAR_ASIDE * near:
             continue
-        length = math.hypot(x[i] - x[j], y[i] - y[j])
         # a place is as sure as its range across the line of sight
         unsure = baseline / near * (SURE + 3.0 * noise)
         side = unsure / (near * step) - 1e-3
-        slope = abs(ta - tb) / max(abs(a - b) * step * near, 1e-3)
-        margin = CLOSE + NOISES * noise + slope * unsure
         ray = int(math.ceil(max(min(a, b), low + side) - 1e-3))
         last = min(max(a, b), high - side) + 1e-3
+        if ray > last:
+            continue
+        length = math.hypot(x[i] - x[j], y[i] - y[j])
+        slope = abs(ta - tb) / max(abs(a - b) * step * near, 1e-3)
+        margin = CLOSE + NOISES * noise + slope * unsure
         while ray <= last:
             f = min(max((ray - a) / (b - a), 0.0), 1.0) if abs(b - a) > 1e-6 else 0.0
             off = min(f, 1.0 - f) * length
@@ -277,6 +306,8 @@ def passes_of(s: Floats, surface: Surface, begin: int, end: int, other: Surface,
                     count += 1
                     if goes_beyond(other.ranges, ray, away + SURELY * noise, settings):
                         count += 1
+                    if count >= most:
+                        return count
             ray += 1
     return count
 
@@ -329,20 +360,32 @@ def goes_beyond(ranges: Floats, ray: int, distance: float, settings: Floats) -> 
 @inlined
 def is_mover(s: Floats, n: Integers) -> bool:
     """Whether a track moves: its speed is significant and the space it takes and leaves says so too."""
-    speed = math.hypot(s[VX], s[VY])
-    significance = mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
     if n[IS_MOVING] > 0:
-        return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance > SURE_SPEED))
-    is_few = n[BEAMS] < FEW
-    nearer = NEARER_OF_FEW if is_few else NEARER
+        speed = math.hypot(s[VX], s[VY])
+        return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance_of(s) > SURE_SPEED))
+    nearer = NEARER_OF_FEW if n[BEAMS] < FEW else NEARER
     if n[STOOD] > 0 or (n[HITS] & 1) == 0 or s[AS_MOVED] > nearer * s[AS_STILL]:
         return False
-    if n[WHOLE] >= WHOLE_FOR and s[EVIDENCE] >= SOME and speed > LEAST_SPEED and significance > SURE_SPEED:
+    return is_fast(s, n, s[EVIDENCE], n[IS_CONFIRMED] > 0)
+
+
+@inlined
+def is_fast(s: Floats, n: Integers, evidence: float, is_confirmed: bool) -> bool:
+    """Whether a track's speed is that of a mover for which there is so much evidence; the more, the rather."""
+    significance = significance_of(s)
+    if math.hypot(s[VX], s[VY]) <= LEAST_SPEED:
+        return False
+    if n[WHOLE] >= WHOLE_FOR and evidence >= SOME and significance > SURE_SPEED:
         return True
     # the more there is of the one, the less is needed of the other
-    significant = significance > GATE - 2.0 * s[EVIDENCE] + 1.0
-    evident = s[EVIDENCE] >= (NEEDED_OF_FEW if is_few else NEEDED)
-    return n[IS_CONFIRMED] > 0 and speed > LEAST_SPEED and significant and evident
+    significant = significance > GATE - 2.0 * evidence + 1.0
+    return is_confirmed and significant and evidence >= (NEEDED_OF_FEW if n[BEAMS] < FEW else NEEDED)
+
+
+@inlined
+def significance_of(s: Floats) -> float:
+    """Squared Mahalanobis distance of a track's velocity from standing."""
+    return mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
 
 
 @inlined

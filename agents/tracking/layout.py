@@ -46,9 +46,10 @@ PAST_POSE = 4
 FX, FY, FR, FR_VARIANCE, ZXX, ZXY, ZYY, MXX, MXY, MYY, SHAPE = range(11)
 FIT = 11
 
-# Rows of an update's working memory, by the field of Hits, Scan or Clusters that they stand for; COUNTS: of each track.
-HIT_X, HIT_Y, PLACE_X, PLACE_Y, BEARINGS, SQUARES = range(6)
-FLOAT_ROWS = 6
+# Rows of an update's working memory, by the field of Hits, Scan or Clusters that they stand for; COUNTS: of each track;
+# TOWARD: where hits lie among the beams of another scan.
+HIT_X, HIT_Y, PLACE_X, PLACE_Y, BEARINGS, SQUARES, TOWARD = range(7)
+FLOAT_ROWS = 7
 MEMBERS, BEGINS, CHOSEN, NEAREST, COUNTS = range(5)
 INTEGER_ROWS = 5
 HIT_FLAGS, THING_FLAGS = range(2)

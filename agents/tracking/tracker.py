@@ -224,9 +224,9 @@ class Tracker:
 
     def moving(self, memory: TrackerMemory) -> F64:
         """Numbers of the things that are there and move (M, STATE), in the order of `update`'s tracks; see layout."""
-        numbers = memory.numbers
-        is_chosen = (numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0) & (numbers[:, IS_MOVING] > 0)
-        return memory.state[is_chosen]
+        (places,) = memory.numbers[:, IS_MOVING].nonzero()
+        numbers = memory.numbers[places]
+        return memory.state[places[(numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0)]]
 
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""

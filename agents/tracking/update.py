@@ -44,6 +44,7 @@ from bug_gym.agents.tracking.layout import (
     SHAPE,
     SQUARES,
     THING_FLAGS,
+    TOWARD,
     TRACKS,
     WHOLE,
     Clusters,
@@ -100,7 +101,7 @@ def update_tracks(
     fit_things(hits, clusters, count)
     associate(memory, clusters, count, pose)
     take_things(memory, scan, hits, clusters, count)
-    weigh_evidence(memory, scan, nearest, counts)
+    weigh_evidence(memory, scan, nearest, counts, floats[TOWARD])
     close_update(memory, scan)
     keep_scan(memory, scan)
 

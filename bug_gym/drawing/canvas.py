@@ -311,9 +311,11 @@ class Canvas:
         """Above the world: whose episode it is on the left; time, outcome and note on the right."""
         world, row, outcome = self.simulation.world, self.row, self._outcome()
         names = [*filter(None, [self.title, self.simulation.scenario.name]), f"seed {world.seed[row]}"]
-        state = [f"{world.time[row]:.1f} s", outcome if outcome != "running" else "", note]
-        right = self._text(" · ".join(filter(None, state)), INK if outcome == "running" else OUTCOME_COLORS[outcome])
-        room = self.width - 2.0 * self.margin
+        colour, room = INK if outcome == "running" else OUTCOME_COLORS[outcome], self.width - 2.0 * self.margin
+        state = [*filter(None, [f"{world.time[row]:.1f} s", outcome if outcome != "running" else "", note])]
+        right = self._text(" · ".join(state), colour)
+        if note and self._text(names[0], INK).get_width() + 0.5 * self.margin > room - right.get_width():
+            right = self._text(" · ".join(state[:-1]), colour)  # who it is comes before what it is about
         free = max(0.0, room - right.get_width() - 0.5 * self.margin)
         left = self._text(" · ".join(names), INK)
         # On a narrow frame the last names give way, in the end a piece of the first.

@@ -412,6 +412,13 @@ def test_the_labels_of_a_drawing_are_listed_below_the_world() -> None:
     assert (listed == brush.LABEL_COLORS["hit"]).all(axis=2).sum() > 0
 
 
+def test_a_note_without_room_beside_the_policy_s_name_is_left_out() -> None:
+    canvas = Canvas(yard(), size=240, title="swarm_bug2")
+    plain = canvas.draw()
+    assert not np.array_equal(canvas.draw(note="go"), plain)
+    np.testing.assert_array_equal(canvas.draw(note="motion to goal / boundary following"), plain)
+
+
 def test_areas_of_a_label_are_as_light_where_they_overlap_as_alone_and_so_is_the_legend() -> None:
     canvas = Canvas(yard())
     ring = np.array([[7.5, -1.5], [8.5, -1.5], [8.5, -2.5], [7.5, -2.5]])

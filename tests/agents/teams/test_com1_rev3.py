@@ -19,7 +19,7 @@ from bug_gym.agents.teams.partners import without_partners
 from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.team_runs import TeamRun, run_team
-from bug_gym.reproductions.team_worlds import alone, random_world, team_scenario
+from bug_gym.reproductions.team_worlds import Across, alone, random_world, team_scenario
 from bug_gym.simulation import Simulation
 
 # A robot that sees the goal from each place from which an ideal one does.
@@ -114,6 +114,20 @@ def test_with_hold_com1_wins_later_from_a_to_d() -> None:
 
 
 # ------------------------------------------------------------------------------------------ the stop rule
+
+
+@pytest.mark.parametrize(("radius", "beams"), [(2.5, 240), (5.0, 60), (5.0, 1440), (12.0, 240)])
+def test_on_a_disc_a_winner_is_named_at_the_tangent_however_large_the_disc(radius: float, beams: int) -> None:
+    # What a disc of 5 cm more would need to pass is free sqrt(2 m R) after the tangent only: 1 m late at R = 12 m.
+    disc = Across(before=4.0, behind=5.0, half=radius)
+    scenario = {**disc.scenario(), "lidar": {"beams": beams, "range": 20.0}}
+    settings: dict[str, Any] = {"clearance": 1.0, "partner_rule": "ghost", "hold_distance": 0.0}
+    run = run_team("com1_rev3", scenario, ghosts=True, **settings)
+    tangent, leg = disc.leaving()
+    assert run.winner == 0
+    assert run.won_after == pytest.approx(tangent, abs=0.15)  # a step, and half the gap between the points of a scan
+    assert run.lengths[0] == pytest.approx(tangent + leg, abs=0.03)
+    assert run.lengths[1] == pytest.approx(run.won_after)
 
 
 @pytest.mark.parametrize("seed", range(4))
