@@ -30,6 +30,7 @@ from result_pages import (
 )
 from result_pages.words import table
 
+from bug_gym.files import released
 from bug_gym.reproductions import REPRODUCTIONS
 
 RESULTS = Path(__file__).parent / "results"
@@ -121,7 +122,7 @@ def page(name: str, found: Record) -> str:
         raise ValueError(f"{name}: the JSON says {found['holds']!r} of its claims, its numbers say {holds!r}")
     first, rest = asked(name)
     made = (
-        f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {found['bug_gym']} and "
+        f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {released(found['bug_gym'])} and "
         f"Python {found['python']}. This page is made of it {MADE}"
     )
     claims = table("Claims", ["claim", "found"], [[claim, verdict(true)] for claim, true in told.claims])
