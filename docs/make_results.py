@@ -121,8 +121,9 @@ def page(name: str, found: Record) -> str:
     if holds != found["holds"]:
         raise ValueError(f"{name}: the JSON says {found['holds']!r} of its claims, its numbers say {holds!r}")
     first, rest = asked(name)
+    release = released(found["bug_gym"])
     made = (
-        f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {released(found['bug_gym'])} and "
+        f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {release} and "
         f"Python {found['python']}. This page is made of it {MADE}"
     )
     claims = table("Claims", ["claim", "found"], [[claim, verdict(true)] for claim, true in told.claims])
