@@ -1,5 +1,9 @@
 """Rooms in compiled code are those of the plain way, bit for bit: walls, start, goal, and what is drawn after them."""
 
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -7,7 +11,6 @@ import pytest
 import shapely
 
 from bug_gym.config import RoomsWorld, Scenario, load
-from bug_gym.scenarios import draw_layout
 from bug_gym.worlds import places
 from bug_gym.worlds.clearance import is_clear
 from bug_gym.worlds.layout import Layout
@@ -73,18 +76,26 @@ def test_walls_are_those_of_the_plain_way(name: str) -> None:
         assert rng.bit_generator.state == plain_rng.bit_generator.state
 
 
-def plain_layout(scenario: Scenario, seed: int, patch: pytest.MonkeyPatch) -> Layout:
-    """The world of a seed, nothing of it by compiled code, which looks for places among compiled walls only."""
-    with patch.context() as patched:
+def drawn(scenario: Scenario, seed: int) -> tuple[tuple[bytes, ...], Any]:
+    """The world of a seed, to compare bit for bit, and the state in which it leaves its generator."""
+    rng = generator(seed)
+    return numbers(scenario.world.layout(scenario.crew, rng)), rng.bit_generator.state
+
+
+@contextmanager
+def plainly() -> Iterator[None]:
+    """Nothing is drawn by compiled code, which looks for places among its own walls only."""
+    with pytest.MonkeyPatch.context() as patched:
         patched.setattr(RoomsWorld, "compiled_walls", lambda world, rng: None)
-        return draw_layout(scenario, seed, 0)
+        yield
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_start_and_goal_are_those_of_the_plain_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_start_and_goal_are_those_of_the_plain_way(name: str) -> None:
     scenario = load(PLACES[name])
-    for seed in range(60):
-        assert numbers(draw_layout(scenario, seed, 0)) == numbers(plain_layout(scenario, seed, monkeypatch))
+    compiled = [drawn(scenario, seed) for seed in range(60)]
+    with plainly():
+        assert compiled == [drawn(scenario, seed) for seed in range(60)]
 
 
 def test_a_world_without_room_says_the_same_as_the_plain_way(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,9 +103,9 @@ def test_a_world_without_room_says_the_same_as_the_plain_way(monkeypatch: pytest
     scenario = load({"world": {"family": "rooms", "start": in_a_corner}})
     monkeypatch.setattr(places, "TRIES", 20)
     with pytest.raises(ValueError, match="no free place for the start") as compiled:
-        draw_layout(scenario, 0, 0)
-    with pytest.raises(ValueError, match="no free place for the start") as plain:
-        plain_layout(scenario, 0, monkeypatch)
+        drawn(scenario, 0)
+    with plainly(), pytest.raises(ValueError, match="no free place for the start") as plain:
+        drawn(scenario, 0)
     assert str(compiled.value) == str(plain.value)
 
 
@@ -154,3 +165,15 @@ def test_whole_walls_have_each_crossing_and_each_end_once() -> None:
     assert len(whole.faces) == len(set(map(tuple, whole.faces.tolist()))) == 4 * 3 * 2 + 4 * (3 + 2)
     assert len(whole.firsts) - 1 == 1 + 2 * 1, "the shell, and a hole for each room that is not at the border"
     assert len(numbered_faces(np.arange(5.0), 0.1)) == 8
+
+
+def test_worlds_of_others_compile_nothing() -> None:
+    code = (
+        "from bug_gym.compiling import KERNELS; from bug_gym.config import load; "
+        "from bug_gym.scenarios import draw_layout\n"
+        "for name in ('rooms', 'maze', 'urban'): load(name)\n"
+        "for name in ('maze', 'urban', 'u_trap'): draw_layout(load(name), 0, 0)\n"
+        "print([kernel.py_func.__name__ for kernel in KERNELS if kernel.signatures])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
