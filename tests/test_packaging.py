@@ -119,6 +119,25 @@ def test_the_page_on_the_index_leads_to_the_commit_that_was_built_and_keeps_the_
     assert said.stdout.strip() == "3.1.4"
 
 
+@pytest.mark.parametrize(
+    ("server", "opens"),
+    [("https://github.com", "https://colab.research.google.com/github"), ("https://example.org",) * 2],
+)
+def test_the_button_of_colab_opens_the_notebook_of_the_commit_where_colab_can(
+    server: str, opens: str, tmp_path: Path
+) -> None:
+    for name in ("README.md", "LICENSE", "notebooks/colab.ipynb"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    page = tmp_path / "README.md"
+    script = ROOT / "docs" / "absolute_links.py"
+    subprocess.run([sys.executable, str(script), str(page), f"{server}/who/what", "abc"], check=True)
+    text = page.read_text(encoding="utf-8")
+    assert f"colab-badge.svg)]({opens}/who/what/blob/abc/notebooks/colab.ipynb)" in text
+    assert f"[one for Colab]({server}/who/what/blob/abc/notebooks/colab.ipynb)" in text
+    assert f"license-MIT-blue)]({server}/who/what/blob/abc/LICENSE)" in text
+
+
 @pytest.mark.parametrize("has_git", [True, False])
 def test_without_tags_it_is_a_version_before_the_first(has_git: bool, tmp_path: Path) -> None:
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
