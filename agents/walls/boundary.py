@@ -374,7 +374,7 @@ class Boundary:
 
         The hand stays on the wall: from the bearing of the wall the heading turns away from it until a whole step is
         open. One rule for straight walls, convex and concave corners, dead ends and thin walls. A robot without any
-        open heading waits, and calls itself stuck after WAIT seconds. `first_heading` is another rule.
+        open heading waits, after WAIT seconds backs once the way it came, and calls itself stuck where that is of no use. `first_heading` is another rule.
         """
         contour = memory.contour
         assert contour is not None
@@ -395,9 +395,12 @@ class Boundary:
             heading = first_heading(view, contour, bearing, travel)
         if heading is None:
             contour.waited += self.sensors.drive.step
-            if contour.waited > WAIT:
+            if contour.waited <= WAIT:
+                return STANDING
+            heading = self._backed_out(view, contour, travel) if first_heading is None else None
+            if heading is None:
                 memory.verdict = "stuck"
-            return STANDING
+                return STANDING
         contour.waited = 0.0
         heading = self._resolved(view, contour, heading)
         if contour.heading is not None:
@@ -410,6 +413,13 @@ class Boundary:
         if rounding is not None and first_heading is None:
             rounding.begin(view, contour, heading)
         return velocity_along(heading, self.pace)
+
+    def _backed_out(self, view: View, contour: Contour, travel: float) -> float | None:
+        """Back the way it came, where nothing else is open; None: no step is, or it has come back here from there."""
+        if contour.backed_from is not None and math.dist(contour.backed_from, view.position) <= 2.0 * self.step:
+            return None
+        contour.backed_from = view.position
+        return self.headings.back(view, travel)
 
     def _resolved(self, view: View, contour: Contour, heading: float) -> float:
         """A heading [rad], or the last one where the robot has turned to and fro on the spot for more than half a turn.

@@ -107,6 +107,8 @@ class Contour:
     """Whether less is asked, because a whole lap had no better place to leave than such ones."""
     waited: float = 0.0
     """Time without an open heading [s]."""
+    backed_from: Point | None = None
+    """Where it had none for so long that it backed the way it came, the last time."""
     is_exact: bool = False
     """Whether corners are no longer rounded."""
     foot: tuple[float, float, float] | None = None

@@ -64,9 +64,12 @@ class OpenHeadings:
                 turned = self._turn_from(view, wall_bearing, side, self.inner)
             if turned is None:
                 turned = self._widest_heading(view, wall_bearing, side, nearest)
-            if turned is None and view.free_distance(travel + math.pi, self.safe_radius) >= self.step:
-                turned = travel + math.pi  # where a blind gap is widest, every way out of it is narrower
         return turned
+
+    def back(self, view: View, travel: float) -> float | None:
+        """Heading back along which it came, out of the widest place of a blind gap: every way out of that is narrower."""
+        backward = travel + math.pi
+        return backward if view.free_distance(backward, self.safe_radius) >= self.step else None
 
     def _through(self, inner: float, side: int) -> list[float]:
         """Bearings among which that of the middle of a narrow gap is, from the first open one on [rad]."""

@@ -214,7 +214,7 @@ def test_two_robots_never_touch_and_com1_drives_its_solo_curve(seed: int) -> Non
         assert farthest(run.paths[:, 0, :2], solo.path[:, :2]) <= 0.1
 
 
-@pytest.mark.parametrize(("robots", "seed"), [(4, 0), (4, 17), (4, 24), (8, 0), (8, 18)])
+@pytest.mark.parametrize(("robots", "seed"), [(4, 0), (4, 17), (4, 24), (4, 113), (8, 0), (8, 18)])
 def test_many_robots_never_touch_and_never_stand_for_ever(robots: int, seed: int) -> None:
     run = run_team("com1_rev3", random_world(seed, robots), robots=robots, seed=seed, clearance=1.0)
     assert "success" in run.outcomes and "collision" not in run.outcomes
