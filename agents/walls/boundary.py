@@ -374,7 +374,8 @@ class Boundary:
 
         The hand stays on the wall: from the bearing of the wall the heading turns away from it until a whole step is
         open. One rule for straight walls, convex and concave corners, dead ends and thin walls. A robot without any
-        open heading waits, after WAIT seconds backs once the way it came, and calls itself stuck where that is of no use. `first_heading` is another rule.
+        open heading waits; after WAIT seconds it backs the way it came, and calls itself stuck where it cannot or has done
+        so here before. `first_heading` is another rule.
         """
         contour = memory.contour
         assert contour is not None
