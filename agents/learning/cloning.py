@@ -14,6 +14,7 @@ from bug_gym.agents.learning.regression import (
     Batch,
     actor_parameters,
     descend,
+    mean_action,
     regression_loss,
     value,
     value_parameters,
@@ -25,14 +26,19 @@ class Cloning:
 
     Args:
         actor: what learns.
+        worth: of discrete actions: what an answer is worth to each (A, A), see `near_moves`; None: to itself alone.
     """
 
-    def __init__(self, actor: ActorCriticPolicy) -> None:
-        self.actor = actor
+    def __init__(self, actor: ActorCriticPolicy, worth: torch.Tensor | None = None) -> None:
+        self.actor, self.worth = actor, worth
         self.optimizers = [torch.optim.Adam([*actor_parameters(actor), *value_parameters(actor)])]
 
     def update(self, batch: Batch) -> None:
         """One gradient step."""
         error = (value(self.actor, batch.features) - batch.returns).square().mean()
-        loss = regression_loss(self.actor, batch.features, batch.actions) + error
-        descend(self.optimizers[0], loss)
+        descend(self.optimizers[0], self._error(batch) + error)
+
+    def _error(self, batch: Batch) -> torch.Tensor:
+        if self.worth is None:
+            return regression_loss(self.actor, batch.features, batch.actions)
+        return torch.nn.functional.cross_entropy(mean_action(self.actor, batch.features), self.worth[batch.actions])

@@ -24,7 +24,7 @@ from bug_gym.agents.learning.folder import CONFIG, Point, read_config
 from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
-from bug_gym.agents.learning.regression import Batch, Learner
+from bug_gym.agents.learning.regression import Batch, Learner, near_moves
 from bug_gym.agents.learning.settings import (
     AnyOffline,
     CloningSettings,
@@ -50,7 +50,9 @@ from bug_gym.agents.learning.training import (
     write_best,
 )
 from bug_gym.held_out import TRAINING_SEEDS
+from bug_gym.kinematics import discrete_actions
 from bug_gym.policy import ScriptedPolicy
+from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
 
 AT_ONCE = 65_536
@@ -125,7 +127,15 @@ def make_learner(settings: AnyOffline, actor: ActorCriticPolicy) -> Learner:
     """The algorithm of a training."""
     if isinstance(settings, IQLSettings):
         return IQL(actor, settings)
-    return TD3BC(actor, settings) if isinstance(settings, TD3BCSettings) else Cloning(actor)
+    return TD3BC(actor, settings) if isinstance(settings, TD3BCSettings) else Cloning(actor, _worth_of(settings))
+
+
+def _worth_of(settings: AnyOffline) -> torch.Tensor | None:
+    """What an answer is worth to each discrete action; None: it counts for itself, or actions are continuous."""
+    if not (isinstance(settings, DaggerSettings) and settings.action == "discrete" and settings.answer_width > 0.0):
+        return None
+    (scenario,) = settings.loaded
+    return near_moves(discrete_actions(Sensors.of(scenario).drive), settings.answer_width)
 
 
 def train_offline(

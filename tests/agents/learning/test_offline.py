@@ -23,9 +23,9 @@ from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.iql import IQL, expectile_loss
-from bug_gym.agents.learning.offline import Samples, make_actor, train_offline, train_offline_seeds
+from bug_gym.agents.learning.offline import Samples, make_actor, make_learner, train_offline, train_offline_seeds
 from bug_gym.agents.learning.recorded import Recorded, joined
-from bug_gym.agents.learning.regression import Batch, follow, mean_action, regression_loss, target_of, value
+from bug_gym.agents.learning.regression import Batch, follow, mean_action, near_moves, regression_loss, target_of, value
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings
 from bug_gym.agents.learning.td3_bc import TD3BC, actor_loss, held
@@ -207,6 +207,53 @@ def test_of_two_ways_round_one_is_taken_and_not_the_middle() -> None:
     chances = torch.softmax(mean_action(actor, ones[:1]), dim=1)[0]
     assert chances[[0, 4]].tolist() == pytest.approx([5 / 11, 6 / 11], abs=0.03)
     assert actor.predict(np.ones((1, 1), dtype=np.float32), deterministic=True)[0].tolist() == [4]
+
+
+MOVES = np.array([[1.0, 0.0], [1.0, 0.2], [1.0, -0.2], [-1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+"""Three ways to drive on, and turns to the left, twice the same, and to the right."""
+
+
+def test_an_answer_is_worth_to_each_move_what_a_bell_over_their_distance_says() -> None:
+    worth = near_moves(MOVES, 0.4).numpy()
+    assert (worth[:, 4] == 0.0).all() and np.array_equal(
+        worth[3], worth[4]
+    )  # the first of two that are the same has it
+    assert worth[0, 1] == pytest.approx(math.exp(-0.5 * 0.2**2 / 0.4**2))
+    assert worth[1, 2] == pytest.approx(math.exp(-0.5 * 0.4**2 / 0.4**2))
+    assert near_moves(MOVES, 1e-3).numpy() == pytest.approx(np.eye(6)[[0, 1, 2, 3, 3, 5]])
+
+
+@pytest.mark.parametrize(("width", "taken"), [(0.0, 3), (0.4, 0)])
+def test_what_most_answers_come_near_to_is_done_before_what_is_said_most(width: float, taken: int) -> None:
+    """A place where three in ten turned on the spot, and seven drove on, each a little otherwise."""
+    torch.manual_seed(0)
+    ones, nothing, actions = (
+        torch.ones(10, 1),
+        torch.zeros(10),
+        torch.tensor([3] * 3 + [0] * 2 + [1] * 2 + [2] * 2 + [5]),
+    )
+    actor = ActorCriticPolicy(gym.spaces.Box(-1.0, 1.0, (1,)), gym.spaces.Discrete(6), lambda _: 1e-3, net_arch=[16])
+    worth = near_moves(MOVES, width) if width else None
+    learner = Cloning(actor, worth)
+    learner.optimizers[0].param_groups[0]["lr"] = 1e-2
+    for _ in range(200):
+        learner.update(Batch(ones, actions, nothing, ones, nothing, nothing))
+    expected = (np.eye(6) if worth is None else worth.numpy())[actions.numpy()].mean(axis=0)
+    expected /= expected.sum()
+    chances = torch.softmax(mean_action(actor, ones[:1]), dim=1)[0]
+    assert chances.tolist() == pytest.approx(expected.tolist(), abs=0.03)
+    assert actor.predict(np.ones((1, 1), dtype=np.float32), deterministic=True)[0].tolist() == [taken]
+
+
+def test_dagger_learns_by_the_moves_of_its_robot() -> None:
+    for changes, count in (
+        ({"action": "discrete", "answer_width": 0.8}, 22),
+        ({"action": "discrete"}, None),
+        ({}, None),
+    ):
+        settings = tiny("dagger", **changes)
+        worth = make_learner(settings, make_actor(settings, 0)).worth  # type: ignore[attr-defined]
+        assert worth is None if count is None else (worth > 0.0).any(dim=0).sum() == count
 
 
 def test_td3_bc_weighs_values_by_their_own_size() -> None:
