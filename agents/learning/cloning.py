@@ -42,3 +42,25 @@ class Cloning:
         if self.worth is None:
             return regression_loss(self.actor, batch.features, batch.actions)
         return torch.nn.functional.cross_entropy(mean_action(self.actor, batch.features), self.worth[batch.actions])
+
+
+class WithDriver:
+    """Two clones of the same answers: one is kept, the other drives where DAgger asks the expert again.
+
+    The one that drives learns the numbers of actions apart, each answer for itself, and so errs more. That is what it is for:
+    it comes to more places where the one that is kept may be lost, as noise in the driver does (DART, Laskey et al. 2017).
+    Along its own ways alone the better driver learnt less (docs/trials.md).
+
+    Args:
+        kept: whose actor is what a training is for.
+        driver: learns as it did without `near_moves`, from a copy of that actor.
+    """
+
+    def __init__(self, kept: Cloning, driver: Cloning) -> None:
+        self.kept, self.driver = kept, driver
+        self.optimizers = [*kept.optimizers, *driver.optimizers]
+
+    def update(self, batch: Batch) -> None:
+        """One gradient step of both."""
+        self.kept.update(batch)
+        self.driver.update(batch)

@@ -18,7 +18,7 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.learning.cloning import Cloning
+from bug_gym.agents.learning.cloning import Cloning, WithDriver
 from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.history import with_history
@@ -245,15 +245,43 @@ def test_what_most_answers_come_near_to_is_done_before_what_is_said_most(width: 
     assert actor.predict(np.ones((1, 1), dtype=np.float32), deterministic=True)[0].tolist() == [taken]
 
 
-def test_dagger_learns_by_the_moves_of_its_robot() -> None:
-    for changes, count in (
-        ({"action": "discrete", "answer_width": 0.8}, 22),
-        ({"action": "discrete"}, None),
-        ({}, None),
-    ):
-        settings = tiny("dagger", **changes)
-        worth = make_learner(settings, make_actor(settings, 0)).worth  # type: ignore[attr-defined]
-        assert worth is None if count is None else (worth > 0.0).any(dim=0).sum() == count
+def test_dagger_keeps_what_learns_by_moves_and_drives_with_what_learns_numbers() -> None:
+    settings = tiny("dagger", action="discrete", answer_width=0.8)
+    actor = make_actor(settings, 0)
+    learner = make_learner(settings, actor)
+    assert isinstance(learner, WithDriver) and learner.kept.actor is actor is not learner.driver.actor
+    assert learner.kept.worth is not None and (learner.kept.worth > 0.0).any(dim=0).sum() == 22  # moves of 128 numbers
+    samples = Samples(actor, settings, 0)
+    seeds = range(TRAINING_SEEDS, TRAINING_SEEDS + 3)
+    samples.add(ask(make_expert("bug2", SCENARIO, discrete=True), None, SCENARIO, seeds, 3))
+    alone = Cloning(make_actor(settings, 0))
+    for _ in range(3):
+        batch = samples.draw()
+        learner.update(batch)
+        alone.update(batch)
+    assert same(learner.driver.actor.state_dict(), alone.actor.state_dict())
+    assert not same(actor.state_dict(), alone.actor.state_dict())
+    for changes in ({"action": "discrete"}, {}):
+        plain = tiny("dagger", **changes)
+        assert isinstance(make_learner(plain, make_actor(plain, 0)), Cloning)
+
+
+def test_the_driver_is_who_drives_and_another_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from bug_gym.agents.learning import offline
+
+    drivers: list[dict[str, torch.Tensor]] = []
+
+    def asked(expert: Any, learner: Any, scenario: Any, seeds: range, rows: int) -> Recorded:
+        if learner is not None:
+            drivers.append({name: value.clone() for name, value in learner.model.state_dict().items()})
+        return ask(expert, learner, scenario, seeds, rows)
+
+    monkeypatch.setattr(offline, "ask", asked)
+    for width in (0.0, 0.8):
+        train_offline(tiny("dagger", action="discrete", answer_width=width), tmp_path / str(width))
+    plain, driver = drivers
+    assert same(plain, driver)  # it learns as it did without
+    assert not same(weights(tmp_path / "0.0"), weights(tmp_path / "0.8"))
 
 
 def test_td3_bc_weighs_values_by_their_own_size() -> None:
