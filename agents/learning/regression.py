@@ -101,7 +101,7 @@ def near_moves(moves: NDArray[np.floating], width: float) -> torch.Tensor:
     """What an answer is worth to each discrete action (A, A), a row an answer: 1 to itself, less to others by their distance.
 
     Of actions that move the robot alike the first has it all. A differential robot turns on the spot for every heading far
-    from its own: 104 of 128 actions are two moves. Counted apart, they share their probability and lose to an action that is
+    from its own: 108 of 128 actions are two moves. Counted apart, they share their probability and lose to an action that is
     less likely; counted as two among the 20 that drive on, they win against driving on, which is one meaning in many numbers.
     With answers that are worth something to their neighbours, the likeliest action is the one that most answers come near to.
 
