@@ -133,7 +133,8 @@ def _kept(earlier: Mapping[str, Any], labels: Sequence[str]) -> str:
     """Which rows of an earlier record are kept, and where they are from; none where all are new."""
     rows = [*earlier["trainings"], *([STARTS] if "starts" in earlier else [])]
     kept = [f"`{label}`" for label in rows if label not in labels]
-    told = f"{', '.join(kept)}: made at commit `{earlier['commit']}`, all others at the one above; scores are over the references of now."
+    made = f"{', '.join(kept)}: made at commit `{earlier['commit']}`, all others at the one above"
+    told = f"{made}; scores are over the references of now."
     return " ".join(filter(None, [earlier.get("remark", ""), told])) if kept else ""
 
 
