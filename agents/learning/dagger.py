@@ -1,7 +1,8 @@
 """DAgger (Ross, Gordon and Bagnell 2011): the learner drives, the expert says at each state what it would have done.
 
 Their parameter-free choice of who drives (section 3): the expert in the first round, the learner alone in all that follow;
-a round's answers join those of all earlier ones. What is learnt is cloned by agents/learning/cloning.py.
+a round's answers join those of all earlier ones. What is learnt is cloned by agents/learning/cloning.py, which may have a
+second learner for driving.
 
 A scripted expert has a memory: a map, tracks of what moves, the state of its machine, what it meant to do last. It is asked at
 every step from the first one of an episode on, so that its memory runs along the learner's way: it holds what the expert

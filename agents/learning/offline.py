@@ -6,6 +6,7 @@ at each validation. What it learns from is kept, and a seed that is done is not 
 
 from __future__ import annotations
 
+import copy
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -18,13 +19,13 @@ import numpy as np
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from bug_gym.agents.learning.cloning import Cloning
+from bug_gym.agents.learning.cloning import Cloning, WithDriver
 from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.folder import CONFIG, Point, read_config
 from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
-from bug_gym.agents.learning.regression import Batch, Learner
+from bug_gym.agents.learning.regression import Batch, Learner, near_moves
 from bug_gym.agents.learning.settings import (
     AnyOffline,
     CloningSettings,
@@ -50,7 +51,9 @@ from bug_gym.agents.learning.training import (
     write_best,
 )
 from bug_gym.held_out import TRAINING_SEEDS
+from bug_gym.kinematics import discrete_actions
 from bug_gym.policy import ScriptedPolicy
+from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
 
 AT_ONCE = 65_536
@@ -125,7 +128,18 @@ def make_learner(settings: AnyOffline, actor: ActorCriticPolicy) -> Learner:
     """The algorithm of a training."""
     if isinstance(settings, IQLSettings):
         return IQL(actor, settings)
-    return TD3BC(actor, settings) if isinstance(settings, TD3BCSettings) else Cloning(actor)
+    if isinstance(settings, TD3BCSettings):
+        return TD3BC(actor, settings)
+    worth = _worth_of(settings)
+    return Cloning(actor) if worth is None else WithDriver(Cloning(actor, worth), Cloning(copy.deepcopy(actor)))
+
+
+def _worth_of(settings: AnyOffline) -> torch.Tensor | None:
+    """What an answer is worth to each discrete action; None: it counts for itself, or actions are continuous."""
+    if not (isinstance(settings, DaggerSettings) and settings.action == "discrete" and settings.answer_width > 0.0):
+        return None
+    (scenario,) = settings.loaded
+    return near_moves(discrete_actions(Sensors.of(scenario).drive), settings.answer_width)
 
 
 def train_offline(
@@ -228,7 +242,8 @@ def _train_in(
     actor = make_actor(settings, seed)
     begin_with(actor, begun)
     learner, samples, kept = make_learner(settings, actor), Samples(actor, settings, seed), Progress()
-    gather = _gatherer(settings, actor, samples, seed, episodes)
+    driver = learner.driver.actor if isinstance(learner, WithDriver) else actor
+    gather = _gatherer(settings, driver, samples, seed, episodes)
     done = 0
     data = None if episodes is None else episodes.origin
     best = BestSoFar(folder, settings, robot_of(settings.loaded), seed, data)
@@ -265,11 +280,11 @@ def _learn(learner: Learner, samples: Samples, settings: AnyOffline, done: int, 
 
 
 def _gatherer(
-    settings: AnyOffline, actor: ActorCriticPolicy, samples: Samples, seed: int, episodes: Recorded | None
+    settings: AnyOffline, driver: ActorCriticPolicy, samples: Samples, seed: int, episodes: Recorded | None
 ) -> Callable[[int], None]:
     """What gives the samples more to learn from, before each round of gradient steps."""
     if isinstance(settings, DaggerSettings):
-        return partial(_ask_expert, settings, actor, samples, seed)
+        return partial(_ask_expert, settings, driver, samples, seed)
     assert episodes is not None
     kept = episodes.best(settings.keep_best) if isinstance(settings, CloningSettings) else episodes
     return lambda number: samples.add(kept) if number == 0 else None
@@ -280,12 +295,12 @@ def _expert_of(settings: DaggerSettings) -> ScriptedPolicy:
     return make_expert(settings.expert, scenario, discrete=settings.action == "discrete")
 
 
-def _ask_expert(settings: DaggerSettings, actor: ActorCriticPolicy, samples: Samples, seed: int, number: int) -> None:
+def _ask_expert(settings: DaggerSettings, driver: ActorCriticPolicy, samples: Samples, seed: int, number: int) -> None:
     """A round of DAgger, in worlds that no other round sees; in the first the expert drives."""
     (scenario,) = settings.loaded
     count = settings.episodes_per_round
     first = TRAINING_SEEDS + seed * SEED_BLOCK + number * count
-    learner = InTraining(actor, robot_of([scenario]), settings.history) if number else None
+    learner = InTraining(driver, robot_of([scenario]), settings.history) if number else None
     samples.add(ask(_expert_of(settings), learner, scenario, range(first, first + count), settings.n_envs))
 
 

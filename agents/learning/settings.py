@@ -303,6 +303,10 @@ class DaggerSettings(OfflineSettings):
     """Name of a scripted policy that is asked."""
     episodes_per_round: Episodes = 50
     """Worlds that are driven in before every `eval_freq` gradient steps, the first of them by the expert."""
+    answer_width: NotNegative = 0.0
+    """Of discrete actions: how far from an answer another action is still partly right, as the standard deviation of a bell
+    over what is driven, whose numbers go from -1 to 1 [1]; 0: none is. Where it is not 0 a second network, for which none is,
+    drives in the worlds of training."""
 
 
 FromData = CloningSettings | IQLSettings | TD3BCSettings

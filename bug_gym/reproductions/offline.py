@@ -27,6 +27,7 @@ from bug_gym.evaluation.datasets import COLLECTED, episodes_for
 from bug_gym.evaluation.demonstrations import ENDINGS, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
+from bug_gym.files import from_json
 from bug_gym.held_out import TEST_SEEDS
 from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.result import Reproduction, Settings, Table
@@ -62,10 +63,10 @@ DAGGER_AIM = 0.97
 def reproduce(settings: Settings) -> Reproduction:
     """Train and judge; `seeds` is the number of trainings of each row, `policies` names the rows, `workers` share them.
 
-    Datasets are kept in results/datasets.
+    Datasets are kept in results/datasets. `data` is an earlier record of this: its rows are kept but for those named.
 
     Raises:
-        ValueError: no such row.
+        ValueError: no such row, or an earlier record of something else.
     """
     with needed_from("train", "offline"):
         from bug_gym.agents.learning.offline import train_offline  # noqa: F401  # loads torch
@@ -73,6 +74,7 @@ def reproduce(settings: Settings) -> Reproduction:
     if unknown := [name for name in settings.policies if name not in rows]:
         raise ValueError(f"rows are {', '.join(rows)}, got {unknown[0]!r}")
     count, labels = settings.seeds or SEEDS, settings.policies or rows
+    earlier = None if settings.data is None else _earlier(settings.data, count)
     workers = on_this_machine(settings.workers)
     worlds = range(TEST_SEEDS, TEST_SEEDS + WORLDS)
     beside = {name: _judged(name, worlds) for name in BESIDE}
@@ -86,10 +88,16 @@ def reproduce(settings: Settings) -> Reproduction:
         for (label, _), run in zip(jobs, track(work, "trainings", len(jobs)), strict=True):
             found[label].append(run)
     starts = found.pop(STARTS, [])
+    remark = ""
+    if earlier is not None:
+        remark = _kept(earlier, labels)
+        kept = earlier["trainings"] | found
+        found = {label: kept[label] for label in TRAININGS if label in kept}
+        starts = starts or earlier.get("starts", [])
     for one in (*beside.values(), *(run for runs in found.values() for run in runs)):
         one["score"] = round((one["return"] - floor) / (ceiling - floor), 4)
     data = {"worlds": WORLDS, "seeds": count, "scenario": SCENARIO, "trainings": found, "beside": beside}
-    data |= {"starts": starts} if starts else {}
+    data |= ({"starts": starts} if starts else {}) | ({"remark": remark} if remark else {})
     claims = claims_of(data)
     header = ["", "seeds", "success [%]", "95 %", "score", "minutes of one core"]
     return Reproduction(
@@ -102,6 +110,32 @@ def reproduce(settings: Settings) -> Reproduction:
         {**data, "claims": claims},
         all(claims.values()) if claims else None,
     )
+
+
+def _earlier(path: Path, count: int) -> dict[str, Any]:
+    """An earlier record, whose models were judged in as many worlds of the same scenario.
+
+    Raises:
+        ValueError: it is none, or of other worlds or another number of seeds.
+    """
+    try:
+        record = from_json(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} is no record of `bug-gym reproduce offline`: {error}") from None
+    expected = {"name": "offline", "scenario": SCENARIO, "worlds": WORLDS, "seeds": count}
+    found = {key: record.get(key) for key in expected} if isinstance(record, dict) else {}
+    if found != expected:
+        raise ValueError(f"{path}: expected a record with {expected}, got {found}")
+    return dict(record)
+
+
+def _kept(earlier: Mapping[str, Any], labels: Sequence[str]) -> str:
+    """Which rows of an earlier record are kept, and where they are from; none where all are new."""
+    rows = [*earlier["trainings"], *([STARTS] if "starts" in earlier else [])]
+    kept = [f"`{label}`" for label in rows if label not in labels]
+    made = f"{', '.join(kept)}: made at commit `{earlier['commit']}`, all others at the one above"
+    told = f"{made}; scores are over the references of now."
+    return " ".join(filter(None, [earlier.get("remark", ""), told])) if kept else ""
 
 
 def claims_of(data: Mapping[str, Any]) -> dict[str, bool]:

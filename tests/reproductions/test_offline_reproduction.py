@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,33 @@ def test_every_kind_is_trained_and_judged_in_the_same_worlds(tmp_path: Path, mon
     assert [row[:3] for row in second.rows] == [
         ["0", *(f"{start[name]:.2f}" for name in ("from_nothing", "from_clone"))]
     ]
+
+
+def test_rows_of_an_earlier_record_are_kept_with_their_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(offline, "WORLDS", WORLDS)
+    monkeypatch.setattr(offline, "TRAININGS", {label: small(label) for label in offline.TRAININGS})
+    run = {"seed": 0, "n": WORLDS, "success": 0.5, "collision": 0.5, "timeout": 0.0, "return": 1.0, "minutes": 1.0}
+    rows = {label: [{**run, "score": -9.0}] for label in offline.TRAININGS}
+    earlier = {
+        "name": "offline",
+        "commit": "abc",
+        "scenario": "dynamic",
+        "worlds": WORLDS,
+        "seeds": 1,
+        "trainings": rows,
+    }
+    path = tmp_path / "earlier.json"
+    path.write_text(json.dumps(earlier), encoding="utf-8")
+    found = reproduction("offline")(Settings(seeds=1, policies=("dagger_hd_bug",), data=path)).data
+    assert list(found["trainings"]) == list(rows) and found["trainings"]["dagger_hd_bug"][0]["steps"] == 20
+    kept = found["trainings"]["iql_mixed"][0]
+    floor, ceiling = (found["beside"][name]["return"] for name in ("random", "hd_bug"))
+    assert kept == {**run, "score": round((1.0 - floor) / (ceiling - floor), 4)}
+    assert "`iql_mixed`" in found["remark"] and "`abc`" in found["remark"] and "dagger" not in found["remark"]
+    for text, said in (("{", "no record"), (json.dumps({**earlier, "seeds": 2}), "'seeds': 2")):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(ValueError, match=said):
+            reproduction("offline")(Settings(seeds=1, policies=("dagger_hd_bug",), data=path))
 
 
 def test_a_row_that_does_not_exist_is_refused() -> None:

@@ -18,14 +18,14 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.learning.cloning import Cloning
+from bug_gym.agents.learning.cloning import Cloning, WithDriver
 from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.iql import IQL, expectile_loss
-from bug_gym.agents.learning.offline import Samples, make_actor, train_offline, train_offline_seeds
+from bug_gym.agents.learning.offline import Samples, make_actor, make_learner, train_offline, train_offline_seeds
 from bug_gym.agents.learning.recorded import Recorded, joined
-from bug_gym.agents.learning.regression import Batch, follow, mean_action, regression_loss, target_of, value
+from bug_gym.agents.learning.regression import Batch, follow, mean_action, near_moves, regression_loss, target_of, value
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings
 from bug_gym.agents.learning.td3_bc import TD3BC, actor_loss, held
@@ -207,6 +207,81 @@ def test_of_two_ways_round_one_is_taken_and_not_the_middle() -> None:
     chances = torch.softmax(mean_action(actor, ones[:1]), dim=1)[0]
     assert chances[[0, 4]].tolist() == pytest.approx([5 / 11, 6 / 11], abs=0.03)
     assert actor.predict(np.ones((1, 1), dtype=np.float32), deterministic=True)[0].tolist() == [4]
+
+
+MOVES = np.array([[1.0, 0.0], [1.0, 0.2], [1.0, -0.2], [-1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+"""Three ways to drive on, and turns to the left, twice the same, and to the right."""
+
+
+def test_an_answer_is_worth_to_each_move_what_a_bell_over_their_distance_says() -> None:
+    worth = near_moves(MOVES, 0.4).numpy()
+    assert (worth[:, 4] == 0.0).all() and np.array_equal(
+        worth[3], worth[4]
+    )  # the first of two that are the same has it
+    assert worth[0, 1] == pytest.approx(math.exp(-0.5 * 0.2**2 / 0.4**2))
+    assert worth[1, 2] == pytest.approx(math.exp(-0.5 * 0.4**2 / 0.4**2))
+    assert near_moves(MOVES, 1e-3).numpy() == pytest.approx(np.eye(6)[[0, 1, 2, 3, 3, 5]])
+
+
+@pytest.mark.parametrize(("width", "taken"), [(0.0, 3), (0.4, 0)])
+def test_what_most_answers_come_near_to_is_done_before_what_is_said_most(width: float, taken: int) -> None:
+    """A place where three in ten turned on the spot, and seven drove on, each a little otherwise."""
+    torch.manual_seed(0)
+    ones, nothing, actions = (
+        torch.ones(10, 1),
+        torch.zeros(10),
+        torch.tensor([3] * 3 + [0] * 2 + [1] * 2 + [2] * 2 + [5]),
+    )
+    actor = ActorCriticPolicy(gym.spaces.Box(-1.0, 1.0, (1,)), gym.spaces.Discrete(6), lambda _: 1e-3, net_arch=[16])
+    worth = near_moves(MOVES, width) if width else None
+    learner = Cloning(actor, worth)
+    learner.optimizers[0].param_groups[0]["lr"] = 1e-2
+    for _ in range(200):
+        learner.update(Batch(ones, actions, nothing, ones, nothing, nothing))
+    expected = (np.eye(6) if worth is None else worth.numpy())[actions.numpy()].mean(axis=0)
+    expected /= expected.sum()
+    chances = torch.softmax(mean_action(actor, ones[:1]), dim=1)[0]
+    assert chances.tolist() == pytest.approx(expected.tolist(), abs=0.03)
+    assert actor.predict(np.ones((1, 1), dtype=np.float32), deterministic=True)[0].tolist() == [taken]
+
+
+def test_dagger_keeps_what_learns_by_moves_and_drives_with_what_learns_numbers() -> None:
+    settings = tiny("dagger", action="discrete", answer_width=0.8)
+    actor = make_actor(settings, 0)
+    learner = make_learner(settings, actor)
+    assert isinstance(learner, WithDriver) and learner.kept.actor is actor is not learner.driver.actor
+    assert learner.kept.worth is not None and (learner.kept.worth > 0.0).any(dim=0).sum() == 22  # moves of 128 numbers
+    samples = Samples(actor, settings, 0)
+    seeds = range(TRAINING_SEEDS, TRAINING_SEEDS + 3)
+    samples.add(ask(make_expert("bug2", SCENARIO, discrete=True), None, SCENARIO, seeds, 3))
+    alone = Cloning(make_actor(settings, 0))
+    for _ in range(3):
+        batch = samples.draw()
+        learner.update(batch)
+        alone.update(batch)
+    assert same(learner.driver.actor.state_dict(), alone.actor.state_dict())
+    assert not same(actor.state_dict(), alone.actor.state_dict())
+    for changes in ({"action": "discrete"}, {}):
+        plain = tiny("dagger", **changes)
+        assert isinstance(make_learner(plain, make_actor(plain, 0)), Cloning)
+
+
+def test_the_driver_is_who_drives_and_another_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from bug_gym.agents.learning import offline
+
+    drivers: list[dict[str, torch.Tensor]] = []
+
+    def asked(expert: Any, learner: Any, scenario: Any, seeds: range, rows: int) -> Recorded:
+        if learner is not None:
+            drivers.append({name: value.clone() for name, value in learner.model.state_dict().items()})
+        return ask(expert, learner, scenario, seeds, rows)
+
+    monkeypatch.setattr(offline, "ask", asked)
+    for width in (0.0, 0.8):
+        train_offline(tiny("dagger", action="discrete", answer_width=width), tmp_path / str(width))
+    plain, driver = drivers
+    assert same(plain, driver)  # it learns as it did without
+    assert not same(weights(tmp_path / "0.0"), weights(tmp_path / "0.8"))
 
 
 def test_td3_bc_weighs_values_by_their_own_size() -> None:
