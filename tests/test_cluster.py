@@ -143,8 +143,8 @@ def test_an_evaluation_with_a_lost_node_gives_the_rows_of_one_process(
     cluster: Cluster, nodes: Nodes, tmp_path: Path
 ) -> None:
     policies, scenarios = ["bug2", "go_to_goal"], ["moving_target", "static"]
-    # 2 x 2 x 3 blocks of worlds after the two blocks of shortest paths
-    watched = Watched(cluster, nodes.kill, after=24 + 5)
+    # 2 x 2 x 3 blocks of worlds after the three blocks of shortest paths
+    watched = Watched(cluster, nodes.kill, after=3 + 5)
     rows = evaluate(policies, scenarios, episodes=24, workers=watched, out=tmp_path / "out")
     assert watched.left <= 0 and len(nodes.nodes) == 1
     assert without_times(rows) == without_times(evaluate(policies, scenarios, episodes=24))

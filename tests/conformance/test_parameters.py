@@ -116,4 +116,4 @@ def test_a_policy_with_a_plain_constructor_is_made_by_name(monkeypatch: pytest.M
 
 
 def test_a_derived_policy_takes_what_its_base_takes() -> None:
-    assert parameter_names(Derived) == ["clearance", "turn", "leave_rule"]
+    assert parameter_names(Derived) == ["clearance", "turn", "leave_rule", "round_corners"]

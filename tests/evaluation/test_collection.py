@@ -21,6 +21,7 @@ from bug_gym.evaluation.collection import collect
 from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations, Extras, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.minari_files import open_dataset
+from bug_gym.files import released
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
@@ -332,7 +333,7 @@ def test_a_dataset_is_opened_for_its_scenario_and_version_only(copy: Path) -> No
     with pytest.raises(ValueError, match="is of the scenario dynamic .*, expected static "):
         open_dataset(copy, load("static"))
     path = copy / "data" / "metadata.json"
-    path.write_text(path.read_text().replace(f'"version": "{bug_gym.__version__}"', '"version": "0.0.9"'))
+    path.write_text(path.read_text().replace(f'"version": "{released(bug_gym.__version__)}"', '"version": "0.0.9"'))
     with pytest.raises(ValueError, match="was collected with bug-gym 0.0.9, this is"):
         open_dataset(copy)
 
