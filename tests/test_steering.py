@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from episodes import run_episode
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bug_gym import kernels
@@ -54,6 +54,7 @@ def test_a_point_that_is_touched_already_blocks_only_who_comes_nearer() -> None:
 
 
 @settings(max_examples=200, deadline=None)
+@example([(0.375, 0.0)], 0.0, 0.5)  # straight on, and a thing there
 @given(points, st.floats(-1.2, 1.2), st.floats(0.05, 0.5))
 def test_the_arc_to_a_course_is_free_and_close_to_it_and_within_the_limits(
     scan: list[tuple[float, float]], bearing: float, aside: float

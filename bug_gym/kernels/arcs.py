@@ -120,11 +120,12 @@ def pursue(
         if x <= 0.0 or square == 0.0:
             continue
         side = 1 if y >= 0.0 else -1
-        bend = 0.5 * square / max(abs(y), 1e-6 * square)
+        off = max(abs(y), 1e-6 * square)  # straight on is an arc of a large radius
+        bend = 0.5 * square / off
         fastest = min(speed, turn_rate * bend)
         if fastest <= best or bend < least_bend or not is_beside(samples, i, bend, side, aside):
             continue
-        turn = 2.0 * math.atan2(abs(y), x)
+        turn = 2.0 * math.atan2(off, x)
         if free_turn(px, py, bend, side, radius, turn) < turn:
             continue
         best, best_bend = fastest, side * bend
@@ -247,8 +248,9 @@ def round_corners(
             if along <= 0.0:
                 continue
             side = 1 if left >= 0.0 else -1
-            bend = 0.5 * square / max(abs(left), 1e-6 * square)
-            turn = 2.0 * math.atan2(abs(left), along)
+            beside_by = max(abs(left), 1e-6 * square)  # as in pursue
+            bend = 0.5 * square / beside_by
+            turn = 2.0 * math.atan2(beside_by, along)
             fastest = min(speed, turn_rate * bend)
             time = bend * turn / fastest + samples[goal, 2]
             # It arrives with another heading than one that comes along the chain.
