@@ -248,9 +248,8 @@ def round_corners(
             if along <= 0.0:
                 continue
             side = 1 if left >= 0.0 else -1
-            beside_by = max(abs(left), 1e-6 * square)  # as in pursue
-            bend = 0.5 * square / beside_by
-            turn = 2.0 * math.atan2(beside_by, along)
+            bend = 0.5 * square / max(abs(left), 1e-6 * square)
+            turn = 2.0 * math.atan2(abs(left), along)
             fastest = min(speed, turn_rate * bend)
             time = bend * turn / fastest + samples[goal, 2]
             # It arrives with another heading than one that comes along the chain.
