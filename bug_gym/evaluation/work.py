@@ -85,10 +85,9 @@ def drive_missing(
     numbered = []
     for policy, scenario, seeds in missing:
         chunk = CHUNK if are_several(workers) else len(seeds)
-        for first in range(0, len(seeds), max(chunk, 1)):
-            some = tuple(seeds[first : first + chunk])
+        for number, some in enumerate(_parts(seeds, max(chunk, 1))):
             mine = {world: lengths[world] for seed in some if (world := (scenario.label, seed)) in lengths}
-            numbered.append((first, _Job(policy, scenario, some, mine)))
+            numbered.append((number, _Job(policy, scenario, tuple(some), mine)))
     # The first seeds of all policies come first, so that what an interrupted run leaves can be compared.
     jobs = [job for _, job in sorted(numbered, key=lambda item: item[0])]
     worlds = itertools.chain.from_iterable(each(_drive if are_several(workers) else _drive_lazily, jobs, workers))
