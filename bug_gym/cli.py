@@ -8,6 +8,8 @@ a command needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import io
 import os
 import select
@@ -56,6 +58,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns its exit code."""
+    _end_without_looking_through_memory()
     with _open_streams() as unseen:
         try:
             code = _run(arguments)
@@ -68,6 +71,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if code == DONE and unseen.tell():
             return _complain(UNWRITTEN, "error: standard output is closed")
         return _write_out() or code
+
+
+def _end_without_looking_through_memory() -> None:
+    """Have Python leave everything where it is when the process ends.
+
+    Else it looks several times for cycles among all that torch has loaded, for some 2 s of processor time, in which a
+    command that was asked to end is still there.
+    """
+    atexit.unregister(gc.freeze)
+    atexit.register(gc.freeze)
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -17,6 +17,7 @@ REPRODUCTIONS: dict[str, str] = {
     "bug-bounds": "bug_bounds",
     "bug-no-way": "bug_no_way",
     "cylinder-claims": "cylinder_claims",
+    "still-things": "still_things",
     "com1-rev3": "com1_rev3",
     "barn": "barn",
     "dynabarn": "dynabarn",

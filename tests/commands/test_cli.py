@@ -71,6 +71,18 @@ def test_help_loads_no_compiler_and_no_agent() -> None:
 # ---------------------------------------------------------------------------------------------- commands
 
 
+def test_the_process_of_a_command_ends_without_a_look_through_its_memory() -> None:
+    # What was registered last is called first: by the time of the print nothing is left for the collector to look at.
+    code = """
+import atexit, gc
+atexit.register(lambda: print(gc.get_freeze_count() > 10_000, len(gc.get_objects()) < 100))
+from bug_gym.cli import main
+main(["list", "suites"]), main(["list", "suites"])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-2:] == ["True", "True"]
+
+
 def test_list_names_all_scenarios_policies_and_suites(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     words = capsys.readouterr().out.split()
