@@ -21,7 +21,7 @@ from bug_gym.agents.walls.laps import Laps
 from bug_gym.agents.walls.rounding import Rounding
 from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import speed_within
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import Drawing, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
 Turn = Literal["left", "right"]
@@ -44,8 +44,21 @@ GLANCE = 0.5
 GLANCES = 4
 """How many glances earlier: after 2 s a mover at 0.1 m/s has left the noise behind."""
 
+SHORT = 0.01
+"""How far short of its contour a wall must not make a robot stand [m]."""
+
 NEAR = 3.0
 """How far from a robot what moves makes its lap worthless [m]."""
+
+
+def default_margin(sensors: Sensors) -> float:
+    """What a robot keeps from walls beside its body unless it is told [m].
+
+    The way of one step, which is how far it can be off its line; and no less than the way before a wall at which `brake`
+    makes a differential robot stand: it would stand there for ever, short of its contour.
+    """
+    stands = 2.0 * (braking_radius(sensors) - sensors.radius)
+    return max(sensors.step_length, stands + SHORT if stands > 0.0 else 0.0)
 
 
 def swept(travel: float, wall: float, heading: float, side: int) -> float:
@@ -90,8 +103,8 @@ class Boundary:
 
     Args:
         sensors: what a driver knows of the robot.
-        clearance: distance from the robot's centre to a wall while following it [m]; None: the body's radius and the
-            way of one step, which is how far a robot can be off its line.
+        clearance: distance from the robot's centre to a wall while following it [m]; None: the body's radius and
+            `default_margin`.
         leave_rule: "front": a heading is free only within 90 degrees of the direction of travel, as a robot sees it
             that looks ahead; "any": a free heading in any direction counts.
 
@@ -101,7 +114,7 @@ class Boundary:
 
     def __init__(self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "front") -> None:
         radius, step = sensors.radius, sensors.step_length
-        clearance = radius + step if clearance is None else clearance
+        clearance = radius + default_margin(sensors) if clearance is None else clearance
         if not clearance > radius or not math.isfinite(clearance):
             raise ValueError(f"clearance must be above the body's radius of {radius} m, got {clearance!r}")
         self.sensors = sensors

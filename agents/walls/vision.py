@@ -178,13 +178,21 @@ class Vision:
         memory.restart_distance = math.inf
 
     def _drop_hidden(self, scan: Scan, memory: VisionMemory) -> None:
-        """Take the scout back to where it is in sight; from there it walks right before the robot for a while."""
+        """Take the scout back to where the robot can go; where that is nowhere, begin anew from here if that is nearer."""
+        if not self._call_back(scan, memory):
+            self._begin_nearer(scan.view, memory)
+
+    def _call_back(self, scan: Scan, memory: VisionMemory) -> bool:
+        """Take the scout back to where the robot can go; from there it walks right before the robot for a while.
+
+        Returns:
+            Whether there is such a place.
+        """
         lost = memory.scout.odometer
         while len(memory.trail) > 1 and not scan.is_open(memory.scout.place):
             memory.trail.pop()
         memory.blind_until = max(memory.blind_until, lost)
-        if not scan.is_open(memory.scout.place):
-            self._begin_nearer(scan.view, memory)
+        return scan.is_open(memory.scout.place)
 
     def _begin_nearer(self, view: View, memory: VisionMemory) -> bool:
         """Begin anew from here, if this is nearer to the goal than where that happened last."""
@@ -327,6 +335,8 @@ class Vision:
             way.pop()
         if way and scan.is_open(way[-1]):
             return self._go_straight(view, way[-1])
+        if not way and self._call_back(scan, memory):  # it went where there was a view, but no way for the body
+            return self._go_straight(view, memory.scout.place)
         self._begin(view, memory)
         return STANDING
 
