@@ -127,6 +127,7 @@ class DWA(ScriptedPolicy):
         scores = np.empty((len(speeds), len(seconds)))
         x, y = view.points
         weigh_window(self.window, speeds, seconds, x, y, *view.goal, scores)
+        scores = self._within_reach(view, speeds, seconds, scores)
         i, j = np.unravel_index(int(smoothed(scores, is_round=self.is_holonomic).argmax()), scores.shape)
         speed, second = float(speeds[i]), float(seconds[j])
         memory.pose = view.pose
@@ -188,6 +189,18 @@ class DWA(ScriptedPolicy):
             return speeds, _with(np.linspace(-most_bent, most_bent, RATES), through)
         exact = min(max(self.gain * view.goal_bearing, -self.window.turn_rate), self.window.turn_rate)
         return speeds, _with(np.linspace(-self.window.turn_rate, self.window.turn_rate, RATES), exact)
+
+    def _within_reach(self, view: View, speeds: F64, seconds: F64, scores: F64) -> F64:
+        """The scores (v, w) without what is slower than the robot can be after the decision, unless it must brake.
+
+        One that turns goes ahead by the cosine of its heading error, so some of the window are slower than they are named.
+        """
+        drive = self.sensors.drive
+        least = math.hypot(*own_velocity(view)) - drive.max_acceleration * drive.step
+        turns = not (self.is_holonomic or self.window.is_steered)
+        driven = speeds[:, None] * (np.cos(seconds / self.gain) if turns else np.ones(len(seconds)))
+        reached = np.where(driven >= least - 1e-9, scores, -math.inf)
+        return reached if np.isfinite(reached).any() else scores
 
     def _is_stuck(self, view: View, memory: DWAMemory, speeds: F64, scores: F64) -> bool:
         """Whether no velocity gets the robot on though it looks at the goal; it goes on turning until one does."""
