@@ -217,6 +217,27 @@ def goal_in_obstacle(plan: PlanningMap, goal: Point, sensors: Sensors) -> str:
     return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
 
 
+def is_shut_in(plan: PlanningMap, start: Point, goal: Point, sensors: Sensors) -> bool:
+    """Whether there is no way to a goal for certain, not even for the body alone.
+
+    Args:
+        plan: what stands.
+        start: where the robot is [m].
+        goal: where to [m].
+        sensors: radius of the body, and how near to the goal it has to come.
+    """
+    radius = sensors.radius
+    inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
+    outer = plan.free_place_near(goal, radius=radius, reach=sensors.goal_radius)
+    return inner is None or outer is None or not plan.joins(inner, outer, radius=radius)
+
+
+def no_way(plan: PlanningMap, goal: Point, sensors: Sensors) -> str:
+    """What is said of a goal to which there is no way for certain."""
+    shut = goal_in_obstacle(plan, goal, sensors)
+    return shut or f"no way leads from here to the goal for a body of radius {sensors.radius:g} m"
+
+
 def near(scene: Scene) -> Moving:
     """What moves near the robot; what is far will be elsewhere when the robot comes there."""
     assert scene.moving is not None

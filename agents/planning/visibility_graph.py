@@ -14,7 +14,7 @@ import numpy as np
 
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, goal_in_obstacle, live_of, mover_discs
+from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, is_shut_in, live_of, mover_discs, no_way
 from bug_gym.geometry import F64, Point
 
 NEAREST = 0.99
@@ -32,10 +32,12 @@ class VisibilityGraph(MapPlanner):
             places = self._way(plan, scene.pose[:2], scene.goal, room.growth / NEAREST)
             if places is not None:
                 return Plan(places, room.margin)
-        is_shut_in = scene.moving is None and self._is_shut_in(plan, scene.pose[:2], scene.goal)
-        shut = goal_in_obstacle(live.still, scene.goal, self.sensors)
-        reason = shut or f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
-        return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
+        is_certain = scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors)
+        return Plan(
+            None,
+            reason=no_way(live.still, scene.goal, self.sensors),
+            verdict="unreachable" if is_certain else "",
+        )
 
     def _way(self, plan: PlanningMap, start: Point, goal: Point, radius: float) -> F64 | None:
         """The shortest way of a disc; its ends may lie nearer to obstacles than its radius, if there is room beside."""
@@ -47,7 +49,3 @@ class VisibilityGraph(MapPlanner):
         if not math.isfinite(path.length):
             return None
         return np.concatenate([[start], path.points])
-
-    def _is_shut_in(self, plan: PlanningMap, start: Point, goal: Point) -> bool:
-        """Whether not even the body as it is has a way."""
-        return self._way(plan, start, goal, self.sensors.radius) is None
