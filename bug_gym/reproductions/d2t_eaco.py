@@ -8,7 +8,7 @@ with 22 large and with 55 small obstacles stand for its two scenarios, a town of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,7 @@ def reproduce(settings: Settings) -> Reproduction:
         episodes += shown
         data[part.__name__] = own
         claims += checked
+    tables.append(said(data))
     curves = convergence_curves(settings)
     if settings.data is not None:
         found, data["recorded"], shown = recorded(settings)
@@ -60,8 +61,8 @@ def reproduce(settings: Settings) -> Reproduction:
     return Reproduction("d2t-eaco", tables, NOTES, data, holds, [curves], episodes=episodes)
 
 
-def said(data: dict[str, Any]) -> Table:
-    """What the paper says of itself beside what was found."""
+def said(data: Mapping[str, Any]) -> Table:
+    """What the paper says of itself beside what was found, out of what JSON keeps."""
     both = [data["table_2"][name] for name in ("S1", "S2")]
     shorter = ", ".join(f"{100.0 * one['against the next best']:+.1f} %" for one in both)
     edges = ", ".join(
