@@ -232,10 +232,18 @@ def is_shut_in(plan: PlanningMap, start: Point, goal: Point, sensors: Sensors) -
     return inner is None or outer is None or not plan.joins(inner, outer, radius=radius)
 
 
-def no_way(plan: PlanningMap, goal: Point, sensors: Sensors) -> str:
-    """What is said of a goal to which there is no way for certain."""
-    shut = goal_in_obstacle(plan, goal, sensors)
-    return shut or f"no way leads from here to the goal for a body of radius {sensors.radius:g} m"
+def no_way(plan: PlanningMap, goal: Point, sensors: Sensors, *, beside: float = 0.0) -> str:
+    """What is said where there is no way to a goal.
+
+    Args:
+        plan: what stands.
+        goal: where to [m].
+        sensors: radius of the body, and how near to the goal it has to come.
+        beside: what a way was to keep beside the body [m]; 0: there is none for the body alone.
+    """
+    kept = f" and {beside:g} m beside it" if beside > 0.0 else ""
+    told = f"no way leads from here to the goal for a body of radius {sensors.radius:g} m{kept}"
+    return goal_in_obstacle(plan, goal, sensors) or told
 
 
 def near(scene: Scene) -> Moving:

@@ -32,12 +32,9 @@ class VisibilityGraph(MapPlanner):
             places = self._way(plan, scene.pose[:2], scene.goal, room.growth / NEAREST)
             if places is not None:
                 return Plan(places, room.margin)
-        is_certain = scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors)
-        return Plan(
-            None,
-            reason=no_way(live.still, scene.goal, self.sensors),
-            verdict="unreachable" if is_certain else "",
-        )
+        if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
+            return Plan(None, reason=no_way(plan, scene.goal, self.sensors), verdict="unreachable")
+        return Plan(None, reason=no_way(live.still, scene.goal, self.sensors, beside=self.rooms[-1].margin))
 
     def _way(self, plan: PlanningMap, start: Point, goal: Point, radius: float) -> F64 | None:
         """The shortest way of a disc; its ends may lie nearer to obstacles than its radius, if there is room beside."""

@@ -14,13 +14,16 @@ from shapely.affinity import translate as moved
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.planning import triangulated
+from bug_gym.agents.planning.a_star import a_star
 from bug_gym.agents.planning.d2t_eaco import D2TEaco
 from bug_gym.agents.planning.d2t_planner import AROUND, BEYOND, ROUGH, seen_obstacles
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.funnel import funnel
+from bug_gym.agents.planning.grid import grid_of
 from bug_gym.agents.planning.sleeve import Sleeve
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, find_way
 from bug_gym.reproductions import d2t_worlds
+from bug_gym.reproductions.d2t_tables import map_of
 from bug_gym.simulation import Simulation
 
 WAYS: list[Optimiser] = ["funnel", "eaco", "eaco_refined", "aco", "vertices"]
@@ -247,3 +250,24 @@ def test_a_plan_among_600_obstacles_takes_50_ms_and_one_by_ants_half_a_second() 
     began = time.process_time()
     find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("eaco", facets=1))
     assert time.process_time() - began <= 0.5
+
+
+def test_among_600_obstacles_the_exact_way_takes_two_seconds_and_a_star_over_cells_of_10_cm_a_fifth() -> None:
+    task, growth = d2t_worlds.field(9, 600, 100.0, 100.0, sizes=(0.3, 1.2)), 0.3
+    plan = map_of(task)
+
+    def over_cells() -> float:
+        grid = grid_of(plan, 0.1, growth)
+        ends = [grid.lattice.node_at(place) for place in (task.start, task.goal)]
+        return 0.1 * a_star(grid, *ends).length
+
+    def exactly() -> float:
+        return plan.shortest_path(task.start, task.goal, radius=growth).length
+
+    lengths = []
+    for way, most in ((exactly, 2.0), (over_cells, 0.2)):
+        way()  # compiles
+        began = time.process_time()
+        lengths.append(way())
+        assert time.process_time() - began <= most
+    assert lengths[0] <= lengths[1] <= 1.09 * lengths[0]

@@ -132,6 +132,16 @@ def test_where_there_is_no_way_it_is_told_and_no_finer_cells_are_promised(name: 
     assert "would do" not in episode.memory.reason and episode.memory.reason
 
 
+def test_a_gap_for_the_body_alone_is_no_way_with_a_margin_and_no_verdict() -> None:
+    simulation = Simulation({"world": walled(0.405)}, overrides={"robot.kinematics": "holonomic"})
+    simulation.reset(seeds=[0])
+    policy: Any = make_policy("visibility_graph", simulation)
+    memory = policy.begin(0)
+    found = policy.plan(policy.look(None, memory), memory)
+    assert found.places is None and found.verdict == ""
+    assert found.reason.endswith("for a body of radius 0.2 m and 0.005 m beside it")
+
+
 @pytest.mark.parametrize("name", PLANNERS)
 def test_a_goal_inside_of_a_grown_obstacle_is_told_as_such(name: str) -> None:
     simulation = Simulation({"world": walled(1.0)}, overrides={"robot.kinematics": "holonomic"})
