@@ -29,20 +29,30 @@ class VisibilityGraph(MapPlanner):
         live = live_of(memory)
         plan = live.still if scene.moving is None else live.still.with_obstacles(mover_discs(scene.moving))
         for room in self.rooms:
-            places = self._way(plan, scene.pose[:2], scene.goal, room.growth / NEAREST)
+            radius = room.growth / NEAREST
+            places = exact_way(plan, scene.pose[:2], scene.goal, radius=radius, goal_radius=self.sensors.goal_radius)
             if places is not None:
                 return Plan(places, room.margin)
         if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
             return Plan(None, reason=no_way(plan, scene.goal, self.sensors), verdict="unreachable")
         return Plan(None, reason=no_way(live.still, scene.goal, self.sensors, beside=self.rooms[-1].margin))
 
-    def _way(self, plan: PlanningMap, start: Point, goal: Point, radius: float) -> F64 | None:
-        """The shortest way of a disc; its ends may lie nearer to obstacles than its radius, if there is room beside."""
-        inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
-        outer = plan.free_place_near(goal, radius=radius, reach=self.sensors.goal_radius)
-        if inner is None or outer is None:
-            return None
-        path = plan.shortest_path(inner, outer, radius=radius)
-        if not math.isfinite(path.length):
-            return None
-        return np.concatenate([[start], path.points])
+
+def exact_way(plan: PlanningMap, start: Point, goal: Point, *, radius: float, goal_radius: float) -> F64 | None:
+    """The shortest way (k, 2) of a disc [m], None where there is none.
+
+    Its ends may lie nearer to obstacles than its radius, if there is room beside.
+
+    Args:
+        plan: what stands.
+        start: where from [m].
+        goal: where to [m].
+        radius: of the disc [m].
+        goal_radius: how far from the goal it may end [m].
+    """
+    inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
+    outer = plan.free_place_near(goal, radius=radius, reach=goal_radius)
+    if inner is None or outer is None:
+        return None
+    path = plan.shortest_path(inner, outer, radius=radius)
+    return np.concatenate([[start], path.points]) if math.isfinite(path.length) else None

@@ -85,6 +85,15 @@ def test_where_there_is_no_way_it_says_so_and_a_narrow_one_is_found() -> None:
     assert "no way leads" in episode.memory.reason
 
 
+@pytest.mark.parametrize("gap", [0.43, 0.405])
+def test_a_gap_between_large_discs_that_their_polygons_close_is_no_dead_end(gap: float) -> None:
+    """A polygon around a disc of 5 m reaches 2.4 cm beyond it."""
+    discs = [[6.0, 5.0 + 0.5 * gap, 5.0], [6.0, -5.0 - 0.5 * gap, 5.0]]
+    world = {"family": "explicit", "bounds": [-2, -5, 14, 5], "start": [0, 0, 0], "goal": [12, 0], "circles": discs}
+    episode = run_episode("d2t_eaco", {"world": world}, {"robot.kinematics": "holonomic"}, max_steps=300)
+    assert episode.outcome == "success" and episode.min_clearance > 0.0
+
+
 def test_a_start_beside_a_wall_and_a_goal_in_a_nook_are_no_trouble() -> None:
     border = np.array([[-2, -5], [12, -5], [12, 5], [-2, 5]], dtype=float)
     wall, nook = d2t_worlds.block(-0.5, 0.27, 1.0, 1.0), d2t_worlds.block(9.0, 0.26, 2.0, 1.0)
