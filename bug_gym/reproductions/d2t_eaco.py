@@ -165,7 +165,7 @@ def clustering(settings: Settings) -> Part:
     rows = [
         [name, f"{saved[name]:.1f}", f"{saved[f'{name} clustered']:.1f}",
          f"{100.0 * (1.0 - saved[f'{name} clustered'] / saved[name]):.0f}", printed]
-        for name, printed in (("obstacles", "28 -> 9"), ("nodes", "20 fewer"), ("edges", "35 fewer, \"60 %\""))
+        for name, printed in d2t_tables.PRINTED_CLUSTERS.items()
     ]  # fmt: skip
     clusters = len(clusters_of(beach_task, d2t_tables.MANNER))
     data["beach"] = [len(beach_task.obstacles), clusters]

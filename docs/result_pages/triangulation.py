@@ -48,14 +48,25 @@ def lengths(name: str, own: Record) -> str:
 
 
 def clusters(own: Record) -> str:
-    """What clustering saves over towns."""
+    """What clustering saves over towns, and in one of them at each stage."""
     saved = own["saved"]
     rows = [
         [name, number(saved[name], 1), number(saved[f"{name} clustered"], 1),
-         f"{100.0 * (1.0 - saved[f'{name} clustered'] / saved[name]):.0f}"]
-        for name in ("obstacles", "nodes", "edges")
+         f"{100.0 * (1.0 - saved[f'{name} clustered'] / saved[name]):.0f}", printed]
+        for name, printed in d2t_tables.PRINTED_CLUSTERS.items()
     ]  # fmt: skip
-    return table("Clustering, means over towns", ["", "without", "with", "saved [%]"], rows)
+    one_town = [
+        [name, *(str(own[name][key]) for key in ("obstacles", "nodes", "edges")),
+         *(number(own[name][key], 1) for key in ("cluster_ms", "mesh_ms", "plan_ms"))]
+        for name in ("without clusters", "with clusters")
+    ]  # fmt: skip
+    header = ["", "obstacles", "nodes", "edges", "cluster [ms]", "triangulate [ms]", "whole plan [ms]"]
+    return "\n\n".join(
+        [
+            table("Clustering, means over towns", ["", "without", "with", "saved [%]", "printed"], rows),
+            table("A town of 30 x 30 m", header, one_town),
+        ]
+    )
 
 
 def ants(own: Record) -> str:
