@@ -81,7 +81,22 @@ def reading(found: Record) -> str:
     return told + (
         "\n\nShare of the optimum: shortest path over path, 0 for who did not arrive, a mean over all worlds. Path over "
         "shortest is of those that arrived. The shortest path is that of the same disc and may be 1.1 % too long."
+        + left_out(found)
     )
+
+
+def left_out(found: Record) -> str:
+    """What the command would do that this run has not done."""
+    told, worlds = "", found["worlds"]
+    if worlds < price.WORLDS:
+        told += (
+            f" This run was of {worlds} worlds a scenario (`--seeds {worlds}`) of the {price.WORLDS} that the command takes "
+            "unless told, so its intervals are wide."
+        )
+    scenarios = next(iter(found["policies"].values()))
+    if not any(label.startswith("map ") for label in scenarios):
+        told += " It was without maps (`--data`)."
+    return told
 
 
 def gained(found: Record) -> Sequence[tuple[str, float]]:

@@ -151,4 +151,5 @@ def reading(found: Record) -> str:
         "Planners are given the map. RRT*, the exact shortest way, cells of 0.1 m and the rows with a comma are not the "
         "paper's. The printed BFS is shorter than the printed A*: none whose bound never says too much is; with the "
         f"Manhattan distance, which does, it may be longer. {RUN_NOTE}"
+        + ("" if "recorded" in found else " This run was without recorded pedestrians (`--data`).")
     )
