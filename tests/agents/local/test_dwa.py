@@ -102,9 +102,9 @@ def test_the_window_holds_the_speeds_that_can_be_reached_in_a_decision(
 ) -> None:
     overrides = {"robot.kinematics": kinematics, "robot.max_acceleration": 0.5}
     simulation, observation = driven_ahead({"world": {**BOX, "goal": goal}}, overrides, steps)
-    policy = make_policy("dwa", simulation)
-    _, state = policy.predict(observation)
-    drive, memory = policy.sensors.drive, state[0]
+    policy: Any = make_policy("dwa", simulation)
+    _, (memory,) = policy.predict(observation)
+    drive = policy.sensors.drive
     own, change = float(simulation.world.velocity[0, 0, 0]), 0.5 * drive.step
     assert own == pytest.approx(min(steps * change, drive.max_speed), abs=1e-6)
     speed = memory.velocity[0]
@@ -143,7 +143,8 @@ def test_before_a_wall_no_speed_is_above_the_root_of_twice_the_free_way_times_th
     overrides = {"robot.kinematics": kinematics, "robot.max_acceleration": 0.5}
     wall = {**BOX, "goal": goal, "polygons": [[[4, -5], [4.5, -5], [4.5, 5], [4, 5]]]}
     simulation = Simulation({"world": wall, "lidar": {"beams": 180}}, overrides=overrides)
-    policy, observation, state = make_policy("dwa", simulation), simulation.reset(seeds=[0]), None
+    policy: Any = make_policy("dwa", simulation)
+    observation, state = simulation.reset(seeds=[0]), None
     assert policy.sensors.radius == 0.2
     chosen = []
     for _ in range(120):
