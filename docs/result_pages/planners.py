@@ -61,7 +61,7 @@ def spread(one: Record) -> str:
 def reading(found: Record) -> str:
     """What the numbers say, of those that were not given the map."""
     sentences = []
-    for label in price.SCENARIOS:
+    for label in next(iter(found["policies"].values())):
         blind = {
             policy: one[label]["share_of_optimum"][0]
             for policy, one in found["policies"].items()
