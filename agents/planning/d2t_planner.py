@@ -29,13 +29,13 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
+    exact_way,
     live_of,
     mover_discs,
     no_way,
 )
 from bug_gym.agents.planning.seen_ground import SeenGround, drive_in_seen
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, Way, find_way
-from bug_gym.agents.planning.visibility_graph import exact_way
 from bug_gym.agents.planning.vo_follower import VelocityObstacleFollower
 from bug_gym.geometry import F64
 from bug_gym.policy import Drawing, Velocity

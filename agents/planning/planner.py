@@ -217,6 +217,26 @@ def goal_in_obstacle(plan: PlanningMap, goal: Point, sensors: Sensors) -> str:
     return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
 
 
+def exact_way(plan: PlanningMap, start: Point, goal: Point, *, radius: float, goal_radius: float) -> F64 | None:
+    """The shortest way (k, 2) of a disc [m], None where there is none.
+
+    Its ends may lie nearer to obstacles than its radius, if there is room beside.
+
+    Args:
+        plan: what stands.
+        start: where from [m].
+        goal: where to [m].
+        radius: of the disc [m].
+        goal_radius: how far from the goal it may end [m].
+    """
+    inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
+    outer = plan.free_place_near(goal, radius=radius, reach=goal_radius)
+    if inner is None or outer is None:
+        return None
+    path = plan.shortest_path(inner, outer, radius=radius)
+    return np.concatenate([[start], path.points]) if math.isfinite(path.length) else None
+
+
 def is_shut_in(plan: PlanningMap, start: Point, goal: Point, sensors: Sensors) -> bool:
     """Whether there is no way to a goal for certain, not even for the body alone.
 

@@ -8,14 +8,17 @@ Length: the shortest of all ways that keep the margin. What others' ways are mea
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from bug_gym.agents.planning.follow import Scene
-from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, is_shut_in, live_of, mover_discs, no_way
-from bug_gym.geometry import F64, Point
+from bug_gym.agents.planning.planner import (
+    MapPlanner,
+    Plan,
+    PlannerMemory,
+    exact_way,
+    is_shut_in,
+    live_of,
+    mover_discs,
+    no_way,
+)
 
 NEAREST = 0.99
 """A shortest path comes as near to obstacles as this share of the radius it is asked for."""
@@ -36,23 +39,3 @@ class VisibilityGraph(MapPlanner):
         if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
             return Plan(None, reason=no_way(plan, scene.goal, self.sensors), verdict="unreachable")
         return Plan(None, reason=no_way(live.still, scene.goal, self.sensors, beside=self.rooms[-1].margin))
-
-
-def exact_way(plan: PlanningMap, start: Point, goal: Point, *, radius: float, goal_radius: float) -> F64 | None:
-    """The shortest way (k, 2) of a disc [m], None where there is none.
-
-    Its ends may lie nearer to obstacles than its radius, if there is room beside.
-
-    Args:
-        plan: what stands.
-        start: where from [m].
-        goal: where to [m].
-        radius: of the disc [m].
-        goal_radius: how far from the goal it may end [m].
-    """
-    inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
-    outer = plan.free_place_near(goal, radius=radius, reach=goal_radius)
-    if inner is None or outer is None:
-        return None
-    path = plan.shortest_path(inner, outer, radius=radius)
-    return np.concatenate([[start], path.points]) if math.isfinite(path.length) else None
