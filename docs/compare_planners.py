@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import math
+import subprocess
 import time
 from collections.abc import Callable
 from importlib.metadata import version
@@ -178,7 +179,7 @@ def d_star_lite_rows(side: int, repairs: int) -> dict[str, Measured]:
 SAMPLES = (500, 2000, 5000, 10_000, 20_000)
 """After which lengths are looked at."""
 PIECES = (1.0, 5.0)
-"""The longest piece of a tree [m]: what the policy has unless told, and what suits maps of this size."""
+"""The longest piece of a tree [m]: one for maps that are narrow, and what the policy has unless told."""
 MAPS: tuple[Callable[[], Task], ...] = (scenario_1, scenario_2, lambda: field(3, 60))
 """Of polygons, about 45 x 30 m."""
 TREES = ("RRTstar", "InformedRRTstar")
@@ -346,12 +347,14 @@ def main() -> None:
     parts += [curves(piece, *rrt_star_rows(options.runs, piece)) for piece in PIECES]
     parts.append(READING)
     own = machine()
+    commit = subprocess.check_output(["git", "rev-parse", "HEAD"], text=True, cwd=PAGE.parent).strip()
     page = [
         "# Speed of the planners",
         "",
         "Written by `python docs/compare_planners.py`. " + " ".join((__doc__ or "").split("\n\n", 1)[1].split()),
         "",
-        f"Machine: {own['cpu']}, {own['cores']} cores; Python {own['python']}, numpy {own['numpy']}, numba {own['numba']}.",
+        f"Machine: {own['cpu']}, {own['cores']} cores; Python {own['python']}, numpy {own['numpy']}, numba {own['numba']}. "
+        f"Made at commit `{commit}`.",
         "",
         "\n\n".join(parts),
     ]

@@ -18,11 +18,15 @@ Chosen here:
 - turn rates are bounded by the drive alone, as robots here have no turning acceleration, so no window of them and no
   condition that they be stopped in time;
 - 8 speeds, 17 turn rates, that which faces the goal among them, and a mean of three by three for the smoothing;
-- free ways count up to `look`, and as whole where the goal comes before the obstacle;
+- free ways count up to `look`, and as whole where the goal comes before the obstacle; a circle is free for once round
+  at most, where the paper has a large constant;
+- standing has the free way along the heading that it then has: with a large constant, a robot that comes to little speed
+  in a decision would rather stand than begin toward anything within `look`;
 - the side of the turn on the spot: to the nearest bearing with room for a look, and it is kept until a velocity gets on;
-- a robot that drives any way without turning has speeds and directions for velocities, and straight ways;
-- an ackermann robot has speeds and curvatures; it cannot turn on the spot, so instead it turns in several moves, as
-  bug_gym.manoeuvring has it.
+- a robot that drives any way without turning has speeds and directions for velocities, and straight ways; any direction
+  counts as reachable;
+- an ackermann robot has speeds and curvatures, and may choose to stand at any speed; it cannot turn on the spot, so
+  instead it turns in several moves, as bug_gym.manoeuvring has it.
 """
 
 from __future__ import annotations
@@ -46,6 +50,8 @@ SPEEDS, RATES, DIRECTIONS = 8, 17, 36
 """Velocities of a window: so many speeds above 0, turn rates, and directions of a robot that needs not turn."""
 CREEP = 1e-6
 """A speed that only tells where to turn [m/s]."""
+ROUNDED = 1e-9
+"""Speeds are told apart by more than this [m/s]."""
 LEAST = 0.02
 """A speed below this share of the greatest does not get the robot on."""
 BEHIND = math.radians(150.0)
@@ -127,6 +133,8 @@ class DWA(ScriptedPolicy):
         scores = np.empty((len(speeds), len(seconds)))
         x, y = view.points
         weigh_window(self.window, speeds, seconds, x, y, *view.goal, scores)
+        if not self.window.is_steered:
+            scores = self._within_reach(view, speeds, seconds, scores)
         i, j = np.unravel_index(int(smoothed(scores, is_round=self.is_holonomic).argmax()), scores.shape)
         speed, second = float(speeds[i]), float(seconds[j])
         memory.pose = view.pose
@@ -188,6 +196,17 @@ class DWA(ScriptedPolicy):
             return speeds, _with(np.linspace(-most_bent, most_bent, RATES), through)
         exact = min(max(self.gain * view.goal_bearing, -self.window.turn_rate), self.window.turn_rate)
         return speeds, _with(np.linspace(-self.window.turn_rate, self.window.turn_rate, RATES), exact)
+
+    def _within_reach(self, view: View, speeds: F64, seconds: F64, scores: F64) -> F64:
+        """The scores (v, w) without velocities slower than the robot can come to, unless all that is left is to brake.
+
+        A robot that turns goes ahead by the cosine of its heading error: slower than it is steered with.
+        """
+        drive = self.sensors.drive
+        least = math.hypot(*own_velocity(view)) - drive.max_acceleration * drive.step
+        share = np.ones(len(seconds)) if self.is_holonomic else np.cos(seconds / self.gain)
+        reached = np.where(speeds[:, None] * share >= least - ROUNDED, scores, -math.inf)
+        return reached if np.isfinite(reached).any() else scores
 
     def _is_stuck(self, view: View, memory: DWAMemory, speeds: F64, scores: F64) -> bool:
         """Whether no velocity gets the robot on though it looks at the goal; it goes on turning until one does."""

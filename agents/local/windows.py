@@ -137,10 +137,10 @@ def weigh_window(
         for j in range(seconds.size):
             second = seconds[j] * speeds[i] if window.is_steered else seconds[j]
             speed = driven_speed(window, speeds[i], second)
-            free = window.look
-            if speed > 0.0 and window.is_holonomic:
-                free = first_contact(px, py, second, window.radius, window.look)[0]
-            elif speed > 0.0:
+            if window.is_holonomic or speed == 0.0:  # who stands, looks along the heading after the decision
+                bearing = second if window.is_holonomic else second * window.step
+                free = first_contact(px, py, bearing, window.radius, window.look)[0]
+            else:
                 free = arc_distance(px, py, speed, second, window.radius, window.look)
             if way_to_stop(window, speed) > free:
                 scores[i, j] = -math.inf

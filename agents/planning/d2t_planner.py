@@ -29,9 +29,10 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
-    goal_in_obstacle,
+    exact_way,
     live_of,
     mover_discs,
+    no_way,
 )
 from bug_gym.agents.planning.seen_ground import SeenGround, drive_in_seen
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, Way, find_way
@@ -198,11 +199,30 @@ class D2TPlanner(MapPlanner):
                 is_narrow = way.by == "shortest path"
                 seen.room = Room(self.sensors.radius if is_narrow else self.rooms[0].radius, way.margin)
             return Plan(way.path, way.margin)
-        shut = "" if seen is not None else goal_in_obstacle(live_of(memory).still, scene.goal, self.sensors)
-        what = "no way leads" if seen is None else "what has been seen leaves no way"
-        reason = shut or f"{what} from here to the goal for a body of radius {self.sensors.radius:g} m"
-        is_shut_in = scene.moving is None and self.parameters.horizon is None
-        return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
+        if scene.moving is not None or self.parameters.horizon is not None:
+            return Plan(None, reason=self._why_not(scene, memory))
+        exact = self._exact_way(scene, memory) if seen is None else None
+        return exact or Plan(None, reason=self._why_not(scene, memory), verdict="unreachable")
+
+    def _exact_way(self, scene: Scene, memory: Any) -> Plan | None:
+        """The shortest way with as much room as there is: between round obstacles their polygons may have closed it."""
+        for radius, margin in (*self.rooms, Room(self.sensors.radius, 0.0)):
+            places = exact_way(
+                live_of(memory).still,
+                scene.pose[:2],
+                scene.goal,
+                radius=radius + margin,
+                goal_radius=self.sensors.goal_radius,
+            )
+            if places is not None:
+                return Plan(places, margin)
+        return None
+
+    def _why_not(self, scene: Scene, memory: Any) -> str:
+        """Why there is no way."""
+        if memory.seen is None:
+            return no_way(live_of(memory).still, scene.goal, self.sensors)
+        return f"what has been seen leaves no way from here to the goal for a body of radius {self.sensors.radius:g} m"
 
     def _task(self, scene: Scene, memory: Any) -> Task:
         """What is planned for: among what stands and moves, or among what has been seen of both."""

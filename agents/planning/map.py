@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym.geometry import F64, Point
 from bug_gym.schema.polygons import WeightedRegion
 from bug_gym.shortest_path import Path as ShortestPath
-from bug_gym.shortest_path import free_space, shortest_path
+from bug_gym.shortest_path import free_space, reachable, shortest_path
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.ros_files import load_ros_map
 from bug_gym.worlds.ros_outlines import load_outlines
@@ -202,6 +202,13 @@ class PlanningMap:
     def shortest_path(self, start: Point, goal: Point, *, radius: float) -> ShortestPath:
         """The project's own shortest path of a disc robot, see `bug_gym.shortest_path`, with its errors."""
         return shortest_path(self.discs, self.polygons, self.border, start, goal, radius=radius)
+
+    def joins(self, start: Point, goal: Point, *, radius: float) -> bool:
+        """Whether a disc robot can come from one place to another, see `bug_gym.shortest_path.reachable`, with its errors.
+
+        No is certain; yes may be a gap of 1.98 radii.
+        """
+        return reachable(self.discs, self.polygons, self.border, start, goal, radius=radius)
 
 
 def ground_of(region: WeightedRegion) -> Ground:

@@ -217,6 +217,55 @@ def goal_in_obstacle(plan: PlanningMap, goal: Point, sensors: Sensors) -> str:
     return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
 
 
+def exact_way(plan: PlanningMap, start: Point, goal: Point, *, radius: float, goal_radius: float) -> F64 | None:
+    """The shortest way (k, 2) of a disc [m], None where there is none.
+
+    Its ends may lie nearer to obstacles than its radius, if there is room beside.
+
+    Args:
+        plan: what stands.
+        start: where from [m].
+        goal: where to [m].
+        radius: of the disc [m].
+        goal_radius: how far from the goal it may end [m].
+    """
+    inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
+    outer = plan.free_place_near(goal, radius=radius, reach=goal_radius)
+    if inner is None or outer is None:
+        return None
+    path = plan.shortest_path(inner, outer, radius=radius)
+    return np.concatenate([[start], path.points]) if math.isfinite(path.length) else None
+
+
+def is_shut_in(plan: PlanningMap, start: Point, goal: Point, sensors: Sensors) -> bool:
+    """Whether there is no way to a goal for certain, not even for the body alone.
+
+    Args:
+        plan: what stands.
+        start: where the robot is [m].
+        goal: where to [m].
+        sensors: radius of the body, and how near to the goal it has to come.
+    """
+    radius = sensors.radius
+    inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
+    outer = plan.free_place_near(goal, radius=radius, reach=sensors.goal_radius)
+    return inner is None or outer is None or not plan.joins(inner, outer, radius=radius)
+
+
+def no_way(plan: PlanningMap, goal: Point, sensors: Sensors, *, beside: float = 0.0) -> str:
+    """What is said where there is no way to a goal.
+
+    Args:
+        plan: what stands.
+        goal: where to [m].
+        sensors: radius of the body, and how near to the goal it has to come.
+        beside: what a way was to keep beside the body [m]; 0: there is none for the body alone.
+    """
+    kept = f" and {beside:g} m beside it" if beside > 0.0 else ""
+    told = f"no way leads from here to the goal for a body of radius {sensors.radius:g} m{kept}"
+    return goal_in_obstacle(plan, goal, sensors) or told
+
+
 def near(scene: Scene) -> Moving:
     """What moves near the robot; what is far will be elsewhere when the robot comes there."""
     assert scene.moving is not None

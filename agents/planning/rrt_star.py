@@ -3,8 +3,8 @@
 Source: Karaman and Frazzoli (2011); once there is a way, samples are drawn from the ellipse that can hold a shorter one:
 Gammell, Srinivasa and Barfoot (2014), Informed RRT*. Sensing assumed: the map, own place on it. Memory kept: the way.
 States: planning, following, waiting. Guarantee: with ever more samples a way if there is one, ever nearer to the shortest;
-with a number of them none: it cannot tell that there is no way, and says "stuck" where it has found none several times.
-Length: of the tree's best way after `samples` samples.
+with a number of them none, and where it has found none several times it says "stuck". That there is no way no number of
+samples tells; where they find none the map is asked. Length: of the tree's best way after `samples` samples.
 
 Pieces are tried exactly against the map. Samples are numbers drawn from the parameter `seed` and the number of the plan.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
@@ -27,8 +28,10 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
+    is_shut_in,
     live_of,
     mover_discs,
+    no_way,
 )
 from bug_gym.agents.planning.smoothing import Solids, is_clear, pulled
 from bug_gym.compiling import called, inlined, kernel
@@ -325,16 +328,20 @@ class RRTStar(MapPlanner):
         """The best way of a tree with as much room as there is."""
         live = live_of(memory)
         plan = live.still if scene.moving is None else live.still.with_obstacles(mover_discs(scene.moving))
-        patience = PATIENCE if scene.moving is None else 1  # movers may soon be gone
         for room in self.rooms:
-            places = self._way(plan, room, scene, memory.plans, patience)
+            places = self._way(plan, room, scene, memory.plans)
             if len(places) > 0:
                 return Plan(places, room.margin)
+        if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
+            return Plan(None, reason=no_way(plan, scene.goal, self.sensors), verdict="unreachable")
         reason = f"no way was found by {self.parameters.samples} samples and more, which proves nothing"
         return Plan(None, reason=reason, verdict="stuck" if memory.plans >= TRIES and scene.moving is None else "")
 
-    def _way(self, plan: PlanningMap, room: Room, scene: Scene, number: int, patience: int) -> F64:
-        """The best way from the robot to the goal (k, 2), none where there is none."""
+    def _way(self, plan: PlanningMap, room: Room, scene: Scene, number: int) -> F64:
+        """The best way from the robot to the goal (k, 2), none where there is none.
+
+        Patience is for the narrow: not for what is shut, and not for movers, who may soon be gone.
+        """
         nowhere = np.zeros((0, 2))
         # A free place may be nearer to an obstacle by as much as a polygon's chords are to their arc.
         wider = 1.02 * room.growth
@@ -345,8 +352,11 @@ class RRTStar(MapPlanner):
             return nowhere
         own = self.parameters
         seed = (own.seed, number)
-        tree = rrt_star(solids, plan.box, start, goal, samples=own.samples, seed=seed, step=own.step, patience=patience)
-        if len(tree.places) == 0:
+        grown = partial(rrt_star, solids, plan.box, start, goal, samples=own.samples, seed=seed, step=own.step)
+        found = grown().places
+        if len(found) == 0 and scene.moving is None and plan.joins(start, goal, radius=room.growth):
+            found = grown(patience=PATIENCE).places
+        if len(found) == 0:
             return nowhere
-        places = pulled(tree.places, SMOOTH_STEP, solids.is_clear) if own.smooth else tree.places
+        places = pulled(found, SMOOTH_STEP, solids.is_clear) if own.smooth else found
         return np.concatenate([[scene.pose[:2]], places])

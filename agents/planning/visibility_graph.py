@@ -8,14 +8,17 @@ Length: the shortest of all ways that keep the margin. What others' ways are mea
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from bug_gym.agents.planning.follow import Scene
-from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.planner import MapPlanner, Plan, PlannerMemory, goal_in_obstacle, live_of, mover_discs
-from bug_gym.geometry import F64, Point
+from bug_gym.agents.planning.planner import (
+    MapPlanner,
+    Plan,
+    PlannerMemory,
+    exact_way,
+    is_shut_in,
+    live_of,
+    mover_discs,
+    no_way,
+)
 
 NEAREST = 0.99
 """A shortest path comes as near to obstacles as this share of the radius it is asked for."""
@@ -29,25 +32,10 @@ class VisibilityGraph(MapPlanner):
         live = live_of(memory)
         plan = live.still if scene.moving is None else live.still.with_obstacles(mover_discs(scene.moving))
         for room in self.rooms:
-            places = self._way(plan, scene.pose[:2], scene.goal, room.growth / NEAREST)
+            radius = room.growth / NEAREST
+            places = exact_way(plan, scene.pose[:2], scene.goal, radius=radius, goal_radius=self.sensors.goal_radius)
             if places is not None:
                 return Plan(places, room.margin)
-        is_shut_in = scene.moving is None and self._is_shut_in(plan, scene.pose[:2], scene.goal)
-        shut = goal_in_obstacle(live.still, scene.goal, self.sensors)
-        reason = shut or f"no way leads from here to the goal for a body of radius {self.sensors.radius:g} m"
-        return Plan(None, reason=reason, verdict="unreachable" if is_shut_in else "")
-
-    def _way(self, plan: PlanningMap, start: Point, goal: Point, radius: float) -> F64 | None:
-        """The shortest way of a disc; its ends may lie nearer to obstacles than its radius, if there is room beside."""
-        inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
-        outer = plan.free_place_near(goal, radius=radius, reach=self.sensors.goal_radius)
-        if inner is None or outer is None:
-            return None
-        path = plan.shortest_path(inner, outer, radius=radius)
-        if not math.isfinite(path.length):
-            return None
-        return np.concatenate([[start], path.points])
-
-    def _is_shut_in(self, plan: PlanningMap, start: Point, goal: Point) -> bool:
-        """Whether not even the body as it is has a way."""
-        return self._way(plan, start, goal, self.sensors.radius) is None
+        if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
+            return Plan(None, reason=no_way(plan, scene.goal, self.sensors), verdict="unreachable")
+        return Plan(None, reason=no_way(live.still, scene.goal, self.sensors, beside=self.rooms[-1].margin))

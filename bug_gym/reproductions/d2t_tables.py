@@ -56,6 +56,9 @@ PRINTED: dict[str, dict[str, tuple[float, float]]] = {
 }  # fmt: skip
 """Time [s] and length [m] as printed."""
 
+PRINTED_CLUSTERS = {"obstacles": "28 -> 9 (the beach)", "nodes": "about 20 fewer", "edges": "about 35 fewer, 60 %"}
+"""What clustering saves, as printed."""
+
 
 class Measured(NamedTuple):
     """Runs of one planner."""

@@ -61,7 +61,7 @@ def spread(one: Record) -> str:
 def reading(found: Record) -> str:
     """What the numbers say, of those that were not given the map."""
     sentences = []
-    for label in price.SCENARIOS:
+    for label in next(iter(found["policies"].values())):
         blind = {
             policy: one[label]["share_of_optimum"][0]
             for policy, one in found["policies"].items()
@@ -81,7 +81,22 @@ def reading(found: Record) -> str:
     return told + (
         "\n\nShare of the optimum: shortest path over path, 0 for who did not arrive, a mean over all worlds. Path over "
         "shortest is of those that arrived. The shortest path is that of the same disc and may be 1.1 % too long."
+        + left_out(found)
     )
+
+
+def left_out(found: Record) -> str:
+    """What the command would do that this run has not done."""
+    told, worlds = "", found["worlds"]
+    if worlds < price.WORLDS:
+        told += (
+            f" This run was of {worlds} worlds a scenario (`--seeds {worlds}`) of the {price.WORLDS} that the command takes "
+            "unless told, so its intervals are wide."
+        )
+    scenarios = next(iter(found["policies"].values()))
+    if not any(label.startswith("map ") for label in scenarios):
+        told += " It was without maps (`--data`)."
+    return told
 
 
 def gained(found: Record) -> Sequence[tuple[str, float]]:

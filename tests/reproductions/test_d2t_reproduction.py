@@ -16,6 +16,8 @@ def test_d2t_eaco_holds_on_its_first_runs() -> None:
     assert json.loads(result.as_json("0" * 40))["clustering"]["beach"] == [28, 9]
     titles = [table.title for table in result.tables]
     assert any(title.startswith("Table 2, S1") for title in titles) and len(result.curves) == 1
+    beside = next(table for table in result.tables if table.title == "What the paper says, and what was found")
+    assert all(len(row) == 2 and all(row) for row in beside.rows) and len(beside.rows) == 6
     for name in ("S1", "S2"):
         lengths = {
             planner: one["length"] for planner, one in result.data["table_2"][name].items() if isinstance(one, dict)

@@ -84,6 +84,87 @@ def test_it_never_drives_into_what_stands(kinematics: str, acceleration: float |
     assert "collision" not in reached and reached.count("success") >= 2
 
 
+def driven_ahead(world: dict[str, Any], overrides: dict[str, Any], steps: int) -> tuple[Simulation, F64]:
+    """A world after so many steps straight ahead at full speed, and what is observed then (D,)."""
+    simulation = Simulation(world, overrides=overrides)
+    observation = simulation.reset(seeds=[0])
+    ahead = np.array([[[1.0, 0.0]]], dtype=np.float32)
+    for _ in range(steps):
+        observation = simulation.step(ahead).observation
+    return simulation, observation[0, 0]
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("goal", [[2.5, 5.0], [2.5, -5.0], [11.0, 1.0], [-5.0, 1.0]])
+@pytest.mark.parametrize("steps", [3, 12, 25])
+def test_the_window_holds_the_speeds_that_can_be_reached_in_a_decision(
+    kinematics: str, goal: list[float], steps: int
+) -> None:
+    overrides = {"robot.kinematics": kinematics, "robot.max_acceleration": 0.5}
+    simulation, observation = driven_ahead({"world": {**BOX, "goal": goal}}, overrides, steps)
+    policy: Any = make_policy("dwa", simulation)
+    _, (memory,) = policy.predict(observation)
+    drive = policy.sensors.drive
+    own, change = float(simulation.world.velocity[0, 0, 0]), 0.5 * drive.step
+    assert own == pytest.approx(min(steps * change, drive.max_speed), abs=1e-6)
+    speed = memory.velocity[0]
+    assert max(own - change, 0.0) - 1e-6 <= speed <= min(own + change, drive.max_speed) + 1e-6
+    assert speed > 0.0
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_a_free_goal_is_driven_to_straight_and_as_fast_as_the_robot_may(kinematics: str) -> None:
+    overrides: dict[str, Any] = {"robot.kinematics": kinematics, "robot.max_acceleration": 0.5}
+    episode = run_episode("dwa", {"world": {**BOX, "goal": [12, 0]}}, overrides)
+    assert episode.outcome == "success" and np.abs(episode.path[:, 1]).max() < 1e-6
+    step = episode.simulation.scenario.time.step
+    speeds = np.diff(episode.path[:, 0]) / step
+    most = episode.simulation.scenario.robot.max_speed
+    expected = np.minimum(0.5 * step * np.arange(1, len(speeds) + 1), most)
+    # Nearer to it, circles beside the straight way look less and less at it, so their mean is worth less at full speed.
+    far = episode.path[:-1, 0] < 12.0 - 3.0
+    assert speeds[far] == pytest.approx(expected[far], abs=1e-4) and far.sum() > 90
+
+
+def way_to_line(x: float, heading: float, velocity: tuple[float, float], *, is_holonomic: bool) -> float:
+    """How far a place at x drives at a velocity until x is 4 - 0.2, by small steps; 3 where it does not within 3 m."""
+    speed, second = velocity
+    ways = np.arange(0.0, 3.0, 1e-3)
+    turned = np.full_like(ways, heading + second) if is_holonomic else heading + second * ways / max(speed, 1e-9)
+    met = x + np.cumsum(1e-3 * np.cos(turned)) >= 4.0 - 0.2
+    return float(ways[met.argmax()]) if met.any() else 3.0
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("goal", [[11.0, 0.0], [11.0, 2.5]])
+def test_before_a_wall_no_speed_is_above_the_root_of_twice_the_free_way_times_the_brake(
+    kinematics: str, goal: list[float]
+) -> None:
+    overrides = {"robot.kinematics": kinematics, "robot.max_acceleration": 0.5}
+    wall = {**BOX, "goal": goal, "polygons": [[[4, -5], [4.5, -5], [4.5, 5], [4, 5]]]}
+    simulation = Simulation({"world": wall, "lidar": {"beams": 180}}, overrides=overrides)
+    policy: Any = make_policy("dwa", simulation)
+    observation, state = simulation.reset(seeds=[0]), None
+    assert policy.sensors.radius == 0.2
+    chosen = []
+    for _ in range(120):
+        x, _, heading = simulation.world.pose[0, 0].tolist()
+        action, state = policy.predict(observation[0, 0], state)
+        speed, second = state[0].velocity
+        free = way_to_line(x, heading, (speed, second), is_holonomic=kinematics == "holonomic")
+        assert speed <= math.sqrt(2.0 * free * 0.5)
+        chosen.append(speed)
+        observation = simulation.step(action[None, None]).observation
+    assert max(chosen) > 0.9 * policy.sensors.drive.max_speed and chosen[-1] < 0.2  # it came on, and braked
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_who_stands_near_an_obstacle_begins_to_drive_however_little_speed_a_decision_gives(kinematics: str) -> None:
+    world = {"world": {**BOX, "goal": [11, 0], "circles": [[2.0, 0.6, 0.5]]}, "lidar": {"beams": 180}}
+    overrides = {"robot.kinematics": kinematics, "robot.max_acceleration": 0.3}
+    assert run_episode("dwa", world, overrides, max_steps=400).outcome == "success"
+
+
 def test_each_weight_works() -> None:
     discs = [[3.0, 0.4, 0.5], [5.5, -1.2, 0.8], [8.0, 0.9, 0.6]]
     world = {"world": {**BOX, "goal": [11, 0], "circles": discs}, "lidar": {"beams": 180}}
@@ -152,6 +233,18 @@ def test_what_is_admissible_can_be_stopped_on_the_free_part_of_its_circle(seed: 
             assert found[i, j] == pytest.approx(free / window.look + speed / window.max_speed)
         else:
             assert speed * window.step + speed**2 / (2.0 * window.acceleration) > free
+
+
+def test_standing_is_worth_the_way_along_the_heading_that_it_has_then() -> None:
+    """So that it is no more than creeping on is: as the speed falls to 0, the worth goes over into that of standing."""
+    points = np.array([[1.2, 0.0]])
+    window = a_window(distance_weight=1.0, speed_weight=1.0)
+    found = scores_of(window, np.array([0.0, 1e-9]), np.array([-2.0, 0.0, 2.0]), points, (50.0, 0.0))
+    assert found[0, 1] == pytest.approx((1.2 - window.radius) / window.look) and found[1, 1] == pytest.approx(
+        found[0, 1]
+    )
+    # Turned by 0.2 rad the disc of 0.2 m passes 1.2 sin(0.2) = 0.238 m beside the point.
+    assert found[0, 0] == found[0, 2] == 1.0
 
 
 @pytest.mark.parametrize(

@@ -14,13 +14,16 @@ from shapely.affinity import translate as moved
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.planning import triangulated
+from bug_gym.agents.planning.a_star import a_star
 from bug_gym.agents.planning.d2t_eaco import D2TEaco
 from bug_gym.agents.planning.d2t_planner import AROUND, BEYOND, ROUGH, seen_obstacles
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.funnel import funnel
+from bug_gym.agents.planning.grid import grid_of
 from bug_gym.agents.planning.sleeve import Sleeve
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, find_way
 from bug_gym.reproductions import d2t_worlds
+from bug_gym.reproductions.d2t_tables import map_of
 from bug_gym.simulation import Simulation
 
 WAYS: list[Optimiser] = ["funnel", "eaco", "eaco_refined", "aco", "vertices"]
@@ -80,6 +83,15 @@ def test_where_there_is_no_way_it_says_so_and_a_narrow_one_is_found() -> None:
     episode = run_episode("d2t_eaco", {"world": {**closed, "polygons": [[[5, -5], [6, -5], [6, 5], [5, 5]]]}})
     assert episode.verdict == "unreachable" and episode.length == 0.0
     assert "no way leads" in episode.memory.reason
+
+
+@pytest.mark.parametrize("gap", [0.43, 0.405])
+def test_a_gap_between_large_discs_that_their_polygons_close_is_no_dead_end(gap: float) -> None:
+    """A polygon around a disc of 5 m reaches 2.4 cm beyond it."""
+    discs = [[6.0, 5.0 + 0.5 * gap, 5.0], [6.0, -5.0 - 0.5 * gap, 5.0]]
+    world = {"family": "explicit", "bounds": [-2, -5, 14, 5], "start": [0, 0, 0], "goal": [12, 0], "circles": discs}
+    episode = run_episode("d2t_eaco", {"world": world}, {"robot.kinematics": "holonomic"}, max_steps=300)
+    assert episode.outcome == "success" and episode.min_clearance > 0.0
 
 
 def test_a_start_beside_a_wall_and_a_goal_in_a_nook_are_no_trouble() -> None:
@@ -247,3 +259,24 @@ def test_a_plan_among_600_obstacles_takes_50_ms_and_one_by_ants_half_a_second() 
     began = time.process_time()
     find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("eaco", facets=1))
     assert time.process_time() - began <= 0.5
+
+
+def test_among_600_obstacles_the_exact_way_takes_two_seconds_and_a_star_over_cells_of_10_cm_a_fifth() -> None:
+    task, growth = d2t_worlds.field(9, 600, 100.0, 100.0, sizes=(0.3, 1.2)), 0.3
+    plan = map_of(task)
+
+    def over_cells() -> float:
+        grid = grid_of(plan, 0.1, growth)
+        ends = [grid.lattice.node_at(place) for place in (task.start, task.goal)]
+        return 0.1 * a_star(grid, *ends).length
+
+    def exactly() -> float:
+        return plan.shortest_path(task.start, task.goal, radius=growth).length
+
+    lengths = []
+    for way, most in ((exactly, 2.0), (over_cells, 0.2)):
+        way()  # compiles
+        began = time.process_time()
+        lengths.append(way())
+        assert time.process_time() - began <= most
+    assert lengths[0] <= lengths[1] <= 1.09 * lengths[0]

@@ -14,7 +14,7 @@ from bug_gym.agents import AGENTS, make_policy
 from bug_gym.agents.planning.grid import grid_of
 from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.rrt_star import rrt_star
+from bug_gym.agents.planning.rrt_star import Grown, rrt_star
 from bug_gym.agents.planning.smoothing import Solids, pulled
 from bug_gym.evaluation import evaluate
 from bug_gym.shortest_path import shortest_path
@@ -128,11 +128,21 @@ def test_cells_too_coarse_for_a_gap_are_told_and_which_would_do(name: str) -> No
 @pytest.mark.parametrize("name", PLANNERS)
 def test_where_there_is_no_way_it_is_told_and_no_finer_cells_are_promised(name: str) -> None:
     episode = run_episode(name, {"world": walled(0.3), "time": {"limit": 30.0}}, {"robot.kinematics": "holonomic"})
-    assert episode.verdict == ("stuck" if name == "rrt_star" else "unreachable")
+    assert episode.verdict == "unreachable"
     assert "would do" not in episode.memory.reason and episode.memory.reason
 
 
-@pytest.mark.parametrize("name", [name for name in PLANNERS if name != "rrt_star"])
+def test_a_gap_for_the_body_alone_is_no_way_with_a_margin_and_no_verdict() -> None:
+    simulation = Simulation({"world": walled(0.405)}, overrides={"robot.kinematics": "holonomic"})
+    simulation.reset(seeds=[0])
+    policy: Any = make_policy("visibility_graph", simulation)
+    memory = policy.begin(0)
+    found = policy.plan(policy.look(None, memory), memory)
+    assert found.places is None and found.verdict == ""
+    assert found.reason.endswith("for a body of radius 0.2 m and 0.005 m beside it")
+
+
+@pytest.mark.parametrize("name", PLANNERS)
 def test_a_goal_inside_of_a_grown_obstacle_is_told_as_such(name: str) -> None:
     simulation = Simulation({"world": walled(1.0)}, overrides={"robot.kinematics": "holonomic"})
     simulation.reset(seeds=[0])
@@ -367,6 +377,23 @@ def test_rrt_star_draws_on_where_few_places_can_be_joined() -> None:
         assert 1000 < first < len(patient.lengths) <= first + 1000 + 1
         assert exact - 1e-9 <= patient.lengths[-1] < 1.5 * exact
         assert patient.lengths[-1] == pytest.approx(np.hypot(*np.diff(patient.places, axis=0).T).sum())
+
+
+@pytest.mark.parametrize(("gap", "verdict"), [(0.3, "unreachable"), (0.45, "stuck")])
+def test_rrt_star_is_patient_only_where_there_is_a_way_and_none_found_proves_nothing(
+    gap: float, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    patient: list[int] = []
+
+    def counted(*args: Any, **settings: Any) -> Grown:
+        patient.append(settings.get("patience", 1))
+        return rrt_star(*args, **settings)
+
+    monkeypatch.setattr("bug_gym.agents.planning.rrt_star.rrt_star", counted)
+    episode = run_episode("rrt_star", {"world": walled(gap)}, {"robot.kinematics": "holonomic"}, samples=2)
+    assert episode.verdict == verdict
+    assert ("proves nothing" in episode.memory.reason) == (verdict == "stuck")
+    assert (max(patient) > 1) == (verdict == "stuck")
 
 
 def test_rrt_star_refuses_an_end_in_an_obstacle() -> None:
