@@ -25,6 +25,7 @@ LAYERS = (
         "geometry",
         "limits",
         "naming",
+        "field_texts",
         "references",
         "files",
         "checks",
