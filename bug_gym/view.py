@@ -157,6 +157,11 @@ class View:
         return self.pose[2]
 
     @property
+    def own_velocity(self) -> tuple[float, float]:
+        """The robot's velocity in its frame [m/s], by its wheels."""
+        return self.velocity if self.sensors.drive.kinematics == "holonomic" else (self.velocity[0], 0.0)
+
+    @property
     def goal_distance(self) -> float:
         """Distance to the goal [m]."""
         return math.hypot(*self.goal)
