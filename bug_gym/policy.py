@@ -227,7 +227,7 @@ class ScriptedPolicy(ABC):
                 finite, memories of another policy, or an `episode_start` of another length.
         """
         flat = flat_observation(observation, self.sensors)
-        if not np.isfinite(flat).all():
+        if np.count_nonzero(np.isfinite(flat)) < flat.size:  # .all() takes twice the time
             raise ValueError("the observation holds a number that is not finite")
         is_one = flat.ndim == 1
         rows = flat[None] if is_one else flat
