@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import ast
-import functools
 import inspect
 import math
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from types import NoneType, UnionType
@@ -15,6 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from bug_gym.field_texts import texts_under_fields
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import shortened
 
@@ -169,28 +167,9 @@ def _takes_any(function: Any) -> bool:
     return any(one.kind is one.VAR_KEYWORD for one in inspect.signature(function).parameters.values())
 
 
-@functools.cache
 def _texts(own: type) -> dict[str, str]:
     """What is written under each field of a dataclass; a base class's word where the class repeats none."""
-    found: dict[str, str] = {}
-    for base in reversed(own.__mro__):
-        if is_dataclass(base):
-            found |= dict(_written(base))
-    return found
-
-
-def _written(own: type) -> Iterator[tuple[str, str]]:
-    """Each field of one class that has a sentence under it, with that sentence on one line."""
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(own)))
-    except (OSError, TypeError):  # typed in by hand, or run without its source
-        return
-    body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
-    for line, below in zip(body, body[1:], strict=False):
-        if not (isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name)):
-            continue
-        if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant) and isinstance(below.value.value, str):
-            yield line.target.id, " ".join(below.value.value.split())
+    return texts_under_fields(base for base in reversed(own.__mro__) if is_dataclass(base))
 
 
 def _spelled(hint: Any) -> str:

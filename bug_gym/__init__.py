@@ -7,7 +7,6 @@ loaded when the first one is made.
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +18,7 @@ if TYPE_CHECKING:
     from bug_gym.robots_env import env, parallel_env
     from bug_gym.schema.own import ObservationField, RewardTerm
 
-try:
-    __version__ = version("bug-gym")  # of git's tags, when it was installed
-except PackageNotFoundError:  # run from a folder, not installed
-    __version__ = "0.1.0.dev0"
+    __version__: str
 
 __all__ = ["ObservationField", "RewardTerm", "__version__", "env", "parallel_env", "register_envs", "show"]
 
@@ -82,7 +78,19 @@ def __getattr__(name: str) -> Any:
     """What is imported on first use."""
     if name in LAZY:
         return getattr(import_module(LAZY[name]), name)
+    if name == "__version__":
+        return _version()
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _version() -> str:
+    """Of git's tags, when it was installed."""
+    from importlib.metadata import PackageNotFoundError, version  # half of the time that an import would take
+
+    try:
+        return version("bug-gym")
+    except PackageNotFoundError:  # run from a folder, not installed
+        return "0.1.0.dev0"
 
 
 register_envs()

@@ -106,10 +106,14 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
 def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
     """The speed [m/s] and turn rate [rad/s] nearest to wished ones from which a differential robot can stop in time."""
     drive, ahead = view.sensors.drive, foreseen(view)
-    for kept, share in itertools.product(_rooms(drive, room), (*_shares(), 0.0)):
-        asked = share * wish[0], (share if drive.kinematics == "ackermann" else 1.0) * wish[1]
-        if _is_clear(view, ahead, _arc(drive, ahead.velocity[0], asked), kept):
-            return asked
+    keeps_arc, speed = drive.kinematics == "ackermann", ahead.velocity[0]
+    for kept in _rooms(drive, room):
+        x, y, margin, gap = _seen_from(view, ahead, kept)
+        motion = speed, *wish, keeps_arc, drive.max_acceleration, drive.step
+        part = kernels.clear_part(x, y, view.sensors.circles, *motion, margin, gap, SHARES)
+        if part >= 0:
+            share = part / SHARES
+            return share * wish[0], share * wish[1] if keeps_arc else wish[1]
     away = _straight_away(view)
     may_leave = drive.latency > 0 and wish != (0.0, 0.0)
     return away if may_leave and _is_clear(view, ahead, _arc(drive, ahead.velocity[0], away), 0.0) else (0.0, 0.0)
@@ -170,7 +174,7 @@ def _after(drive: Drive, ahead: Ahead, asked: Velocity) -> Ahead:
         motion = _arc(drive, ahead.velocity[0], asked)
         limit = drive.max_acceleration * drive.step
         speed = min(max(asked[0], ahead.velocity[0] - limit), ahead.velocity[0] + limit)
-        velocity = speed, _rate(drive, speed, asked)
+        velocity = speed, kernels.rate_at(speed, *asked, drive.kinematics == "ackermann")
     cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
     x, y = ahead.x + cos * motion.x - sin * motion.y, ahead.y + sin * motion.x + cos * motion.y
     return Ahead(x, y, ahead.turn + motion.turn, velocity)
@@ -182,6 +186,12 @@ def _shares() -> Iterator[float]:
 
 def _is_clear(view: View, ahead: Ahead, motion: Motion, room: float) -> bool:
     """Whether the body keeps clear of what is seen on a motion that begins where it will be."""
+    x, y, margin, gap = _seen_from(view, ahead, room)
+    return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, gap))
+
+
+def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float]:
+    """The scan's points x, y (k,) from where the robot will be, what is kept about the body [m] and half a beam's gap [rad]."""
     x, y = view.points
     gap = 0.5 * view.sensors.beam_spacing
     margin = max(room, LEAST_ROOM + view.sensors.range_noise)
@@ -190,7 +200,7 @@ def _is_clear(view: View, ahead: Ahead, motion: Motion, room: float) -> bool:
         dx, dy = x - ahead.x, y - ahead.y
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
         margin += gap * math.hypot(ahead.x, ahead.y)  # what is hidden between beams is as wide as it is from here
-    return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, gap))
+    return x, y, margin, gap
 
 
 def _slide(drive: Drive, velocity: Velocity, asked: Velocity) -> Motion:
@@ -207,17 +217,5 @@ def _slide(drive: Drive, velocity: Velocity, asked: Velocity) -> Motion:
 
 def _arc(drive: Drive, speed: float, asked: Velocity) -> Motion:
     """How a robot that turns moves that has a speed and asks for another, and for a turn rate (kernels.drive)."""
-    limit = drive.max_acceleration * drive.step
-    speed = min(max(asked[0], speed - limit), speed + limit)
-    turn = _rate(drive, speed, asked) * drive.step
-    half = 0.5 * turn
-    chord = speed * drive.step * (math.sin(half) / half if half else 1.0)
-    way = math.copysign(kernels.stopping_way(abs(speed), drive.max_acceleration, drive.step), speed)
-    return Motion(chord * math.cos(half), chord * math.sin(half), turn, way * math.cos(turn), way * math.sin(turn))
-
-
-def _rate(drive: Drive, speed: float, asked: Velocity) -> float:
-    """The turn rate [rad/s] at a speed [m/s]; an ackermann robot keeps the arc that was asked for."""
-    if drive.kinematics != "ackermann":
-        return asked[1]
-    return asked[1] * speed / asked[0] if asked[0] != 0.0 else 0.0
+    keeps_arc = drive.kinematics == "ackermann"
+    return Motion(*kernels.arc_and_stop(speed, *asked, keeps_arc, drive.max_acceleration, drive.step))

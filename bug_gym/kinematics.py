@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +41,11 @@ class Drive:
     """Between the axles [m]; ackermann only."""
     max_steering: float = 0.0
     """Greatest steering angle [rad]; ackermann only."""
+
+    @cached_property
+    def fast_bend(self) -> float:
+        """Radius of the sharpest arc at full speed [m]; not of a holonomic robot."""
+        return self.max_speed / max(self.max_turn_rate, 1e-3)
 
     @property
     def least_bend(self) -> float:

@@ -97,17 +97,12 @@ def pursuing(view: View, speed: float, course: Course, radius: float) -> tuple[f
 
 def look_ahead(drive: Drive) -> float:
     """How far along its course a robot looks [m]: up to where a turn at full speed through a right angle would end."""
-    return 2.0 * sharpest_bend(drive) + SPACING
-
-
-def sharpest_bend(drive: Drive) -> float:
-    """Radius of the sharpest arc at full speed [m]."""
-    return drive.max_speed / max(drive.max_turn_rate, 1e-3)
+    return 2.0 * drive.fast_bend + SPACING
 
 
 def corner_cut(drive: Drive) -> float:
     """How far the sharpest arc at full speed passes from the right-angled corner that it rounds [m]."""
-    return (math.sqrt(2.0) - 1.0) * sharpest_bend(drive)
+    return (math.sqrt(2.0) - 1.0) * drive.fast_bend
 
 
 def turning_toward(view: View, velocity: Velocity, radius: float, off_line: float) -> tuple[float, float]:

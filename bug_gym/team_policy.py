@@ -432,7 +432,7 @@ def peer_slot(robot: int, other: int) -> int:
 def word_of(view: View, frame: Frame) -> Word:
     """What a robot tells of what it sees."""
     heading = wrap(view.heading + frame.heading)
-    ahead, left = view.velocity if view.sensors.drive.kinematics == "holonomic" else (view.velocity[0], 0.0)
+    ahead, left = view.own_velocity
     cos, sin = math.cos(heading), math.sin(heading)
     return Word(
         place=frame.to_team(view.position),

@@ -157,6 +157,11 @@ class View:
         return self.pose[2]
 
     @property
+    def own_velocity(self) -> tuple[float, float]:
+        """The robot's velocity in its frame [m/s], by its wheels."""
+        return self.velocity if self.sensors.drive.kinematics == "holonomic" else (self.velocity[0], 0.0)
+
+    @property
     def goal_distance(self) -> float:
         """Distance to the goal [m]."""
         return math.hypot(*self.goal)
@@ -175,10 +180,10 @@ class View:
     def points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Scan points x (k,), y (k,) in the robot's frame [m]: the beams that saw something."""
         if self._points is None:
-            seen = self.ranges < self.sensors.range
-            directions = self.sensors.beam_directions[:, seen]
-            ranges = self.ranges[seen]
-            self._points = (directions[0] * ranges, directions[1] * ranges)
+            directions = self.sensors.beam_directions
+            places = np.empty(directions.shape)
+            count = kernels.scan_points(self.ranges, directions, self.sensors.range, places)
+            self._points = (places[0, :count], places[1, :count])
         return self._points
 
     def nearest(self, bearing: float = 0.0, half_width: float = math.pi) -> tuple[float, float]:

@@ -117,9 +117,10 @@ def default_of(value: Any) -> str:
 def table(part: type[Part]) -> str:
     """Keys, defaults and meanings of a part of a scenario."""
     lines = ["| key | default | meaning |", "|---|---|---|"]
+    meanings = part.meanings()
     for key, field in part.model_fields.items():
         if key not in ("family", "law"):
-            meaning = " ".join(str(field.description).split())
+            meaning = meanings[key]
             needed = field.is_required() and "Left out" not in meaning and "left out" not in meaning
             default = "required" if needed else default_of(None if field.is_required() else field.default)
             lines.append(f"| `{key}` | {default} | {meaning} |")

@@ -87,6 +87,61 @@ def test_what_lies_between_two_beams_is_reckoned_with() -> None:
     assert not kernels.keeps_clear(px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, math.radians(1.0))
 
 
+def integrated(speed: float, asked: Velocity, acceleration: float, step: float, *, keeps_arc: bool) -> list[float]:
+    """Where a step ends, how far it turns, and the way to stand after it, gone in a thousand parts."""
+    driven = min(max(asked[0], speed - acceleration * step), speed + acceleration * step)
+    rate = asked[1] if not keeps_arc else (asked[1] * driven / asked[0] if asked[0] else 0.0)
+    x = y = turn = 0.0
+    for _ in range(1000):
+        middle = turn + 0.5 * rate * step / 1000
+        x, y = x + driven * step / 1000 * math.cos(middle), y + driven * step / 1000 * math.sin(middle)
+        turn += rate * step / 1000
+    way = math.copysign(driven_and_braked(abs(driven), acceleration, step) - abs(driven) * step, driven)
+    return [x, y, turn, way * math.cos(turn), way * math.sin(turn)]
+
+
+@settings(max_examples=50)
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-3.0, 3.0), st.booleans(), ACCELERATIONS, STEPS)
+def test_a_step_on_an_arc_and_the_way_to_stand_are_what_many_small_parts_give(
+    speed: float, asked: float, rate: float, keeps_arc: bool, acceleration: float, step: float
+) -> None:
+    if keeps_arc and abs(asked) < 0.01:
+        rate = 0.0  # no wheels turn so far
+    told = kernels.arc_and_stop(speed, asked, rate, keeps_arc, acceleration, step)
+    expected = integrated(speed, (asked, rate), acceleration, step, keeps_arc=keeps_arc)
+    assert told == pytest.approx(expected, rel=1e-5, abs=1e-6)
+
+
+@settings(max_examples=100)
+@given(
+    st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=12),
+    st.floats(0.0, 2.0),
+    st.floats(0.0, 2.0),
+    st.floats(-3.0, 3.0),
+    st.booleans(),
+    ACCELERATIONS,
+)
+def test_of_a_wish_the_greatest_part_is_driven_that_keeps_clear(
+    points: list[tuple[float, float]], speed: float, wished: float, rate: float, keeps_arc: bool, acceleration: float
+) -> None:
+    px, py, circles = np.array([p[0] for p in points]), np.array([p[1] for p in points]), np.array([[0.1, 0.0, 0.3]])
+    part = kernels.clear_part(px, py, circles, speed, wished, rate, keeps_arc, acceleration, 0.1, 0.05, 0.01, 4)
+
+    def is_clear(of_four: int) -> bool:
+        asked = of_four / 4 * wished, rate * (of_four / 4 if keeps_arc else 1.0)
+        motion = kernels.arc_and_stop(speed, *asked, keeps_arc, acceleration, 0.1)
+        return bool(kernels.keeps_clear(px, py, circles, *motion, 0.05, 0.01))
+
+    assert part == max((of_four for of_four in range(5) if is_clear(of_four)), default=-1)
+
+
+def test_the_points_of_a_scan_are_those_of_beams_that_saw_something() -> None:
+    angles, ranges = np.arange(4) * 0.5 * math.pi, np.array([1.0, 5.0, 2.0, 4.9])
+    places = np.empty((2, 4))
+    count = kernels.scan_points(ranges, np.stack([np.cos(angles), np.sin(angles)]), 5.0, places)
+    assert places[:, :count] == pytest.approx(np.array([[1.0, -2.0, 0.0], [0.0, 0.0, -4.9]]))
+
+
 # -- Whatever is asked for ---------------------------------------------------------------------------------------------
 
 

@@ -25,15 +25,16 @@ LAYERS = (
         "geometry",
         "limits",
         "naming",
+        "field_texts",
         "references",
         "files",
         "checks",
         "workers",
     ),
-    ("schema", "assignments", "recordings", "ros_map", "shortest_path", "kinematics", "intervals", "by_hand"),
+    ("schema", "assignments", "shortest_path", "kinematics", "intervals", "by_hand"),
     ("worlds",),
     ("config",),
-    ("draws", "standing", "world", "scenarios", "floor_plans", "maps"),
+    ("draws", "standing", "world", "scenarios"),
     ("observation", "task", "own_parts", "view", "inertia", "steering", "manoeuvring"),
     ("simulation", "policy", "team_policy"),
     ("drawing", "replay", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
@@ -268,6 +269,11 @@ def uncommented_lazy_imports(source: str, package: str = "bug_gym") -> list[str]
 @pytest.mark.parametrize("module", CORE)
 def test_every_core_module_has_a_layer(module: str) -> None:
     assert layer_of(module) in range(len(LAYERS))
+
+
+def test_every_name_in_the_layers_is_that_of_a_module_or_folder() -> None:
+    there = {module.split(".")[0] for module in MODULES}
+    assert [name for names in LAYERS for name in names if name not in there] == []
 
 
 def test_a_module_without_a_layer_is_told_where_to_add_it() -> None:

@@ -38,7 +38,6 @@ from typing import Any
 import numpy as np
 
 from bug_gym import kernels
-from bug_gym.agents.local.navigator import own_velocity
 from bug_gym.agents.local.windows import Window, weigh_window
 from bug_gym.agents.parameters import Length, Weight, require_numbers
 from bug_gym.geometry import F64, velocity_along
@@ -181,7 +180,7 @@ class DWA(ScriptedPolicy):
 
     def _reachable(self, view: View) -> tuple[F64, F64]:
         """Speeds (v,) and turn rates or directions (w,) of the window; standing is one of them."""
-        own, drive = math.hypot(*own_velocity(view)), self.sensors.drive
+        own, drive = math.hypot(*view.own_velocity), self.sensors.drive
         change = drive.max_acceleration * drive.step
         # A goal nearer than a step at full speed is not driven past.
         most = min(drive.max_speed, own + change, max(view.goal_distance / drive.step, CREEP))
@@ -203,7 +202,7 @@ class DWA(ScriptedPolicy):
         A robot that turns goes ahead by the cosine of its heading error: slower than it is steered with.
         """
         drive = self.sensors.drive
-        least = math.hypot(*own_velocity(view)) - drive.max_acceleration * drive.step
+        least = math.hypot(*view.own_velocity) - drive.max_acceleration * drive.step
         share = np.ones(len(seconds)) if self.is_holonomic else np.cos(seconds / self.gain)
         reached = np.where(speeds[:, None] * share >= least - ROUNDED, scores, -math.inf)
         return reached if np.isfinite(reached).any() else scores

@@ -109,18 +109,11 @@ class Navigator:
             np.empty(3 * count + 3),
             np.empty(3 * count + 3),
         )
-        own = own_velocity(view)
+        own = view.own_velocity
         speed = math.hypot(*wish)
         share = min(1.0, robot.max_speed / speed) if speed > 0.0 else 0.0
         vx, vy, _ = choose_velocity(robot, around, Wish(share * wish[0], share * wish[1], way, *own))
         return vx, vy
-
-
-def own_velocity(view: View) -> Velocity:
-    """The robot's velocity in its frame [m/s]."""
-    if view.sensors.drive.kinematics == "holonomic":
-        return view.velocity
-    return view.velocity[0], 0.0
 
 
 def on_movers(x: F64, y: F64, movers: F64) -> F64:

@@ -161,11 +161,6 @@ def checked_gains(own: FieldParameters, sensors: Sensors) -> Gains:
     )
 
 
-def own_velocity(view: View) -> Point:
-    """The robot's velocity in its frame [m/s], by its wheels."""
-    return view.velocity if view.sensors.drive.kinematics == "holonomic" else (view.velocity[0], 0.0)
-
-
 def turned_back(place: Point, turn: float) -> Point:
     """A point of the robot's frame in its frame after a turn [rad]."""
     cos, sin = math.cos(turn), math.sin(turn)
@@ -206,7 +201,7 @@ class Field:
         for one in obstacles:
             push = repulsive_force(self.gains, one.place, one.velocity)
             total = total[0] + push[0], total[1] + push[1]
-        memory.glances.append(Glance(view.heading, view.goal, points, own_velocity(view)))
+        memory.glances.append(Glance(view.heading, view.goal, points, view.own_velocity))
         if len(memory.glances) > self.looks:
             memory.glances.popleft()
         target_speed = math.hypot(target[0] + velocity[0], target[1] + velocity[1])
@@ -225,9 +220,9 @@ class Field:
     def _mean_velocity(self, view: View, memory: FieldMemory) -> Point:
         """Own velocity over the time that is looked back on, in the robot's frame now [m/s]."""
         if not memory.glances:
-            return own_velocity(view)
+            return view.own_velocity
         each = [turned_back(one.own, view.heading - one.heading) for one in memory.glances][1:]
-        each.append(own_velocity(view))
+        each.append(view.own_velocity)
         return sum(x for x, _ in each) / len(each), sum(y for _, y in each) / len(each)
 
     def _goal_velocity(self, view: View, before: Glance, time: float) -> Point:
@@ -237,7 +232,7 @@ class Field:
 
     def _obstacle(self, view: View, place: Point, before: Glance | None, time: float, own: Point) -> Obstacle:
         """What is known of an obstacle by two looks at it; a still one has the robot's own velocity, turned round."""
-        still = Obstacle(place, own_velocity(view), is_moving=False)
+        still = Obstacle(place, view.own_velocity, is_moving=False)
         if before is None or time < 0.5 * LOOK_BACK:
             return still
         turn = view.heading - before.heading

@@ -269,7 +269,7 @@ class Orca(ScriptedPolicy):
 
     def _keep_clear(self, view: View, clean: View, bodies: F64, wish: Velocity) -> tuple[float, float, bool]:
         """The velocity nearest to the wish that keeps clear, and whether bodies change what it would be."""
-        velocity = view.velocity if self.sensors.drive.kinematics == "holonomic" else (view.velocity[0], 0.0)
+        velocity = view.own_velocity
         chosen: tuple[float, float, bool] = reciprocal_velocity(
             view.ranges,
             clean.ranges,

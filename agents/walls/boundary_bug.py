@@ -69,8 +69,8 @@ class BoundaryBug(ScriptedPolicy):
         contour = memory.contour
         if contour is not None and contour.course is not None and self.boundary.rounding is not None:
             return Course(contour.course, self.boundary.rounding.aside, contour.side, self.boundary.rounding.toward)
-        is_bound = has_inertia(self.sensors.drive) or memory.contour is not None or memory.mode not in FREE_MODES
-        return straight_on(self.sensors.drive, velocity, is_bound=is_bound)
+        is_bound = contour is not None or memory.mode not in FREE_MODES or has_inertia(self.sensors.drive)
+        return None if is_bound else straight_on(self.sensors.drive, velocity)
 
     def draw(self, memory: Any) -> Drawing:
         """Hit and leave points, and the wall that the hand is on."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,3 +140,13 @@ class BugMemory(Memory):
     """Earlier observations, the oldest first, to see what has moved since."""
     glance_age: float = 0.0
     """How long ago the last one was [s]."""
+
+
+Kept = TypeVar("Kept", bound=Contour | BugMemory)
+
+
+def copied(kept: Kept) -> Kept:
+    """The same once more, lists in it shared: as copy.copy gives it, in a quarter of the time."""
+    other = object.__new__(type(kept))
+    vars(other).update(vars(kept))
+    return other

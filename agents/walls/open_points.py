@@ -82,6 +82,8 @@ class Lookout:
         self.spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
         """Angle between two neighbouring beams [rad]."""
         self._wraps = bool(angles[-1] + 1.5 * self.spacing >= angles[0] + 2.0 * math.pi)
+        self._two_more = np.arange(-2, len(angles) + 2) % len(angles)
+        """Numbers of the beams all round, two more on either side."""
         self._headings = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
 
     def look(self, view: View) -> Profile:
@@ -111,7 +113,8 @@ class Lookout:
         three neighbours have no second difference, but for the curvature of the cosine.
         """
         ranges, reach, bend = view.ranges, view.sensors.range, 2.0 * math.cos(self.spacing)
-        earlier, before, after, later = (np.maximum(np.roll(ranges, shift), 1e-9) for shift in (2, 1, -1, -2))
+        around = np.maximum(ranges[self._two_more], 1e-9)
+        earlier, before, after, later = around[:-4], around[1:-3], around[3:-1], around[4:]
         apart = before * before + after * after - 2.0 * before * after * math.cos(2.0 * self.spacing)
         between = bend * before * after / (before + after)
         error = 3.0 * view.sensors.range_noise + 0.2 * self.jump

@@ -8,14 +8,13 @@ whichever short cuts the robot takes, and with a vision range no wider than the 
 
 from __future__ import annotations
 
-import copy
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
 
 from bug_gym.agents.walls.boundary import STANDING, Boundary, side_of
-from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, copied
 from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.m_line import (
     ON_LINE,
@@ -46,9 +45,9 @@ class Scout(MLineMemory):
     def copy(self) -> Scout:
         """One that can be changed."""
         lists = self.hits[:], self.leaves[:], self.hit_sides[:], self.hit_odometers[:]
-        other = copy.copy(self)
+        other = copied(self)
         other.hits, other.leaves, other.hit_sides, other.hit_odometers = lists
-        other.contour = copy.copy(self.contour)
+        other.contour = None if self.contour is None else copied(self.contour)
         return other
 
     @property
@@ -172,7 +171,7 @@ class Vision:
             self._begin(view, memory)
             return
         distance = math.dist(scout.place, goal)
-        scout = copy.copy(scout)
+        scout = copied(scout)
         scout.line, scout.hit_distance, scout.crossing_distance = MLine(scout.place, goal), distance, distance
         memory.trail[-1] = scout
         memory.restart_distance = math.inf

@@ -132,3 +132,6 @@ class Scenario(Part):
             if place.goal is not None:
                 self.world.check_point(place.goal, f"{key}.goal")
             bodies.append(body)
+
+
+Scenario.model_rebuild()  # once, while this is imported: threads that load their first scenarios would each do it

@@ -26,7 +26,7 @@ from bug_gym.kernels.addresses import HAS_ADDRESSES, address_table
 from bug_gym.kernels.arcs import free_turn, pursue, round_corners
 from bug_gym.kernels.avoidance import steering_floats
 from bug_gym.kernels.chords import point_wall_distance
-from bug_gym.kernels.free_way import free_distance, free_distances
+from bug_gym.kernels.free_way import free_distance, free_distances, scan_points
 from bug_gym.kernels.ground import REGION_HEAD
 from bug_gym.kernels.laws import AWAY
 from bug_gym.kernels.layout import (
@@ -88,7 +88,7 @@ from bug_gym.kernels.step import (
     run_rows,
     steer_rows,
 )
-from bug_gym.kernels.stopping import keeps_clear, stopping_way
+from bug_gym.kernels.stopping import arc_and_stop, clear_part, keeps_clear, rate_at, stopping_way
 
 __all__ = [
     "ATTEMPTS",
@@ -141,8 +141,10 @@ __all__ = [
     "WALK_BIT",
     "WAYPOINTS",
     "address_table",
+    "arc_and_stop",
     "beam_table",
     "best_arc",
+    "clear_part",
     "free_arc",
     "free_distance",
     "free_distances",
@@ -156,9 +158,11 @@ __all__ = [
     "locate_bodies",
     "place_fields",
     "point_wall_distance",
+    "rate_at",
     "read_status",
     "restart_robots",
     "run_rows",
+    "scan_points",
     "scratch_floats",
     "scratch_integers",
     "steer_rows",

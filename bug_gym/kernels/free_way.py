@@ -11,6 +11,24 @@ from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Floats
 
 
+@kernel
+def scan_points(ranges: Floats, directions: Floats, reach: float, points: Floats) -> int:
+    """The points (2, B) of a scan in the robot's frame [m], those of beams that saw something; how many there are.
+
+    Args:
+        ranges: (B,) [m].
+        directions: of the beams (2, B), unit vectors.
+        reach: range that means "nothing seen" [m].
+        points: (2, B) room for them.
+    """
+    count = 0
+    for beam in range(ranges.size):
+        if ranges[beam] < reach:
+            points[0, count], points[1, count] = directions[0, beam] * ranges[beam], directions[1, beam] * ranges[beam]
+            count += 1
+    return count
+
+
 @inlined
 def way_to_point(along: float, beside: float, radius: float) -> float:
     """How far a disc goes until it touches a point, so far ahead and so far to the side [m]; infinite: it passes."""

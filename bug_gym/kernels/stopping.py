@@ -1,4 +1,4 @@
-"""Whether a robot that has inertia can still stop before what its scan shows.
+"""Whether a robot that has inertia can still stop before what its scan shows, and how much of a wish leaves it so.
 
 For policies, as `free_way`: `px`, `py` (k,) are points in the robot's frame. Nothing here sees the world.
 """
@@ -23,6 +23,70 @@ def stopping_way(speed: float, acceleration: float, step: float) -> float:
     loss = acceleration * step
     steps = math.floor(speed / loss)
     return step * (steps * speed - loss * 0.5 * steps * (steps + 1.0))
+
+
+@kernel
+def arc_and_stop(
+    speed: float, asked_speed: float, asked_rate: float, keeps_arc: bool, acceleration: float, step: float
+) -> tuple[float, float, float, float, float]:
+    """A step of a robot that turns, and the straight way on which it then comes to stand: x, y, turn, way x, way y.
+
+    Args:
+        speed: its own now [m/s].
+        asked_speed: the one that it asks for [m/s].
+        asked_rate: the turn rate beside it [rad/s].
+        keeps_arc: whether it keeps the arc that was asked for where its speed is another (ackermann), not the rate.
+        acceleration: the greatest [m/s^2].
+        step: of time [s].
+    """
+    limit = acceleration * step
+    driven = min(max(asked_speed, speed - limit), speed + limit)
+    turn = rate_at(driven, asked_speed, asked_rate, keeps_arc) * step
+    half = 0.5 * turn
+    chord = driven * step * (math.sin(half) / half if half != 0.0 else 1.0)
+    way = math.copysign(stopping_way(abs(driven), acceleration, step), driven)
+    return chord * math.cos(half), chord * math.sin(half), turn, way * math.cos(turn), way * math.sin(turn)
+
+
+@kernel
+def rate_at(speed: float, asked_speed: float, asked_rate: float, keeps_arc: bool) -> float:
+    """The turn rate [rad/s] at a speed [m/s] of a robot that asks for another."""
+    if not keeps_arc:
+        return asked_rate
+    return asked_rate * speed / asked_speed if asked_speed != 0.0 else 0.0
+
+
+@kernel
+def clear_part(
+    px: Floats,
+    py: Floats,
+    circles: Floats,
+    speed: float,
+    wished_speed: float,
+    wished_rate: float,
+    keeps_arc: bool,
+    acceleration: float,
+    step: float,
+    margin: float,
+    gap: float,
+    parts: int,
+) -> int:
+    """How many of the equal parts of a wished speed can be driven so that the robot can still stop in time; -1: not even none.
+
+    Args:
+        px, py, circles, margin, gap: see `keeps_clear`.
+        speed, keeps_arc, acceleration, step: see `arc_and_stop`; an arc is cut with the speed, a turn rate is not.
+        wished_speed: [m/s].
+        wished_rate: the turn rate wished beside it [rad/s].
+        parts: of the wish.
+    """
+    for part in range(parts, -1, -1):
+        share = part / parts
+        asked_rate = share * wished_rate if keeps_arc else wished_rate
+        x, y, turn, wx, wy = arc_and_stop(speed, share * wished_speed, asked_rate, keeps_arc, acceleration, step)
+        if keeps_clear(px, py, circles, x, y, turn, wx, wy, margin, gap):
+            return part
+    return -1
 
 
 @kernel

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.potential_field.field import own_velocity
 from bug_gym.agents.potential_field.forces import attractive_potential
 from bug_gym.reproductions.result import Curves
 from bug_gym.simulation import Simulation
@@ -68,7 +67,7 @@ def drive(scenario: Any, variant: Variant, overrides: Mapping[str, Any] | None =
         modes.append(memory.mode)
         distances.append(float(goal))
         field, turning = getattr(policy, "field", None), getattr(memory, "turning", None)
-        speed = math.hypot(*own_velocity(View(observation[0, 0], policy.sensors)))
+        speed = math.hypot(*View(observation[0, 0], policy.sensors).own_velocity)
         values.append(attractive_potential(field.gains, (float(goal), 0.0), (speed, 0.0)) if field else math.nan)
         angles.append(math.degrees(turning.cumulative) if turning is not None else math.nan)
         step = simulation.step(action[:, None])

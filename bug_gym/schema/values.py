@@ -21,6 +21,7 @@ from pydantic import (
     model_validator,
 )
 
+from bug_gym.field_texts import texts_under_fields
 from bug_gym.limits import (
     BEAM_BYTES,
     CELL_BYTES,
@@ -264,7 +265,7 @@ Window = Annotated[tuple[Moment, Moment], _sequence("first, last"), AfterValidat
 class Part(BaseModel):
     """A part of a scenario: frozen; an unknown key is an error that names the nearest known one."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, allow_inf_nan=False)
 
     @model_validator(mode="before")
     @classmethod
@@ -277,8 +278,14 @@ class Part(BaseModel):
                     raise wrong(f"unknown key{nearest_hint(key, cls.model_fields)} (known here: {known})", shown)
             for key, field in cls.model_fields.items():
                 if field.is_required() and key not in data:
-                    raise wrong(f"missing: {field.description}", key)
+                    raise wrong(f"missing: {cls.meanings().get(key, 'it has no default')}", key)
         return data
+
+    @classmethod
+    def meanings(cls) -> dict[str, str]:
+        """What its keys mean, with their units; a key under which nothing is written is missing."""
+        said = {key: field.description for key, field in cls.model_fields.items() if field.description}
+        return said | texts_under_fields(base for base in reversed(cls.__mro__) if issubclass(base, Part))
 
 
 class Region(Part):

@@ -17,7 +17,7 @@ from bug_gym.observation import fields
 from bug_gym.schema.task import Reward
 from bug_gym.schema.values import Part
 from site_pages import Pages
-from site_pages.markup import one_line, paragraphs, table, toctree
+from site_pages.markup import paragraphs, table, toctree
 
 Captions = Mapping[str, Sequence[tuple[str, str]]]
 """Policy and what its film shows, by scenario."""
@@ -113,6 +113,7 @@ def settings(scenario: Scenario) -> str:
         "goal": scenario.goal,
     }  # fmt: skip
     for label, part in parts.items():
+        meanings = type(part).meanings()
         for key, field in type(part).model_fields.items():
             value = getattr(part, key)
             plain = (
@@ -120,7 +121,7 @@ def settings(scenario: Scenario) -> str:
             )
             plain = round(plain, 4) if isinstance(plain, float) else plain
             differs = "" if value == field.default else " *"
-            rows.append([f"`{label}.{key}`", default_of(plain) + differs, one_line(str(field.description))])
+            rows.append([f"`{label}.{key}`", default_of(plain) + differs, meanings[key]])
     return table(["key", "value", "meaning"], rows) + "\n\n\\* not the default."
 
 
@@ -163,10 +164,7 @@ def action(scenario: Scenario) -> str:
 
 def reward(scenario: Scenario) -> str:
     """The weights of the reward's terms, and how an episode ends."""
-    rows = [
-        [f"`{key}`", f"{getattr(scenario.reward, key):g}", one_line(str(field.description))]
-        for key, field in Reward.model_fields.items()
-    ]
+    rows = [[f"`{key}`", f"{getattr(scenario.reward, key):g}", meaning] for key, meaning in Reward.meanings().items()]
     first = " The first arrival ends it for all (`ended`)." if scenario.mission == "first" else ""
     return (
         f"{table(['term', 'weight', 'counted'], rows)}\n\nTerminated by `success` (within {scenario.goal.radius:g} m of the "

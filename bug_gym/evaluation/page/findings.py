@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from bug_gym.evaluation.page import Section
 from bug_gym.evaluation.page.failures import end
-from bug_gym.evaluation.page.markup import Cell, Markup, element, joined, table
+from bug_gym.evaluation.page.markup import Cell, element, joined, table, text_table
 from bug_gym.evaluation.page.recorded import Ended, Key, Recorded, buttons
 
 TextTable = tuple[str, Sequence[str], Sequence[Sequence[str]]]
@@ -23,16 +23,17 @@ def results(tables: Sequence[TextTable], notes: Sequence[str], holds: bool | Non
     """
     told = "" if holds is None else "Every claim that is checked holds." if holds else "NOT every claim holds."
     parts = [
-        element("details", element("summary", title), _text_table(header, lines), open=True)
+        element(
+            "details", element("summary", title), text_table(header, lines, policy=_policy_column(header)), open=True
+        )
         for title, header, lines in tables
     ]
     told_beside = element("ul", *(element("li", note) for note in notes), class_="told")
     return Section("Results", told, joined([*parts, *([told_beside] if notes else [])]))
 
 
-def _text_table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> Markup:
-    policy = list(header).index("policy") if "policy" in header else None
-    return table(header, ([Cell(text) for text in line] for line in lines), policy=policy)
+def _policy_column(header: Sequence[str]) -> int | None:
+    return list(header).index("policy") if "policy" in header else None
 
 
 def watched(episodes: Sequence[Ended], replays: Mapping[Key, str]) -> list[Section]:

@@ -82,6 +82,11 @@ def table(header: Sequence[str], lines: Iterable[Sequence[Cell]], *, policy: int
     return element("div", whole, class_="wide")
 
 
+def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], *, policy: int | None = 0) -> Markup:
+    """A `table` of texts."""
+    return table(header, ([Cell(text) for text in line] for line in lines), policy=policy)
+
+
 def _cell(cell: Cell, *, is_header: bool, is_text: bool) -> Markup:
     if is_header:
         return element("th", cell.content, scope="row", id=cell.mark)

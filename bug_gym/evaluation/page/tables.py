@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from bug_gym.evaluation.matrix import Matrix, told_interval
 from bug_gym.evaluation.page.failures import mark
-from bug_gym.evaluation.page.markup import Cell, Markup, element, joined, table
+from bug_gym.evaluation.page.markup import Cell, Markup, element, joined, table, text_table
 from bug_gym.evaluation.report import MEASURES, NOTHING, difference_tables, summary_tables
 from bug_gym.evaluation.summary import PairedDifference, Summary
 
@@ -47,7 +47,7 @@ def summaries_by_scenario(summaries: Sequence[Summary]) -> Markup:
     """A table a scenario, and one over all of them where there are several."""
     parts = summary_tables(summaries)
     return joined(
-        element("details", element("summary", title), _text_table(header, lines), open=len(parts) == 1)
+        element("details", element("summary", title), text_table(header, lines), open=len(parts) == 1)
         for title, header, lines in parts
     )
 
@@ -57,8 +57,4 @@ def differences_to_baseline(differences: Sequence[PairedDifference]) -> Markup:
     if not differences:
         return element("p", "One policy alone: nothing to compare.")
     ((title, header, lines),) = difference_tables(differences, MEASURES)
-    return joined([element("p", f"{title[0].upper()}{title[1:]}."), _text_table(header, lines)])
-
-
-def _text_table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> Markup:
-    return table(header, ([Cell(text) for text in line] for line in lines))
+    return joined([element("p", f"{title[0].upper()}{title[1:]}."), text_table(header, lines)])
