@@ -21,7 +21,7 @@ from bug_gym.agents.walls.laps import Laps
 from bug_gym.agents.walls.rounding import Rounding
 from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import speed_within
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import Drawing, MisfitError, Velocity
 from bug_gym.view import Sensors, View
 
 Turn = Literal["left", "right"]
@@ -97,6 +97,7 @@ class Boundary:
 
     Raises:
         ValueError: a clearance not above the body's radius, or an unknown leave rule.
+        MisfitError: a scanner that does not see walls at the clearance, or not as far as a way must be free to be gone.
     """
 
     def __init__(self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "front") -> None:
@@ -128,6 +129,7 @@ class Boundary:
         """By how much "closer" must be closer [m]."""
         self.leave_length = max(1.5 * clearance, 4.0 * step)
         """Free way toward the goal that makes a heading free [m]."""
+        self._require_sight()
         self.gate_half_width = min(clearance, max(3.0 * step, 0.3 * clearance))
         """How near to a remembered place, across the contour, is there [m]."""
         self.arming_length = max(2.0 * clearance, 4.0 * self.gate_half_width)
@@ -158,6 +160,16 @@ class Boundary:
         """How corners are rounded; None: the contour is kept to exactly."""
         self.exact_length = 2.0 * clearance + sensors.goal_radius
         """Distance to the goal within which it is in any case [m]: a goal in a corner may be seen from there alone."""
+
+    def _require_sight(self) -> None:
+        """Refuse a scanner to which walls at the clearance look farther away, or no heading ever free."""
+        near, far = self.sensors.min_range, self.sensors.range
+        if near > self.clearance:
+            came = f"the scanner tells no distance below {near:g} m: expected a clearance of at least that"
+            raise MisfitError(f"walls cannot be followed at {self.clearance:g} m, {came}")
+        if far < self.leave_length:
+            came = f"the scanner sees {far:g} m: expected a lidar.range of at least that, or a smaller clearance"
+            raise MisfitError(f"a wall is left where {self.leave_length:g} m toward the goal are free, {came}")
 
     def round_corners(self) -> None:
         """From now on follow walls as a robot should that is driven on arcs, along `Contour.course`."""
