@@ -125,6 +125,8 @@ class Boundary:
         """Radius of the disc that must not touch anything on the way to the goal [m]."""
         self.safe_radius = radius + 0.3 * margin
         """Radius of the disc that the body needs where it comes nearer to walls than the contour [m]."""
+        self.body_radius = radius + 0.1 * margin
+        """Radius of the disc that the body needs where it has been, among things that stand still [m]."""
         self.progress = max(2.0 * step, 0.05)
         """By how much "closer" must be closer [m]."""
         self.leave_length = max(1.5 * clearance, 4.0 * step)
@@ -231,14 +233,15 @@ class Boundary:
         speed = min(ahead / self.sensors.drive.step, speed_within(self.sensors.drive, free))
         return velocity_along(bearing, speed)
 
-    def step_to(self, view: View, place: Point) -> Velocity | None:
+    def step_to(self, view: View, place: Point, *, radius: float | None = None) -> Velocity | None:
         """Velocity straight to a place of the odometry frame, at most a few steps away; None where it is blocked.
 
-        The robot has been there: the body passes, if nearer to walls than the contour.
+        The robot has been there: the body passes, if nearer to walls than the contour. `radius` is that of the disc that must
+        not touch anything [m]; None: safe_radius.
         """
         x, y = view.to_robot(*place)
         ahead, bearing = min(self.step, math.hypot(x, y)), math.atan2(y, x)
-        if view.free_distance(bearing, self.safe_radius) < ahead:
+        if view.free_distance(bearing, self.safe_radius if radius is None else radius) < ahead:
             return None
         return velocity_along(bearing, min(ahead / self.sensors.drive.step, self.pace))
 

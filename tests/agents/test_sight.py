@@ -64,7 +64,8 @@ def way_by_steps(motion: Overrides) -> float:
     """The way to stand [m], step by step: one at full speed, those of the latency, and slower ones."""
     step, speed = motion.get("time__step", 0.1), motion["robot__max_speed"]
     late = round(motion.get("robot__latency", 0.0) / step)
-    way, loss = (1 + late) * speed * step, motion.get("robot__max_acceleration", math.inf) * step
+    way: float = (1 + late) * speed * step
+    loss = motion.get("robot__max_acceleration", math.inf) * step
     while (speed := speed - loss) > 0.0:
         way += speed * step
     return way
