@@ -355,6 +355,10 @@ class Boundary:
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
         """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
         contour = self.lay_hand(view, side, bearing)
+        is_back = bool(memory.hits) and memory.hit_sides[-1] == side
+        is_back = is_back and math.dist(memory.hits[-1], view.position) <= self.gate_half_width
+        memory.vain_leaves = memory.vain_leaves + 1 if memory.left_for_less and is_back else 0
+        contour.has_no_other = memory.vain_leaves > 1
         memory.contour = contour
         memory.hits.append(view.position)
         memory.hit_sides.append(side)
@@ -382,6 +386,7 @@ class Boundary:
     def leave(self, view: View, memory: BugMemory) -> None:
         """Stop following; records the leave point."""
         memory.leaves.append(view.position)
+        memory.left_for_less = memory.contour is not None and memory.contour.takes_less
         memory.contour = None
 
     def follow(self, view: View, memory: BugMemory, first_heading: FirstHeading | None = None) -> Velocity:
@@ -394,6 +399,9 @@ class Boundary:
         """
         contour = memory.contour
         assert contour is not None
+        if contour.vain_laps > 1:
+            memory.verdict = "looping"
+            return STANDING
         rounding = None if contour.is_exact or view.goal_distance <= self.exact_length else self.rounding
         if rounding is not None and contour.foot is not None:
             place = rounding.go_on(view, contour)

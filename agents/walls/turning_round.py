@@ -66,8 +66,8 @@ def trace_contour(boundary: Boundary, view: View, memory: TurningMemory) -> None
 def walk_back(boundary: Boundary, view: View, memory: TurningMemory) -> Velocity | None:
     """Velocity back along the trace; None at its beginning, where the other hand takes the wall.
 
-    It may lead through a gap just too narrow for the contour, which is gone through again: from its mouth the other hand might
-    take it for none, and go round another wall. Where something has moved into the way that hand takes over at once: it leads to
+    It may lead through a gap just too narrow for the contour, and goes through again: from its mouth the other hand might take
+    it for none, and go round another wall. Where something has moved into the way that hand takes over at once: it leads to
     the same hit point.
     """
     trace = memory.trace
