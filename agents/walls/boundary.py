@@ -355,15 +355,19 @@ class Boundary:
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
         """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
         contour = self.lay_hand(view, side, bearing)
-        is_back = bool(memory.hits) and memory.hit_sides[-1] == side
-        is_back = is_back and math.dist(memory.hits[-1], view.position) <= self.gate_half_width
-        memory.vain_leaves = memory.vain_leaves + 1 if memory.left_for_less and is_back else 0
+        memory.vain_leaves = memory.vain_leaves + 1 if self._was_left_in_vain(view, memory, side) else 0
         contour.has_no_other = memory.vain_leaves > 1
         memory.contour = contour
         memory.hits.append(view.position)
         memory.hit_sides.append(side)
         memory.hit_odometers.append(memory.odometer)
         return contour
+
+    def _was_left_in_vain(self, view: View, memory: BugMemory, side: int) -> bool:
+        """Whether the last boundary was left with less asked, only to be hit again where it had been."""
+        if not memory.left_for_less or not memory.hits or memory.hit_sides[-1] != side:
+            return False
+        return math.dist(memory.hits[-1], view.position) <= self.gate_half_width
 
     def lay_hand(self, view: View, side: int, bearing: float) -> Contour:
         """A contour along the boundary that blocks a bearing [rad], which begins here."""
