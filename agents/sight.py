@@ -5,6 +5,8 @@ after a step and the latency, then it brakes. What is not seen before the body i
 can hide something: that it is out of range, that the scanner does not look there, that it lies between two beams. Each gives
 a bound in closed form; beyond it there are worlds in which anybody who goes at top speed touches something.
 
+What following walls needs beside that, bugs ask themselves (walls/boundary.py).
+
 Not asked: who reads the world's map, who takes no care of anything (the floors), learned policies, whose robot is that of
 their training, and policies from outside, which know best what they need.
 """

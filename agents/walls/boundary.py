@@ -173,6 +173,22 @@ class Boundary:
             came = f"the scanner sees {far:g} m: expected a lidar.range of at least that, or a smaller clearance"
             raise MisfitError(f"a wall is left where {self.leave_length:g} m toward the goal are free, {came}")
 
+    def require_corners(self) -> None:
+        """Refuse a scanner that loses the wall at the corners of a lap; what is claimed of the lap would be of another wall.
+
+        A step past its end, straight on, a wall lies behind the hand by the angle whose tangent is the step by the clearance.
+
+        Raises:
+            MisfitError: it does not look so far back.
+        """
+        back = 0.5 * math.pi + math.atan2(self.step, self.clearance)
+        if len(self.sensors.angles) > 1 and float(self.sensors.angles[-1]) < back:
+            came = f"a wall's corner that is passed lies {math.degrees(back):.4g} degrees from ahead"
+            raise MisfitError(
+                f"{came}, the scanner looks to {math.degrees(self.sensors.angles[-1]):.4g}: expected a lidar.fov of at least "
+                f"{math.ceil(200.0 * back) / 100.0:g}, or a larger clearance"
+            )
+
     def round_corners(self) -> None:
         """From now on follow walls as a robot should that is driven on arcs, along `Contour.course`."""
         self.rounding = Rounding(

@@ -36,13 +36,20 @@ def is_proof(contour: Contour) -> bool:
     """
     if not contour.is_lap_closed:
         return False
-    if not parts_from_goal(contour):
-        contour.vain_laps += 1
+    if not shows_no_way(contour):
         contour.takes_less = True
         return False
     if contour.takes_less or contour.has_no_other or math.isinf(contour.way_out):
         return True
     contour.takes_less = True
+    return False
+
+
+def shows_no_way(contour: Contour) -> bool:
+    """Whether a lap, just closed without a way found, parts the robot from the goal; else it is counted as vain."""
+    if parts_from_goal(contour):
+        return True
+    contour.vain_laps += 1
     return False
 
 
