@@ -100,6 +100,8 @@ class Contour:
     """Steps in a row on the contour without turning away from the wall."""
     gate: Gate | None = None
     """Door where the lap began; None until the robot goes along the wall."""
+    lost_gates: int = 0
+    """Doors that were not passed again for so long that another was placed."""
     is_lap_closed: bool = False
     """Whether the last step passed the gate, after a lap among still obstacles."""
     is_disturbed: bool = False

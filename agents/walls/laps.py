@@ -23,6 +23,10 @@ WHIRLING = 3.0 * math.pi
 """Turning without a lap after which a robot that rounds corners keeps to the contour exactly: it may whirl in a small room
 past whose door its arcs lead [rad]."""
 
+LOST = 8.0 * math.pi
+"""Turning after which a gate that was not passed again lies beside the contour [rad], in a nook that the robot enters by chance
+only, and stands anew where it is; each time as much more, as walls may wind as a spiral does."""
+
 OFF_HEADING = math.radians(10.0)
 """How far the course of a robot that goes along a wall may differ from the wall's [rad]."""
 
@@ -119,6 +123,10 @@ class Laps:
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
+        if not is_closed and abs(contour.turned - contour.gate.turned) > LOST * (1 + contour.lost_gates):
+            contour.gate = gate
+            contour.lost_gates += 1
+            return
         if contour.foot is not None and abs(contour.turned - contour.gate.turned) > WHIRLING:
             contour.is_exact = True
 

@@ -19,12 +19,18 @@ BOUNDARY = Boundary(Sensors.of(load("disc")))
 STEP = 0.1
 
 
-def walked(goal: tuple[float, float], side: int, around: int, laps: int = 1) -> tuple[Contour, list[bool]]:
-    """A contour after laps round a circle of 2 m, counter-clockwise with `around` 1, and what each step proved."""
+def walked(
+    goal: tuple[float, float], side: int, around: int, laps: int = 1, nook: float = 0.0
+) -> tuple[Contour, list[bool]]:
+    """A contour after laps round a circle of 2 m, counter-clockwise with `around` 1, and what each step proved.
+
+    A nook of so many metres is walked into in the first eighth of a lap only.
+    """
     angle = STEP / 2.0
     contour, proofs = Contour(side, (2.0, 0.0), (0.0, 0.0), (2.0, 0.0), goal, around * 0.5 * math.pi), []
     for step in range(1, math.ceil(laps * 2.0 * math.pi / angle) + 8):
-        place = 2.0 * math.cos(around * step * angle), 2.0 * math.sin(around * step * angle)
+        radius = 2.0 + nook * math.sin(8.0 * step * angle) ** 2 if 8.0 * step * angle < math.pi else 2.0
+        place = radius * math.cos(around * step * angle), radius * math.sin(around * step * angle)
         view: Any = SimpleNamespace(position=place, goal_position=goal, nearest=lambda: (BOUNDARY.clearance, 0.0))
         BOUNDARY.laps.advance(view, contour)
         proofs.append(is_proof(contour))
@@ -50,6 +56,14 @@ def test_who_closes_two_laps_that_do_not_part_it_from_the_goal_is_looping() -> N
     memory = BugMemory(contour=contour)
     unseen: Any = None
     assert BOUNDARY.follow(unseen, memory) == (0.0, 0.0) and memory.verdict == "looping"
+
+
+def test_a_gate_in_a_nook_that_is_passed_by_later_stands_anew() -> None:
+    """After four turns; five laps are enough for another one to be closed."""
+    contour, proofs = walked((0.0, 0.0), 1, -1, laps=3, nook=1.0)
+    assert contour.gate is not None and math.hypot(*contour.gate.place) > 2.5 and not any(proofs)
+    contour, proofs = walked((0.0, 0.0), 1, -1, laps=6, nook=1.0)
+    assert contour.lost_gates == 1 and any(proofs)
 
 
 def test_a_place_left_for_less_that_leads_back_twice_is_no_way_out() -> None:
