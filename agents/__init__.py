@@ -27,6 +27,7 @@ from bug_gym.agents.outside import (
     required_policy,
 )
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
+from bug_gym.agents.sight import require_sight
 from bug_gym.naming import nearest_hint
 from bug_gym.policy import MisfitError, Policy, is_discrete, source_scenario
 from bug_gym.references import from_anywhere, is_reference, reference_of
@@ -156,6 +157,9 @@ TEAMS: dict[str, Agent] = {
 """Teams, which drive several robots of one world."""
 
 
+CARELESS = ("floor", "learned")
+"""Families of the table of which nobody asks whether they see enough to keep clear of things."""
+
 REGISTERED: dict[str, Agent] = {}
 """Policies from outside that this process has registered."""
 
@@ -259,7 +263,8 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
 
     Raises:
         ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy that was made
-            for another robot, or a privileged one and no live env; what is named from outside is not there, or no policy.
+            for another robot, a robot that a scripted policy is shown too little to drive (bug_gym.agents.sight), or a
+            privileged one and no live env; what is named from outside is not there, or no policy.
         ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """
     spec = Spec.of(name)
@@ -277,14 +282,16 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
     require_constructor(policy_class, told, ["discrete", *fixed, *own, *(["agents"] if is_team else [])])
     if is_team:
         robots = agents or tuple(f"robot_{number}" for number in range(scenario.robots.count))
-        team: Policy = policy_class(sensors, agents=robots, discrete=is_discrete(source), **own)
-        return team
-    if _takes_maps(policy_class, spec.name, own):
-        from bug_gym.agents.planning.live import Maps  # SciPy and shapely, slow to load
+        policy: Policy = policy_class(sensors, agents=robots, discrete=is_discrete(source), **own)
+    else:
+        if _takes_maps(policy_class, spec.name, own):
+            from bug_gym.agents.planning.live import Maps  # SciPy and shapely, slow to load
 
-        fixed = {**fixed, "maps": Maps.of(source, _told(spec.name))}
-    policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
-    return EachAlone(policy, agents) if agents else policy
+            fixed = {**fixed, "maps": Maps.of(source, _told(spec.name))}
+        policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
+    if _must_see(spec.name, own):
+        require_sight(scenario, told)  # after what the algorithm itself refuses, which knows more
+    return EachAlone(policy, agents) if agents and not is_team else policy
 
 
 def _require_turning(policy_class: type[Any], sensors: Sensors, told: str) -> None:
@@ -292,6 +299,12 @@ def _require_turning(policy_class: type[Any], sensors: Sensors, told: str) -> No
     if sensors.drive.kinematics == "ackermann" and getattr(policy_class, "turns_on_the_spot", False):
         expected = "expected a holonomic or differential one"
         raise MisfitError(f"{told} turns on the spot, which an ackermann robot cannot: {expected}")
+
+
+def _must_see(name: Any, parameters: Mapping[str, Any]) -> bool:
+    """Whether a policy keeps clear of things by its scanner alone: scripted ones of the table that are not told the map."""
+    line = (AGENTS | TEAMS).get(name) if isinstance(name, str) else None
+    return line is not None and line.family not in CARELESS and not reads_map(name, parameters)
 
 
 def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Policy:

@@ -15,6 +15,7 @@ from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 from bug_gym.kinematics import Drive
 from bug_gym.observation import Field, fields
+from bug_gym.schema.ranges import most_of
 from bug_gym.world import beam_angles
 
 
@@ -38,6 +39,8 @@ class Sensors:
     """Distance within which the goal counts as reached [m]."""
     fields: tuple[Field, ...]
     """The fields of the observation."""
+    min_range: float = 0.0
+    """Below this no range is told: what is nearer seems to be so far away [m]."""
 
     @classmethod
     def of(cls, scenario: Scenario) -> Sensors:
@@ -62,6 +65,7 @@ class Sensors:
             range_noise=float(lidar.noise),
             goal_radius=scenario.goal.radius,
             fields=fields(scenario),
+            min_range=most_of(lidar.min_range),
         )
 
     @property

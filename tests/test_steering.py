@@ -162,12 +162,32 @@ def test_rounded_corners_hide_no_way_and_make_none(name: str, seed: int) -> None
     assert (episode.outcome, episode.verdict) == (("success", "") if world.has_way else ("running", "unreachable"))
 
 
+def time_along(chain: list[tuple[float, float]]) -> float:
+    """In what time arcs and turns go along a chain that begins at the origin along x [s], at 1 m/s and 1.5 rad/s."""
+    samples, none = np.empty((17, 3)), np.empty(0)
+    places = np.array([(-0.2, 0.0), *chain])  # the second sample of it is the chain's first place
+    kernels.round_corners(none, none, places, 0.1, samples, 1.0, 1.5, 0.3, 0.3, 0.1, 1)
+    assert samples[1, :2] == pytest.approx([0.0, 0.0])
+    return float(samples[1, 2])
+
+
+def test_a_straight_piece_takes_its_time() -> None:
+    straight, corner = [(0.0, 0.0), (1.5, 0.0)], [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)]
+    assert time_along(straight) == pytest.approx(1.5)
+    # A turn and both legs, unless an arc saves some; the turn alone and the air line in any case.
+    assert max(math.pi / 3.0, math.hypot(0.5, 1.0)) <= time_along(corner) <= math.pi / 3.0 + 1.5
+
+
 def test_a_slow_arc_is_begun_in_time_before_a_dead_end() -> None:
-    """Three sides of a square of 0.6 m: a half circle of 0.3 m takes less time than four turns on the spot."""
-    dead_end = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.6), (-1.0, 0.6)])
-    none = np.empty(0)
-    speed, bend = kernels.round_corners(none, none, dead_end, 0.1, np.empty((15, 3)), 1.0, 1.5, 0.3, 0.3, 0.1, 1)
-    assert 0.25 <= bend <= 0.4 and speed == pytest.approx(1.5 * bend)
+    """Three sides of a square of 0.6 m: a half circle of 0.3 m takes less time than two turns on the spot. Still less take two
+    arcs of 0.5 m, up to the side across and on from there, with a turn on the spot between them: they end farther on.
+    """
+    dead_end = [(0.0, 0.0), (0.3, 0.0), (0.3, 0.6), (-0.3, 0.6)]
+    none, places = np.empty(0), np.array(dead_end)
+    speed, bend = kernels.round_corners(none, none, places, 0.1, np.empty((15, 3)), 1.0, 1.5, 0.3, 0.3, 0.1, 1)
+    assert 0.25 <= bend <= 0.5 and speed == pytest.approx(1.5 * bend)
+    half_circle, two_arcs = math.pi / 1.5 + 0.3, math.pi / 1.5 + 0.1
+    assert math.pi / 1.5 < time_along(dead_end) <= two_arcs + 1e-6 < half_circle
 
 
 def test_an_arc_toward_the_wall_keeps_closer_to_its_contour() -> None:

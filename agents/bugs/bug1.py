@@ -17,6 +17,7 @@ from typing import Any, Literal
 from bug_gym.agents.walls.boundary import WAIT, LeaveRule
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
+from bug_gym.agents.walls.laps import shows_no_way
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.steering import Course
@@ -144,7 +145,7 @@ class Bug1(BoundaryBug):
                 index=len(memory.trace) - 1,
                 is_open=self.boundary.is_open(view, contour),
             )
-        if contour.is_lap_closed and not self._return(memory, contour):
+        if contour.is_lap_closed and not self._return(memory, contour) and shows_no_way(contour):
             memory.verdict = "unreachable"
 
     def _begin_anew(self, memory: Bug1Memory, contour: Contour) -> None:

@@ -21,7 +21,7 @@ from bug_gym.agents.walls.laps import Laps
 from bug_gym.agents.walls.rounding import Rounding
 from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import speed_within
-from bug_gym.policy import Drawing, Velocity, braking_radius
+from bug_gym.policy import Drawing, MisfitError, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
 Turn = Literal["left", "right"]
@@ -110,6 +110,7 @@ class Boundary:
 
     Raises:
         ValueError: a clearance not above the body's radius, or an unknown leave rule.
+        MisfitError: a scanner that does not see walls at the clearance, or not as far as a way must be free to be gone.
     """
 
     def __init__(self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "front") -> None:
@@ -137,10 +138,13 @@ class Boundary:
         """Radius of the disc that must not touch anything on the way to the goal [m]."""
         self.safe_radius = radius + 0.3 * margin
         """Radius of the disc that the body needs where it comes nearer to walls than the contour [m]."""
+        self.body_radius = radius + 0.1 * margin
+        """Radius of the disc that the body needs where it has been, among things that stand still [m]."""
         self.progress = max(2.0 * step, 0.05)
         """By how much "closer" must be closer [m]."""
         self.leave_length = max(1.5 * clearance, 4.0 * step)
         """Free way toward the goal that makes a heading free [m]."""
+        self._require_sight()
         self.gate_half_width = min(clearance, max(3.0 * step, 0.3 * clearance))
         """How near to a remembered place, across the contour, is there [m]."""
         self.arming_length = max(2.0 * clearance, 4.0 * self.gate_half_width)
@@ -171,6 +175,32 @@ class Boundary:
         """How corners are rounded; None: the contour is kept to exactly."""
         self.exact_length = 2.0 * clearance + sensors.goal_radius
         """Distance to the goal within which it is in any case [m]: a goal in a corner may be seen from there alone."""
+
+    def _require_sight(self) -> None:
+        """Refuse a scanner to which walls at the clearance look farther away, or no heading ever free."""
+        near, far = self.sensors.min_range, self.sensors.range
+        if near > self.clearance:
+            came = f"the scanner tells no distance below {near:g} m: expected a clearance of at least that"
+            raise MisfitError(f"walls cannot be followed at {self.clearance:g} m, {came}")
+        if far < self.leave_length:
+            came = f"the scanner sees {far:g} m: expected a lidar.range of at least that, or a smaller clearance"
+            raise MisfitError(f"a wall is left where {self.leave_length:g} m toward the goal are free, {came}")
+
+    def require_corners(self) -> None:
+        """Refuse a scanner that loses the wall at the corners of a lap; what is claimed of the lap would be of another wall.
+
+        A step past its end, straight on, a wall lies behind the hand by the angle whose tangent is the step by the clearance.
+
+        Raises:
+            MisfitError: it does not look so far back.
+        """
+        back = 0.5 * math.pi + math.atan2(self.step, self.clearance)
+        if len(self.sensors.angles) > 1 and float(self.sensors.angles[-1]) < back:
+            came = f"a wall's corner that is passed lies {math.degrees(back):.4g} degrees from ahead"
+            raise MisfitError(
+                f"{came}, the scanner looks to {math.degrees(self.sensors.angles[-1]):.4g}: expected a lidar.fov of at least "
+                f"{math.ceil(200.0 * back) / 100.0:g}, or a larger clearance"
+            )
 
     def round_corners(self) -> None:
         """From now on follow walls as a robot should that is driven on arcs, along `Contour.course`."""
@@ -232,14 +262,15 @@ class Boundary:
         speed = min(ahead / self.sensors.drive.step, speed_within(self.sensors.drive, free))
         return velocity_along(bearing, speed)
 
-    def step_to(self, view: View, place: Point) -> Velocity | None:
+    def step_to(self, view: View, place: Point, *, radius: float | None = None) -> Velocity | None:
         """Velocity straight to a place of the odometry frame, at most a few steps away; None where it is blocked.
 
-        The robot has been there: the body passes, if nearer to walls than the contour.
+        The robot has been there: the body passes, if nearer to walls than the contour. `radius` is that of the disc that must
+        not touch anything [m]; None: safe_radius.
         """
         x, y = view.to_robot(*place)
         ahead, bearing = min(self.step, math.hypot(x, y)), math.atan2(y, x)
-        if view.free_distance(bearing, self.safe_radius) < ahead:
+        if view.free_distance(bearing, self.safe_radius if radius is None else radius) < ahead:
             return None
         return velocity_along(bearing, min(ahead / self.sensors.drive.step, self.pace))
 
@@ -353,11 +384,19 @@ class Boundary:
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
         """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
         contour = self.lay_hand(view, side, bearing)
+        memory.vain_leaves = memory.vain_leaves + 1 if self._was_left_in_vain(view, memory, side) else 0
+        contour.has_no_other = memory.vain_leaves > 1
         memory.contour = contour
         memory.hits.append(view.position)
         memory.hit_sides.append(side)
         memory.hit_odometers.append(memory.odometer)
         return contour
+
+    def _was_left_in_vain(self, view: View, memory: BugMemory, side: int) -> bool:
+        """Whether the last boundary was left with less asked, only to be hit again where it had been."""
+        if not memory.left_for_less or not memory.hits or memory.hit_sides[-1] != side:
+            return False
+        return math.dist(memory.hits[-1], view.position) <= self.gate_half_width
 
     def lay_hand(self, view: View, side: int, bearing: float) -> Contour:
         """A contour along the boundary that blocks a bearing [rad], which begins here."""
@@ -380,6 +419,7 @@ class Boundary:
     def leave(self, view: View, memory: BugMemory) -> None:
         """Stop following; records the leave point."""
         memory.leaves.append(view.position)
+        memory.left_for_less = memory.contour is not None and memory.contour.takes_less
         memory.contour = None
 
     def follow(self, view: View, memory: BugMemory, first_heading: FirstHeading | None = None) -> Velocity:
@@ -392,6 +432,9 @@ class Boundary:
         """
         contour = memory.contour
         assert contour is not None
+        if contour.vain_laps > 1:
+            memory.verdict = "looping"
+            return STANDING
         rounding = None if contour.is_exact or view.goal_distance <= self.exact_length else self.rounding
         if rounding is not None and contour.foot is not None:
             place = rounding.go_on(view, contour)

@@ -44,7 +44,8 @@ class BoundaryBug(ScriptedPolicy):
 
     Raises:
         TypeError: an unknown parameter.
-        ValueError: a clearance not above the radius, an unknown turn or rule.
+        ValueError: a clearance not above the radius, an unknown turn or rule; a scanner that does not show what following
+            walls needs (MisfitError).
     """
 
     Parameters: ClassVar[type[BoundaryParameters]] = BoundaryParameters
@@ -54,6 +55,7 @@ class BoundaryBug(ScriptedPolicy):
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
         self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
+        self.boundary.require_corners()
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
         if own.round_corners and self._follows_course and not has_inertia(sensors.drive):

@@ -39,6 +39,8 @@ class Gate:
     """Length of the contour walked when it was placed [m]."""
     turned: float
     """Total turning when it was placed [rad]."""
+    wound: float = 0.0
+    """How far the bearing of the goal had gone round when it was placed [rad]."""
 
     def is_passed(self, before: Point, after: Point, half_width: float, travel: float) -> bool:
         """Whether the step from `before` to `after` goes through the door in its direction.
@@ -91,12 +93,16 @@ class Contour:
     """Length walked along the boundary [m]."""
     turned: float = 0.0
     """Total turning since the hit [rad]; a closed lap adds or takes 2 pi."""
+    wound: float = 0.0
+    """How far the bearing of the goal has gone round since the hit [rad]; a lap about the goal adds or takes 2 pi."""
     steps: int = 0
     """Steps with motion since the hit."""
     aligned: int = 0
     """Steps in a row on the contour without turning away from the wall."""
     gate: Gate | None = None
     """Door where the lap began; None until the robot goes along the wall."""
+    lost_gates: int = 0
+    """Doors that were not passed again for so long that another was placed."""
     is_lap_closed: bool = False
     """Whether the last step passed the gate, after a lap among still obstacles."""
     is_disturbed: bool = False
@@ -106,6 +112,10 @@ class Contour:
     a way that is free, if only as far as the next obstacle, or an M-line beside it [m]."""
     takes_less: bool = False
     """Whether less is asked, because a whole lap had no better place to leave than such ones."""
+    has_no_other: bool = False
+    """Whether it was left for less twice, which led back to the hit point: such places are no way out."""
+    vain_laps: int = 0
+    """Laps that ended with the goal on the robot's side of them: they prove nothing."""
     waited: float = 0.0
     """Time without an open heading [s]."""
     backed_from: Point | None = None
@@ -132,6 +142,10 @@ class BugMemory(Memory):
     """Side taken at each hit point."""
     hit_odometers: list[float] = field(default_factory=list)
     """Length of the whole way at each hit point [m]."""
+    left_for_less: bool = False
+    """Whether the last boundary was left with less asked."""
+    vain_leaves: int = 0
+    """How often in a row that led back to the same hit point."""
     odometer: float = 0.0
     """Length of the way so far by odometry [m]."""
     position: Point | None = None

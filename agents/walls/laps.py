@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
-from bug_gym.geometry import wrap
+from bug_gym.geometry import Point, wrap
 from bug_gym.view import View
 
 LONGEST_ALIGNING = 10
@@ -23,6 +23,10 @@ WHIRLING = 3.0 * math.pi
 """Turning without a lap after which a robot that rounds corners keeps to the contour exactly: it may whirl in a small room
 past whose door its arcs lead [rad]."""
 
+LOST = 8.0 * math.pi
+"""Turning after which a gate that was not passed again lies beside the contour [rad], in a nook that the robot enters by chance
+only, and stands anew where it is; each time as much more, as walls may wind as a spiral does."""
+
 OFF_HEADING = math.radians(10.0)
 """How far the course of a robot that goes along a wall may differ from the wall's [rad]."""
 
@@ -31,14 +35,43 @@ def is_proof(contour: Contour) -> bool:
     """Whether the last step ended a lap that proves that there is no way.
 
     One that came by places where a bug would have left if less were asked (`Contour.way_out`) proves nothing yet: the robot
-    goes round once more, and leaves there.
+    goes round once more, and leaves there. Nor does one that does not part the robot from the goal: somewhere the hand took
+    another wall, as where a gap is hardly one, and the bug loops where that goes on.
     """
     if not contour.is_lap_closed:
         return False
-    if contour.takes_less or math.isinf(contour.way_out):
+    if not shows_no_way(contour):
+        contour.takes_less = True
+        return False
+    if contour.takes_less or contour.has_no_other or math.isinf(contour.way_out):
         return True
     contour.takes_less = True
     return False
+
+
+def shows_no_way(contour: Contour) -> bool:
+    """Whether a lap, just closed without a way found, parts the robot from the goal; else it is counted as vain."""
+    if parts_from_goal(contour):
+        return True
+    contour.vain_laps += 1
+    return False
+
+
+def parts_from_goal(contour: Contour) -> bool:
+    """Whether a closed lap has the goal on the side of the wall.
+
+    It is a closed curve. Round an obstacle it turns toward the wall by a full turn, and the goal must lie within it; in a
+    room it turns away from the wall, and the goal must lie outside.
+    """
+    assert contour.gate is not None
+    is_shut_in = contour.side * (contour.turned - contour.gate.turned) > 0.0
+    is_goal_within = abs(contour.wound - contour.gate.wound) > math.pi
+    return is_goal_within != is_shut_in
+
+
+def _bearing(place: Point, other: Point) -> float:
+    """Direction from one place to another [rad]."""
+    return math.atan2(other[1] - place[1], other[0] - place[0])
 
 
 @dataclass(frozen=True)
@@ -69,11 +102,13 @@ class Laps:
         contour.sweep, contour.asked, contour.asked_for = 0.0, None, 0
         contour.turned += change
         contour.odometer += length
+        wound = contour.wound
+        contour.wound += wrap(_bearing(view.position, contour.goal) - _bearing(contour.before, contour.goal))
         contour.position = view.position
         contour.heading = heading
         contour.steps += 1
         # Where the step began: the next lap may turn back in a dead end up to a step before where it ended.
-        gate = Gate(contour.before, heading, contour.odometer - length, contour.turned)
+        gate = Gate(contour.before, heading, contour.odometer - length, contour.turned, wound)
         if contour.gate is None:
             contour.aligned = contour.aligned + 1 if self._is_aligned(view, contour, change) else 0
             longest = LONGEST_ALIGNING if contour.foot is None else LONGEST_ROUNDING
@@ -88,6 +123,10 @@ class Laps:
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
+        if not is_closed and abs(contour.turned - contour.gate.turned) > LOST * (1 + contour.lost_gates):
+            contour.gate = gate
+            contour.lost_gates += 1
+            return
         if contour.foot is not None and abs(contour.turned - contour.gate.turned) > WHIRLING:
             contour.is_exact = True
 

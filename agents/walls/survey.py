@@ -11,6 +11,7 @@ from typing import Literal
 
 from bug_gym.agents.walls.boundary import Boundary
 from bug_gym.agents.walls.contour import CLOSER, Contour, Gate
+from bug_gym.agents.walls.laps import shows_no_way
 from bug_gym.view import View
 
 
@@ -63,7 +64,7 @@ def survey_lap(
     if contour.is_lap_closed:
         is_nearer = survey.distance < hit_distance - CLOSER * boundary.step
         if survey.is_second_lap or not (survey.is_open and is_nearer):
-            return "unreachable"
+            return "unreachable" if shows_no_way(contour) else ""
         survey.is_second_lap = True
     elif distance < survey.distance and contour.gate is not None and not survey.is_second_lap:
         survey.distance, survey.is_open = distance, boundary.is_open(view, contour)

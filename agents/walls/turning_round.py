@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from bug_gym.agents.walls.boundary import Boundary
 from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.marks import Mark, passes
-from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 
@@ -22,8 +21,8 @@ class TurningMemory(BugMemory):
 
     marks: list[Mark] = field(default_factory=list)
     """Earlier hit and leave points; the present hit point is not among them."""
-    trace: list[Point] = field(default_factory=list)
-    """Way along the present boundary, from its hit point, odometry frame [m]."""
+    trace: list[Mark] = field(default_factory=list)
+    """Way along the present boundary, from its hit point, with the wall beside it."""
     start: Mark | None = None
     """The present hit point."""
     is_turning: bool = False
@@ -38,7 +37,7 @@ def hit_and_trace(boundary: Boundary, view: View, memory: TurningMemory, side: i
         memory.marks.append(memory.start)
     contour = boundary.hit(view, memory, side, bearing)
     memory.start = Mark(contour.hit, contour.wall)
-    memory.trace = [view.position]
+    memory.trace = [Mark(view.position, contour.wall)]
     memory.is_turning = memory.has_turned = False
 
 
@@ -59,7 +58,7 @@ def trace_contour(boundary: Boundary, view: View, memory: TurningMemory) -> None
     """Add the present place to the trace; turn round where the robot passes an earlier hit or leave point."""
     contour = memory.contour
     assert contour is not None
-    memory.trace.append(view.position)
+    memory.trace.append(Mark(view.position, contour.wall))
     if not memory.has_turned and any(passes(boundary, contour, mark) for mark in memory.marks):
         memory.is_turning = memory.has_turned = True
 
@@ -67,14 +66,18 @@ def trace_contour(boundary: Boundary, view: View, memory: TurningMemory) -> None
 def walk_back(boundary: Boundary, view: View, memory: TurningMemory) -> Velocity | None:
     """Velocity back along the trace; None at its beginning, where the other hand takes the wall.
 
-    Where something has moved into the way the other hand takes over at once: it leads to the same hit point.
+    It may lead through a gap just too narrow for the contour, and goes through again: from its mouth the other hand might take
+    it for none, and go round another wall. Where something has moved into the way that hand takes over at once: it leads to
+    the same hit point.
     """
     trace = memory.trace
-    while len(trace) > 1 and math.dist(trace[-2], view.position) <= 1.01 * boundary.step:
+    while len(trace) > 1 and math.dist(trace[-2].place, view.position) <= 1.01 * boundary.step:
         trace.pop()  # the furthest place that one step reaches
-    if trace and math.dist(trace[-1], view.position) <= 0.5 * boundary.step:
+    if trace and math.dist(trace[-1].place, view.position) <= 0.5 * boundary.step:
         trace.pop()
-    velocity = boundary.step_to(view, trace[-1]) if trace else None
+    is_still = memory.contour is not None and not memory.contour.is_disturbed
+    radius = boundary.body_radius if is_still else boundary.safe_radius
+    velocity = boundary.step_to(view, trace[-1].place, radius=radius) if trace else None
     if velocity is None:
         _change_hands(view, memory)
     return velocity
@@ -86,8 +89,7 @@ def _change_hands(view: View, memory: TurningMemory) -> None:
     assert last is not None and memory.start is not None
     wall, travel = memory.start.wall, last.approach
     if memory.trace:
-        distance, bearing = view.nearest()
-        wall = view.to_odometry(distance * math.cos(bearing), distance * math.sin(bearing))
+        wall = memory.trace[-1].wall  # what is nearest may be another one, across a gap
         travel = travel if last.heading is None else last.heading
     memory.trace = []
     memory.is_turning = False

@@ -107,6 +107,7 @@ class Vision:
 
     def __init__(self, sensors: Sensors, parameters: VisBugParameters) -> None:
         self.boundary = Boundary(sensors, clearance=parameters.clearance, leave_rule=parameters.leave_rule)
+        self.boundary.require_corners()
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(parameters.turn)
         vision_range = parameters.vision_range

@@ -12,6 +12,18 @@ from bug_gym.kernels.layout import Floats
 
 
 @inlined
+def arc_to(along: float, beside: float) -> tuple[float, float]:
+    """Radius [m] and turn [rad] of the arc that begins along x and leads to a place, so far ahead and so far to the left.
+
+    Straight on is an arc of a large radius, whose length is the way there: bend times turn. `beside` is not negative (an
+    arc to the right is one to the left, mirrored), and the place is not where the arc begins.
+    """
+    square = along * along + beside * beside
+    off = max(beside, 1e-6 * square)
+    return 0.5 * square / off, 2.0 * math.atan2(off, along)
+
+
+@inlined
 def turn_to_point(along: float, beside: float, bend: float, radius: float) -> float:
     """How far a disc turns on a left arc about (0, bend) until it touches a point [rad]; infinite: it never does.
 
@@ -116,16 +128,13 @@ def pursue(
     best, best_bend = 0.0, math.inf
     for i in range(count - 1, -1, -1):
         x, y = samples[i, 0], samples[i, 1]
-        square = x * x + y * y
-        if x <= 0.0 or square == 0.0:
+        if x <= 0.0:
             continue
         side = 1 if y >= 0.0 else -1
-        off = max(abs(y), 1e-6 * square)  # straight on is an arc of a large radius
-        bend = 0.5 * square / off
+        bend, turn = arc_to(x, abs(y))
         fastest = min(speed, turn_rate * bend)
         if fastest <= best or bend < least_bend or not is_beside(samples, i, bend, side, aside):
             continue
-        turn = 2.0 * math.atan2(off, x)
         if free_turn(px, py, bend, side, radius, turn) < turn:
             continue
         best, best_bend = fastest, side * bend
@@ -244,12 +253,10 @@ def round_corners(
         for goal in range(count - 1, start, -1):
             dx, dy = samples[goal, 0] - x, samples[goal, 1] - y
             along, left = cos * dx + sin * dy, cos * dy - sin * dx
-            square = along * along + left * left
             if along <= 0.0:
                 continue
             side = 1 if left >= 0.0 else -1
-            bend = 0.5 * square / max(abs(left), 1e-6 * square)
-            turn = 2.0 * math.atan2(abs(left), along)
+            bend, turn = arc_to(along, abs(left))
             fastest = min(speed, turn_rate * bend)
             time = bend * turn / fastest + samples[goal, 2]
             # It arrives with another heading than one that comes along the chain.

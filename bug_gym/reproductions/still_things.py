@@ -3,7 +3,8 @@
 Each seed is a world of its own and a robot of its own: fields, thin cylinders, mazes and rooms in turn; 0.5 to 2 m/s, with
 an acceleration limit of 0.5 to 5 m/s^2 or none, holonomic or differential, steps of 0.05 to 0.2 s; 32 to 360 beams over 270
 degrees or all around, noise up to 0.03 m, up to 5 % of the beams lost. Nothing moves but the robot, so that every contact is
-the policy's own. One that refuses a robot when it is made drives nothing, and touches nothing.
+the policy's own. One that refuses a robot when it is made (`bug_gym.agents.sight`) drives nothing, and touches nothing. The
+cylinders are thinner than any body: of few beams none may meet them.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bug_gym.agents import AGENTS, agent, make_policy
+from bug_gym.agents import AGENTS, agent
 from bug_gym.config import Scenario, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
+from bug_gym.policy import MisfitError
 from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
@@ -95,13 +97,12 @@ def drives(policy: str, seeds: Sequence[int]) -> list[Drive]:
 
 def drive(policy: str, seed: int) -> Drive:
     """What a policy makes of a seed."""
-    where = scenario(seed)
+    where = ScenarioEntry(world(seed), scenario(seed), range(seed, seed + 1))
     try:
-        make_policy(policy, where)
-    except ValueError as reason:
+        rollout = Rollout(PolicyEntry.of(policy), where, [seed], slots=1)
+    except MisfitError as reason:
         return Drive(policy, seed, REFUSED, str(reason), 0)
-    entry = ScenarioEntry(world(seed), where, range(seed, seed + 1))
-    ((row,),) = Rollout(PolicyEntry.of(policy), entry, [seed], slots=1).worlds()
+    ((row,),) = rollout.worlds()
     return Drive(policy, seed, row.outcome, row.verdict, row.steps)
 
 
@@ -121,9 +122,7 @@ def reproduce(settings: Settings) -> Reproduction:
     shares = {title: by_kind(found, kind) for title, kind in KINDS.items()}
     header = ["policy", *next(iter(counted.values()))]
     lines = [[policy, *map(str, line.values())] for policy, line in counted.items()]
-    parts = [
-        [title, kind, *map(str, line.values())] for title, lines_ in shares.items() for kind, line in lines_.items()
-    ]
+    parts = [[title, kind, *map(str, line.values())] for title, kinds in shares.items() for kind, line in kinds.items()]
     notes = [
         f"an episode ends after {LIMIT:g} s, which is short for a maze: that a policy arrives is asked elsewhere.",
         *(f"{one.policy}, seed {one.seed} ({world(one.seed)})" for one in touched[:40]),

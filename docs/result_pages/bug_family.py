@@ -241,9 +241,9 @@ def cylinder_claims(found: Record) -> Page:
     ]
     claims = sum(one["wrong claims"] for one in policies.values())
     runs = sum(one["with a way"] + one["without"] for one in policies.values())
-    told = listed(
+    ends = [
         f"`{one['policy']}` ({one['kind']}, seed {one['seed']}: {one['verdict'] or one['outcome']})" for one in wrong
-    )
+    ]
     clearances = listed(f"{value:g} m ({robot})" for robot, value in found["clearances"].items())
     return Page(
         [
@@ -254,7 +254,7 @@ def cylinder_claims(found: Record) -> Page:
             )
         ],
         f"{runs:,} runs, {claims} wrong claims. Wrong is also a timeout, a collision, and of a complete algorithm any end "
-        "that is not as the configuration space says" + (f": {told}." if wrong else "; there is none."),
+        "that is not as the configuration space says" + (f": {listed(ends)}." if ends else "; there is none."),
         [
             ("nobody calls a goal unreachable that a way leads to", claims == 0),
             ("each run ends, and those of complete algorithms as the configuration space says", not wrong),

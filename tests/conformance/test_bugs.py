@@ -5,9 +5,11 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 from episodes import CLOSED_FORM_SENSORS, RING_ROUND_THE_START, Episode, Ring, canonical_world, run_episode
+from numpy.typing import NDArray
 
 from bug_gym.agents import AGENTS
 
@@ -230,3 +232,44 @@ def test_a_goal_beside_a_wall_is_found_where_only_the_contour_leads_past_it(poli
     world |= {"circles": [[-0.1, 5.8, 0.6], [0.7, 1.1, 0.95]]}
     episode = run_episode(policy, {"world": world}, CLOSED_FORM_SENSORS, clearance=0.3)
     assert episode.outcome == "success"
+
+
+# ---------------------------------------------------------------------------------------------------------- boxed in
+
+BOXED_IN = ["bug1", "bug2", "com1", "dist_bug", "tangent_bug", "vis_bug_21"]
+
+ROOF = [[-3.0, 0.15], [0.0, 0.25], [3.0, 0.15], [3.0, 1.0], [-3.0, 1.0]]
+"""Between this and its mirror image a robot of 0.2 m stands in the widest place of a blind gap: each step leads into a
+narrower one, and only backing is left."""
+
+
+def between_roofs(until: float | None) -> dict[str, Any]:
+    """The goal lies behind the one of the roofs, which is there up to a time [s]; None: for ever."""
+    world = {"family": "explicit", "bounds": [-8, -8, 8, 8], "start": [0, 0, 0], "goal": [0, 5]}
+    floor = [[x, -y] for x, y in ROOF]
+    if until is None:
+        return {"world": {**world, "polygons": [ROOF, floor]}}
+    stands = {"law": "replay", "points": [[0.0, 0.0, 0.0], [until, 0.0, 0.0]]}
+    return {"world": {**world, "polygons": [floor], "movers": [{"shape": {"polygon": ROOF}, "motion": stands}]}}
+
+
+def steps_taken(episode: Episode) -> NDArray[np.int64]:
+    """The numbers of the steps in which the robot moved."""
+    return np.flatnonzero(np.hypot(*np.diff(episode.path[:, :2], axis=0).T) > 1e-6)
+
+
+@pytest.mark.parametrize("policy", BOXED_IN)
+def test_boxed_in_it_waits_backs_once_and_waits_again(policy: str) -> None:
+    """10 s each time, of 0.1 s a step; after a step back it comes to the wide place again, and is stuck."""
+    episode = run_episode(policy, between_roofs(None), {"lidar.beams": 360})
+    taken = steps_taken(episode)
+    assert episode.verdict == "stuck"
+    assert 1 <= len(taken) <= 2 and taken[0] == 100
+    assert len(episode.path) - 1 >= taken[-1] + 100
+
+
+@pytest.mark.parametrize("policy", BOXED_IN)
+def test_who_goes_away_within_that_time_is_waited_for(policy: str) -> None:
+    episode = run_episode(policy, between_roofs(8.0), {"lidar.beams": 360})
+    assert episode.outcome == "success"
+    assert steps_taken(episode)[0] >= 79

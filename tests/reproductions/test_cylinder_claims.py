@@ -63,6 +63,20 @@ def test_what_was_claimed_wrongly_once_is_told_rightly(name: str) -> None:
         assert (row.outcome, row.verdict) == expected, policy
 
 
+@pytest.mark.parametrize(
+    ("policy", "robot", "seed"),
+    [("rev1", "jackal", 21), ("com1", "holonomic", 31), ("rev1", "jackal", 51)],
+    ids=[
+        "a gap gone through, which from the other side is none",
+        "a way out that leads back, over and over",
+        "a lap that began in a nook",
+    ],
+)
+def test_nor_is_what_only_one_of_them_told_wrongly(policy: str, robot: str, seed: int) -> None:
+    (answer,) = cylinder_claims.answers(policy, robot, [seed])
+    assert answer.is_right
+
+
 def test_seeds_are_driven_once_each() -> None:
     found = [seed for block in cylinder_claims.blocks(101) for seed in block]
     assert sorted(found) == list(range(101))

@@ -27,6 +27,7 @@ from shapely.geometry.polygon import orient
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.alg1 import Alg1
+from bug_gym.agents.walls.marks import Mark
 from bug_gym.agents.walls.turning_round import hit_and_trace, walk_back
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
@@ -227,9 +228,9 @@ def test_where_the_way_back_is_blocked_the_other_hand_takes_the_wall() -> None:
     view, memory = View(flat, policy.sensors), policy.start()
     hit_and_trace(policy.boundary, view, memory, 1, view.goal_bearing)
     memory.is_turning = True
-    memory.trace = [(1.0, 0.0)]  # inside the slab
+    memory.trace = [Mark((1.0, 0.0), (0.8, 0.3))]  # inside the slab
     assert walk_back(policy.boundary, view, memory) is None
-    assert memory.contour is not None and memory.contour.side == -1
+    assert memory.contour is not None and (memory.contour.side, memory.contour.wall) == (-1, (0.8, 0.3))
     assert not memory.is_turning
 
 

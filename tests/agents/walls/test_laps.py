@@ -1,0 +1,85 @@
+"""What a closed lap proves: that there is no way, if the goal lies on the wall's side of it."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bug_gym.agents.walls.boundary import Boundary
+from bug_gym.agents.walls.contour import BugMemory, Contour
+from bug_gym.agents.walls.laps import is_proof
+from bug_gym.config import load
+from bug_gym.view import Sensors
+
+BOUNDARY = Boundary(Sensors.of(load("disc")))
+STEP = 0.1
+
+
+def walked(
+    goal: tuple[float, float], side: int, around: int, laps: int = 1, nook: float = 0.0
+) -> tuple[Contour, list[bool]]:
+    """A contour after laps round a circle of 2 m, counter-clockwise with `around` 1, and what each step proved.
+
+    A nook of so many metres is walked into in the first eighth of a lap only.
+    """
+    angle = STEP / 2.0
+    contour, proofs = Contour(side, (2.0, 0.0), (0.0, 0.0), (2.0, 0.0), goal, around * 0.5 * math.pi), []
+    for step in range(1, math.ceil(laps * 2.0 * math.pi / angle) + 8):
+        radius = 2.0 + nook * math.sin(8.0 * step * angle) ** 2 if 8.0 * step * angle < math.pi else 2.0
+        place = radius * math.cos(around * step * angle), radius * math.sin(around * step * angle)
+        view: Any = SimpleNamespace(position=place, goal_position=goal, nearest=lambda: (BOUNDARY.clearance, 0.0))
+        BOUNDARY.laps.advance(view, contour)
+        proofs.append(is_proof(contour))
+    return contour, proofs
+
+
+GOALS = {True: [(0.0, 0.0), (1.2, -1.0), (-1.9, 0.3)], False: [(9.0, 0.0), (2.3, -1.0), (-1.0, 2.2)]}
+"""Within the circle, and outside of it."""
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("is_within", [True, False])
+def test_round_an_obstacle_the_goal_must_lie_within_and_in_a_room_outside(side: int, is_within: bool) -> None:
+    """With the wall on the right one goes round an obstacle clockwise, and round a room the other way."""
+    for goal in GOALS[is_within]:
+        assert any(walked(goal, side, -side)[1]) == is_within
+        assert any(walked(goal, side, side)[1]) != is_within
+
+
+def test_who_closes_two_laps_that_do_not_part_it_from_the_goal_is_looping() -> None:
+    contour, proofs = walked((9.0, 0.0), 1, -1, laps=2)
+    assert not any(proofs) and contour.vain_laps == 2
+    memory = BugMemory(contour=contour)
+    unseen: Any = None
+    assert BOUNDARY.follow(unseen, memory) == (0.0, 0.0) and memory.verdict == "looping"
+
+
+def test_a_gate_in_a_nook_that_is_passed_by_later_stands_anew() -> None:
+    """After four turns; five laps are enough for another one to be closed."""
+    contour, proofs = walked((0.0, 0.0), 1, -1, laps=3, nook=1.0)
+    assert contour.gate is not None and math.hypot(*contour.gate.place) > 2.5 and not any(proofs)
+    contour, proofs = walked((0.0, 0.0), 1, -1, laps=6, nook=1.0)
+    assert contour.lost_gates == 1 and any(proofs)
+
+
+def test_a_place_left_for_less_that_leads_back_twice_is_no_way_out() -> None:
+    memory, none = BugMemory(), np.empty(0)
+    view: Any = SimpleNamespace(
+        position=(1.0, 0.0), goal_position=(9.0, 0.0), points=(none, none), heading=0.0, to_odometry=lambda x, y: (x, y)
+    )
+    for is_known in (False, False, True, True):
+        contour = BOUNDARY.hit(view, memory, 1, 0.0)
+        assert contour.has_no_other == is_known
+        contour.takes_less = True
+        BOUNDARY.leave(view, memory)
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_else_a_lap_that_comes_by_one_is_no_proof_yet(is_known: bool) -> None:
+    contour, _ = walked((0.0, 0.0), 1, -1)
+    contour.is_lap_closed, contour.takes_less, contour.way_out, contour.has_no_other = True, False, 5.0, is_known
+    assert is_proof(contour) == is_known
