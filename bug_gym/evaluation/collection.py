@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +24,7 @@ import numpy as np
 import bug_gym
 from bug_gym.checks import checked_count
 from bug_gym.config import load
-from bug_gym.evaluation.demonstrations import BLOCK, Demonstrations, Extras, demonstrate
+from bug_gym.evaluation.demonstrations import Demonstrations, Extras, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.minari_files import (
     FORMS,
@@ -46,6 +47,13 @@ FLOOR = "random"
 """The policy whose mean return is the lowest score."""
 EXPERT = "hd_bug_map"
 """The policy whose mean return is the highest score, unless another is asked for."""
+SCORED = 100
+"""Worlds that the reference scores are taken of, the first ones."""
+BLOCK = 25
+"""Worlds that a scripted policy drives in one after the other: what a worker takes at a time, and what a kill can cost."""
+WIDE_BLOCK, WIDE_SLOTS = 300, 100
+"""Worlds in a block of policies that answer for many robots in one call, which pays, and how many of them are driven in side
+by side. Other numbers would change the last bits of what learned policies do."""
 MIXED = "mixed"
 """Name of the dataset with the episodes of all policies."""
 KEPT = ".collect"
@@ -77,15 +85,21 @@ class _Source(NamedTuple):
         """As it stands in the names of datasets and files."""
         return in_name(self.entry.label.removesuffix(" (privileged)"))
 
+    @property
+    def block(self) -> int:
+        """How many worlds a block has."""
+        return BLOCK if self.entry.is_scripted else WIDE_BLOCK
+
     def blocks(self) -> list[tuple[Path, range]]:
         """File and seeds of each block."""
         seeds = self.scenario.seeds
-        starts = range(0, len(seeds), BLOCK)
-        return [(self.folder / f"{number:06}.npz", seeds[n : n + BLOCK]) for number, n in enumerate(starts)]
+        parts = [seeds[first : first + self.block] for first in range(0, len(seeds), self.block)]
+        return [(self.folder / f"{part[0]}-{part[-1]}.npz", part) for part in parts]
 
     def first(self) -> _Source:
-        """The same with the first block only, which the scores are taken of."""
-        return self._replace(scenario=replace(self.scenario, seeds=self.scenario.seeds[:BLOCK]))
+        """The same with the first blocks only, in which a score's worlds are: a block is driven whole or not at all."""
+        blocks = math.ceil(SCORED / self.block)
+        return self._replace(scenario=replace(self.scenario, seeds=self.scenario.seeds[: blocks * self.block]))
 
     def identity(self) -> dict[str, Any]:
         """What the episodes are a function of."""
@@ -299,7 +313,8 @@ def _drive(sources: Sequence[_Source], workers: int, track: Track[Any]) -> None:
 
 
 def _drive_block(source: _Source, path: Path, seeds: range) -> None:
-    demonstrate(source.entry, source.scenario, seeds, source.extras).write(path)
+    slots = None if source.entry.is_scripted else WIDE_SLOTS
+    demonstrate(source.entry, source.scenario, seeds, source.extras, slots=slots).write(path)
 
 
 def _agree(source: _Source) -> None:
@@ -336,7 +351,7 @@ def _write(
             identity=dataset.identity(),
             lowest=lowest,
             highest=highest,
-            scored=len(scores[0].first().scenario.seeds),
+            scored=min(SCORED, len(worlds.seeds)),
             expert=dataset.expert,
             **signature._asdict(),
         )
@@ -349,6 +364,6 @@ def _stage(dataset: _Dataset) -> Path:
 
 
 def _score(source: _Source) -> float:
-    """The mean return in the first block."""
-    ((path, seeds), *_) = source.blocks()
-    return float(np.mean(Demonstrations.read(path, seeds).returns()))
+    """The mean return in the first worlds."""
+    returns = [Demonstrations.read(path, seeds).returns() for path, seeds in source.first().blocks()]
+    return float(np.mean(np.concatenate(returns)[:SCORED]))

@@ -30,8 +30,6 @@ from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 from bug_gym.view import Sensors
 
-BLOCK = 100
-"""Worlds that are driven together: what a kill can cost a worker, and what the reference scores are taken of."""
 SLOTS = 50
 """Worlds side by side. Another number would change the last bits of what learned policies do."""
 
@@ -139,7 +137,12 @@ class RandomByWorld(Random):
 
 
 def demonstrate(
-    entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras | None = None
+    entry: PolicyEntry,
+    scenario: ScenarioEntry,
+    seeds: Sequence[int],
+    extras: Extras | None = None,
+    *,
+    slots: int | None = None,
 ) -> Demonstrations:
     """Drive a policy in a block of worlds with one robot each, an episode a world.
 
@@ -150,8 +153,9 @@ def demonstrate(
         scenario: the scenario.
         seeds: one a world.
         extras: what else is recorded.
+        slots: worlds side by side; None: SLOTS.
     """
-    recording = _Recording(entry, scenario, seeds, extras or Extras())
+    recording = _Recording(entry, scenario, seeds, extras or Extras(), SLOTS if slots is None else slots)
     while not recording.is_over:
         recording.advance()
     return recording.demonstrations()
@@ -180,9 +184,11 @@ class _Taken(NamedTuple):
 class _Recording:
     """A block as it is driven; see `demonstrate`."""
 
-    def __init__(self, entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras) -> None:
+    def __init__(
+        self, entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras, slots: int
+    ) -> None:
         make = partial(_made, entry)
-        self._simulation, _, self._driver = prepared(make, scenario, min(SLOTS, len(seeds)), at_once=True)
+        self._simulation, _, self._driver = prepared(make, scenario, min(slots, len(seeds)), at_once=True)
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
@@ -217,6 +223,8 @@ class _Recording:
         """Take over the actions; returns the rows whose policy gives up and stands."""
         chosen = self._discrete_actions[decided] if decided.dtype.kind in "iu" else decided
         self._actions[rows] = np.clip(np.asarray(chosen, dtype=np.float32), -1.0, 1.0)
+        if not self._driver.has_memories:
+            return []
         given_up = [row for row in rows.tolist() if getattr(self._driver.memory(row), "verdict", "")]
         self._actions[given_up] = self._standing
         return given_up
