@@ -12,7 +12,7 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import bug_gym
 from bug_gym.checks import checked_count
@@ -39,14 +40,11 @@ from bug_gym.evaluation.minari_files import (
 )
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import Track, progress_bar
+from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
 from bug_gym.evaluation.results_folder import differences
 from bug_gym.files import from_json, one_writer, released, replaced_when_done
 from bug_gym.workers import each, starred
 
-FLOOR = "random"
-"""The policy whose mean return is the lowest score."""
-EXPERT = "hd_bug_map"
-"""The policy whose mean return is the highest score, unless another is asked for."""
 SCORED = 100
 """Worlds that the reference scores are taken of, the first ones."""
 BLOCK = 25
@@ -122,6 +120,25 @@ class _Source(NamedTuple):
             yield self.name, Demonstrations.read(path, seeds)
 
 
+class _Score(NamedTuple):
+    """What the mean return of a policy in the first worlds is taken of."""
+
+    name: str
+    """Of the policy."""
+    known: NDArray[np.float64] | None
+    """Its returns, where nobody has to drive for them."""
+    source: _Source | None
+    """Who drives for them, where somebody has to."""
+
+    def mean(self) -> float:
+        """The score, once its source has been driven."""
+        if self.known is not None:
+            return float(np.mean(self.known))
+        assert self.source is not None
+        returns = [Demonstrations.read(path, seeds).returns() for path, seeds in self.source.first().blocks()]
+        return float(np.mean(np.concatenate(returns)[:SCORED]))
+
+
 class _Dataset(NamedTuple):
     """A dataset that is asked for."""
 
@@ -190,20 +207,21 @@ def collect(
     root = Path(out).absolute()  # Minari joins a relative one to itself
     extras = extras or Extras()
     _required(scenario, overrides, extras, trust=trust)
-    plan = _planned(scenario, policies, episodes, seed, overrides, trust=trust)
-    ends = _planned(scenario, [FLOOR] if expert == FLOOR else [FLOOR, expert], episodes, seed, overrides, trust=trust)
+    plan = _planned(scenario, policies, episodes=episodes, seed=seed, overrides=overrides, trust=trust)
     sources = _sources(plan, root, extras)
-    scores = tuple(_of_scores(source, sources) for source in _sources(ends, root, extras))
-    datasets = _datasets(sources, forms, scores[-1].name)
+    planned = partial(_planned, scenario, episodes=episodes, seed=seed, overrides=overrides, trust=trust)
+    lowest, highest = (_score(PolicyEntry.of(policy), sources, planned) for policy in (FLOOR, expert))
+    datasets = _datasets(sources, forms, highest.name)
     with ExitStack() as stack:
         root.mkdir(parents=True, exist_ok=True)
         stack.enter_context(one_writer(root))
         track = stack.enter_context(progress_bar(shown=progress))
         missing = [dataset for dataset in datasets if not _is_there(root, dataset)]
         if missing:
-            needed = {source.folder: source for source in (*scores, *_needed(missing))}  # those of datasets are longer
+            drivers = [score.source for score in (lowest, highest) if score.source is not None]
+            needed = {source.folder: source for source in (*drivers, *_needed(missing))}  # those of datasets are longer
             _drive(list(needed.values()), workers, track)
-            _write(root, missing, scores, signature or Signature(), track)
+            _write(root, missing, (lowest.mean(), highest.mean()), signature or Signature(), workers, track)
         shutil.rmtree(_kept(root, plan), ignore_errors=True)
         with suppress(OSError):  # another scenario's blocks may be there
             (root / KEPT).rmdir()
@@ -225,7 +243,7 @@ def _required(scenario: Any, overrides: Mapping[str, Any] | None, extras: Extras
 
 
 def _planned(
-    scenario: Any, policies: Any, episodes: int, seed: int, overrides: Mapping[str, Any] | None, *, trust: bool
+    scenario: Any, policies: Any, *, episodes: int, seed: int, overrides: Mapping[str, Any] | None, trust: bool
 ) -> Plan:
     """The policies in their worlds, each tried once."""
     plan = make_plan(policies, [scenario], episodes=episodes, seed=seed, overrides=overrides, trust=trust)
@@ -248,17 +266,22 @@ def _sources(plan: Plan, root: Path, extras: Extras) -> list[_Source]:
     return [source._replace(folder=_kept(root, plan) / source.name) for source in sources]
 
 
-def _of_scores(source: _Source, sources: Sequence[_Source]) -> _Source:
-    """The source of a score: a policy that is collected anyway, or one for the first worlds alone."""
+def _score(entry: PolicyEntry, sources: Sequence[_Source], planned: Callable[[Any], Plan]) -> _Score:
+    """The score of a policy that is collected anyway, whose returns are known, or that drives for it alone."""
 
-    def driver(of: _Source) -> tuple[str, dict[str, Any]]:
-        return of.entry.name, dict(of.entry.parameters)
+    def driver(of: PolicyEntry) -> tuple[str, dict[str, Any]]:
+        return of.name, dict(of.parameters)
 
-    same = [other for other in sources if driver(other) == driver(source)]
-    if same:
-        return same[0]
-    alone = source.first()
-    return alone._replace(folder=alone.folder.with_name(f"{alone.name}.score"), extras=Extras())
+    (one, *_) = sources
+    for source in sources:
+        if driver(source.entry) == driver(entry):
+            return _Score(source.name, None, source)
+    known = known_returns(entry, replace(one.scenario, seeds=one.scenario.seeds[:SCORED]))
+    if known is not None:
+        return _Score(in_name(entry.label), known, None)
+    (tried,) = planned([entry]).policies
+    alone = one._replace(entry=tried, extras=Extras()).first()
+    return _Score(alone.name, None, alone._replace(folder=one.folder.with_name(f"{alone.name}.score")))
 
 
 def _datasets(sources: Sequence[_Source], forms: Sequence[str], expert: str) -> list[_Dataset]:
@@ -334,36 +357,41 @@ def _agree(source: _Source) -> None:
 
 
 def _write(
-    root: Path, datasets: Sequence[_Dataset], scores: Sequence[_Source], signature: Signature, track: Track[Any]
+    root: Path,
+    datasets: Sequence[_Dataset],
+    scores: tuple[float, float],
+    signature: Signature,
+    workers: int,
+    track: Track[Any],
 ) -> None:
-    """Put the datasets together, one after the other."""
-    lowest, highest = (_score(source) for source in (scores[0], scores[-1]))
+    """Put the datasets together; the scores are the lowest and the highest one."""
     write_namespaces(root, datasets[0].sources[0].scenario.label)
-    for dataset in track(datasets, "datasets", len(datasets)):
-        worlds = dataset.sources[0].scenario
-        names = ", ".join(source.name for source in dataset.sources)
-        who = f"the policies {names}" if len(dataset.sources) > 1 else f"the policy {names}"
-        about = About(
-            scenario=worlds.scenario,
-            algorithm=names,
-            description=f"Episodes of {who} of bug_gym in worlds of the scenario {worlds.label}, seeds "
-            f"{worlds.seeds[0]} to {worlds.seeds[-1]}; observations as {dataset.form}.",
-            identity=dataset.identity(),
-            lowest=lowest,
-            highest=highest,
-            scored=min(SCORED, len(worlds.seeds)),
-            expert=dataset.expert,
-            **signature._asdict(),
-        )
-        blocks = itertools.chain.from_iterable(source.demonstrations() for source in dataset.sources)
-        write_dataset(root, _stage(dataset), dataset.id, dataset.form, about, blocks)
+    jobs = [(root, dataset, scores, signature) for dataset in datasets]
+    for _ in track(each(partial(starred, _write_one), jobs, workers), "datasets", len(jobs)):
+        pass
+
+
+def _write_one(root: Path, dataset: _Dataset, scores: tuple[float, float], signature: Signature) -> None:
+    worlds = dataset.sources[0].scenario
+    names = ", ".join(source.name for source in dataset.sources)
+    who = f"the policies {names}" if len(dataset.sources) > 1 else f"the policy {names}"
+    lowest, highest = scores
+    about = About(
+        scenario=worlds.scenario,
+        algorithm=names,
+        description=f"Episodes of {who} of bug_gym in worlds of the scenario {worlds.label}, seeds "
+        f"{worlds.seeds[0]} to {worlds.seeds[-1]}; observations as {dataset.form}.",
+        identity=dataset.identity(),
+        lowest=lowest,
+        highest=highest,
+        scored=min(SCORED, len(worlds.seeds)),
+        expert=dataset.expert,
+        **signature._asdict(),
+    )
+    blocks = itertools.chain.from_iterable(source.demonstrations() for source in dataset.sources)
+    write_dataset(root, _stage(dataset), dataset.id, dataset.form, about, blocks)
 
 
 def _stage(dataset: _Dataset) -> Path:
-    return dataset.sources[0].folder.parent / "staged"
-
-
-def _score(source: _Source) -> float:
-    """The mean return in the first worlds."""
-    returns = [Demonstrations.read(path, seeds).returns() for path, seeds in source.first().blocks()]
-    return float(np.mean(np.concatenate(returns)[:SCORED]))
+    """Where a dataset is put together, while others are."""
+    return dataset.sources[0].folder.parent / "staged" / Path(dataset.id).name

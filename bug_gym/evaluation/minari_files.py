@@ -168,7 +168,7 @@ def _add(file: EpisodeFile, driver: str, block: Demonstrations, table: tuple[Fie
     last = np.cumsum(block.steps)  # one past each episode's last step
     seen_last = last + np.arange(len(last))
     is_terminated = np.isin(block.outcomes, (kernels.SUCCESS, kernels.COLLISION))
-    in_steps = {
+    in_steps: Arrays = {
         "actions": block.actions,
         "rewards": block.rewards,
         "terminations": _true_at(last[is_terminated] - 1, len(block.actions)),
@@ -199,7 +199,7 @@ def _cut(arrays: Arrays, part: slice) -> dict[str, Any]:
 
 
 def _infos(block: Demonstrations, last: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
-    """What infos hold (T + n,): after the reset and after each step, but for the mode, which is that of the next decision.
+    """What infos hold (T + n,): after the reset and after each step; mode, hit and leave point are of the next decision.
 
     Args:
         block: the episodes.
@@ -213,7 +213,9 @@ def _infos(block: Demonstrations, last: NDArray[np.int64]) -> dict[str, NDArray[
         infos["shortest_path_length"] = np.repeat(block.shortest, block.steps + 1)
     if len(block.modes):
         ends = np.cumsum(block.steps)
-        infos["mode"] = np.insert(block.modes, ends, block.modes[ends - 1])
+        last_twice = np.insert(np.arange(len(block.modes)), ends, ends - 1)
+        infos["mode"] = block.modes[last_twice]
+        infos["hit_point"], infos["leave_point"] = block.points[last_twice].swapaxes(0, 1)
     return infos
 
 

@@ -31,7 +31,7 @@ def episode(steps: int) -> dict[str, Any]:
     looks = steps + 1
     return {
         "observations": {
-            name: draw.random((looks, *space.shape), dtype=np.float32) for name, space in SPACE.spaces.items()
+            name: draw.random((looks, *(space.shape or ())), dtype=np.float32) for name, space in SPACE.spaces.items()
         },
         "actions": draw.random((looks, 4), dtype=np.float32)[1:, ::2],  # not one piece of memory
         "rewards": draw.random(steps),
