@@ -29,7 +29,7 @@ from bug_gym.agents.outside import (
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.agents.sight import require_sight
 from bug_gym.naming import nearest_hint
-from bug_gym.policy import MisfitError, Policy, is_discrete, source_scenario
+from bug_gym.policy import MisfitError, Policy, ScriptedPolicy, is_discrete, source_scenario
 from bug_gym.references import from_anywhere, is_reference, reference_of
 from bug_gym.team_policy import EachAlone, PeersAsMovers, TeamPolicy, agents_of, without_peers
 from bug_gym.view import Sensors
@@ -40,6 +40,7 @@ __all__ = [
     "Agent",
     "Spec",
     "agent",
+    "is_scripted",
     "known_agents",
     "make_policy",
     "outside_reference",
@@ -352,6 +353,11 @@ def reads_map(name: Any, parameters: Mapping[str, Any]) -> bool:
     if isinstance(name, type) or (isinstance(name, str) and outside_reference(name)):
         return bool(getattr(_entry(name)[0], "privileged", False)) and bool(parameters.get("known", True))
     return False
+
+
+def is_scripted(name: Any) -> bool:
+    """Whether a policy is a rule that decides for each robot by itself, from a name, a path or a class."""
+    return issubclass(_entry(name)[0], ScriptedPolicy)
 
 
 def _takes_maps(policy_class: type[Any], name: Any, parameters: Mapping[str, Any]) -> bool:

@@ -40,6 +40,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "bug-bounds": bug_family.bounds,
     "bug-no-way": bug_family.no_way,
     "cylinder-claims": bug_family.cylinder_claims,
+    "still-things": bug_family.still_things,
     "com1-rev3": bug_family.com1_rev3,
     "barn": bug_family.barn_worlds,
     "dynabarn": bug_family.dynabarn_worlds,

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
@@ -19,11 +20,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import bug_gym
 from bug_gym.checks import checked_count
 from bug_gym.config import load
-from bug_gym.evaluation.demonstrations import BLOCK, Demonstrations, Extras, demonstrate
+from bug_gym.evaluation.demonstrations import Demonstrations, Extras, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.minari_files import (
     FORMS,
@@ -38,14 +40,18 @@ from bug_gym.evaluation.minari_files import (
 )
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.progress import Track, progress_bar
+from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
 from bug_gym.evaluation.results_folder import differences
 from bug_gym.files import from_json, one_writer, released, replaced_when_done
 from bug_gym.workers import each, starred
 
-FLOOR = "random"
-"""The policy whose mean return is the lowest score."""
-EXPERT = "hd_bug_map"
-"""The policy whose mean return is the highest score, unless another is asked for."""
+SCORED = 100
+"""Worlds that the reference scores are taken of, the first ones."""
+BLOCK = 25
+"""Worlds that a scripted policy drives in one after the other: what a worker takes at a time, and what a kill can cost."""
+WIDE_BLOCK, WIDE_SLOTS = 300, 100
+"""Worlds in a block of policies that answer for many robots in one call, which pays, and how many of them are driven in side
+by side. Other numbers would change the last bits of what learned policies do."""
 MIXED = "mixed"
 """Name of the dataset with the episodes of all policies."""
 KEPT = ".collect"
@@ -77,15 +83,21 @@ class _Source(NamedTuple):
         """As it stands in the names of datasets and files."""
         return in_name(self.entry.label.removesuffix(" (privileged)"))
 
+    @property
+    def block(self) -> int:
+        """How many worlds a block has."""
+        return BLOCK if self.entry.is_scripted else WIDE_BLOCK
+
     def blocks(self) -> list[tuple[Path, range]]:
         """File and seeds of each block."""
         seeds = self.scenario.seeds
-        starts = range(0, len(seeds), BLOCK)
-        return [(self.folder / f"{number:06}.npz", seeds[n : n + BLOCK]) for number, n in enumerate(starts)]
+        parts = [seeds[first : first + self.block] for first in range(0, len(seeds), self.block)]
+        return [(self.folder / f"{part[0]}-{part[-1]}.npz", part) for part in parts]
 
     def first(self) -> _Source:
-        """The same with the first block only, which the scores are taken of."""
-        return self._replace(scenario=replace(self.scenario, seeds=self.scenario.seeds[:BLOCK]))
+        """The same with the first blocks only, in which a score's worlds are: a block is driven whole or not at all."""
+        blocks = math.ceil(SCORED / self.block)
+        return self._replace(scenario=replace(self.scenario, seeds=self.scenario.seeds[: blocks * self.block]))
 
     def identity(self) -> dict[str, Any]:
         """What the episodes are a function of."""
@@ -106,6 +118,25 @@ class _Source(NamedTuple):
         """The name and each block, read back."""
         for path, seeds in self.blocks():
             yield self.name, Demonstrations.read(path, seeds)
+
+
+class _Score(NamedTuple):
+    """What the mean return of a policy in the first worlds is taken of."""
+
+    name: str
+    """Of the policy."""
+    known: NDArray[np.float64] | None
+    """Its returns, where nobody has to drive for them."""
+    source: _Source | None
+    """Who drives for them, where somebody has to."""
+
+    def mean(self) -> float:
+        """The score, once its source has been driven."""
+        if self.known is not None:
+            return float(np.mean(self.known))
+        assert self.source is not None
+        returns = [Demonstrations.read(path, seeds).returns() for path, seeds in self.source.first().blocks()]
+        return float(np.mean(np.concatenate(returns)[:SCORED]))
 
 
 class _Dataset(NamedTuple):
@@ -176,20 +207,21 @@ def collect(
     root = Path(out).absolute()  # Minari joins a relative one to itself
     extras = extras or Extras()
     _required(scenario, overrides, extras, trust=trust)
-    plan = _planned(scenario, policies, episodes, seed, overrides, trust=trust)
-    ends = _planned(scenario, [FLOOR] if expert == FLOOR else [FLOOR, expert], episodes, seed, overrides, trust=trust)
+    plan = _planned(scenario, policies, episodes=episodes, seed=seed, overrides=overrides, trust=trust)
     sources = _sources(plan, root, extras)
-    scores = tuple(_of_scores(source, sources) for source in _sources(ends, root, extras))
-    datasets = _datasets(sources, forms, scores[-1].name)
+    planned = partial(_planned, scenario, episodes=episodes, seed=seed, overrides=overrides, trust=trust)
+    lowest, highest = (_score(PolicyEntry.of(policy), sources, planned) for policy in (FLOOR, expert))
+    datasets = _datasets(sources, forms, highest.name)
     with ExitStack() as stack:
         root.mkdir(parents=True, exist_ok=True)
         stack.enter_context(one_writer(root))
         track = stack.enter_context(progress_bar(shown=progress))
         missing = [dataset for dataset in datasets if not _is_there(root, dataset)]
         if missing:
-            needed = {source.folder: source for source in (*scores, *_needed(missing))}  # those of datasets are longer
+            drivers = [score.source for score in (lowest, highest) if score.source is not None]
+            needed = {source.folder: source for source in (*drivers, *_needed(missing))}  # those of datasets are longer
             _drive(list(needed.values()), workers, track)
-            _write(root, missing, scores, signature or Signature(), track)
+            _write(root, missing, (lowest.mean(), highest.mean()), signature or Signature(), workers, track)
         shutil.rmtree(_kept(root, plan), ignore_errors=True)
         with suppress(OSError):  # another scenario's blocks may be there
             (root / KEPT).rmdir()
@@ -211,7 +243,7 @@ def _required(scenario: Any, overrides: Mapping[str, Any] | None, extras: Extras
 
 
 def _planned(
-    scenario: Any, policies: Any, episodes: int, seed: int, overrides: Mapping[str, Any] | None, *, trust: bool
+    scenario: Any, policies: Any, *, episodes: int, seed: int, overrides: Mapping[str, Any] | None, trust: bool
 ) -> Plan:
     """The policies in their worlds, each tried once."""
     plan = make_plan(policies, [scenario], episodes=episodes, seed=seed, overrides=overrides, trust=trust)
@@ -234,17 +266,22 @@ def _sources(plan: Plan, root: Path, extras: Extras) -> list[_Source]:
     return [source._replace(folder=_kept(root, plan) / source.name) for source in sources]
 
 
-def _of_scores(source: _Source, sources: Sequence[_Source]) -> _Source:
-    """The source of a score: a policy that is collected anyway, or one for the first worlds alone."""
+def _score(entry: PolicyEntry, sources: Sequence[_Source], planned: Callable[[Any], Plan]) -> _Score:
+    """The score of a policy that is collected anyway, whose returns are known, or that drives for it alone."""
 
-    def driver(of: _Source) -> tuple[str, dict[str, Any]]:
-        return of.entry.name, dict(of.entry.parameters)
+    def driver(of: PolicyEntry) -> tuple[str, dict[str, Any]]:
+        return of.name, dict(of.parameters)
 
-    same = [other for other in sources if driver(other) == driver(source)]
-    if same:
-        return same[0]
-    alone = source.first()
-    return alone._replace(folder=alone.folder.with_name(f"{alone.name}.score"), extras=Extras())
+    (one, *_) = sources
+    for source in sources:
+        if driver(source.entry) == driver(entry):
+            return _Score(source.name, None, source)
+    known = known_returns(entry, replace(one.scenario, seeds=one.scenario.seeds[:SCORED]))
+    if known is not None:
+        return _Score(in_name(entry.label), known, None)
+    (tried,) = planned([entry]).policies
+    alone = one._replace(entry=tried, extras=Extras()).first()
+    return _Score(alone.name, None, alone._replace(folder=one.folder.with_name(f"{alone.name}.score")))
 
 
 def _datasets(sources: Sequence[_Source], forms: Sequence[str], expert: str) -> list[_Dataset]:
@@ -299,7 +336,8 @@ def _drive(sources: Sequence[_Source], workers: int, track: Track[Any]) -> None:
 
 
 def _drive_block(source: _Source, path: Path, seeds: range) -> None:
-    demonstrate(source.entry, source.scenario, seeds, source.extras).write(path)
+    slots = None if source.entry.is_scripted else WIDE_SLOTS
+    demonstrate(source.entry, source.scenario, seeds, source.extras, slots=slots).write(path)
 
 
 def _agree(source: _Source) -> None:
@@ -319,36 +357,41 @@ def _agree(source: _Source) -> None:
 
 
 def _write(
-    root: Path, datasets: Sequence[_Dataset], scores: Sequence[_Source], signature: Signature, track: Track[Any]
+    root: Path,
+    datasets: Sequence[_Dataset],
+    scores: tuple[float, float],
+    signature: Signature,
+    workers: int,
+    track: Track[Any],
 ) -> None:
-    """Put the datasets together, one after the other."""
-    lowest, highest = (_score(source) for source in (scores[0], scores[-1]))
+    """Put the datasets together; the scores are the lowest and the highest one."""
     write_namespaces(root, datasets[0].sources[0].scenario.label)
-    for dataset in track(datasets, "datasets", len(datasets)):
-        worlds = dataset.sources[0].scenario
-        names = ", ".join(source.name for source in dataset.sources)
-        who = f"the policies {names}" if len(dataset.sources) > 1 else f"the policy {names}"
-        about = About(
-            scenario=worlds.scenario,
-            algorithm=names,
-            description=f"Episodes of {who} of bug_gym in worlds of the scenario {worlds.label}, seeds "
-            f"{worlds.seeds[0]} to {worlds.seeds[-1]}; observations as {dataset.form}.",
-            identity=dataset.identity(),
-            lowest=lowest,
-            highest=highest,
-            scored=len(scores[0].first().scenario.seeds),
-            expert=dataset.expert,
-            **signature._asdict(),
-        )
-        blocks = itertools.chain.from_iterable(source.demonstrations() for source in dataset.sources)
-        write_dataset(root, _stage(dataset), dataset.id, dataset.form, about, blocks)
+    jobs = [(root, dataset, scores, signature) for dataset in datasets]
+    for _ in track(each(partial(starred, _write_one), jobs, workers), "datasets", len(jobs)):
+        pass
+
+
+def _write_one(root: Path, dataset: _Dataset, scores: tuple[float, float], signature: Signature) -> None:
+    worlds = dataset.sources[0].scenario
+    names = ", ".join(source.name for source in dataset.sources)
+    who = f"the policies {names}" if len(dataset.sources) > 1 else f"the policy {names}"
+    lowest, highest = scores
+    about = About(
+        scenario=worlds.scenario,
+        algorithm=names,
+        description=f"Episodes of {who} of bug_gym in worlds of the scenario {worlds.label}, seeds "
+        f"{worlds.seeds[0]} to {worlds.seeds[-1]}; observations as {dataset.form}.",
+        identity=dataset.identity(),
+        lowest=lowest,
+        highest=highest,
+        scored=min(SCORED, len(worlds.seeds)),
+        expert=dataset.expert,
+        **signature._asdict(),
+    )
+    blocks = itertools.chain.from_iterable(source.demonstrations() for source in dataset.sources)
+    write_dataset(root, _stage(dataset), dataset.id, dataset.form, about, blocks)
 
 
 def _stage(dataset: _Dataset) -> Path:
-    return dataset.sources[0].folder.parent / "staged"
-
-
-def _score(source: _Source) -> float:
-    """The mean return in the first block."""
-    ((path, seeds), *_) = source.blocks()
-    return float(np.mean(Demonstrations.read(path, seeds).returns()))
+    """Where a dataset is put together, while others are."""
+    return dataset.sources[0].folder.parent / "staged" / Path(dataset.id).name

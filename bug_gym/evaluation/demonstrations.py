@@ -24,14 +24,12 @@ from bug_gym.episodes import Episodes
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import prepared
 from bug_gym.files import replaced_when_done
-from bug_gym.geometry import F32
+from bug_gym.geometry import F32, Point
 from bug_gym.policy import Policy
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 from bug_gym.view import Sensors
 
-BLOCK = 100
-"""Worlds that are driven together: what a kill can cost a worker, and what the reference scores are taken of."""
 SLOTS = 50
 """Worlds side by side. Another number would change the last bits of what learned policies do."""
 
@@ -41,6 +39,8 @@ GAVE_UP = ENDINGS.index("gave_up")
 
 MODE = np.dtype("S32")
 """The state of a policy's state machine; longer names are cut."""
+NOWHERE = (math.nan, math.nan)
+"""A hit or leave point that there is not."""
 FAR_APART = 20
 """Bits that lie between the draws of the random policy in two worlds: 2^19 steps of two draws."""
 
@@ -63,6 +63,8 @@ class Demonstrations:
     """Rewards (T,)."""
     modes: NDArray[np.bytes_]
     """State of the policy when it decided (T,), or (0,) where nobody asked."""
+    points: F32
+    """Its last hit point and its last leave point then (T, 2, 2), odometry frame [m], or (0, 2, 2); NaN where there is none."""
     shortest: NDArray[np.float64]
     """Length of the shortest path of each world (n,) [m], or (0,) where nobody asked."""
 
@@ -84,6 +86,7 @@ class Demonstrations:
                 self.actions[taken],
                 self.rewards[taken],
                 self.modes[taken],
+                self.points[taken],
                 self.shortest[one],
             )
 
@@ -120,7 +123,7 @@ class Extras(NamedTuple):
     """What else is recorded."""
 
     modes: bool = False
-    """The policy's state at each decision."""
+    """The policy's state at each decision, and its last hit and leave points."""
     shortest_path: bool = False
     """The length of the shortest path of each world, which takes time."""
 
@@ -139,7 +142,12 @@ class RandomByWorld(Random):
 
 
 def demonstrate(
-    entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras | None = None
+    entry: PolicyEntry,
+    scenario: ScenarioEntry,
+    seeds: Sequence[int],
+    extras: Extras | None = None,
+    *,
+    slots: int | None = None,
 ) -> Demonstrations:
     """Drive a policy in a block of worlds with one robot each, an episode a world.
 
@@ -150,8 +158,9 @@ def demonstrate(
         scenario: the scenario.
         seeds: one a world.
         extras: what else is recorded.
+        slots: worlds side by side; None: SLOTS.
     """
-    recording = _Recording(entry, scenario, seeds, extras or Extras())
+    recording = _Recording(entry, scenario, seeds, extras or Extras(), SLOTS if slots is None else slots)
     while not recording.is_over:
         recording.advance()
     return recording.demonstrations()
@@ -160,6 +169,13 @@ def demonstrate(
 def _made(entry: PolicyEntry, simulation: Simulation) -> Policy:
     policy = entry.make(simulation)
     return RandomByWorld(simulation, **entry.parameters) if type(policy) is Random else policy
+
+
+def _last_points(memory: Any) -> tuple[Point, Point]:
+    """Where a policy last hit and last left a boundary, by its memory, or by that of the bug that works for it."""
+    bug = getattr(memory, "follow", None) or memory
+    hit, leave = (getattr(bug, name, None) or [NOWHERE] for name in ("hits", "leaves"))
+    return hit[-1], leave[-1]
 
 
 class _Taken(NamedTuple):
@@ -175,14 +191,18 @@ class _Taken(NamedTuple):
     """(k,)."""
     modes: NDArray[np.bytes_]
     """(k,), or (0,)."""
+    points: F32
+    """(k, 2, 2), or (0, 2, 2)."""
 
 
 class _Recording:
     """A block as it is driven; see `demonstrate`."""
 
-    def __init__(self, entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras) -> None:
+    def __init__(
+        self, entry: PolicyEntry, scenario: ScenarioEntry, seeds: Sequence[int], extras: Extras, slots: int
+    ) -> None:
         make = partial(_made, entry)
-        self._simulation, _, self._driver = prepared(make, scenario, min(SLOTS, len(seeds)), at_once=True)
+        self._simulation, _, self._driver = prepared(make, scenario, min(slots, len(seeds)), at_once=True)
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
@@ -207,25 +227,28 @@ class _Recording:
         numbers, seen = self._episodes.number[rows], before[rows]
         decided, _ = self._driver.decide(before, rows)
         given_up = self._decide(rows, decided)
-        modes = self._modes(rows)
+        modes, points = self._states(rows if self._extras.modes else rows[:0])
         self._episodes.step(self._actions[:, None])
         actions, rewards = self._actions[rows], self._episodes.reward[rows, 0]
-        self._taken.append(_Taken(numbers, seen, actions, rewards, modes))
+        self._taken.append(_Taken(numbers, seen, actions, rewards, modes, points))
         self._end(rows, given_up)
 
     def _decide(self, rows: NDArray[np.int64], decided: NDArray[Any]) -> list[int]:
         """Take over the actions; returns the rows whose policy gives up and stands."""
         chosen = self._discrete_actions[decided] if decided.dtype.kind in "iu" else decided
         self._actions[rows] = np.clip(np.asarray(chosen, dtype=np.float32), -1.0, 1.0)
+        if not self._driver.has_memories:
+            return []
         given_up = [row for row in rows.tolist() if getattr(self._driver.memory(row), "verdict", "")]
         self._actions[given_up] = self._standing
         return given_up
 
-    def _modes(self, rows: NDArray[np.int64]) -> NDArray[np.bytes_]:
-        if not self._extras.modes:
-            return np.zeros(0, dtype=MODE)
-        names = [str(getattr(self._driver.memory(row), "mode", "")) for row in rows.tolist()]
-        return np.array([name.encode("ascii", "replace") for name in names], dtype=MODE)
+    def _states(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.bytes_], F32]:
+        """The modes (k,) of the policy in some rows, and its last hit and leave points (k, 2, 2)."""
+        memories = [self._driver.memory(row) for row in rows.tolist()]
+        names = [str(getattr(memory, "mode", "")).encode("ascii", "replace") for memory in memories]
+        points = np.array([_last_points(memory) for memory in memories], dtype=np.float32)
+        return np.array(names, dtype=MODE), points.reshape(-1, 2, 2)
 
     def _end(self, rows: NDArray[np.int64], given_up: Sequence[int]) -> None:
         """Keep how the episodes ended that did with this step, and begin the next ones."""
@@ -248,10 +271,15 @@ class _Recording:
 
     def demonstrations(self) -> Demonstrations:
         """All that was recorded, episode by episode."""
-        numbers, seen, actions, rewards, modes = (np.concatenate(parts) for parts in zip(*self._taken, strict=True))
+        parts = (np.concatenate(parts) for parts in zip(*self._taken, strict=True))
+        numbers, seen, actions, rewards, modes, points = parts
         order = np.argsort(numbers, kind="stable")  # within an episode by time
         steps = np.bincount(numbers, minlength=len(self._seeds))
-        observations = np.insert(seen[order], np.cumsum(steps), self._last, axis=0)
+        place = np.empty_like(numbers)
+        place[order] = np.arange(len(numbers)) + numbers[order]  # behind the last observation of each earlier episode
+        observations = np.empty((len(seen) + len(steps), seen.shape[1]), dtype=np.float32)
+        observations[place] = seen
+        observations[np.cumsum(steps) + np.arange(len(steps))] = self._last
         return Demonstrations(
             np.array(self._seeds, dtype=np.int64),
             steps.astype(np.int64),
@@ -260,5 +288,6 @@ class _Recording:
             actions[order],
             rewards[order],
             modes[order] if self._extras.modes else modes,
+            points[order] if self._extras.modes else points,
             self._shortest,
         )

@@ -9,11 +9,11 @@ from pathlib import Path
 from types import NoneType
 from typing import Any
 
-from bug_gym.agents import Spec, make_policy, outside_reference, reads_map
+from bug_gym.agents import Spec, is_scripted, make_policy, outside_reference, reads_map
 from bug_gym.agents.outside import imported_class, is_object, required_policy
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
-from bug_gym.policy import Policy
+from bug_gym.policy import Policy, ScriptedPolicy
 from bug_gym.references import code_digest, reference_of
 from bug_gym.simulation import Simulation
 
@@ -89,6 +89,11 @@ class PolicyEntry:
         if self.policy is not None:
             return bool(getattr(self.policy, "privileged", False))
         return reads_map(self._made_of, self.parameters)
+
+    @property
+    def is_scripted(self) -> bool:
+        """Whether the policy is a rule that decides for each robot by itself."""
+        return isinstance(self.policy, ScriptedPolicy) if self.policy is not None else is_scripted(self._made_of)
 
     @property
     def code(self) -> str:

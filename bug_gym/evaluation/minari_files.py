@@ -1,13 +1,13 @@
 """Datasets as Minari keeps them: written from demonstrations, and opened with what they must be checked for.
 
-Minari is the extra `data`. Its own collector wraps one env; here whole blocks of episodes go into its storage.
+Minari is the extra `data`. Its own collector wraps one env; here whole blocks of episodes go into a file of its layout.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, metadata
@@ -16,12 +16,14 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 import bug_gym
 from bug_gym import kernels
 from bug_gym.checks import install_command
 from bug_gym.config import Scenario, dump
 from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations
+from bug_gym.evaluation.episode_file import Arrays, EpisodeFile
 from bug_gym.files import from_json, moved_when_done, released, replaced_when_done
 from bug_gym.observation import Field, as_dict
 from bug_gym.observation import fields as observation_fields
@@ -122,12 +124,14 @@ def write_dataset(
             action_space=env.action_space,
             data_format="hdf5",
         )
-        storage.update_metadata({"dataset_id": name, "minari_version": minari.__version__, **_told(about)})
-        drivers: list[str] = []
-        for driver, block in blocks:
-            storage.update_episodes(_buffers(block, table, form))
-            drivers += [driver] * len(block.seeds)
-        storage.update_episode_metadata({"policy": driver} for driver in drivers)
+        episodes, steps = 0, 0
+        with EpisodeFile(folder / "data" / MAIN) as file:
+            for driver, block in blocks:
+                _add(file, driver, block, table, form)
+                episodes, steps = episodes + len(block.seeds), steps + len(block.actions)
+        counts = {"total_episodes": episodes, "total_steps": steps}
+        storage.update_metadata({"dataset_id": name, "minari_version": minari.__version__, **_told(about), **counts})
+        storage.update_metadata({"dataset_size": storage.get_size()})
     env.close()
 
 
@@ -159,35 +163,59 @@ def _authors() -> str:
         return "bug_gym"
 
 
-def _buffers(block: Demonstrations, table: tuple[Field, ...], form: str) -> Iterator[Any]:
-    """The episodes as Minari takes them."""
-    from minari.data_collector.episode_buffer import EpisodeBuffer
+def _add(file: EpisodeFile, driver: str, block: Demonstrations, table: tuple[Field, ...], form: str) -> None:
+    """Add the episodes of a block, cut out of arrays of all their steps (T,) and all that was seen (T + n,)."""
+    last = np.cumsum(block.steps)  # one past each episode's last step
+    seen_last = last + np.arange(len(last))
+    is_terminated = np.isin(block.outcomes, (kernels.SUCCESS, kernels.COLLISION))
+    in_steps: Arrays = {
+        "actions": block.actions,
+        "rewards": block.rewards,
+        "terminations": _true_at(last[is_terminated] - 1, len(block.actions)),
+        "truncations": _true_at(last[~is_terminated] - 1, len(block.actions)),
+    }
+    seen: Arrays = {
+        "observations": as_dict(block.observations, table) if form == "dict" else block.observations,
+        "infos": _infos(block, seen_last),
+    }
+    for seed, steps, end, seen_end in zip(
+        *(a.tolist() for a in (block.seeds, block.steps, last, seen_last)), strict=True
+    ):
+        told = {"seed": seed, "total_steps": steps, "policy": driver}
+        file.add(told, _cut(seen, slice(seen_end - steps, seen_end + 1)) | _cut(in_steps, slice(end - steps, end)))
 
-    for episode in block.episodes():
-        steps, outcome = len(episode.actions), int(episode.outcomes[0])
-        is_last = np.arange(steps) == steps - 1
-        is_terminated = outcome in (kernels.SUCCESS, kernels.COLLISION)
-        yield EpisodeBuffer(
-            seed=int(episode.seeds[0]),
-            observations=as_dict(episode.observations, table) if form == "dict" else episode.observations,
-            actions=episode.actions,
-            rewards=episode.rewards,
-            terminations=is_last & is_terminated,
-            truncations=is_last & (not is_terminated),
-            infos=_infos(episode, outcome),
-        )
+
+def _true_at(places: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
+    values = np.zeros(count, dtype=np.bool_)
+    values[places] = True
+    return values
 
 
-def _infos(episode: Demonstrations, outcome: int) -> dict[str, Any]:
-    """What infos hold (T + 1,): after the reset and after each step, but for the mode, which is that of the next decision."""
-    count = len(episode.observations)
+def _cut(arrays: Arrays, part: slice) -> dict[str, Any]:
+    """A part of each of some arrays."""
+    return {
+        name: _cut(values, part) if isinstance(values, Mapping) else values[part] for name, values in arrays.items()
+    }
+
+
+def _infos(block: Demonstrations, last: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    """What infos hold (T + n,): after the reset and after each step; mode, hit and leave point are of the next decision.
+
+    Args:
+        block: the episodes.
+        last: where each one's last observation lies (n,).
+    """
+    count = len(block.observations)
     codes = np.zeros(count, dtype=np.int8)
-    codes[-1] = outcome
-    infos: dict[str, Any] = {"outcome": codes, "collision": codes == kernels.COLLISION}
-    if len(episode.shortest):
-        infos["shortest_path_length"] = np.full(count, episode.shortest[0])
-    if len(episode.modes):
-        infos["mode"] = np.append(episode.modes, episode.modes[-1:])
+    codes[last] = block.outcomes
+    infos: dict[str, NDArray[Any]] = {"outcome": codes, "collision": codes == kernels.COLLISION}
+    if len(block.shortest):
+        infos["shortest_path_length"] = np.repeat(block.shortest, block.steps + 1)
+    if len(block.modes):
+        ends = np.cumsum(block.steps)
+        last_twice = np.insert(np.arange(len(block.modes)), ends, ends - 1)
+        infos["mode"] = block.modes[last_twice]
+        infos["hit_point"], infos["leave_point"] = block.points[last_twice].swapaxes(0, 1)
     return infos
 
 

@@ -57,6 +57,11 @@ class _OneByOne:
     def begin(self, robot: int) -> None:
         self._memories[robot] = (self._policy.begin(robot),) if isinstance(self._policy, Planner) else None
 
+    @property
+    def has_memories(self) -> bool:
+        """Whether `memory` tells of any robot."""
+        return True
+
     def memory(self, robot: int) -> Any:
         memories = self._memories[robot]
         return memories[0] if memories else None
@@ -86,10 +91,13 @@ class _AllAtOnce:
     def begin(self, robot: int) -> None:
         self._starts[robot] = True
 
+    @property
+    def has_memories(self) -> bool:
+        """Whether `memory` tells of any robot: a recurrent policy's state is a tuple too, of arrays for all together."""
+        return isinstance(self._state, tuple) and len(self._state) == len(self._starts)
+
     def memory(self, robot: int) -> Any:
-        # A recurrent policy's state is a tuple too: of arrays for all robots together.
-        is_one_each = isinstance(self._state, tuple) and len(self._state) == len(self._starts)
-        return self._state[robot] if is_one_each and self._state else None
+        return self._state[robot] if self.has_memories and self._state else None
 
     def decide(self, observation: F32, robots: NDArray[np.int64]) -> tuple[NDArray[Any], list[float]]:
         """Actions (k, ...) of some robots and each one's share of the time that the call took [s]."""
@@ -112,6 +120,11 @@ class _Together:
         robots = self._policy.robots
         if robot % robots == 0:  # the robots of a world begin together
             self._memories[robot : robot + robots] = self._policy.started(1)
+
+    @property
+    def has_memories(self) -> bool:
+        """Whether `memory` tells of any robot."""
+        return True
 
     def memory(self, robot: int) -> Any:
         return self._memories[robot]

@@ -23,6 +23,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.policy import MisfitError
+from bug_gym.references import is_reference
 from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
@@ -111,7 +112,8 @@ def reproduce(settings: Settings) -> Reproduction:
     seeds = range(settings.seeds or SEEDS)
     policies = settings.policies or POLICIES
     for policy in policies:
-        agent(policy)  # an unknown one is found out before the work
+        if not is_reference(policy):
+            agent(policy)  # an unknown one is found out before the work
     blocks = [seeds[first : first + BLOCK] for first in range(0, len(seeds), BLOCK)]
     jobs = [(policy, block) for block in blocks for policy in policies]
     with progress_bar(shown=settings.progress) as track:

@@ -262,6 +262,33 @@ def cylinder_claims(found: Record) -> Page:
     )
 
 
+def still_things(found: Record) -> Page:
+    """Contacts with what stands still, by policy and by kind of world and robot."""
+    policies, kinds, touched = found["policies"], found["kinds"], found["touched"]
+    header = list(next(iter(policies.values())))
+    driven = sum(one["driven"] for one in policies.values())
+    contacts = [f"`{one['policy']}` ({one['world']}, seed {one['seed']})" for one in touched]
+    told = f": {listed(contacts[:12])}{', and others' if len(contacts) > 12 else ''}." if contacts else "."
+    return Page(
+        [
+            table(
+                f"{found['seeds']} worlds, each with a robot of its own",
+                ["policy", *header],
+                [[f"`{name}`", *map(str, one.values())] for name, one in policies.items()],
+            ),
+            table(
+                "All policies together, by kind of world and robot",
+                ["", "", *header],
+                [[title, name, *map(str, one.values())] for title, some in kinds.items() for name, one in some.items()],
+            ),
+        ],
+        f"{driven:,} episodes, {len(touched)} contacts{told} An episode ends after a minute, which is short for a maze: "
+        "whether a policy arrives is asked elsewhere. Robots that a scripted policy is shown too little to drive, such as "
+        "holonomic ones with a blind side, are refused in one line when it is made.",
+        [("nobody touches what stands still", not touched)],
+    )
+
+
 def barn_worlds(found: Record) -> Page:
     """The BARN benchmark for all robots."""
     results = found["results"]

@@ -30,6 +30,7 @@ SHORT = {"lidar.beams": 16, "time.limit": 12.0}
 SEEDS = range(5, 11)
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
 FOLDER = "bug_gym/dynamic"
+CODE = "https://example.org/code/tree/abc"
 
 
 def short(seeds: range = SEEDS) -> ScenarioEntry:
@@ -69,16 +70,20 @@ def test_recorded_actions_give_what_was_recorded_in_a_lone_env(name: str) -> Non
         assert info["outcome"] == ENDINGS[episode.outcomes[0]]
 
 
-def test_the_actions_are_those_of_the_policy_asked_alone() -> None:
+def test_actions_and_states_are_those_of_the_policy_asked_alone() -> None:
     found = demonstrate(PolicyEntry.of("bug2"), short(), SEEDS, Extras(modes=True))
+    assert (~np.isnan(found.points)).any(axis=(0, 2)).all()  # it has hit and left something
     env = gym.make("BugGym/Dynamic-v0", overrides=SHORT)
     policy = make_policy("bug2", env)
     for episode in found.episodes():
         seen, _ = env.reset(seed=int(episode.seeds[0]))
         state: Any = None
-        for recorded, mode in zip(episode.actions, episode.modes, strict=True):
+        for recorded, mode, points in zip(episode.actions, episode.modes, episode.points, strict=True):
             action, state = policy.predict(seen, state)
             assert np.array_equal(action, recorded) and state[0].mode.encode() == mode
+            for point, places in zip(points, (state[0].hits, state[0].leaves), strict=True):
+                last = places[-1] if places else (np.nan, np.nan)
+                assert np.array_equal(point, np.array(last, dtype=np.float32), equal_nan=True)
             seen, *_ = env.step(action)
 
 
@@ -129,7 +134,7 @@ def test_blocks_are_read_as_they_were_written_and_a_damaged_one_is_told_of(tmp_p
     found.write(path)
     again = Demonstrations.read(path, SEEDS[:2])
     for name, values in vars(found).items():
-        assert np.array_equal(values, getattr(again, name)), name
+        np.testing.assert_array_equal(values, getattr(again, name), err_msg=name)
     with pytest.raises(ValueError, match="is of other worlds, expected seeds 0 to 1"):
         Demonstrations.read(path, range(2))
     path.write_bytes(path.read_bytes()[:-100])
@@ -152,7 +157,7 @@ def root(minari: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of datasets."""
     out: Path = tmp_path_factory.mktemp("datasets")
     extras = Extras(modes=True, shortest_path=True)
-    names = collected(out, extras=extras, signature=collection.Signature("Jane Doe", "jane@example.org"))
+    names = collected(out, extras=extras, signature=collection.Signature("Jane Doe", "jane@example.org", CODE))
     forms = ("", "_flat")
     assert names == [f"{FOLDER}/{name}{form}-v0" for name in ("bug2", "random", "mixed") for form in forms]
     return out
@@ -183,7 +188,10 @@ def test_minari_replays_each_episode_in_the_env_that_it_recovers(name: str, know
         assert same(seen, at(episode.observations, len(episode)))
         assert ENDINGS[episode.infos["outcome"][-1]] == info["outcome"]
         assert episode.infos["collision"].tolist() == [False] * len(episode) + [info["collision"]]
-        assert len(episode.infos["mode"]) == len(episode) + 1
+        for name, shape in (("mode", ()), ("hit_point", (2,)), ("leave_point", (2,))):
+            values = episode.infos[name]
+            assert values.shape == (len(episode) + 1, *shape)
+            assert np.array_equal(values[-1], values[-2], equal_nan=name != "mode")
 
 
 def at(observations: Any, number: int) -> Any:
@@ -205,6 +213,7 @@ def test_metadata_are_complete(known: Path, minari: Any) -> None:
     told = dataset.storage.metadata
     assert (told["algorithm_name"], told["expert_policy"]) == ("bug2", "bug2")
     assert (told["author"], told["author_email"]) == ({"Jane Doe"}, {"jane@example.org"})
+    assert told["code_permalink"] == CODE
     assert told["requirements"] == [f"bug-gym=={bug_gym.__version__}"]
     assert told["num_episodes_average_score"] == told["total_episodes"] == len(SEEDS)
     assert told["outcomes"] == list(ENDINGS) and "seeds 5 to 10" in told["description"]
@@ -217,6 +226,33 @@ def test_the_random_policy_scores_0_and_the_expert_1(known: Path, minari: Any) -
         dataset = minari.load_dataset(f"{FOLDER}/{name}_flat-v0")
         returns = np.array([episode.rewards.sum() for episode in dataset])
         assert minari.get_normalized_score(dataset, returns).mean() == pytest.approx(score, abs=1e-9)
+
+
+@pytest.mark.parametrize("policies", [["bug2", "random"], ["bug2"]])
+def test_scores_are_of_the_first_worlds_however_blocks_lie(
+    policies: list[str], minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(collection, "BLOCK", 2)
+    monkeypatch.setattr(collection, "SCORED", 3)
+    (name, *_) = collected(tmp_path, policies, forms=["flat"])
+    told = open_dataset(tmp_path / name).storage.metadata
+    floor = demonstrate(PolicyEntry.of("random"), short(SEEDS[:3]), SEEDS[:3])
+    assert (told["ref_min_score"], told["num_episodes_average_score"]) == (floor.returns().mean(), 3)
+
+
+def test_known_returns_save_driving_and_change_no_byte(
+    minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments: dict[str, Any] = {"episodes": 2, "seed": 1, "overrides": None, "expert": "hd_bug_map", "forms": ["flat"]}
+    with monkeypatch.context() as patched:
+        driven = stopped_after(99, patched)
+        collected(tmp_path / "known", ["bug2"], **arguments)
+    assert [name for name, _ in driven] == ["bug2"]
+    monkeypatch.setattr(collection, "known_returns", lambda *_: None)
+    driven = stopped_after(99, monkeypatch)
+    collected(tmp_path / "driven", ["bug2"], **arguments)
+    assert sorted(name for name, _ in driven) == ["bug2", "hd_bug_map", "random"]
+    assert files_of(tmp_path / "known") == files_of(tmp_path / "driven")
 
 
 def test_the_mixed_dataset_has_all_episodes_and_says_whose_they_are(known: Path, minari: Any) -> None:
@@ -265,6 +301,12 @@ def test_the_same_seed_gives_the_same_bytes_stopped_or_not(
     collected(tmp_path / "another", seed=SEEDS[0] + 1)
     name = f"{FOLDER}/bug2-v0/data/main_data.hdf5"
     assert files_of(tmp_path / "another")[name] != files_of(tmp_path / "whole")[name]
+
+
+def test_several_workers_write_the_same_bytes(minari: Any, tmp_path: Path) -> None:
+    for workers in (1, 2):
+        collected(tmp_path / str(workers), ["bug2"], workers=workers, episodes=2)
+    assert files_of(tmp_path / "1") == files_of(tmp_path / "2")
 
 
 def test_a_stop_while_datasets_are_written_leaves_whole_ones(
