@@ -112,6 +112,17 @@ def test_each_scenario_has_its_page_with_its_numbers(name: str, scenarios: Mappi
     assert f"after {scenario.time.limit:g} s" in text
 
 
+def test_each_scenario_is_shown_by_a_scripted_policy_and_a_trained_one() -> None:
+    pytest.importorskip("pygame", reason="pygame comes with the extra `render`")
+    pictures = part("site_pages.pictures")
+    blind = {name for name in scenario_names() if not pictures.trained_for(name)}
+    assert blind == {"terrain"}, "learned policies see no terrain"
+    assert {pictures.scripted_for(name) for name in scenario_names()} == {"tangent_bug", "com1_rev3", "orca"}
+    assert pictures.trained_for("static") == [("ppo_mixed", {})]
+    (_, overrides), *_ = pictures.trained_for("rooms")
+    assert load("rooms", overrides).robot == load("static").robot
+
+
 def test_each_registered_id_stands_on_a_page(scenarios: Mapping[str, str]) -> None:
     everything = "\n".join(scenarios.values())
     for base in bug_gym.SCENARIOS_BY_ID:
