@@ -77,6 +77,12 @@ def test_list_names_all_scenarios_policies_and_suites(capsys: pytest.CaptureFixt
     assert {*scenario_names(), *policy_names(), *suite_names()} <= set(words)
 
 
+@pytest.mark.parametrize("kind", ["scenarios", "suites", "trainings", "sweeps"])
+def test_each_file_is_listed_by_a_whole_sentence(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["list", kind])
+    assert all(line.endswith(".") for line in capsys.readouterr().out.splitlines()[1:])
+
+
 def test_list_of_one_kind_names_no_other(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "suites"]) == 0
     lines = capsys.readouterr().out.splitlines()
