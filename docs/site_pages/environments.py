@@ -24,10 +24,10 @@ Captions = Mapping[str, Sequence[tuple[str, str]]]
 
 HEAD = """# Environments
 
-Each scenario below comes with the package: `gym.make("BugGym/Navigation-v0", scenario=NAME)`, or, of one robot, by an id of its own. Its page
-says what the code says: robot, sensors, spaces, reward. What the families of worlds may be: [worlds](../worlds.md); how
-to write a scenario of your own: [scenarios](../guide/scenarios.md); faces for many worlds and several robots:
-[environments](../guide/environments.md); the single environment: [NavigationEnv](navigation_env.md).
+Each scenario below comes with the package: `gym.make("BugGym/Navigation-v0", scenario=NAME)` or, with one robot, an id of
+its own. Its page says what the code says: robot, sensors, spaces, reward. What the families of worlds may be:
+[worlds](../worlds.md); how to write a scenario of your own: [scenarios](../guide/scenarios.md); faces for many worlds and
+several robots: [environments](../guide/environments.md); the single environment: [NavigationEnv](navigation_env.md).
 """
 
 
