@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from bug_gym import benchmark
-from bug_gym.agents import policy_names
+from bug_gym.agents import AGENTS, policy_names
 from bug_gym.cli import main, make_parser
 from bug_gym.commands import show
 from bug_gym.config import scenario_names
+from bug_gym.evaluation import gallery
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.suites import suite_names
 from bug_gym.simulation import Simulation
@@ -294,3 +295,16 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly() -> None:
     root = Path(__file__).parents[2]
     run = subprocess.run(command, shell=True, cwd=root, capture_output=True, text=True, check=True)
     assert (run.stdout, run.stderr) == ("scenarios\n", "")
+
+
+def test_a_gallery_draws_every_bug_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    drawn: list[str] = []
+
+    def draw(scenario: Any, entries: Any, **_: Any) -> None:
+        drawn.extend(entry.label for entry in entries)
+
+    monkeypatch.setattr(gallery, "draw_gallery", draw)
+    assert main(["gallery", "--out", str(tmp_path / "gallery.png")]) == 0
+    bugs = {line.entry_point for line in AGENTS.values() if line.family == "bug"}
+    assert len(drawn) == len({*drawn}) == len(bugs) and {AGENTS[name].entry_point for name in drawn} == bugs
+    assert "bug0" in drawn and "com" not in drawn
