@@ -650,4 +650,4 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
 def announce_compilation(types: tuple[Any, ...]) -> None:
     """Say in the log, once in a process, that kernels will be compiled for these types, where none are kept on disk."""
     if not kernels.is_compiled(types):
-        warn_once("compiling the simulation's kernels, once on this machine (some ten seconds on a quiet one, longer on a busy one)")
+        warn_once("compiling the simulation's kernels, once on this machine (some ten seconds, more on a busy one)")
