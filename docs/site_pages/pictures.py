@@ -159,7 +159,10 @@ def draw(path: Path, policy: str, scene: Scene) -> str:
     info = rollout.simulation.info()
     end = rollout.verdict() or str(info["outcome"][0, 0])
     if rollout.simulation.robots > 1:
-        return f"`{policy}` in `{scene.scenario}`, seed {scene.seed}: {rollout.simulation.robots} robots."
+        ends = info["outcome"][0].tolist()
+        touched = f", {ends.count('collision')} touched something" if "collision" in ends else ""
+        arrived = f"{ends.count('success')} of {len(ends)} robots arrived{touched}"
+        return f"`{policy}` in `{scene.scenario}`, seed {scene.seed}: {arrived}."
     return (
         f"`{policy}` in `{scene.scenario}`, seed {scene.seed}: {end.replace('_', ' ')} after "
         f"{info['time'][0, 0]:.1f} s and {info['path_length'][0, 0]:.1f} m."
