@@ -24,6 +24,10 @@ LABELS = ("Source", "Sensing assumed", "Told", "Memory kept", "States", "Guarant
 FACTS = re.compile(rf"(?:^|(?<=[.;] ))({'|'.join(LABELS)}): ")
 
 IDEAS = Path(__file__).with_name("ideas.md")
+SYMBOLS = (
+    "x is the robot, T the goal, |xT| the distance between them; a lap is once round the obstacle that is followed."
+)
+"""What pseudocode takes for known."""
 IDEA = re.compile(r"(?P<names>[^\n]*)\n\n(?P<text>.*?)\n\n(?P<pseudocode>```text\n.*```)\s*", re.DOTALL)
 """A heading of names, five sentences and pseudocode for each policy."""
 
@@ -98,7 +102,7 @@ def page(entry: Entry, told: list[Fare], captions: Mapping[str, str]) -> str:
         f"# {names_of(entry)}",
         prose(first) if entry.family != "learned" else f"{idea(entry)}. {prose(first)}",
         shown,
-        f"## The idea\n\n{told_idea}\n\n{pseudocode}",
+        f"## The idea\n\n{told_idea}\n\n{pseudocode}\n\n{SYMBOLS}",
         table(["", ""], [[f"**{label}**", prose(text)] for label, text in about(entry, facts).items()]),
         f"## More about it\n\n{more}" if more else "",
         f"## How to play it\n\n{how_to_play(entry)}",
