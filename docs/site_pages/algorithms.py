@@ -24,12 +24,12 @@ LABELS = ("Source", "Sensing assumed", "Told", "Memory kept", "States", "Guarant
 FACTS = re.compile(rf"(?:^|(?<=[.;] ))({'|'.join(LABELS)}): ")
 
 IDEAS = Path(__file__).with_name("ideas.md")
+"""A heading of names, five sentences and pseudocode for each policy."""
+IDEA = re.compile(r"(?P<names>[^\n]*)\n\n(?P<text>.*?)\n\n(?P<pseudocode>```text\n.*```)\s*", re.DOTALL)
 SYMBOLS = (
     "x is the robot, T the goal, |xT| the distance between them; a lap is once round the obstacle that is followed."
 )
 """What pseudocode takes for known."""
-IDEA = re.compile(r"(?P<names>[^\n]*)\n\n(?P<text>.*?)\n\n(?P<pseudocode>```text\n.*```)\s*", re.DOTALL)
-"""A heading of names, five sentences and pseudocode for each policy."""
 
 TITLES = {**KINDS, "local": "local navigators", "floor": "floors"}
 
