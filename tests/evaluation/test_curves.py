@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from bug_gym.evaluation.curves import COLORS, MARKERS, figure_of, is_logarithmic, labelled
@@ -39,7 +40,7 @@ def test_of_many_each_has_a_panel_with_the_lines_of_all_sets_that_have_its_axes(
 def test_values_lie_where_they_are() -> None:
     linear, logarithmic = (figure_of([curves("", 1, x)]).axes[0] for x in ((0.0, 0.01, 0.1), (8.0, 64.0, 720.0)))
     assert (linear.get_xscale(), logarithmic.get_xscale()) == ("linear", "log")
-    assert list(linear.lines[0].get_xdata()) == [0.0, 0.01, 0.1]
+    np.testing.assert_array_equal(linear.lines[0].get_xdata(), [0.0, 0.01, 0.1])
 
 
 @pytest.mark.parametrize(
