@@ -97,6 +97,8 @@ def page(entry: Entry, told: list[Fare], captions: Mapping[str, str]) -> str:
     first, facts, rest = parts_of(str(entry.module.__doc__))
     shown = f"![{name}]({name}.gif)\n\n*{captions[name]}*" if name in captions else ""
     more = "\n\n".join(map(prose, rest))
+    if name not in ideas():
+        raise ValueError(f"{IDEAS.name} says nothing of {name}: expected its idea and pseudocode")
     told_idea, pseudocode = ideas()[name]
     return paragraphs(
         f"# {names_of(entry)}",
