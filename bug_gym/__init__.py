@@ -31,7 +31,29 @@ SCENARIOS_BY_ID = {
     "BugGym/Maze-v0": "maze",
     "BugGym/Crowd-v0": "crowd",
 }
-"""The scenario that each of the registered ids binds."""
+"""The scenario that each of the first ids binds."""
+
+FURTHER = (
+    *(
+        "ackermann",
+        "beach",
+        "cellular_automaton",
+        "corridor",
+        "crossing",
+        "d2t_beach",
+        "disc",
+        "empty",
+        "evading_target",
+    ),
+    *("forest", "hexagon", "hook", "jackal", "oni_wang", "replay", "ring", "rooms", "slab", "terrain", "two_boxes"),
+    *("u_trap", "urban"),
+)
+"""The other scenarios of one robot; those of several are made by `parallel_env`."""
+
+SCENARIOS_BY_FURTHER_ID = {
+    f"BugGym/{''.join(word.capitalize() for word in name.split('_'))}-v0": name for name in FURTHER
+}
+"""The scenario that each of the further ids binds: `BugGym/OniWang-v0` is `oni_wang`."""
 
 FORMS: dict[str, dict[str, str]] = {
     "": {},
@@ -58,7 +80,8 @@ ROBOTS_ID = "BugGym/Robots-v0"
 
 def register_envs() -> None:
     """Register the environments; those that are registered already stay as they are."""
-    for (base, scenario), (form, keywords) in product(SCENARIOS_BY_ID.items(), FORMS.items()):
+    bound = SCENARIOS_BY_ID | SCENARIOS_BY_FURTHER_ID
+    for (base, scenario), (form, keywords) in product(bound.items(), FORMS.items()):
         name = base.replace("-v0", f"{form}-v0")
         if name not in gym.registry:
             gym.register(

@@ -415,13 +415,14 @@ class Simulation:
 
     def status(self, rows: Rows) -> RobotStatus:
         """How the robots of the rows are doing, copies; what asks for both `transition` and `info` reads it once for both."""
-        numbers = np.empty((kernels.STATUS + kernels.TERMS, len(rows), self.robots))
+        read = kernels.STATUS + kernels.TERMS
+        numbers = np.empty((read if self._own is None else read + len(self._own.term_names), len(rows), self.robots))
         outcome = np.empty((len(rows), self.robots), dtype=np.int64)
-        kernels.read_status(self.world.floats, self.world.ints, self.world.spec, rows, numbers, outcome)
+        kernels.read_status(self.world.floats, self.world.ints, self.world.spec, rows, numbers[:read], outcome)
+        if self._own is not None:
+            numbers[read:] = self._own.terms(rows).transpose(2, 0, 1)
         reward, path_length, time, min_clearance, goal_distance = numbers[: kernels.STATUS]
         terms = numbers[kernels.STATUS :].transpose(1, 2, 0)
-        if self._own is not None:
-            terms = np.concatenate([terms, self._own.terms(rows)], axis=2)
         return RobotStatus(outcome, reward, path_length, time, min_clearance, goal_distance, terms)
 
     def transition(self, rows: Rows, status: RobotStatus | None = None) -> Transition:
@@ -649,4 +650,4 @@ def field_capacity(record: NDArray[Any]) -> Capacity:
 def announce_compilation(types: tuple[Any, ...]) -> None:
     """Say in the log, once in a process, that kernels will be compiled for these types, where none are kept on disk."""
     if not kernels.is_compiled(types):
-        warn_once("compiling the simulation's kernels, once on this machine (some ten seconds)")
+        warn_once("compiling the simulation's kernels, once on this machine (some ten seconds, more on a busy one)")

@@ -9,6 +9,7 @@ from typing import Any
 from site_pages import docstrings
 
 import bug_gym
+from bug_gym.files import released
 
 project = "bug_gym"
 author = "The bug_gym developers"
@@ -46,7 +47,7 @@ autodoc_mock_imports = [name for name in ("stable_baselines3", "minari") if impo
 default_role = "code"
 
 html_theme = "furo"
-html_title = f"bug_gym {release}"
+html_title = f"bug_gym {released(release)}"
 html_static_path = ["site_static"]
 html_css_files = ["site.css"]
 html_copy_source = False

@@ -47,7 +47,7 @@ Common parameters: `clearance` (centre to wall [m]), `turn` ("left", "right"), `
 within 90 degrees of the direction of travel; "any").
 
 Every bug on one map, `bug-gym gallery --set 'world.bounds=[-3,-14,31,13]' --set world.start=A --set world.goal=D --set
-lidar.range=40`, and on their way (`--gif gallery.gif --size 150`):
+lidar.range=40`, and on their way (`--gif gallery.gif --size 200`):
 
 ![Every bug on the map of Oni and Wang](gallery.png)
 

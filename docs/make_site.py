@@ -63,6 +63,14 @@ def gather(source: Path, *, pictures: bool) -> None:
         page.write("\n" + markup.toctree(sorted(path.stem for path in (DOCS / "results").glob("*.json"))) + "\n")
 
 
+def quiet_kernels(folder: Path) -> Path:
+    """IPython's settings for notebooks: each kernel warns that it speaks to us without encryption, on one machine."""
+    settings = folder / "profile_default" / "ipython_kernel_config.py"
+    settings.parent.mkdir(parents=True, exist_ok=True)
+    settings.write_text("get_config().Application.log_level = 40  # errors\n", encoding="utf-8")
+    return folder
+
+
 def add_badges(page: Path, repository: str) -> None:
     """Put the buttons under the title of a page."""
     title, _, rest = page.read_text(encoding="utf-8").partition("\n\n")
@@ -104,6 +112,7 @@ def build(out: Path, *, notebooks: bool, pictures: bool, online: bool) -> int:
     shutil.rmtree(out / "html", ignore_errors=True)  # pages of a removed policy would stay
     gather(out / "source", pictures=pictures)
     os.environ["BUG_GYM_DOCS_NOTEBOOKS"] = "force" if notebooks else "off"
+    os.environ["IPYTHONDIR"] = str(quiet_kernels(out / "ipython"))
     if online:
         os.environ["BUG_GYM_DOCS_ONLINE"] = "1"
     options = ["-W", "--keep-going", "-q", "-E", "-c", str(DOCS), "-d", str(out / "doctrees")]

@@ -131,7 +131,8 @@ def section(name: str, part: type[Part], level: str = "##") -> str:
     """Heading, docstring, picture and table of a part of a scenario."""
     paragraphs = []
     for paragraph in str(inspect.getdoc(part)).split("\n\n"):
-        paragraphs.append(f"```\n{textwrap.dedent(paragraph)}\n```" if "+--" in paragraph else paragraph)
+        is_drawing = "+--" in paragraph or "\n#" in paragraph  # which a page would take for a table or a heading
+        paragraphs.append(f"```\n{textwrap.dedent(paragraph)}\n```" if is_drawing else paragraph)
     if name in PICTURES:
         paragraphs.append(f"![{name}](worlds/{name}.png)")
     return "\n\n".join([f"{level} {name}", *paragraphs, table(part)]) + "\n"

@@ -111,6 +111,12 @@ def test_links_and_pictures_lead_somewhere(page: Path) -> None:
         assert not anchor or anchor in anchors(target), link
 
 
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_a_page_has_one_title(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL)  # a drawing that is no code would make more
+    assert len(re.findall(r"^#(?!#)", text, re.MULTILINE)) == 1
+
+
 def test_paths_in_the_page_of_the_architecture_exist() -> None:
     paths = re.findall(r"`((?:bug_gym|agents|configs|tests|docs)/[\w./-]*)`", text_of(ARCHITECTURE))
     assert len(paths) > 50

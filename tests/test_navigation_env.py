@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -22,7 +22,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import bug_gym
-from bug_gym.config import load
+from bug_gym.config import load, scenario_names
 from bug_gym.kinematics import discrete_actions
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.simulation import Simulation
@@ -640,6 +640,24 @@ def digest(name: str) -> str:
 @pytest.mark.parametrize("name", IDS)
 def test_an_id_gives_the_worlds_that_it_always_gave(name: str) -> None:
     assert digest(name) == DIGESTS[name]
+
+
+def test_each_scenario_of_one_robot_has_an_id_with_all_its_forms() -> None:
+    bound = {*bug_gym.SCENARIOS_BY_ID.values(), *bug_gym.SCENARIOS_BY_FURTHER_ID.values()}
+    assert bound == {name for name in scenario_names() if load(name).robots.count == 1}
+    assert bug_gym.SCENARIOS_BY_FURTHER_ID["BugGym/OniWang-v0"] == "oni_wang"
+    for name, scenario in bug_gym.SCENARIOS_BY_FURTHER_ID.items():
+        for form, keywords in bug_gym.FORMS.items():
+            assert gym.spec(name.replace("-v0", f"{form}-v0")).kwargs == {"scenario": scenario, **keywords}
+
+
+def test_further_ids_make_their_scenario_in_one_row_and_in_many() -> None:
+    env = gym.make("BugGym/UTrapDiscrete-v0")
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    assert cast(NavigationEnv, env.unwrapped).simulation.scenario == load("u_trap")
+    envs = gym.make_vec("BugGym/RoomsFlat-v0", num_envs=2)
+    assert envs.reset(seed=0)[0].shape == envs.observation_space.shape
 
 
 @pytest.mark.parametrize("name", IDS)

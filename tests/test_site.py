@@ -90,6 +90,17 @@ def test_no_sentence_of_a_docstring_is_lost(policies: Mapping[str, str]) -> None
         assert sorted(told.split()) == sorted(entry.module.__doc__.split()), entry.names
 
 
+def test_each_policy_has_its_idea_in_five_sentences_and_pseudocode(policies: Mapping[str, str]) -> None:
+    algorithms = part("site_pages.algorithms")
+    names = [entry.names[0] for entry in algorithms.one_a_model()]
+    assert sorted(algorithms.ideas()) == sorted(names)
+    for name, (idea, pseudocode) in algorithms.ideas().items():
+        sentences = re.split(r"(?<=[.;?]) (?=[A-Z0-9])", " ".join(idea.split()))
+        assert len(sentences) == 5 and all(one.endswith(".") for one in sentences), name
+        assert pseudocode.count("```") == 2 and pseudocode.count("\n") >= 3, name
+        assert f"## The idea\n\n{idea}\n\n{pseudocode}" in policies[f"algorithms/{name}.md"]
+
+
 def test_every_scripted_policy_has_a_source_and_a_guarantee(policies: Mapping[str, str]) -> None:
     for entry in part("site_pages.algorithms").one_a_model():
         if entry.family not in ("floor", "learned"):
@@ -110,6 +121,17 @@ def test_each_scenario_has_its_page_with_its_numbers(name: str, scenarios: Mappi
     assert f"| `lidar.range` | `{scenario.lidar.range}`" in text
     assert f"| `collision` | {scenario.reward.collision:g} |" in text
     assert f"after {scenario.time.limit:g} s" in text
+
+
+def test_each_scenario_is_shown_by_a_scripted_policy_and_a_trained_one() -> None:
+    pytest.importorskip("pygame", reason="pygame comes with the extra `render`")
+    pictures = part("site_pages.pictures")
+    blind = {name for name in scenario_names() if not pictures.trained_for(name)}
+    assert blind == {"terrain"}, "learned policies see no terrain"
+    assert {pictures.scripted_for(name) for name in scenario_names()} == {"tangent_bug", "com1_rev3", "orca"}
+    assert pictures.trained_for("static") == [("ppo_mixed", {})]
+    (_, overrides), *_ = pictures.trained_for("rooms")
+    assert load("rooms", overrides).robot == load("static").robot
 
 
 def test_each_registered_id_stands_on_a_page(scenarios: Mapping[str, str]) -> None:

@@ -64,7 +64,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "new": Command(
         "bug_gym.commands.new",
-        "Begin a policy of one's own: its file, a test of it, and the line that runs it.",
+        "Begin a policy or a world of one's own: its file, a test of it, and the line that runs it.",
         "bug-gym new policy my_bug",
     ),
     "render": Command(

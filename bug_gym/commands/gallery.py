@@ -29,10 +29,12 @@ def run(options: argparse.Namespace) -> None:
     from bug_gym.evaluation.gallery import draw_gallery  # loads the compiler
 
     png, gif = writable(options.out, [PNG]), options.gif and writable(options.gif, [GIF])
-    bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name != "com"]
-    entries = (
-        [policy_entry(text) for text in options.policies.split(",")] if options.policies else map(PolicyEntry.of, bugs)
-    )
+    bugs: dict[str, str] = {}  # by their code, so that a second name is no second picture
+    for name, line in AGENTS.items():
+        if line.family == "bug":
+            bugs.setdefault(line.entry_point, name)
+    asked = options.policies.split(",") if options.policies else []
+    entries = [policy_entry(text) for text in asked] or [PolicyEntry.of(name) for name in bugs.values()]
     scenario = load(options.scenario, {"lidar.beams": 360, "time.limit": 600.0, **assignments(options.overrides)})
-    draw_gallery(scenario, list(entries), seed=options.seed, size=options.size, png=png, gif=gif)
+    draw_gallery(scenario, entries, seed=options.seed, size=options.size, png=png, gif=gif)
     print(f"{png}{f' and {gif}' if gif else ''}")

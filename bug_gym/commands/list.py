@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import re
 from dataclasses import MISSING
 from importlib import import_module
 from inspect import Parameter
+from itertools import takewhile
 from pathlib import Path
 
 from bug_gym.reproductions import REPRODUCTIONS
@@ -29,7 +31,7 @@ def run(options: argparse.Namespace) -> None:
 def _scenarios() -> list[tuple[str, str]]:
     from bug_gym.config import SCENARIO_FOLDER, scenario_names  # loads pydantic
 
-    return [(name, _first_comment(SCENARIO_FOLDER / f"{name}.yaml")) for name in scenario_names()]
+    return [(name, _first_sentence(SCENARIO_FOLDER / f"{name}.yaml")) for name in scenario_names()]
 
 
 def _policies() -> list[tuple[str, str]]:
@@ -43,7 +45,7 @@ def _policies() -> list[tuple[str, str]]:
 def _suites() -> list[tuple[str, str]]:
     from bug_gym.evaluation.suites import SUITE_FOLDER, suite_names  # loads the compiler
 
-    return [(name, _first_comment(SUITE_FOLDER / f"{name}.yaml")) for name in suite_names()]
+    return [(name, _first_sentence(SUITE_FOLDER / f"{name}.yaml")) for name in suite_names()]
 
 
 def _reproductions() -> list[tuple[str, str]]:
@@ -54,13 +56,13 @@ def _reproductions() -> list[tuple[str, str]]:
 def _trainings() -> list[tuple[str, str]]:
     from bug_gym.agents.learning.settings import TRAIN_FOLDER, training_names  # loads the compiler
 
-    return [(name, _first_comment(TRAIN_FOLDER / f"{name}.yaml")) for name in training_names()]
+    return [(name, _first_sentence(TRAIN_FOLDER / f"{name}.yaml")) for name in training_names()]
 
 
 def _sweeps() -> list[tuple[str, str]]:
     from bug_gym.agents.learning.sweep_settings import SWEEP_FOLDER, sweep_names  # loads the compiler
 
-    return [(name, _first_comment(SWEEP_FOLDER / f"{name}.yaml")) for name in sweep_names()]
+    return [(name, _first_sentence(SWEEP_FOLDER / f"{name}.yaml")) for name in sweep_names()]
 
 
 def _parameters() -> list[tuple[str, str]]:
@@ -87,6 +89,8 @@ LONG_LISTS = {"parameters": _parameters}
 """What it prints only when asked for it."""
 
 
-def _first_comment(path: Path) -> str:
-    """What a YAML file says about itself in its first line."""
-    return path.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")
+def _first_sentence(path: Path) -> str:
+    """The first sentence of what a YAML file says about itself at its top."""
+    lines = takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
+    said = " ".join(line.lstrip("# ") for line in lines)
+    return re.split(r"(?<=\.) (?=[A-Z])", said, maxsplit=1)[0]

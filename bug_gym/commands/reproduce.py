@@ -35,7 +35,8 @@ def run(options: argparse.Namespace) -> None:
     from rich.console import Console
 
     from bug_gym.drawing.clips import PNG  # loads the compiler
-    from bug_gym.evaluation.report import draw_curves, print_text_table  # loads the compiler
+    from bug_gym.evaluation.curves import draw_curves  # loads the compiler
+    from bug_gym.evaluation.report import print_text_table  # loads the compiler
 
     out = options.out and writable(options.out, [".json"])
     picture = out and writable(out.with_suffix(PNG))

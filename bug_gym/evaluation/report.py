@@ -13,15 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bug_gym.checks import install_command
-from bug_gym.drawing.clips import PNG
 from bug_gym.evaluation.matrix import percent, told_interval
 from bug_gym.evaluation.rows import EpisodeRow, json_fields
 from bug_gym.evaluation.summary import OVERALL, PairedDifference, Summary
 from bug_gym.evaluation.teams import TeamRow, team_differences, team_rows, team_tables
-from bug_gym.files import replaced_when_done, writable
+from bug_gym.files import replaced_when_done
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -143,69 +141,6 @@ def print_text_table(title: str, header: Sequence[str], lines: Sequence[Sequence
     needed = Measurement.get(console, wide, table).maximum
     # A console as wide as the table: a terminal folds the lines, but every number is there.
     Console(file=console.file, width=max(console.width, needed)).print(table)
-
-
-class Lines(Protocol):
-    """What `draw_curves` draws: see reproductions.result.Curves."""
-
-    @property
-    def title(self) -> str:
-        """What stands above."""
-
-    @property
-    def x_label(self) -> str:
-        """What x is, with its unit."""
-
-    @property
-    def y_label(self) -> str:
-        """What y is, with its unit."""
-
-    @property
-    def y_range(self) -> tuple[float, float]:
-        """Where the y axis begins and ends."""
-
-    @property
-    def x(self) -> Sequence[float]:
-        """The values of x."""
-
-    @property
-    def lines(self) -> Mapping[str, Sequence[tuple[float, float, float]]]:
-        """Value, low and high at each x, by name."""
-
-
-COLORS = tuple(f"C{number}" for number in range(10))
-STYLES = (("-", "o"), ("--", "s"), (":", "^"))
-"""Line and marker of the first ten lines, of the next ten, and so on."""
-
-
-def draw_curves(path: Path, curves: Sequence[Lines]) -> None:
-    """Draw each set of lines with its intervals, side by side, into a PNG.
-
-    Raises:
-        ImportError: matplotlib is not installed (the extra `report`).
-        ValueError: a path that does not end in .png.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(f"curves need matplotlib: {install_command('report')}") from error
-    figure = Figure(figsize=(6.5 * len(curves), 4.5), layout="constrained")
-    names = list(dict.fromkeys(name for one in curves for name in one.lines))
-    for axes, one in zip(figure.subplots(1, len(curves), squeeze=False)[0], curves, strict=True):
-        places = range(len(one.x))  # evenly spaced: the values grow by factors
-        for name, points in one.lines.items():
-            middle, low, high = zip(*points, strict=True)
-            kind, color = divmod(names.index(name), len(COLORS))
-            dashes, marker = STYLES[kind % len(STYLES)]
-            axes.plot(places, middle, dashes, color=COLORS[color], marker=marker, label=name)
-            axes.fill_between(places, low, high, color=COLORS[color], alpha=0.3 / len(names))
-        axes.set_xticks(list(places), [f"{value:g}" for value in one.x])
-        axes.set(title=one.title, xlabel=one.x_label, ylabel=one.y_label, ylim=one.y_range)
-    known = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
-    handles = {name: handle for handle, name in reversed(known)}
-    figure.legend([handles[name] for name in names], names, loc="outside right center", fontsize="small")
-    with replaced_when_done(writable(path, [PNG])) as partial:
-        figure.savefig(partial, dpi=100)
 
 
 def write_summary(

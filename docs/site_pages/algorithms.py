@@ -6,6 +6,8 @@ import inspect
 import re
 from collections.abc import Mapping
 from dataclasses import MISSING
+from functools import cache
+from pathlib import Path
 
 from make_policies import KINDS, ROOT, Entry, arrives_always, entries, names_of, reports, summary
 from result_pages.words import number, percent
@@ -20,6 +22,14 @@ LABELS = ("Source", "Sensing assumed", "Told", "Memory kept", "States", "Guarant
 """What the paragraph of facts of a docstring is divided by."""
 
 FACTS = re.compile(rf"(?:^|(?<=[.;] ))({'|'.join(LABELS)}): ")
+
+IDEAS = Path(__file__).with_name("ideas.md")
+"""A heading of names, five sentences and pseudocode for each policy."""
+IDEA = re.compile(r"(?P<names>[^\n]*)\n\n(?P<text>.*?)\n\n(?P<pseudocode>```text\n.*```)\s*", re.DOTALL)
+SYMBOLS = (
+    "x is the robot, T the goal, |xT| the distance between them; a lap is once round the obstacle that is followed."
+)
+"""What pseudocode takes for known."""
 
 TITLES = {**KINDS, "local": "local navigators", "floor": "floors"}
 
@@ -87,10 +97,14 @@ def page(entry: Entry, told: list[Fare], captions: Mapping[str, str]) -> str:
     first, facts, rest = parts_of(str(entry.module.__doc__))
     shown = f"![{name}]({name}.gif)\n\n*{captions[name]}*" if name in captions else ""
     more = "\n\n".join(map(prose, rest))
+    if name not in ideas():
+        raise ValueError(f"{IDEAS.name} says nothing of {name}: expected its idea and pseudocode")
+    told_idea, pseudocode = ideas()[name]
     return paragraphs(
         f"# {names_of(entry)}",
         prose(first) if entry.family != "learned" else f"{idea(entry)}. {prose(first)}",
         shown,
+        f"## The idea\n\n{told_idea}\n\n{pseudocode}\n\n{SYMBOLS}",
         table(["", ""], [[f"**{label}**", prose(text)] for label, text in about(entry, facts).items()]),
         f"## More about it\n\n{more}" if more else "",
         f"## How to play it\n\n{how_to_play(entry)}",
@@ -98,6 +112,22 @@ def page(entry: Entry, told: list[Fare], captions: Mapping[str, str]) -> str:
         f"## How it fares\n\n{how_it_fares(entry, told)}",
         f"## A decision\n\n{decision(entry)}" if entry.family != "learned" else f"## Its making\n\n{card(name)}",
     )
+
+
+@cache
+def ideas() -> dict[str, tuple[str, str]]:
+    """The five sentences and the pseudocode of each policy, by its first name; models of one kind share them.
+
+    Raises:
+        ValueError: a heading without both below it.
+    """
+    found = {}
+    for part in re.split(r"^## ", IDEAS.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
+        match = IDEA.fullmatch(part)
+        if match is None:
+            raise ValueError(f"expected sentences and pseudocode in {IDEAS.name}, got {part!r}")
+        found.update(dict.fromkeys(match["names"].split(", "), (match["text"], match["pseudocode"])))
+    return found
 
 
 def parts_of(docstring: str) -> tuple[str, dict[str, str], list[str]]:

@@ -24,10 +24,10 @@ Captions = Mapping[str, Sequence[tuple[str, str]]]
 
 HEAD = """# Environments
 
-Each scenario below comes with the package: `gym.make("BugGym/Navigation-v0", scenario=NAME)`, or by an id of its own. Its page
-says what the code says: robot, sensors, spaces, reward. What the families of worlds may be: [worlds](../worlds.md); how
-to write a scenario of your own: [scenarios](../guide/scenarios.md); faces for many worlds and several robots:
-[environments](../guide/environments.md); the single environment: [NavigationEnv](navigation_env.md).
+Each scenario below comes with the package: `gym.make("BugGym/Navigation-v0", scenario=NAME)` or, with one robot, an id of
+its own. Its page says what the code says: robot, sensors, spaces, reward. What the families of worlds may be:
+[worlds](../worlds.md); how to write a scenario of your own: [scenarios](../guide/scenarios.md); faces for many worlds and
+several robots: [environments](../guide/environments.md); the single environment: [NavigationEnv](navigation_env.md).
 """
 
 
@@ -40,7 +40,8 @@ def pages(captions: Captions) -> Pages:
 
 def ids_of(name: str) -> list[str]:
     """The registered ids that bind a scenario, with those of their forms."""
-    bound = [one for one, scenario in bug_gym.SCENARIOS_BY_ID.items() if scenario == name]
+    every = bug_gym.SCENARIOS_BY_ID | bug_gym.SCENARIOS_BY_FURTHER_ID
+    bound = [one for one, scenario in every.items() if scenario == name]
     return [one.replace("-v0", f"{form}-v0") for one in bound for form in bug_gym.FORMS]
 
 
@@ -56,9 +57,9 @@ def said_of(name: str) -> str:
 
 
 def index(names: Sequence[str]) -> str:
-    """All scenarios, those with an id of their own first."""
+    """All scenarios, those of the first ids before the others."""
     rows = []
-    for name in sorted(names, key=lambda name: not ids_of(name)):
+    for name in sorted(names, key=lambda name: name not in bug_gym.SCENARIOS_BY_ID.values()):
         scenario = load(name)
         ids = ", ".join(f"`{one}`" for one in ids_of(name)[:: len(bug_gym.FORMS)])
         rows.append([f"[{name}]({name}.md)", ids or "-", str(scenario.robots.count), capital(said_of(name))])

@@ -77,10 +77,12 @@ LEARNED = {
 SEEDS = {"static": 6, "dynamic": 10, "moving_target": 6, "urban": 5, "rooms": 9}
 """Seeds of scenarios in which there is something to go round; 1 of the others."""
 
-SHOWN = ("tangent_bug", "ppo_mixed")
-"""A scripted and a trained policy for the worlds of one robot; the trained one where the robot is its own."""
-TEAM, EACH = "com1_rev3", "orca"
-"""Who shows worlds of several robots: where the first arrival ends it, and where each has its goal."""
+SCRIPTED, TEAM, EACH = "tangent_bug", "com1_rev3", "orca"
+"""Who shows worlds of one robot, of several whose first arrival ends it, and of several that each have a goal."""
+TRAINED, TRAINED_OF_TWO = "ppo_mixed", "ppo_crossing_robots"
+"""The trained policy beside it, and where two robots see one another."""
+ROBOT_OF = "static"
+"""The scenario whose robot they were trained with: they drive it where a scenario has another."""
 
 
 def draw_policies(folder: Path) -> dict[str, str]:
@@ -95,22 +97,41 @@ def draw_policies(folder: Path) -> dict[str, str]:
 
 
 def draw_scenarios(folder: Path) -> dict[str, list[tuple[str, str]]]:
-    """The films of each scenario: policy and what is shown, by scenario."""
+    """A film of a scripted policy and one of a trained one for each scenario: policy and what is shown, by scenario."""
     folder.mkdir(parents=True, exist_ok=True)
     captions: dict[str, list[tuple[str, str]]] = {}
     for name in scenario_names():
-        scenario = load(name)
-        several = scenario.robots.count > 1
-        shown = ((TEAM,) if scenario.mission == "first" else (EACH,)) if several else SHOWN
-        for policy in shown:
-            try:
-                if not several:
-                    make_policy(policy, scenario)
-                caption = draw(folder / f"{name}-{policy}.gif", policy, Scene(name, SEEDS.get(name, 1)))
-            except MisfitError:  # made for another robot
-                continue
+        for policy, overrides in [(scripted_for(name), {}), *trained_for(name)]:
+            scene = Scene(name, SEEDS.get(name, 1), overrides)
+            caption = draw(folder / f"{name}-{policy}.gif", policy, scene)
+            if overrides:
+                caption = f"{caption[:-1]}, with the robot of `{ROBOT_OF}`, which it was trained with."
             captions.setdefault(name, []).append((policy, caption))
     return captions
+
+
+def scripted_for(name: str) -> str:
+    """The scripted policy that shows a scenario."""
+    scenario = load(name)
+    if scenario.robots.count == 1:
+        return SCRIPTED
+    return TEAM if scenario.mission == "first" else EACH
+
+
+def trained_for(name: str) -> list[tuple[str, Mapping[str, Any]]]:
+    """The trained policy that shows a scenario, and the changes to it; none where it cannot see what is there."""
+    known, own = load(ROBOT_OF), load(name)
+    robot: dict[str, Any] = {part: getattr(known, part).model_dump(mode="json") for part in ("robot", "lidar")}
+    robot["time.step"] = known.time.step
+    for policy, overrides in ((TRAINED_OF_TWO, {}), (TRAINED, {}), (TRAINED, robot)):
+        if policy == TRAINED_OF_TWO and own.mission == "first":
+            continue
+        try:
+            make_policy(policy, load(name, overrides))
+        except MisfitError:  # made for another robot, or blind to terrain
+            continue
+        return [(policy, overrides)]
+    return []
 
 
 def thinned(frames: Iterable[Frame]) -> list[Frame]:
@@ -138,7 +159,10 @@ def draw(path: Path, policy: str, scene: Scene) -> str:
     info = rollout.simulation.info()
     end = rollout.verdict() or str(info["outcome"][0, 0])
     if rollout.simulation.robots > 1:
-        return f"`{policy}` in `{scene.scenario}`, seed {scene.seed}: {rollout.simulation.robots} robots."
+        ends = info["outcome"][0].tolist()
+        touched = f", {ends.count('collision')} touched something" if "collision" in ends else ""
+        arrived = f"{ends.count('success')} of {len(ends)} robots arrived{touched}"
+        return f"`{policy}` in `{scene.scenario}`, seed {scene.seed}: {arrived}."
     return (
         f"`{policy}` in `{scene.scenario}`, seed {scene.seed}: {end.replace('_', ' ')} after "
         f"{info['time'][0, 0]:.1f} s and {info['path_length'][0, 0]:.1f} m."

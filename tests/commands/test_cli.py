@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from bug_gym import benchmark
-from bug_gym.agents import policy_names
+from bug_gym.agents import AGENTS, policy_names
 from bug_gym.cli import main, make_parser
 from bug_gym.commands import show
 from bug_gym.config import scenario_names
+from bug_gym.evaluation import gallery
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.suites import suite_names
 from bug_gym.simulation import Simulation
@@ -87,6 +88,12 @@ def test_list_names_all_scenarios_policies_and_suites(capsys: pytest.CaptureFixt
     assert main(["list"]) == 0
     words = capsys.readouterr().out.split()
     assert {*scenario_names(), *policy_names(), *suite_names()} <= set(words)
+
+
+@pytest.mark.parametrize("kind", ["scenarios", "suites", "trainings", "sweeps"])
+def test_each_file_is_listed_by_a_whole_sentence(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["list", kind])
+    assert all(line.endswith(".") for line in capsys.readouterr().out.splitlines()[1:])
 
 
 def test_list_of_one_kind_names_no_other(capsys: pytest.CaptureFixture[str]) -> None:
@@ -300,3 +307,16 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly() -> None:
     root = Path(__file__).parents[2]
     run = subprocess.run(command, shell=True, cwd=root, capture_output=True, text=True, check=True)
     assert (run.stdout, run.stderr) == ("scenarios\n", "")
+
+
+def test_a_gallery_draws_every_bug_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    drawn: list[str] = []
+
+    def draw(scenario: Any, entries: Any, **_: Any) -> None:
+        drawn.extend(entry.label for entry in entries)
+
+    monkeypatch.setattr(gallery, "draw_gallery", draw)
+    assert main(["gallery", "--out", str(tmp_path / "gallery.png")]) == 0
+    bugs = {line.entry_point for line in AGENTS.values() if line.family == "bug"}
+    assert len(drawn) == len({*drawn}) == len(bugs) and {AGENTS[name].entry_point for name in drawn} == bugs
+    assert "bug0" in drawn and "com" not in drawn

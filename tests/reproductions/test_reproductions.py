@@ -15,7 +15,7 @@ from episodes import run_episode
 
 from bug_gym.cli import main
 from bug_gym.config import load
-from bug_gym.evaluation.report import draw_curves
+from bug_gym.evaluation.curves import draw_curves
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction
 from bug_gym.reproductions.result import Settings

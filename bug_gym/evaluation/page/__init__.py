@@ -134,10 +134,17 @@ def _about_rows(
         ),
         Section(
             "Failures",
-            "With the seeds of their worlds"
-            + ("; a button replays the episode. " if recorded.numbers else ". ")
-            + "Any episode of a policy and a scenario by name is replayed by bug-gym render POLICY SCENARIO --seed SEED "
-            "--out race.html, several policies side by side by bug-gym render SCENARIO --policies POLICY,POLICY.",
+            joined(
+                [
+                    "With the seeds of their worlds",
+                    "; a button replays the episode. " if recorded.numbers else ". ",
+                    "Any episode of a policy and a scenario by name is replayed by ",
+                    element("code", "bug-gym render POLICY SCENARIO --seed SEED --out race.html"),
+                    ", several policies side by side by ",
+                    element("code", "bug-gym render SCENARIO --policies POLICY,POLICY --seed SEED --out race.html"),
+                    ".",
+                ]
+            ),
             failures(rows, scenarios, policies, recorded.numbers),
         ),
     ]
