@@ -22,7 +22,7 @@ import numpy as np
 
 import bug_gym
 from bug_gym.checks import checked_count
-from bug_gym.config import load
+from bug_gym.config import Scenario, load
 from bug_gym.evaluation.demonstrations import BLOCK, Demonstrations, Extras, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.minari_files import (
@@ -36,7 +36,7 @@ from bug_gym.evaluation.minari_files import (
     write_dataset,
     write_namespaces,
 )
-from bug_gym.evaluation.plan import Plan, make_plan
+from bug_gym.evaluation.plan import Plan, data_digest, make_plan, own_code
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.results_folder import differences
 from bug_gym.files import from_json, one_writer, released, replaced_when_done
@@ -94,6 +94,7 @@ class _Source(NamedTuple):
             "version": released(bug_gym.__version__),
             "scenario": self.scenario.label,
             "digest": self.scenario.scenario.digest,
+            **_digests(self.scenario.scenario, self.entry),
             "policy": self.entry.name,
             "parameters": dict(self.entry.parameters),
             "first_seed": seeds.start,
@@ -106,6 +107,12 @@ class _Source(NamedTuple):
         """The name and each block, read back."""
         for path, seeds in self.blocks():
             yield self.name, Demonstrations.read(path, seeds)
+
+
+def _digests(scenario: Scenario, entry: PolicyEntry) -> dict[str, Any]:
+    """Of the files that a scenario and a policy are made of beside this package's, by kind."""
+    told = {"code": own_code(scenario), "data": data_digest(scenario), "policy_code": entry.code}
+    return {kind: digest for kind, digest in told.items() if digest}
 
 
 class _Dataset(NamedTuple):
