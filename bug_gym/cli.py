@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import re
 import select
 import signal
 import sys
@@ -73,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     options = argparse.Namespace()
     try:
-        options = make_parser().parse_args(arguments)
+        options = make_parser().parse_args(_without_gaps(sys.argv[1:] if arguments is None else arguments))
         with _ended_by_signals():
             options.run(options)
     except BrokenPipeError as error:
@@ -85,7 +86,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         if error is getattr(sys.stdout, "failure", None):
             _drop_output()
             return _complain(UNWRITTEN, f"error: standard output: {getattr(error, 'strerror', error)}")
-        return _complain(BAD_INPUT, f"error: {error}")
+        return _complain(BAD_INPUT, f"error: {_told(error)}")
     except KeyboardInterrupt as error:
         out = getattr(options, "out", None)
         goes_on = out and COMMANDS[options.command].goes_on
@@ -93,6 +94,25 @@ def _run(arguments: Sequence[str] | None) -> int:
         number = error.number if isinstance(error, Ended) else signal.SIGINT
         return _complain(SIGNALLED + number, f"interrupted{hint}")
     return DONE
+
+
+def _without_gaps(arguments: Sequence[str]) -> Sequence[str]:
+    """The arguments, none of which is empty, as "$NAME" is where a shell has no NAME: all policies are not meant then.
+
+    Raises:
+        ValueError: one is.
+    """
+    for before, argument in zip(("", *arguments), arguments, strict=False):
+        if re.fullmatch(r"(--[\w-]+=)?", argument):
+            raise ValueError(f"got an empty argument after {before or 'the command'!r}, expected a value")
+    return arguments
+
+
+def _told(error: Exception) -> str:
+    """What an error says, that of a file without the system's number."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 def _complain(code: int, message: str) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from bug_gym.assignments import assignments as assignments  # for the commands
@@ -22,15 +22,18 @@ TRUST = (
 
 def at_least_one(text: str) -> int:
     """A whole number from 1 on."""
-    number = int(text)
-    if number < 1:
-        raise ValueError(text)
-    return number
+    with suppress(ValueError):
+        if (number := int(text)) >= 1:
+            return number
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number from 1 on")
 
 
 def above_zero(text: str) -> float:
     """A finite number above 0."""
-    return checked_time("it", float(text))
+    try:
+        return checked_time("it", float(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a number above 0") from None
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:

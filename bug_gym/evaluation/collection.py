@@ -40,6 +40,7 @@ from bug_gym.evaluation.plan import Plan, data_digest, make_plan, own_code
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.results_folder import differences
 from bug_gym.files import from_json, one_writer, released, replaced_when_done
+from bug_gym.limits import MOST_WORKERS
 from bug_gym.workers import each, starred
 
 FLOOR = "random"
@@ -177,7 +178,7 @@ def collect(
             another run, is in use or damaged.
     """
     require_minari()
-    workers = checked_count("workers", workers)
+    workers = checked_count("workers", workers, most=MOST_WORKERS)
     if unknown := [form for form in forms if form not in FORMS] or ([] if forms else ["none"]):
         raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {unknown[0]!r}")
     root = Path(out).absolute()  # Minari joins a relative one to itself

@@ -25,7 +25,7 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import prepared
 from bug_gym.files import replaced_when_done
 from bug_gym.geometry import F32
-from bug_gym.policy import Policy
+from bug_gym.policy import Policy, checked_actions
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 from bug_gym.view import Sensors
@@ -215,7 +215,7 @@ class _Recording:
 
     def _decide(self, rows: NDArray[np.int64], decided: NDArray[Any]) -> list[int]:
         """Take over the actions; returns the rows whose policy gives up and stands."""
-        chosen = self._discrete_actions[decided] if decided.dtype.kind in "iu" else decided
+        chosen = checked_actions(decided, len(rows), self._discrete_actions)
         self._actions[rows] = np.clip(np.asarray(chosen, dtype=np.float32), -1.0, 1.0)
         given_up = [row for row in rows.tolist() if getattr(self._driver.memory(row), "verdict", "")]
         self._actions[given_up] = self._standing

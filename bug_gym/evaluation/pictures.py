@@ -47,9 +47,10 @@ def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True)
     yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
     while not rollout.is_over:
         for _ in range(every):
-            if not rollout.is_over:
-                rollout.advance()
-                canvas.record()
+            rollout.advance()
+            canvas.record()
+            if rollout.is_over:
+                break
         yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
 
 

@@ -226,7 +226,15 @@ def test_benchmark_measures_something_everywhere(
         ("evaluate --scenario static --repair", "got nothing to repair, expected a folder"),
         ("render bug2 static --out film.avi", "ends in .html, .gif, .mp4 or .png"),
         ("render bug2 static --out nowhere/film.gif", "no folder nowhere"),
-        ("render bug2 static --every 0 --out film.gif", "invalid at_least_one value: '0'"),
+        ("render bug2 static --every 0 --out film.gif", "got '0', expected a whole number from 1 on"),
+        ("train ppo_static --minutes nan", "got 'nan', expected a number above 0"),
+        ("evaluate --scenario static --policies=", "got an empty argument after 'static', expected a value"),
+        ("evaluate --scenario static --workers 1000000", "workers must be at most 1,000"),
+        ("evaluate --scenario static --policies bug2:turn=left:turn=right", "expected a single turn"),
+        ("new policy my_bug --folder notes.txt", "notes.txt: File exists"),
+        ("reproduce oni-wang-table-1 --seeds 3", "oni-wang-table-1 takes no --seeds (those that do: "),
+        ("reproduce com1-rev3 --policies bug2", "com1-rev3 takes no --policies (those that do: "),
+        ("reproduce bug-bounds --data .", "bug-bounds takes no --data (those that do: "),
         ("render bug3 static --out film.gif", "'bug2'"),
         ("render bug2 bug3 static --out film.gif", "'bug2'"),
         ("evaluate --suite barn --policies bug2", "suite 'barn' needs data"),
@@ -254,6 +262,13 @@ def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_file(
     assert said.err.startswith("bug-gym: error: ") and said.err.count("\n") == 1
     assert message in said.err
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("option", ["--policies", "--out", "--suite", "--baseline", "--set"])
+def test_an_empty_argument_is_not_taken_for_none(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """As "$NAME" is where a shell has no NAME: with `--policies ''` all of them would be driven."""
+    assert main(["evaluate", "--scenario", "static", option, ""]) == 2
+    assert capsys.readouterr().err == f"bug-gym: error: got an empty argument after {option!r}, expected a value\n"
 
 
 def test_several_faults_are_told_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
