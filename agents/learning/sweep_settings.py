@@ -11,6 +11,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, load_settings
 from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, read_yaml
+from bug_gym.limits import MOST_TRAININGS
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.values import AtLeastOne, Number, Part
@@ -93,6 +94,9 @@ class SweepSettings(Part):
             raise wrong(f"got {self.trials}, expected a number with sampler tpe and none with grid", "trials")
         if empty := [key for key, values in self.space.items() if not isinstance(values, Range) and not values]:
             raise wrong(f"got no values of {', '.join(empty)}, expected some", "space")
+        if (models := self.total * self.seeds) > MOST_TRAININGS:
+            came = f"got {self.total:,} trials of {self.seeds:,} seeds, {models:,} models"
+            raise wrong(f"{came}, expected at most {MOST_TRAININGS:,}", "trials" if self.trials else "space")
         return self
 
     @property

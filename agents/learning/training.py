@@ -51,7 +51,7 @@ from bug_gym.checks import checked_count, checked_seed, checked_time
 from bug_gym.config import Scenario
 from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
-from bug_gym.limits import MOST_WORKERS
+from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
 
@@ -635,6 +635,7 @@ def each_seed(
         settings, out, seeds, workers: as `train_seeds` takes them.
         one: trains one, of settings and folder and `seed`.
     """
+    checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
     if len(folders) > 1:
         require_same(Path(out) / "agent", settings, seeds)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from bug_gym.assignments import assignments as assignments  # for the commands
 from bug_gym.checks import checked_time
+from bug_gym.limits import MOST
 
 if TYPE_CHECKING:
     from bug_gym.evaluation.entries import PolicyEntry
@@ -21,11 +22,11 @@ TRUST = (
 
 
 def at_least_one(text: str) -> int:
-    """A whole number from 1 on."""
+    """A whole number from 1 to MOST."""
     with suppress(ValueError):
-        if (number := int(text)) >= 1:
+        if 1 <= (number := int(text)) <= MOST:
             return number
-    raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number from 1 on")
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number from 1 to {MOST:,}")
 
 
 def above_zero(text: str) -> float:

@@ -185,7 +185,9 @@ def collect(
     extras = extras or Extras()
     _required(scenario, overrides, extras, trust=trust)
     plan = _planned(scenario, policies, episodes, seed, overrides, trust=trust)
-    ends = _planned(scenario, [FLOOR] if expert == FLOOR else [FLOOR, expert], episodes, seed, overrides, trust=trust)
+    highest = PolicyEntry.of(expert)
+    floor = [] if highest.label == FLOOR else [FLOOR]
+    ends = _planned(scenario, [*floor, highest], episodes, seed, overrides, trust=trust)
     sources = _sources(plan, root, extras)
     scores = tuple(_of_scores(source, sources) for source in _sources(ends, root, extras))
     datasets = _datasets(sources, forms, scores[-1].name)

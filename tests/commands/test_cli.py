@@ -226,12 +226,15 @@ def test_benchmark_measures_something_everywhere(
         ("evaluate --scenario static --repair", "got nothing to repair, expected a folder"),
         ("render bug2 static --out film.avi", "ends in .html, .gif, .mp4 or .png"),
         ("render bug2 static --out nowhere/film.gif", "no folder nowhere"),
-        ("render bug2 static --every 0 --out film.gif", "got '0', expected a whole number from 1 on"),
+        ("render bug2 static --every 0 --out film.gif", "got '0', expected a whole number from 1 to"),
         ("train ppo_static --minutes nan", "got 'nan', expected a number above 0"),
         ("evaluate --scenario static --policies=", "got an empty argument after 'static', expected a value"),
         ("evaluate --scenario static --workers 1000000", "workers must be at most 1,000"),
         ("evaluate --scenario static --policies bug2:turn=left:turn=right", "expected a single turn"),
         ("new policy my_bug --folder notes.txt", "notes.txt: File exists"),
+        ("train ppo_static --seeds 1000000000", "the number of seeds must be at most 10,000"),
+        ("reproduce bug-bounds --seeds 1000000000", "seeds must be at most 1,000,000"),
+        ("reproduce bug-bounds --seeds 1000000000000000000000", "expected a whole number from 1 to"),
         ("reproduce oni-wang-table-1 --seeds 3", "oni-wang-table-1 takes no --seeds (those that do: "),
         ("reproduce com1-rev3 --policies bug2", "com1-rev3 takes no --policies (those that do: "),
         ("reproduce bug-bounds --data .", "bug-bounds takes no --data (those that do: "),
@@ -262,6 +265,24 @@ def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_file(
     assert said.err.startswith("bug-gym: error: ") and said.err.count("\n") == 1
     assert message in said.err
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("name", ["../../evil", "/evil", "..", "a/b", "~/evil", ".hidden"])
+def test_a_name_in_a_file_does_not_choose_where_is_written(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "some" / "where"
+    here.mkdir(parents=True)
+    monkeypatch.chdir(here)
+    world = {"name": name, "world": {"family": "empty"}}
+    suite = {"scenarios": [{"scenario": world, "label": name}], "policies": [{"name": "go_to_goal", "label": name}]}
+    for file, data in (("world.yaml", world), ("suite.yaml", {**suite, "seeds": {"first": 0, "count": 1}})):
+        Path(file).write_text(json.dumps(data), encoding="utf-8")
+    assert main(["show", "world.yaml"]) == 0
+    assert main(["evaluate", "--suite", "suite.yaml", "--out", "rows", "--pictures"]) == 0
+    folders = {path.parent.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.png")}
+    assert folders == {"some/where", "some/where/rows/pictures"}
+    assert all(not path.name.startswith(".") for path in tmp_path.rglob("*.png"))
 
 
 @pytest.mark.parametrize("option", ["--policies", "--out", "--suite", "--baseline", "--set"])

@@ -370,3 +370,33 @@ def test_the_command_writes_what_the_function_does(
     entry = PolicyEntry("bug2:turn=right", "bug2", {"turn": "right"})
     collected(tmp_path / "function", [entry], episodes=2, seed=0, forms=["flat"])
     assert files_of(tmp_path / "command") == files_of(tmp_path / "function")
+
+
+def test_the_random_policy_may_be_the_expert_on_the_command_line_too(tmp_path: Path) -> None:
+    words = [
+        "collect",
+        "dynamic",
+        "--policies",
+        "random",
+        "--expert",
+        "random",
+        "--episodes",
+        "1",
+        "--set",
+        "time.limit=1",
+    ]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    assert (tmp_path / FOLDER / "random-v0").is_dir()
+
+
+def test_a_dataset_of_a_policy_whose_code_was_changed_is_not_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    code = "from bug_gym.agents.bugs.bug2 import Bug2\n\nclass Mine(Bug2):\n    pass\n"
+    for number, text in enumerate((code, code, f"{code}# another one\n")):
+        path.write_text(text, encoding="utf-8")
+        arguments: Any = {"expert": "random", "episodes": 1, "overrides": {"time.limit": 1.0, "lidar.beams": 16}}
+        if number < 2:
+            collect("dynamic", [f"{path}:Mine"], tmp_path / "out", **arguments)
+        else:
+            with pytest.raises(ValueError, match=r"holds another run: policy_code was"):
+                collect("dynamic", [f"{path}:Mine"], tmp_path / "out", **arguments)

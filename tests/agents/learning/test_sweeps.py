@@ -131,6 +131,8 @@ def test_the_sweeps_that_come_along_are_trainings(name: str) -> None:
         ({"space": {"gama": [0.9]}}, "gama"),
         ({"space": {"gamma": [2.0]}}, "gamma"),
         ({"space": {"gamma": []}}, "got no values of gamma"),
+        ({"seeds": 10**9}, "got 4 trials of 1,000,000,000 seeds, 4,000,000,000 models, expected at most 10,000"),
+        ({"sampler": "tpe", "trials": 10**9}, "trials: got 1,000,000,000 trials of"),
         ({"space": {"gamma": {"low": 0.9, "high": 0.99}}}, "expected a list of values in a grid"),
         ({"sampler": "tpe"}, "expected a number with sampler tpe"),
         ({"trials": 3}, "none with grid"),
