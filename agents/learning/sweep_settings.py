@@ -138,7 +138,11 @@ def load_sweep(source: str | Path | Mapping[str, Any]) -> SweepSettings:
         settings = SweepSettings.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
-    if isinstance(trained_with(settings, _first_values(settings)), OfflineSettings):
+    try:
+        first = trained_with(settings, _first_values(settings))
+    except ScenarioError as error:
+        raise ScenarioError(f"{label}: {error}") from None
+    if isinstance(first, OfflineSettings):
         raise ScenarioError(
             f"{label}: training: {settings.training} learns offline, expected one that learns in worlds"
         )
