@@ -146,6 +146,16 @@ def test_what_is_no_sweep_is_told_before_anything_is_trained(change: dict[str, A
     assert told in str(error.value) and "\n" not in str(error.value).strip()
 
 
+@pytest.mark.parametrize(
+    "spoil", [lambda path: path.write_bytes(b"no database" * 99), lambda path: path.symlink_to("a")]
+)
+def test_a_damaged_folder_of_a_sweep_is_told_in_one_line(spoil: Any, tmp_path: Path) -> None:
+    spoil(tmp_path / sweeps.STUDY)
+    with pytest.raises(ValueError, match=r"study\.db is damaged: |study\.db is a symbolic link") as error:
+        sweeps.sweep(load_sweep(GRID), tmp_path)
+    assert "\n" not in str(error.value)
+
+
 def test_the_command_names_sweeps_and_extras(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
