@@ -116,7 +116,8 @@ def _told(error: Exception) -> str:
 
 
 def _complain(code: int, message: str) -> int:
-    print("bug-gym:", "; ".join(message.splitlines()), file=sys.stderr)
+    line = re.sub(r"[\x00-\x1f\x7f-\x9f]", lambda found: ascii(found[0])[1:-1], "; ".join(message.splitlines()))
+    print("bug-gym:", line, file=sys.stderr)
     return code
 
 

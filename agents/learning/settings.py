@@ -27,6 +27,7 @@ from bug_gym.schema.values import (
     Coefficient,
     Count,
     Episodes,
+    Name,
     NotNegative,
     Number,
     Part,
@@ -60,7 +61,7 @@ class PolicyKwargs(Part):
 class Settings(Part):
     """What all trainings have. Keys that rl-zoo has too are named as there."""
 
-    name: str = "custom"
+    name: Name = "custom"
     """What the model is called; a file's stem where the file gives none."""
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1)
     """Scenarios to train in, each with the same share of the worlds; they need the same robot."""

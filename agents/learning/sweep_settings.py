@@ -14,7 +14,7 @@ from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, re
 from bug_gym.limits import MOST_TRAININGS
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.values import AtLeastOne, Number, Part
+from bug_gym.schema.values import AtLeastOne, Name, Number, Part
 
 if TYPE_CHECKING:
     import optuna
@@ -68,7 +68,7 @@ Choices = Annotated[
 class SweepSettings(Part):
     """What a sweep is."""
 
-    name: str = "sweep"
+    name: Name = "sweep"
     """What it is called; a file's stem where the file gives none."""
     training: str
     """The training that is changed, by name or path."""

@@ -285,6 +285,28 @@ def test_a_name_in_a_file_does_not_choose_where_is_written(
     assert all(not path.name.startswith(".") for path in tmp_path.rglob("*.png"))
 
 
+@pytest.mark.parametrize("name", ["a\nrobot: {radius: 0.4}", "\x1b[31mred", "a\u2028b", "\x00", "\x9b2J"])
+def test_a_name_in_a_file_writes_no_other_line_and_tells_no_terminal_anything(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    world = {"name": name, "world": {"family": "empty"}}
+    files: list[tuple[str, Any]] = [
+        ("world.yaml", world),
+        ("suite.yaml", {"name": name, "scenarios": ["empty"]}),
+        ("suite.yaml", {"scenarios": [{"scenario": "empty", "label": name}]}),
+        ("suite.yaml", {"scenarios": ["empty"], "policies": [{"name": "bug2", "label": name}]}),
+        ("world.yaml", {"world": {"family": "empty", name: 1}}),
+    ]
+    for file, data in files:
+        Path(file).write_text(json.dumps(data), encoding="utf-8")
+        words = ["show", file, "--save", "saved.yaml"] if file == "world.yaml" else ["evaluate", "--suite", file]
+        assert main(words) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1 and said.strip().isprintable(), said
+    assert not Path("saved.yaml").exists()
+
+
 @pytest.mark.parametrize("option", ["--policies", "--out", "--suite", "--baseline", "--set"])
 def test_an_empty_argument_is_not_taken_for_none(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     """As "$NAME" is where a shell has no NAME: with `--policies ''` all of them would be driven."""
