@@ -354,7 +354,7 @@ def test_what_is_no_mapping_is_refused_by_name() -> None:
     env.reset(seed=0)
     for actions in (None, [[0, 0], [0, 0]], "ab"):
         with pytest.raises(ValueError, match="actions are a mapping of robots to actions, got"):
-            env.step(actions)
+            env.step(actions)  # type: ignore[arg-type]
     for overrides in ("abc", 5, [("lidar.beams", 9)]):
         with pytest.raises(ValueError, match="overrides: got .*, expected a mapping of dotted keys to values"):
             NavigationEnv("static", overrides=overrides)  # type: ignore[arg-type]
