@@ -35,7 +35,10 @@ def name_and_options(text: str) -> tuple[str, dict[str, Any]]:
     """The name and the values by key of NAME[:KEY=VALUE...].
 
     Raises:
-        ValueError: a value that is no YAML.
+        ValueError: a value that is no YAML, or a key that stands there twice.
     """
     name, *pairs = re.split(r":(?=\w+=)", text)
+    keys = [pair.partition("=")[0] for pair in pairs]
+    if twice := [key for key in keys if keys.count(key) > 1]:
+        raise ValueError(f"got {text!r}, expected a single {twice[0]}")
     return name, assignments(pairs)

@@ -33,16 +33,18 @@ def checked_seed(value: object) -> int:
     return int(value)
 
 
-def checked_count(name: str, value: object, *, least: int = 1) -> int:
+def checked_count(name: str, value: object, *, least: int = 1, most: int | None = None) -> int:
     """How many of something, as an int, NumPy's integers too.
 
     Raises:
-        ValueError: it is no integer, or one below `least`.
+        ValueError: it is no integer, or one below `least` or above `most`.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise ValueError(f"{name} must be an integer, got {value!r}")
     if value < least:
         raise ValueError(f"{name} must be at least {least}, got {value!r}")
+    if most is not None and value > most:
+        raise ValueError(f"{name} must be at most {most:,}, got {value!r}")
     return int(value)
 
 
@@ -99,7 +101,15 @@ def real_numbers(what: str, values: Any) -> NDArray[np.float64]:
             return np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):  # what is ragged, or holds objects that are no numbers
         pass
-    raise ValueError(f"{what} must be real numbers, got {values!r}")
+    raise ValueError(f"{what} must be real numbers, got {_in_short(values)}")
+
+
+def _in_short(values: object) -> str:
+    """A value as an error shows it in its line: of an array its shape and kind."""
+    if isinstance(values, np.ndarray):
+        return f"shape {values.shape} of {values.dtype}"
+    text = " ".join(repr(values).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def float32_numbers(what: str, values: Any) -> NDArray[np.float32]:

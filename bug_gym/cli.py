@@ -12,6 +12,7 @@ import atexit
 import gc
 import io
 import os
+import re
 import select
 import signal
 import sys
@@ -86,7 +87,7 @@ def _end_without_looking_through_memory() -> None:
 def _run(arguments: Sequence[str] | None) -> int:
     options = argparse.Namespace()
     try:
-        options = make_parser().parse_args(arguments)
+        options = make_parser().parse_args(_without_gaps(sys.argv[1:] if arguments is None else arguments))
         with _ended_by_signals():
             options.run(options)
     except BrokenPipeError as error:
@@ -98,7 +99,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         if error is getattr(sys.stdout, "failure", None):
             _drop_output()
             return _complain(UNWRITTEN, f"error: standard output: {getattr(error, 'strerror', error)}")
-        return _complain(BAD_INPUT, f"error: {error}")
+        return _complain(BAD_INPUT, f"error: {_told(error)}")
     except KeyboardInterrupt as error:
         out = getattr(options, "out", None)
         goes_on = out and COMMANDS[options.command].goes_on
@@ -108,8 +109,28 @@ def _run(arguments: Sequence[str] | None) -> int:
     return DONE
 
 
+def _without_gaps(arguments: Sequence[str]) -> Sequence[str]:
+    """The arguments, none of which is empty, as "$NAME" is where a shell has no NAME: all policies are not meant then.
+
+    Raises:
+        ValueError: one is.
+    """
+    for before, argument in zip(("", *arguments), arguments, strict=False):
+        if re.fullmatch(r"(--[\w-]+=)?", argument):
+            raise ValueError(f"got an empty argument after {before or 'the command'!r}, expected a value")
+    return arguments
+
+
+def _told(error: Exception) -> str:
+    """What an error says, that of a file without the system's number."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
+
+
 def _complain(code: int, message: str) -> int:
-    print("bug-gym:", "; ".join(message.splitlines()), file=sys.stderr)
+    line = re.sub(r"[\x00-\x1f\x7f-\x9f]", lambda found: ascii(found[0])[1:-1], "; ".join(message.splitlines()))
+    print("bug-gym:", line, file=sys.stderr)
     return code
 
 

@@ -70,6 +70,11 @@ def writable(path: str | Path, suffixes: Sequence[str] = ()) -> Path:
     return target
 
 
+def file_name(label: str) -> str:
+    """A label as part of a file's name: it comes from files too, which say nothing about the folder that is written to."""
+    return re.sub(r"[^\w.-]+", "_", label).lstrip(".") or "unnamed"
+
+
 @contextmanager
 def replaced_when_done(path: str | Path) -> Iterator[Path]:
     """A place to write a file to, which takes its name once it is whole and on the disk; a failure leaves nothing.

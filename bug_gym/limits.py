@@ -46,6 +46,12 @@ MOST_CELLS, CELL_BYTES = 40_000, 2_000
 """Cells of a maze, rooms or blocks of a world, and what the walls of one take while they are joined."""
 MOST_CORNERS, CORNER_BYTES = 1_000, 40
 """Corners of an obstacle that is drawn."""
+MOST_WORKERS = 1_000
+"""Processes, or threads, that share some work."""
+MOST_SEEDS = 1_000_000
+"""Seeds of each claim of a reproduction."""
+MOST_TRAININGS = 10_000
+"""Models that are trained one after the other."""
 MOST_EPISODES, ROW_BYTES = 10_000_000, 1_000
 """Episodes of an evaluation, all policies and scenarios together, and what the row of one takes."""
 MOST_SAMPLES, SAMPLE_BYTES = 100_000_000, 600

@@ -24,6 +24,7 @@ from bug_gym.config import Scenario, load
 from bug_gym.inertia import as_it_will_lie, needs_care, stoppable_action
 from bug_gym.manoeuvring import arc_action
 from bug_gym.observation import as_flat, width
+from bug_gym.schema.errors import shortened
 from bug_gym.steering import Course, steered_action
 from bug_gym.view import Sensors, View
 
@@ -262,10 +263,52 @@ class ScriptedPolicy(ABC):
 
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
         view = View(flat, self.sensors, memory.under_way)
-        velocity = self.act(view, memory) if not memory.verdict else (0.0, 0.0)
+        velocity = checked_velocity(self, self.act(view, memory)) if not memory.verdict else (0.0, 0.0)
         course = self.course(view, memory, velocity) if self._follows_course else None
         arc = self.arc(view, memory) if self._plans_arcs and not memory.verdict else None
         return action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+
+
+def checked_velocity(policy: object, answered: Any) -> Velocity:
+    """What an `act` has answered, where it is a velocity.
+
+    Raises:
+        ValueError: it is none: an author's mistake, such as an `act` that ends without `return`.
+    """
+    try:
+        ahead, left = answered
+        if math.isfinite(ahead) and math.isfinite(left):
+            return ahead, left
+    except (TypeError, ValueError, OverflowError):  # nothing, text, another number of parts
+        pass
+    expected = "a velocity (ahead, left) of finite numbers [m/s]"
+    raise ValueError(f"{type(policy).__name__}.act answered {shortened(answered)}, expected {expected}")
+
+
+def checked_actions(answered: Any, robots: int, numbered: NDArray[np.float32]) -> NDArray[Any]:
+    """What a policy has answered for some robots, as actions.
+
+    Args:
+        answered: actions (robots, 2), or numbers (robots,) of discrete ones.
+        robots: how many were asked for.
+        numbered: the discrete actions (m, 2).
+
+    Returns:
+        Actions (robots, 2).
+
+    Raises:
+        ValueError: anything else.
+    """
+    actions = np.asarray(answered)
+    kind, shape = actions.dtype.kind, actions.shape
+    if kind in "fiu" and shape == (robots, 2):
+        with np.errstate(over="ignore"):  # what is beyond all numbers is refused as not finite
+            return actions if kind == "f" and actions.itemsize <= 4 else actions.astype(np.float32)
+    if kind in "iu" and shape == (robots,) and not ((actions < 0) | (actions >= len(numbered))).any():
+        return np.asarray(numbered[actions])
+    came = f"{shape} of {actions.dtype}" if actions.ndim else shortened(answered)
+    expected = f"actions ({robots}, 2), or numbers ({robots},) of discrete ones, 0 to {len(numbered) - 1}"
+    raise ValueError(f"the policy answered with {came}, expected {expected}")
 
 
 def checked_memories(state: Sequence[Any], rows: int, kind: type[Any]) -> list[Any]:

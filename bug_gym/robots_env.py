@@ -15,6 +15,7 @@ from bug_gym.checks import checked_options
 from bug_gym.config import Scenario, load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.observation import flat_space
+from bug_gym.schema.errors import shortened
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
     ActionForm,
@@ -117,6 +118,8 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         Raises:
             ValueError: an action for no robot of this env, or none for a robot in play.
         """
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"actions are a mapping of robots to actions, got {shortened(actions)}")
         if not actions.keys() <= self.spaces.keys() or not actions.keys() >= set(self.agents):
             raise ValueError(f"got actions for {sorted(actions)}, expected them for {self.agents}")
         moved = self.agents

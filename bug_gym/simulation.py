@@ -19,11 +19,13 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym import kernels, observation, scenarios, task
-from bug_gym.checks import checked_seed, real_numbers, row_numbers
+from bug_gym.checks import checked_count, checked_seed, real_numbers, row_numbers
 from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
+from bug_gym.limits import MOST_WORKERS
 from bug_gym.log import warn_once
 from bug_gym.own_parts import OwnParts
+from bug_gym.schema.errors import shortened
 from bug_gym.world import Capacity, Snapshot, World, world_span
 from bug_gym.worlds.field import FieldWorld
 from bug_gym.worlds.layout import Layout
@@ -115,12 +117,12 @@ class Simulation:
         overrides: Mapping[str, Any] | None = None,
         threads: int = 1,
     ) -> None:
-        if not all(isinstance(value, (int, np.integer)) for value in (count, threads)):
-            raise ValueError(f"count and threads must be integers, got {count!r} and {threads!r}")
-        if count < 1 or threads < 1:
-            raise ValueError(f"count and threads must be at least 1, got {count} and {threads}")
+        count, threads = (
+            checked_count("the number of worlds", count),
+            checked_count("threads", threads, most=MOST_WORKERS),
+        )
         self.scenario = load(scenario, overrides)
-        self.count = count = int(count)
+        self.count = count
         required_trust(self.scenario.world)
         self.fields = observation.fields(self.scenario)
         self._field_record: NDArray[Any] | None = None
@@ -504,6 +506,8 @@ class Simulation:
         Raises:
             ValueError: the state is of another scenario, or of another number of worlds.
         """
+        if not isinstance(state, tuple) or len(state) != 2 or not isinstance(state[0], Snapshot):
+            raise ValueError(f"expected what `snapshot` returned, got {shortened(state)}")
         snapshot, seeded = state
         if len(snapshot.observation) != len(seeded):
             raise ValueError(f"the state is of {len(snapshot.observation)} worlds and seeds of {len(seeded)}")

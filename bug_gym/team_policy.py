@@ -39,6 +39,7 @@ from bug_gym.policy import (
     action_of,
     checked_memories,
     checked_starts,
+    checked_velocity,
     flat_observation,
     source_scenario,
 )
@@ -367,7 +368,7 @@ class TeamPolicy(ABC):
         velocities = self.act(views, memories)
         standing = (0.0, 0.0)
         return [
-            self._action(view, velocity if view is not None and not memory.verdict else standing)
+            self._action(view, checked_velocity(self, velocity) if view and not memory.verdict else standing)
             for view, velocity, memory in zip(views, velocities, memories, strict=True)
         ]
 

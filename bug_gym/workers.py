@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from bug_gym.checks import checked_count
+from bug_gym.limits import MOST_WORKERS
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -46,9 +47,9 @@ def checked_workers(value: object) -> Workers:
     """Workers that callers hand in.
 
     Raises:
-        ValueError: neither an integer from 1 on nor a crew.
+        ValueError: neither an integer from 1 to MOST_WORKERS nor a crew.
     """
-    return value if isinstance(value, Crew) else checked_count("workers", value)
+    return value if isinstance(value, Crew) else checked_count("workers", value, most=MOST_WORKERS)
 
 
 def are_several(workers: Workers) -> bool:
@@ -76,6 +77,7 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, *, in_
     if not isinstance(workers, int):
         yield from workers.each(function, jobs, in_order=in_order)
         return
+    checked_workers(workers)
     if workers == 1 or len(jobs) < 2:
         yield from map(function, jobs)
         return
@@ -84,7 +86,8 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, *, in_
 
     settings = {"initializer": begin_worker, "initargs": (os.getpid(), tuple(sys.path))}
     with parallel_config(backend="loky", inner_max_num_threads=1, **settings):
-        parallel = Parallel(n_jobs=workers, return_as="generator" if in_order else "generator_unordered")
+        processes = min(workers, max(len(jobs), os.cpu_count() or 1))  # more would only wait
+        parallel = Parallel(n_jobs=processes, return_as="generator" if in_order else "generator_unordered")
         try:
             yield from parallel(delayed(function)(job) for job in jobs)
         except TerminatedWorkerError:

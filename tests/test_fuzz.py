@@ -25,15 +25,22 @@ from hypothesis import strategies as st
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, model_folder, read_config
+from bug_gym.agents.learning.settings import load_settings
+from bug_gym.agents.learning.sweep_settings import load_sweep
 from bug_gym.config import Scenario, ScenarioError, load, read_yaml, scenario_names
 from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.demonstrations import Demonstrations, demonstrate
+from bug_gym.evaluation.driven import read_driven
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.plan import Plan, make_plan
 from bug_gym.evaluation.results_folder import LENGTHS, MANIFEST, ROWS, opened
+from bug_gym.evaluation.suites import load_suite
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.robots_env import parallel_env
 from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
 from bug_gym.worlds.barn_files import load_barn, load_gazebo
+from bug_gym.worlds.dynabarn_files import load_dynabarn
 from bug_gym.worlds.recordings import load_recording
 from bug_gym.worlds.ros_files import load_ros_map
 
@@ -61,6 +68,11 @@ FLOATS = st.one_of(
     st.floats(-100.0, 100.0),
     st.sampled_from([-1e-6, -1.0, -1e2, -1e5, -1e6, -1e9, 1e-9, 1e10, 1e300, -1e300, math.inf, math.nan, 5e-324]),
     st.floats(),
+)
+DRAWN = st.one_of(
+    st.builds(lambda law, ends: {law: ends}, st.sampled_from(["uniform", "log_uniform"]), st.lists(FLOATS, max_size=3)),
+    st.builds(lambda numbers: {"choice": numbers}, st.lists(FLOATS, max_size=3)),
+    st.sampled_from([{"uniform": [0.5, 1.5]}, {"log_uniform": [1e-3, 1e3]}, {"choice": [0.3]}, {"gauss": [0, 1]}, {}]),
 )
 COUNTS = st.one_of(
     st.integers(0, 12), st.sampled_from([-1, 30, 200, 40_000, 10**6, 10**9, 10**21, 10**400, 0.5, True, None, "x"])
@@ -145,7 +157,9 @@ def tries(draw: st.DrawFn) -> Tried:
         old: Any = whole(base)
         for key in place:
             old = old[key]
-        changes[".".join(map(str, place))] = draw(COUNTS if isinstance(old, int) else FLOATS)
+        changes[".".join(map(str, place))] = draw(
+            COUNTS if isinstance(old, int) else st.one_of(FLOATS, FLOATS, FLOATS, DRAWN)
+        )
     return Tried(base, changes)
 
 
@@ -283,6 +297,32 @@ BARN = (
     b'{"world": 0, "start": [-2, 3, 1.57], "goal": [-2, 13], "cylinder_radius": 0.075, "cylinders": [[0, 5], [1, 6]]}\n'
     b'{"world": 1, "start": [-2, 3, 1.57], "goal": [-2, 13], "cylinder_radius": 0.075, "cylinders": []}\n'
 )
+DYNABARN = (
+    b'{"world": 0, "start": [1, 1, 0], "goal": [8, 1], "walls": [{"polygon": [[0, 0], [9, 0], [9, 1]]}], '
+    b'"movers": [{"radius": 0.3, "keyframes": [[0, 1, 2], [9, 4, 5], [12, 1, 2]]}]}\n'
+)
+SUITE = b"""name: mine
+scenarios: [{scenario: empty, label: a, overrides: {lidar.beams: 9}, seeds: {first: 0, count: 3}}, {scenario: static}]
+policies: [bug2, {name: bug2, label: left, parameters: {turn: left}}]
+seeds: {first: 0, count: 5}
+"""
+TRAINING = b"""algo: ppo
+scenarios: [empty, static]
+overrides: {lidar.beams: 9, reward: {progress: 0.1}}
+n_timesteps: 4_000_000
+gamma: 0.995
+history: [4]
+curriculum: [{overrides: {world.goal: [3, 0]}, success: 0.9}, {share: 0.8}]
+"""
+SWEEP = b"""training: ppo_dynamic
+overrides: {n_timesteps: 1_000_000}
+seeds: 2
+space: {learning_rate: [3.0e-4, 1.0e-3], gamma: [0.98, 0.995]}
+"""
+DRIVEN = (
+    b'{"holds": "episodes driven by hand", "version": "0.1.0", "scenario": {"world": {"family": "empty"}}, "episodes": '
+    b'[{"seed": 3, "actions": [[0.5, -1.0], [1, 0]], "outcome": "running", "time": 0.2, "pose": [0.1, 0.2, 0.3]}]}\n'
+)
 GAZEBO = (
     b'<?xml version="1.0"?><sdf><world><model name="a"><pose>1 2 0 0 0 0</pose><collision><geometry><cylinder>'
     b"<radius>0.1</radius></cylinder></geometry></collision></model></world></sdf>"
@@ -372,6 +412,11 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], Any]]] = {
     "raw picture": ("broken.pgm", PGM, read_pgm),
     "plain picture": ("broken.pgm", PLAIN_PGM, read_pgm),
     "worlds": ("worlds.jsonl", BARN, lambda path: load_barn(str(path))),
+    "worlds of DynaBARN": ("worlds.jsonl", DYNABARN, lambda path: load_dynabarn(str(path))),
+    "suite": ("mine.yaml", SUITE, load_suite),
+    "training": ("mine.yaml", TRAINING, load_settings),
+    "sweep": ("mine.yaml", SWEEP, load_sweep),
+    "driven by hand": ("driven.json", DRIVEN, read_driven),
     "world of Gazebo": ("world_0.world", GAZEBO, load_gazebo),
     "recording": ("walk.csv", RECORDING, read_recording),
 }
@@ -420,6 +465,7 @@ PAIR = {
 MODEL = model_folder("ppo_static")
 ROBOT = load("static")
 READERS |= {name: (name, b"", read_run) for name in (MANIFEST, ROWS, LENGTHS)}
+READERS["block"] = ("000000.npz", b"", lambda path: Demonstrations.read(path, range(2)))
 if find_spec("onnxruntime"):
     READERS |= {name: (name, (MODEL / name).read_bytes(), read_model) for name in (CONFIG, GRAPH)}
 
@@ -432,7 +478,19 @@ def seen() -> Any:
 def bytes_of(kind: str) -> bytes:
     """The bytes of a kind before anything is broken; those of a run are made when they are asked for."""
     _, good, read = READERS[kind]
+    if kind == "block":
+        return driven_block()
     return finished_run()[1][kind] if read is read_run else good
+
+
+@cache
+def driven_block() -> bytes:
+    """Two short episodes, as `collect` keeps them."""
+    scenario = ScenarioEntry("empty", load("empty", {"lidar.beams": 1, "time.limit": 0.5}), range(2))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "000000.npz"
+        demonstrate(PolicyEntry.of("go_to_goal"), scenario, range(2)).write(path)
+        return path.read_bytes()
 
 
 def peak() -> int:
@@ -459,7 +517,7 @@ def test_any_bytes_are_a_value_or_an_error_of_ours(kind: str, data: st.DataObjec
         except ValueError as error:
             event("refused")
             told = str(error)
-            assert folder in told or "scenario: " in told or "no such picture" in told, told
+            assert path.name in told or "scenario: " in told or "no such picture" in told, told
             assert all(len(line) < 1500 for line in told.split("\n")), told
         else:
             event("read")

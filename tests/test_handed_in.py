@@ -271,7 +271,7 @@ def test_an_array_of_seeds_gives_each_row_its_own() -> None:
 # ---------------------------------------------------------------------------------------------- counts and options
 
 
-@pytest.mark.parametrize("count", [1.5, "2", None, np.float64(2.0)], ids=repr)
+@pytest.mark.parametrize("count", [1.5, "2", None, np.float64(2.0), True], ids=repr)
 def test_a_number_of_worlds_is_an_integer(count: Any) -> None:
     for make in (
         lambda: NavigationVectorEnv(count),
@@ -279,7 +279,7 @@ def test_a_number_of_worlds_is_an_integer(count: Any) -> None:
         lambda: Simulation("static", 2, threads=count),
         lambda: gym.make_vec("BugGym/Static-v0", num_envs=count),
     ):
-        with pytest.raises(ValueError, match="must be integers, got"):
+        with pytest.raises(ValueError, match="must be an integer, got"):
             make()
 
 
@@ -340,3 +340,28 @@ def test_a_state_of_the_same_scenario_made_anew_is_taken() -> None:
     simulation.reset(seeds=[1])
     other.restore(simulation.save())
     assert (other.observations() == simulation.observations()).all()
+
+
+@pytest.mark.parametrize("state", [None, 5, "ab", (), (1, 2), [None]], ids=repr)
+def test_what_is_no_snapshot_is_refused(state: Any) -> None:
+    simulation = Simulation("static")
+    with pytest.raises(ValueError, match="expected what `snapshot` returned, got"):
+        simulation.restore(state)
+
+
+def test_what_is_no_mapping_is_refused_by_name() -> None:
+    env = bug_gym.parallel_env("static", robots=2)
+    env.reset(seed=0)
+    for actions in (None, [[0, 0], [0, 0]], "ab"):
+        with pytest.raises(ValueError, match="actions are a mapping of robots to actions, got"):
+            env.step(actions)  # type: ignore[arg-type]
+    for overrides in ("abc", 5, [("lidar.beams", 9)]):
+        with pytest.raises(ValueError, match="overrides: got .*, expected a mapping of dotted keys to values"):
+            NavigationEnv("static", overrides=overrides)  # type: ignore[arg-type]
+
+
+def test_what_an_error_says_of_an_array_is_short() -> None:
+    for values in (np.zeros((70, 80), dtype=complex), [1j] * 5000, "x" * 5000):
+        with pytest.raises(ValueError, match="must be real numbers") as told:
+            real_numbers("they", values)
+        assert len(str(told.value)) < 200 and "\n" not in str(told.value)

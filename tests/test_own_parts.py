@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import bug_gym
 from bug_gym import ObservationField, RewardTerm
 from bug_gym.config import ScenarioError, dump, load
+from bug_gym.evaluation import evaluate
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.own_parts import ARRAYS, EARLIER, KNOWN, LAST
 from bug_gym.robots_env import parallel_env
@@ -357,6 +358,16 @@ def named(tmp_path: Path) -> Path:
     path = tmp_path / "mine.yaml"
     path.write_text(NAMED, encoding="utf-8")
     return path
+
+
+def test_an_evaluation_with_functions_of_ones_own_goes_on_until_their_file_changes(named: Path) -> None:
+    out = named.parent / "rows"
+    for _ in range(2):
+        assert len(evaluate("go_to_goal", named, episodes=1, out=out, trust=True)) == 1
+    module = named.parent / "rewards.py"
+    module.write_text(module.read_text() + "# another one\n")
+    with pytest.raises(ValueError, match=r"holds another run: .*code\."):
+        evaluate("go_to_goal", named, episodes=1, out=out, trust=True)
 
 
 def test_a_scenario_file_names_functions(named: Path) -> None:

@@ -50,8 +50,10 @@ from bug_gym.agents.learning.training import (
     validate,
     write_best,
 )
+from bug_gym.checks import checked_count
 from bug_gym.held_out import TRAINING_SEEDS
 from bug_gym.kinematics import discrete_actions
+from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
 from bug_gym.policy import ScriptedPolicy
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
@@ -173,6 +175,7 @@ def train_offline(
     if isinstance(settings, DaggerSettings):
         _expert_of(settings)  # what cannot be asked is found out before anything is written
     require_same_data(Path(out), episodes)
+    threads = checked_count("threads", threads, most=MOST_WORKERS)
     work = partial(_train_in, episodes=episodes, threads=threads, progress=progress)
     return train_in_folder(settings, out, seed, minutes, work)
 
@@ -202,6 +205,7 @@ def train_offline_seeds(
     Raises:
         ValueError: as `train_offline` has it.
     """
+    checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
     for folder in (Path(out), *(Path(out) / f"seed-{seed}" for seed in seeds)):
         require_same_data(folder, episodes)
     if are_several(workers):

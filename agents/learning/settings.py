@@ -21,11 +21,13 @@ from bug_gym.agents.learning.curriculum import Curriculum, require_stages
 from bug_gym.agents.learning.history import MOST_STEPS
 from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, expanded, explain, load, read_yaml
 from bug_gym.naming import nearest_hint
+from bug_gym.schema.errors import shortened
 from bug_gym.schema.values import (
     AtLeastOne,
     Coefficient,
     Count,
     Episodes,
+    Name,
     NotNegative,
     Number,
     Part,
@@ -59,7 +61,7 @@ class PolicyKwargs(Part):
 class Settings(Part):
     """What all trainings have. Keys that rl-zoo has too are named as there."""
 
-    name: str = "custom"
+    name: Name = "custom"
     """What the model is called; a file's stem where the file gives none."""
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1)
     """Scenarios to train in, each with the same share of the worlds; they need the same robot."""
@@ -349,8 +351,8 @@ def load_settings(
     label, data = _read(source)
     data |= overrides or {}
     algo = data.get("algo")
-    if algo not in ALGORITHMS:
-        raise ScenarioError(f"{label}: algo: got {algo!r}, expected one of {', '.join(map(repr, ALGORITHMS))}")
+    if not isinstance(algo, str) or algo not in ALGORITHMS:
+        raise ScenarioError(f"{label}: algo: got {shortened(algo)}, expected one of {', '.join(map(repr, ALGORITHMS))}")
     try:
         settings = ALGORITHMS[algo].model_validate(data).trusting(trust)
         settings.rate(1.0)
@@ -362,7 +364,10 @@ def load_settings(
         raise ScenarioError(f"{label}: got what JSON cannot hold; {expected}") from None
     except ValueError as error:
         raise ScenarioError(f"{label}: {error}") from None
-    _ = settings.loaded, settings.stages if isinstance(settings, PPOSettings) else ()
+    try:
+        _ = settings.loaded, settings.stages if isinstance(settings, PPOSettings) else ()
+    except ScenarioError as error:
+        raise ScenarioError(f"{label}: {error}") from None
     return settings
 
 

@@ -11,9 +11,10 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, load_settings
 from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, read_yaml
+from bug_gym.limits import MOST_TRAININGS
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.values import AtLeastOne, Number, Part
+from bug_gym.schema.values import AtLeastOne, Name, Number, Part
 
 if TYPE_CHECKING:
     import optuna
@@ -67,7 +68,7 @@ Choices = Annotated[
 class SweepSettings(Part):
     """What a sweep is."""
 
-    name: str = "sweep"
+    name: Name = "sweep"
     """What it is called; a file's stem where the file gives none."""
     training: str
     """The training that is changed, by name or path."""
@@ -93,6 +94,9 @@ class SweepSettings(Part):
             raise wrong(f"got {self.trials}, expected a number with sampler tpe and none with grid", "trials")
         if empty := [key for key, values in self.space.items() if not isinstance(values, Range) and not values]:
             raise wrong(f"got no values of {', '.join(empty)}, expected some", "space")
+        if (models := self.total * self.seeds) > MOST_TRAININGS:
+            came = f"got {self.total:,} trials of {self.seeds:,} seeds, {models:,} models"
+            raise wrong(f"{came}, expected at most {MOST_TRAININGS:,}", "trials" if self.trials else "space")
         return self
 
     @property
@@ -134,7 +138,11 @@ def load_sweep(source: str | Path | Mapping[str, Any]) -> SweepSettings:
         settings = SweepSettings.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
-    if isinstance(trained_with(settings, _first_values(settings)), OfflineSettings):
+    try:
+        first = trained_with(settings, _first_values(settings))
+    except ScenarioError as error:
+        raise ScenarioError(f"{label}: {error}") from None
+    if isinstance(first, OfflineSettings):
         raise ScenarioError(
             f"{label}: training: {settings.training} learns offline, expected one that learns in worlds"
         )

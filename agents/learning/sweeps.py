@@ -20,7 +20,7 @@ from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings, trained_with
 from bug_gym.agents.learning.training import is_done, require_same, train
 from bug_gym.checks import needed_from
-from bug_gym.files import one_writer, replaced_when_done
+from bug_gym.files import one_writer, replaced_when_done, writable
 from bug_gym.workers import Crew, Workers
 
 if TYPE_CHECKING:
@@ -77,22 +77,27 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
     """The study of a folder, or a new one.
 
     Raises:
-        ValueError: it is of another sweep.
+        ValueError: it is of another sweep, or damaged.
     """
     import optuna
+    from sqlalchemy.exc import SQLAlchemyError
 
-    study = optuna.create_study(
-        storage=f"sqlite:///{out.absolute() / STUDY}",
-        sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),  # a grid's trials are all enqueued
-        study_name="sweep",
-        direction="maximize",
-        load_if_exists=True,
-    )
+    path = writable(out.absolute() / STUDY)
+    try:
+        study = optuna.create_study(
+            storage=f"sqlite:///{path}",
+            sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),  # a grid's trials are all enqueued
+            study_name="sweep",
+            direction="maximize",
+            load_if_exists=True,
+        )
+    except SQLAlchemyError as error:
+        raise ValueError(f"{out / STUDY} is damaged: {str(error).splitlines()[0]}") from None
     here = settings.model_dump(mode="json")
     was = study.user_attrs.get("settings", here)
     for key in here:
-        if was[key] != here[key]:
-            raise ValueError(f"{out} is of another sweep: {key} was {was[key]!r}, is now {here[key]!r}")
+        if was.get(key) != here[key]:
+            raise ValueError(f"{out} is of another sweep: {key} was {was.get(key)!r}, is now {here[key]!r}")
     study.set_user_attr("settings", here)
     return study
 

@@ -47,10 +47,11 @@ from bug_gym.agents.learning.settings import (
 from bug_gym.agents.learning.shown import SAVING, TESTING, VALIDATING, WRITING, Report, reported
 from bug_gym.agents.learning.so_far import BestSoFar
 from bug_gym.agents.learning.vec_envs import CurriculumVecEnv, FlatEnv, HistoryVecEnv, TrainingEnv, join
-from bug_gym.checks import checked_seed, checked_time
+from bug_gym.checks import checked_count, checked_seed, checked_time
 from bug_gym.config import Scenario
 from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
+from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
 
@@ -389,6 +390,8 @@ def train(
     """
     if isinstance(settings, OfflineSettings):
         raise ValueError(f"{settings.algo} learns offline, from recorded episodes: see agents/learning/offline.py")
+    if threads is not None:
+        threads = checked_count("threads", threads, most=MOST_WORKERS)
     work = partial(_train_in, threads=threads, tensorboard=tensorboard, progress=progress)
     return train_in_folder(settings, out, seed, minutes, work)
 
@@ -632,6 +635,7 @@ def each_seed(
         settings, out, seeds, workers: as `train_seeds` takes them.
         one: trains one, of settings and folder and `seed`.
     """
+    checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
     if len(folders) > 1:
         require_same(Path(out) / "agent", settings, seeds)

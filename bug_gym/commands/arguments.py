@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from bug_gym.assignments import assignments as assignments  # for the commands
 from bug_gym.checks import checked_time
+from bug_gym.limits import MOST
 
 if TYPE_CHECKING:
     from bug_gym.evaluation.entries import PolicyEntry
@@ -21,16 +22,19 @@ TRUST = (
 
 
 def at_least_one(text: str) -> int:
-    """A whole number from 1 on."""
-    number = int(text)
-    if number < 1:
-        raise ValueError(text)
-    return number
+    """A whole number from 1 to MOST."""
+    with suppress(ValueError):
+        if 1 <= (number := int(text)) <= MOST:
+            return number
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number from 1 to {MOST:,}")
 
 
 def above_zero(text: str) -> float:
     """A finite number above 0."""
-    return checked_time("it", float(text))
+    try:
+        return checked_time("it", float(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a number above 0") from None
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bug_gym.commands.arguments import add_scenario, assignments
-from bug_gym.files import replaced_when_done, writable
+from bug_gym.files import file_name, replaced_when_done, writable
 
 if TYPE_CHECKING:
     from bug_gym.simulation import Simulation
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> None:
     simulation = Simulation(load(options.scenario, assignments(options.overrides), trust=options.trust))
     name = simulation.scenario.name
     if out is None and save is None:
-        out = writable(f"{name}-{options.seed}.png", [PNG])
+        out = writable(f"{file_name(name)}-{options.seed}.png", [PNG])
     simulation.reset(seeds=[options.seed])
     if save:
         _save_world(save, simulation)

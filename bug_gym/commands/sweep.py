@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bug_gym.checks import needed_from
 from bug_gym.commands.arguments import add_workers, at_least_one, workers_of
+from bug_gym.files import file_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,7 @@ def run(options: argparse.Namespace) -> None:
     from bug_gym.agents.learning.sweep_settings import load_sweep  # loads the compiler
 
     settings = load_sweep(options.name)
-    options.out = options.out or Path("results", "sweeps", settings.name)
+    options.out = options.out or Path("results", "sweeps", file_name(settings.name))
     console = Console(stderr=True)
     with workers_of(options) as workers:
         best = sweep(settings, options.out, workers=workers, report=lambda line: console.print(line, highlight=False))

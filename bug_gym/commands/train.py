@@ -8,6 +8,7 @@ from typing import Any
 
 from bug_gym.checks import needed_from
 from bug_gym.commands.arguments import above_zero, add_trust, add_workers, assignments, at_least_one, workers_of
+from bug_gym.files import file_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +58,7 @@ def run(options: argparse.Namespace) -> None:
     overrides |= {"start_from": options.start_from} if options.start_from else {}
     overrides |= {"curriculum": read_curriculum(options.curriculum)} if options.curriculum else {}
     settings = load_settings(options.name, overrides, trust=options.trust)
-    options.out = options.out or Path("results", "train", settings.name)
+    options.out = options.out or Path("results", "train", file_name(settings.name))
     arguments = {"seeds": range(options.seed, options.seed + options.seeds), "minutes": options.minutes}
     if options.dataset is not None and not isinstance(settings, OfflineSettings):
         raise ValueError(f"{settings.name} learns in worlds: only offline trainings take a dataset")

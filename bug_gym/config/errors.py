@@ -73,7 +73,7 @@ def fault(detail: ErrorDetails) -> tuple[str, str]:
     context, came, kind = detail.get("ctx", {}), detail["input"], detail["type"]
     keys = _keys(detail["loc"])
     if kind == "scenario":
-        key = ".".join(filter(None, [*keys, context["key"]]))
+        key = ".".join(filter(None, [*keys, _cut(context["key"])]))
         return key, str(context["reason"])
     known: tuple[str, ...] = ()
     if kind.startswith("union_tag"):
@@ -94,4 +94,8 @@ def _keys(location: tuple[int | str, ...]) -> list[str]:
     unions = ("world", "motion", "target_motion")
     pairs = zip(("", *location), location, strict=False)
     shown = [str(item) for before, item in pairs if before not in unions and not str(item).startswith("<")]
-    return [key if len(key) <= LONGEST_KEY else f"{key[:LONGEST_KEY]}..." for key in shown]
+    return [_cut(key) for key in shown]
+
+
+def _cut(key: str) -> str:
+    return key if len(key) <= LONGEST_KEY else f"{key[:LONGEST_KEY]}..."

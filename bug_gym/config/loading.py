@@ -54,6 +54,8 @@ def load(
     Raises:
         ScenarioError: where something is unknown, missing or not allowed.
     """
+    if not isinstance(overrides, Mapping | None):
+        raise ScenarioError(f"overrides: got {shortened(overrides)}, expected a mapping of dotted keys to values")
     own = {"reward_terms": reward_terms, "observation_fields": observation_fields}
     given = {f"{key}.{name}": part for key, parts in own.items() for name, part in _checked_own(key, parts).items()}
     if isinstance(source, Scenario) and not (overrides or given or trust):

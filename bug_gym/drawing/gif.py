@@ -16,6 +16,8 @@ SAME = 255
 """The number of the palette that is no colour, but shows what was there before."""
 COLORS = 1 << 24
 """Colours that a frame may have."""
+LONGEST_DELAY = 0xFFFF
+"""Longest time that the format can show a frame [s / 100], eleven minutes."""
 
 Frame = NDArray[np.uint8]
 """RGB pixels (H, W, 3)."""
@@ -56,7 +58,7 @@ def encoded(clip: Clip, fps: float) -> Iterator[bytes]:
     yield b"GIF89a" + struct.pack("<HHBBB", clip.width, clip.height, 0xF7, 0, 0)
     yield np.pad(palette, ((0, 256 - len(palette)), (0, 0))).astype(np.uint8).tobytes()
     yield b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
-    delay = max(1, round(100.0 / fps))  # in hundredths of a second
+    delay = min(max(1, round(100.0 / fps)), LONGEST_DELAY)
     last = np.full((clip.height, clip.width), SAME, dtype=np.uint8)
     table, stamp, box = np.zeros((256, lzw.FULL), dtype=np.int64), 0, np.zeros(4, dtype=np.int64)
     for letters in clip.changes:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 import bug_gym
 from bug_gym.checks import checked_count
-from bug_gym.config import load
+from bug_gym.config import Scenario, load
 from bug_gym.evaluation.demonstrations import Demonstrations, Extras, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.minari_files import (
@@ -38,11 +38,12 @@ from bug_gym.evaluation.minari_files import (
     write_dataset,
     write_namespaces,
 )
-from bug_gym.evaluation.plan import Plan, make_plan
+from bug_gym.evaluation.plan import Plan, data_digest, make_plan, own_code
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
 from bug_gym.evaluation.results_folder import differences
 from bug_gym.files import from_json, one_writer, released, replaced_when_done
+from bug_gym.limits import MOST_WORKERS
 from bug_gym.workers import each, starred
 
 SCORED = 100
@@ -106,6 +107,7 @@ class _Source(NamedTuple):
             "version": released(bug_gym.__version__),
             "scenario": self.scenario.label,
             "digest": self.scenario.scenario.digest,
+            **_digests(self.scenario.scenario, self.entry),
             "policy": self.entry.name,
             "parameters": dict(self.entry.parameters),
             "first_seed": seeds.start,
@@ -137,6 +139,12 @@ class _Score(NamedTuple):
         assert self.source is not None
         returns = [Demonstrations.read(path, seeds).returns() for path, seeds in self.source.first().blocks()]
         return float(np.mean(np.concatenate(returns)[:SCORED]))
+
+
+def _digests(scenario: Scenario, entry: PolicyEntry) -> dict[str, Any]:
+    """Of the files that a scenario and a policy are made of beside this package's, by kind."""
+    told = {"code": own_code(scenario), "data": data_digest(scenario), "policy_code": entry.code}
+    return {kind: digest for kind, digest in told.items() if digest}
 
 
 class _Dataset(NamedTuple):
@@ -201,7 +209,7 @@ def collect(
             another run, is in use or damaged.
     """
     require_minari()
-    workers = checked_count("workers", workers)
+    workers = checked_count("workers", workers, most=MOST_WORKERS)
     if unknown := [form for form in forms if form not in FORMS] or ([] if forms else ["none"]):
         raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {unknown[0]!r}")
     root = Path(out).absolute()  # Minari joins a relative one to itself

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -25,7 +26,8 @@ from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import prepared
 from bug_gym.files import replaced_when_done
 from bug_gym.geometry import F32, Point
-from bug_gym.policy import Policy
+from bug_gym.policy import Policy, checked_actions
+from bug_gym.schema.errors import shortened
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 from bug_gym.view import Sensors
@@ -43,6 +45,10 @@ NOWHERE = (math.nan, math.nan)
 """A hit or leave point that there is not."""
 FAR_APART = 20
 """Bits that lie between the draws of the random policy in two worlds: 2^19 steps of two draws."""
+
+
+BROKEN = (OSError, ValueError, KeyError, EOFError, MemoryError, NotImplementedError, RuntimeError)
+"""What NumPy and zipfile raise for broken files, beside errors of their own."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,26 @@ class Demonstrations:
     """Its last hit point and its last leave point then (T, 2, 2), odometry frame [m], or (0, 2, 2); NaN where there is none."""
     shortest: NDArray[np.float64]
     """Length of the shortest path of each world (n,) [m], or (0,) where nobody asked."""
+
+    def fits(self, worlds: int) -> bool:
+        """Whether the arrays are of so many episodes, and of what they should be."""
+        if self.steps.shape != (worlds,) or self.steps.dtype.kind != "i" or (self.steps < 1).any():
+            return False
+        steps = int(self.steps.sum())
+        expected = {
+            "seeds": ("i", [(worlds,)]),
+            "outcomes": ("i", [(worlds,)]),
+            "observations": ("f", [(steps + worlds, *self.observations.shape[1:2])]),
+            "actions": ("f", [(steps, 2)]),
+            "rewards": ("f", [(steps,)]),
+            "modes": ("S", [(steps,), (0,)]),
+            "shortest": ("f", [(worlds,), (0,)]),
+        }
+        for name, (kind, shapes) in expected.items():
+            array = getattr(self, name)
+            if array.dtype.kind != kind or array.shape not in shapes:
+                return False
+        return self.observations.ndim == 2 and bool(np.isin(self.outcomes, range(len(ENDINGS))).all())
 
     def returns(self) -> NDArray[np.float64]:
         """Undiscounted sum of the rewards of each episode (n,)."""
@@ -109,10 +135,10 @@ class Demonstrations:
         try:
             with np.load(path, allow_pickle=False) as file:
                 found = cls(**{field.name: file[field.name] for field in fields(cls)})
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise ValueError(f"{path} is damaged ({error}); without it, its episodes are driven again") from None
-        steps = int(found.steps.sum())
-        if (len(found.actions), len(found.rewards), len(found.observations)) != (steps, steps, steps + len(seeds)):
+        except (*BROKEN, zipfile.BadZipFile, zlib.error) as error:
+            told = shortened(str(error), 200)
+            raise ValueError(f"{path} is damaged ({told}); without it, its episodes are driven again") from None
+        if not found.fits(len(seeds)):
             raise ValueError(f"{path} is damaged: its arrays do not fit each other")
         if found.seeds.tolist() != list(seeds):
             raise ValueError(f"{path} is of other worlds, expected seeds {seeds[0]} to {seeds[-1]}")
@@ -235,7 +261,7 @@ class _Recording:
 
     def _decide(self, rows: NDArray[np.int64], decided: NDArray[Any]) -> list[int]:
         """Take over the actions; returns the rows whose policy gives up and stands."""
-        chosen = self._discrete_actions[decided] if decided.dtype.kind in "iu" else decided
+        chosen = checked_actions(decided, len(rows), self._discrete_actions)
         self._actions[rows] = np.clip(np.asarray(chosen, dtype=np.float32), -1.0, 1.0)
         if not self._driver.has_memories:
             return []

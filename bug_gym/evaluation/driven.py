@@ -16,6 +16,7 @@ from bug_gym.config import Scenario, checked, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.files import from_json, replaced_when_done
+from bug_gym.limits import DATA, read_file
 from bug_gym.schema.values import Count, Number, Part
 from bug_gym.task import OUTCOMES
 
@@ -73,7 +74,7 @@ def read_driven(path: Path, *, trust: bool = False) -> tuple[Scenario, tuple[Dri
     if not path.is_file():
         raise ValueError(f"no file {path}")
     try:
-        data = from_json(path.read_bytes())
+        data = from_json(read_file(path, DATA))
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
     if not isinstance(data, dict) or data.get("holds") != SUBJECT:

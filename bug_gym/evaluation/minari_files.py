@@ -25,6 +25,7 @@ from bug_gym.config import Scenario, dump
 from bug_gym.evaluation.demonstrations import ENDINGS, Demonstrations
 from bug_gym.evaluation.episode_file import Arrays, EpisodeFile
 from bug_gym.files import from_json, moved_when_done, released, replaced_when_done
+from bug_gym.limits import told_bytes
 from bug_gym.observation import Field, as_dict
 from bug_gym.observation import fields as observation_fields
 
@@ -34,6 +35,8 @@ FORMS = ("dict", "flat")
 """How observations lie in a dataset; a flat one has `_flat` in its name."""
 VERSION = 0
 """The version at the end of the names."""
+MOST_PACKED = 1_032
+"""Bytes that HDF5's deflate makes of one at most: a file that promises more does not hold it."""
 
 METADATA, MAIN = "metadata.json", "main_data.hdf5"
 NAMESPACE_METADATA = "namespace_metadata.json"
@@ -280,8 +283,8 @@ def open_dataset(folder: Path, scenario: Scenario | None = None) -> Any:
     try:
         dataset = MinariDataset(folder / "data")
         _require_whole(folder / "data" / MAIN, dataset.total_episodes, int(found["episodes"]))
-    except (OSError, KeyError, AssertionError, TypeError) as error:
-        raise ValueError(f"{folder} is damaged: {error}") from None
+    except (OSError, KeyError, AssertionError, TypeError, ValueError) as error:
+        raise ValueError(f"{folder} is damaged: {str(error) or type(error).__name__}") from None
     return dataset
 
 
@@ -290,8 +293,18 @@ def _require_whole(path: Path, told: int, expected: int) -> None:
     import h5py
 
     with h5py.File(path, "r") as file:
-        count = len(file)
+        count, declared = len(file), _declared_bytes(file)
+    if declared > (most := MOST_PACKED * path.stat().st_size):
+        came = f"its arrays would take {told_bytes(declared)}"
+        raise ValueError(f"{came}, expected at most {told_bytes(most)} in a file of that size")
     if told != count:
-        raise ValueError(f"{path} is damaged: it has {count} episodes, its metadata tell of {told}")
+        raise ValueError(f"{path.name} has {count} episodes, its metadata tell of {told}")
     if count != expected:
-        raise ValueError(f"{path} is damaged: it has {count} episodes, expected {expected}")
+        raise ValueError(f"{path.name} has {count} episodes, expected {expected}")
+
+
+def _declared_bytes(group: Any) -> int:
+    """What the arrays of an HDF5 group say that they take once they are read [bytes]."""
+    sizes: list[int] = []
+    group.visititems(lambda name, node: sizes.append(int(getattr(node, "nbytes", 0))))
+    return sum(sizes)

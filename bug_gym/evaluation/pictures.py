@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.files import file_name
 from bug_gym.workers import each
 
 logger = logging.getLogger("bug_gym")
@@ -47,9 +47,10 @@ def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True)
     yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
     while not rollout.is_over:
         for _ in range(every):
-            if not rollout.is_over:
-                rollout.advance()
-                canvas.record()
+            rollout.advance()
+            canvas.record()
+            if rollout.is_over:
+                break
         yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
 
 
@@ -74,7 +75,7 @@ def draw_typical(plan: Plan, rows: Sequence[EpisodeRow], folder: Path, workers: 
     wanted = []
     for scenario, policy in plan.pairs():
         mine = [row for row in rows if (row.scenario, row.policy) == (scenario.label, policy.label)]
-        path = folder / (re.sub(r"[^\w.-]+", "_", f"{scenario.label}-{policy.label}") + ".png")
+        path = folder / f"{file_name(f'{scenario.label}-{policy.label}')}.png"
         if not path.exists():
             wanted.append(_Picture(policy, scenario, typical(mine).seed, path))
     for _ in track(each(_draw_picture, wanted, workers), "pictures", len(wanted)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import logging
@@ -42,6 +43,13 @@ def own_code(scenario: Scenario) -> dict[str, str]:
     return told
 
 
+def data_digest(scenario: Scenario) -> str:
+    """Digest of the files that a scenario's worlds are read from, "" where there are none."""
+    files = scenario.world.data_files()
+    parts = [file.name.encode() + hashlib.sha256(file.read_bytes()).digest() for file in files]
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:16] if parts else ""
+
+
 @dataclass(frozen=True)
 class Plan:
     """All that an evaluation is about."""
@@ -71,6 +79,7 @@ class Plan:
                 "seeds": {"first": entry.seeds.start, "count": len(entry.seeds)},
                 "digest": entry.scenario.digest,
                 **({"code": own} if (own := own_code(entry.scenario)) else {}),
+                **({"data": data} if (data := data_digest(entry.scenario)) else {}),
             }
             for entry in self.scenarios
         }

@@ -24,6 +24,10 @@ class ManifestScenario(Part):
     """Of its worlds."""
     digest: str
     """Of the whole scenario, defaults too."""
+    code: dict[str, str] = {}
+    """Digests of the files of functions and families from outside, by key."""
+    data: str = ""
+    """Digest of the files that its worlds are read from."""
 
 
 class ManifestPolicy(Part):

@@ -57,8 +57,9 @@ def recorded(rollout: Rollout, *, every: int = 1) -> Episode:
     recorder.record(rollout.drawings(), note=rollout.state())
     while not rollout.is_over:
         for _ in range(every):
-            if not rollout.is_over:
-                rollout.advance()
+            rollout.advance()
+            if rollout.is_over:
+                break
         recorder.record(rollout.drawings(), note=rollout.state())
     return recorder.episode()
 

@@ -20,7 +20,8 @@ from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_a
 from bug_gym.geometry import F32
 from bug_gym.observation import Field as ObservationField
 from bug_gym.observation import as_dict
-from bug_gym.policy import Drawing, Policy, ScriptedPolicy
+from bug_gym.policy import Drawing, Policy, ScriptedPolicy, checked_actions
+from bug_gym.schema.errors import shortened
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 from bug_gym.team_policy import TeamPolicy
@@ -103,8 +104,13 @@ class _AllAtOnce:
         """Actions (k, ...) of some robots and each one's share of the time that the call took [s]."""
         batch = as_dict(observation, self._fields) if self._fields else observation
         begin = perf_counter()
-        actions, self._state = self._policy.predict(batch, self._state, self._starts.copy(), deterministic=True)
+        answer = self._policy.predict(batch, self._state, self._starts.copy(), deterministic=True)
         share = (perf_counter() - begin) / len(observation)
+        if not isinstance(answer, tuple) or len(answer) != 2:
+            raise ValueError(f"the policy's predict answered {shortened(answer)}, expected actions and a state")
+        actions, self._state = np.asarray(answer[0]), answer[1]
+        if actions.shape[:1] != (len(observation),):
+            raise ValueError(f"the policy answered for {shortened(answer[0])}, expected {len(observation)} actions")
         self._starts[:] = False
         return actions[robots], [share] * len(robots)
 
@@ -266,8 +272,7 @@ class Rollout:
         deciding = np.flatnonzero(self._episodes.going)
         observation = self._episodes.observation.reshape(len(self._actions), -1)
         actions, seconds = self._driver.decide(observation, deciding)
-        is_number = actions.dtype.kind in "iu"
-        self._actions[deciding] = self._discrete_actions[actions] if is_number else actions
+        self._actions[deciding] = checked_actions(actions, len(deciding), self._discrete_actions)
         for robot, duration in zip(deciding.tolist(), seconds, strict=True):
             self._traces[robot].seconds.append(duration)
             verdict = getattr(self._driver.memory(robot), "verdict", "")

@@ -15,7 +15,7 @@ from bug_gym.config import Scenario, ScenarioError, checked, dump, expanded, rea
 from bug_gym.naming import nearest_hint
 from bug_gym.references import is_reference
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.values import AtLeastOne, Count, Episodes, Part
+from bug_gym.schema.values import AtLeastOne, Count, Episodes, Name, Part
 
 SUITE_FOLDER = Path(__file__).parents[1] / "configs" / "suites"
 EPISODES = 50
@@ -38,7 +38,7 @@ class SuiteScenario(Part):
     """A name, the path of a YAML file (relative to the suite's), or a mapping that says the same."""
     overrides: dict[str, Any] = {}
     """Values by dotted key that replace the scenario's."""
-    label: str | None = None
+    label: Name | None = None
     """What tables call it; none: the scenario's name."""
     seeds: Seeds | None = None
     """Seeds of its own; none: the suite's."""
@@ -54,7 +54,7 @@ class SuitePolicy(Part):
 
     name: str
     """Name that `make_policy` takes."""
-    label: str | None = None
+    label: Name | None = None
     """What tables call it; none: its name."""
     parameters: dict[str, Any] = {}
     """The algorithm's own parameters."""
@@ -77,7 +77,7 @@ class SuiteData(Part):
 class Suite(Part):
     """Scenarios, seeds and policies that are always evaluated together."""
 
-    name: str = "custom"
+    name: Name = "custom"
     """What the manifest calls it; a file's stem where the file gives none."""
     version: AtLeastOne = 1
     """Goes up with any change: results of different versions are not comparable."""

@@ -43,6 +43,16 @@ REPRODUCTIONS: dict[str, str] = {
 }
 """Name on the command line -> module here."""
 
+TAKERS: dict[str, frozenset[str]] = {
+    "seeds": frozenset(REPRODUCTIONS) - {"oni-wang-table-1"},
+    "policies": frozenset(REPRODUCTIONS) - {"oni-wang-table-1", "com1-rev3", "hd-bug-targets", "ppo-curve", "tracking"},
+    "data": frozenset(
+        ["barn", "dynabarn", "operative-critical-points", "hd-bug-real", "offline", "predictors", "tracking"]
+        + ["scripted-and-learned", "d2t-eaco", "price-of-not-knowing"]
+    ),
+}
+"""What of `Settings` not all of them have a use for -> those that do."""
+
 
 def reproduction(name: str) -> Callable[[Settings], Reproduction]:
     """The function that runs a reproduction.
@@ -55,3 +65,14 @@ def reproduction(name: str) -> Callable[[Settings], Reproduction]:
         raise ValueError(f"unknown reproduction {name!r}{hint} (known: {', '.join(REPRODUCTIONS)})")
     module = importlib.import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}")
     return cast(Callable[[Settings], Reproduction], module.reproduce)
+
+
+def require_use(name: str, settings: Settings) -> None:
+    """Refuse what a reproduction would not look at.
+
+    Raises:
+        ValueError: settings are given that it has no use for.
+    """
+    for setting, takers in TAKERS.items():
+        if getattr(settings, setting) not in (None, ()) and name not in takers:
+            raise ValueError(f"{name} takes no --{setting} (those that do: {', '.join(sorted(takers))})")

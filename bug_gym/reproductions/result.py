@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bug_gym
+from bug_gym.checks import checked_count
+from bug_gym.limits import MOST_SEEDS
 from bug_gym.workers import Workers
 
 if TYPE_CHECKING:
@@ -31,6 +33,15 @@ class Settings:
     """Whether to show a progress bar."""
     policies: tuple[str, ...] = ()
     """Policies to run where a reproduction leaves the choice; empty: its own."""
+
+    def __post_init__(self) -> None:
+        """Refuse seeds that are no number of them.
+
+        Raises:
+            ValueError: no integer from 1 to MOST_SEEDS.
+        """
+        if self.seeds is not None:
+            checked_count("seeds", self.seeds, most=MOST_SEEDS)
 
 
 @dataclass(frozen=True)

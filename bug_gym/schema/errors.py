@@ -15,9 +15,9 @@ def wrong(reason: str, key: str = "") -> PydanticCustomError:
 
 
 def shortened(value: object, most: int = 80) -> str:
-    """A value as an error shows it: at most so many characters of its `repr`."""
+    """A value as an error shows it: at most so many characters of its `repr`, in one line."""
     try:
-        text = repr(value)
+        text = " ".join(map(str.strip, repr(value).split("\n")))
     except ValueError:  # a whole number of more digits than Python writes out
         text = "a number of thousands of digits"
     except RecursionError:

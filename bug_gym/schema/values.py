@@ -5,6 +5,7 @@ A value is a type with the checks that go with it; its errors say what came and 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -58,6 +59,9 @@ from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.ranges import MAY_BE_DRAWN, MAY_BE_DRAWN_LEAST
 
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+"""Characters that end a line, or tell a terminal what to do; and halves of characters, which no file can hold."""
+
 
 def _sequence(names: str) -> BeforeValidator:
     """Checks that a list has as many items as `names` has, so that the error can say what they are."""
@@ -107,6 +111,12 @@ def _existing(value: str) -> str:
     if path is None:
         raise wrong(f"got {shortened(value, 300)}, expected a file or folder that exists")
     return str(path)
+
+
+def _one_line(value: str) -> str:
+    if CONTROL.search(value):
+        raise wrong(f"got {shortened(value)}, expected one line without control characters")
+    return value
 
 
 def existing_path(text: object) -> Path | None:
@@ -230,6 +240,8 @@ Width = Annotated[
 ]
 """Neurons of a layer."""
 Flag = Annotated[bool, Strict()]
+Name = Annotated[str, AfterValidator(_one_line)]
+"""What something is called, in tables, in comments of files and on the terminal."""
 ExistingPath = Annotated[str, AfterValidator(_existing)]
 
 Point = Annotated[tuple[Number, Number], _sequence("x, y")]

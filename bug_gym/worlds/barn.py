@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from bug_gym.schema.values import Box, Count, ExistingPath
@@ -21,6 +22,10 @@ class BarnWorld(Family):
     """A .jsonl with one world a line, or a folder of `world_N.world` files; relative to the scenario's file."""
     world: Count | None = None
     """Number of the world; none: drawn."""
+
+    def data_files(self) -> tuple[Path, ...]:
+        """The .jsonl, or the files of a folder."""
+        return load_barn.files(self.path)
 
     def layout(self, crew: Crew, rng: Rng) -> Layout:
         """A world of the BARN benchmark."""

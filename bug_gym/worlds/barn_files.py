@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from bug_gym.limits import DATA, FAR, MOST_OBSTACLES, SMALL, STEEP, read_file
 from bug_gym.schema.errors import shortened
+from bug_gym.worlds.kept import Kept
 
 Map = TypeVar("Map")
 """One world of a benchmark."""
@@ -39,8 +39,7 @@ BARN_START = (-2.0, 3.0, math.pi / 2.0)
 BARN_GOAL = (-2.0, 13.0)
 
 
-@lru_cache(maxsize=8)
-def load_barn(path: str) -> dict[int, BarnMap]:
+def _read_worlds(path: str) -> dict[int, BarnMap]:
     """Worlds by number, from a .jsonl with one world a line or a folder of the benchmark's `world_N.world` files.
 
     Raises:
@@ -51,6 +50,14 @@ def load_barn(path: str) -> dict[int, BarnMap]:
     if not worlds:
         raise ValueError(f"{path}: no BARN world found (expected a .jsonl, or a folder with world_N.world files)")
     return worlds
+
+
+def _files(path: Path, worlds: object) -> list[Path]:
+    return [path, *_numbered(path).values()]
+
+
+load_barn = Kept(_read_worlds, _files)
+"""Worlds by number, from a .jsonl or a folder; a ValueError names the line or file that is none."""
 
 
 def _read(file: Path) -> bytes:
@@ -124,12 +131,13 @@ def _reference_length(data: dict[str, Any]) -> float | None:
 
 
 def _load_folder(folder: Path) -> dict[int, BarnMap]:
-    worlds = {}
-    for file in folder.glob("world_*.world"):
-        number = re.fullmatch(r"world_(\d+)", file.stem)
-        if number:
-            worlds[int(number[1])] = load_gazebo(file)
-    return worlds
+    return {number: load_gazebo(file) for number, file in _numbered(folder).items()}
+
+
+def _numbered(folder: Path) -> dict[int, Path]:
+    """The files of worlds in a folder, by number; none of a path that is no folder."""
+    files = {file: re.fullmatch(r"world_(\d+)", file.stem) for file in folder.glob("world_*.world")}
+    return {int(number[1]): file for file, number in files.items() if number}
 
 
 def load_gazebo(file: Path) -> BarnMap:

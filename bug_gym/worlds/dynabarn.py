@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Literal
 
 from bug_gym.limits import MOST_OBSTACLES
@@ -32,6 +33,10 @@ class DynaBarnWorld(Family):
     """Number of the world; none: drawn."""
     since: NotNegative | None = None
     """Time on the clock of the movers at which the episode starts [s], the same for all; none: drawn."""
+
+    def data_files(self) -> tuple[Path, ...]:
+        """The .jsonl."""
+        return load_dynabarn.files(self.path)
 
     def layout(self, crew: Crew, rng: Rng) -> Layout:
         """A world of the DynaBARN benchmark."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from bug_gym.geometry import F64
 from bug_gym.limits import STEEP
 from bug_gym.worlds.barn_files import load_lines
+from bug_gym.worlds.kept import Kept, only_itself
 from bug_gym.worlds.keyframes import Keyframes
 
 FAREST = 1_000.0
@@ -38,8 +38,7 @@ class DynaBarnMap:
     """Radius [m] and track of each mover."""
 
 
-@lru_cache(maxsize=8)
-def load_dynabarn(path: str) -> dict[int, DynaBarnMap]:
+def _read(path: str) -> dict[int, DynaBarnMap]:
     """Worlds by number, from a .jsonl with one world a line.
 
     Raises:
@@ -49,6 +48,10 @@ def load_dynabarn(path: str) -> dict[int, DynaBarnMap]:
     if not worlds:
         raise ValueError(f"{path}: no DynaBARN world found (expected a .jsonl with one world a line)")
     return worlds
+
+
+load_dynabarn = Kept(_read, only_itself)
+"""Worlds by number, from a .jsonl with one world a line; a ValueError names the line that is none."""
 
 
 def _from_json(data: dict[str, Any]) -> DynaBarnMap:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -106,6 +107,10 @@ class Family(Part):
         import shapely  # slow to load, and most scenarios need none
 
         return bool(shapely.Polygon(self.corners).covers(shapely.Polygon(corners)))
+
+    def data_files(self) -> tuple[Path, ...]:
+        """The files that its worlds are read from."""
+        return ()
 
     def check(self, robot: Robot) -> None:
         """Raises where this robot can't live in this world."""

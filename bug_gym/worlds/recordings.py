@@ -6,7 +6,6 @@ import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from bug_gym.limits import DATA, EPOCH, FAR, SMALL, read_file
 from bug_gym.schema.errors import shortened
+from bug_gym.worlds.kept import Kept, only_itself
 
 HEADER = ["time_s", "pedestrian", "x_m", "y_m"]
 
@@ -69,8 +69,7 @@ class Recording:
         return Recording(tuple(pieces))
 
 
-@lru_cache(maxsize=8)
-def load_recording(path: str) -> Recording:
+def _read(path: str) -> Recording:
     """The recording in a csv file.
 
     Raises:
@@ -94,6 +93,10 @@ def load_recording(path: str) -> Recording:
     if not records:
         raise ValueError(f"{path}: no record in it")
     return Recording(tuple(Track(pedestrian, np.array(track)) for pedestrian, track in records.items()))
+
+
+load_recording = Kept(_read, only_itself)
+"""The recording in a csv file, by its path; a ValueError names the line that is none."""
 
 
 def _rows(path: str) -> Iterator[tuple[int, list[str]]]:

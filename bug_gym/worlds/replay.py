@@ -72,6 +72,10 @@ class ReplayWorld(Family):
             box = (xmin - room, ymin - room, xmax + room, ymax + room)
         return {**data, "bounds": box}
 
+    def data_files(self) -> tuple[Path, ...]:
+        """The recording."""
+        return load_recording.files(self.path)
+
     def check(self, robot: Robot) -> None:
         """The recording can be read, the time asked for is in it, and start and goal lie within the bounds."""
         first, last = _recording(self.path).times

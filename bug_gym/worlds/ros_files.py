@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from bug_gym.geometry import F64
 from bug_gym.limits import DATA, FAR, SMALL, STEEP, TEXT, read_file
 from bug_gym.schema.errors import shortened
 from bug_gym.schema.yaml_text import parse_yaml
+from bug_gym.worlds.kept import Kept
 
 MAX_CELLS = 16_000_000
 """Largest picture, such as 4,000 x 4,000 pixels: outlining it takes about 1 GB of memory."""
@@ -37,7 +38,7 @@ DEFAULTS: dict[str, Any] = {"negate": 0, "occupied_thresh": 0.65, "free_thresh":
 REQUIRED = ("image", "resolution", "origin")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RosMap:
     """A map as cells."""
 
@@ -47,6 +48,8 @@ class RosMap:
     """Side of a cell [m]."""
     origin: tuple[float, float, float]
     """x, y [m] of the lower left corner and the angle by which the picture is turned about it [rad]."""
+    picture: Path
+    """Where the cells were read from."""
 
     def to_world(self, places: F64) -> F64:
         """Places (n, 2) in cells from the lower left corner, in the world [m]."""
@@ -88,8 +91,7 @@ class RosMap:
         return corners.tolist() if self.origin[2] else [*corners[0].tolist(), *corners[2].tolist()]
 
 
-@lru_cache(maxsize=8)
-def load_ros_map(path: str) -> RosMap:
+def _read_map(path: str) -> RosMap:
     """Read a map from its YAML file.
 
     Raises:
@@ -118,14 +120,23 @@ def load_ros_map(path: str) -> RosMap:
     if free > occupied:
         raise ValueError(f"{source}: free_thresh: got {free:g}, expected at most occupied_thresh ({occupied:g})")
     # As in map_server the path may be absolute, or lead out of the folder: nothing but a picture is read from there.
-    shade = read_picture(source.parent / data["image"])
+    picture = source.parent / data["image"]
+    shade = read_picture(picture)
     # Dark is occupied, unless the colours are negated.
     occupancy = shade if data["negate"] else 1.0 - shade
     cells = np.full(shade.shape, UNKNOWN, dtype=np.uint8)
     cells[occupancy < free] = FREE
     cells[occupancy > occupied] = OCCUPIED
     x, y, angle = map(float, origin)
-    return RosMap(np.ascontiguousarray(cells[::-1]), resolution, (x, y, angle))
+    return RosMap(np.ascontiguousarray(cells[::-1]), resolution, (x, y, angle), picture)
+
+
+def _files(path: Path, plan: RosMap) -> tuple[Path, Path]:
+    return path, plan.picture
+
+
+load_ros_map = Kept(_read_map, _files)
+"""A map by the path of its YAML file; a ValueError names the file, the key, what came and what is expected."""
 
 
 def _read_yaml(source: Path) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import TRIES, border_of, draw_both, finish
 from bug_gym.worlds.ros_files import RosMap, load_ros_map
-from bug_gym.worlds.ros_outlines import load_outlines
+from bug_gym.worlds.ros_outlines import outlines_of
 
 
 class RosMapWorld(DrawnPlaces):
@@ -50,6 +50,10 @@ class RosMapWorld(DrawnPlaces):
         path = data.get("path")
         return {**data, "bounds": _ros_map(str(path)).bounds if existing_path(path) else (0.0, 0.0, 1.0, 1.0)}
 
+    def data_files(self) -> tuple[Path, ...]:
+        """The map's YAML file and its picture."""
+        return load_ros_map.files(self.path)
+
     def check(self, robot: Robot) -> None:
         """The map can be read; start and goal lie within the bounds."""
         _ros_map(self.path)
@@ -65,7 +69,7 @@ class RosMapWorld(DrawnPlaces):
         plan = load_ros_map(self.path)
         # 1.02: free space may come as near to a wall as 0.99 of the radius it is made for.
         radius = max(self.solvable or 0.0, 1.02 * crew.robot.reach)
-        polygons, rooms = map_walls(self), map_rooms(self, radius)
+        polygons, rooms = map_walls(self, plan), map_rooms(self, plan, radius)
 
         def free(x: float, y: float) -> bool:
             return plan.is_free(x, y) and room_at(rooms, x, y) >= 0
@@ -88,10 +92,10 @@ def _ros_map(path: str) -> RosMap:
 
 
 @lru_cache(maxsize=8)
-def map_walls(world: RosMapWorld) -> tuple[Rings, ...]:
+def map_walls(world: RosMapWorld, plan: RosMap) -> tuple[Rings, ...]:
     """The polygons of a map that reach into the bounds."""
     xmin, ymin, xmax, ymax = world.box
-    polygons = load_outlines(world.path, unknown_is_wall=world.unknown_is_wall)
+    polygons = outlines_of(plan, unknown_is_wall=world.unknown_is_wall)
     shells = [(rings, rings[0].min(axis=0), rings[0].max(axis=0)) for rings in polygons]
     return tuple(
         rings for rings, low, high in shells if low[0] < xmax and low[1] < ymax and high[0] > xmin and high[1] > ymin
@@ -99,13 +103,13 @@ def map_walls(world: RosMapWorld) -> tuple[Rings, ...]:
 
 
 @lru_cache(maxsize=8)
-def map_rooms(world: RosMapWorld, radius: float) -> NDArray[np.object_]:
+def map_rooms(world: RosMapWorld, plan: RosMap, radius: float) -> NDArray[np.object_]:
     """The connected parts, as shapely's polygons, of where a disc of some radius [m] may be on a map."""
     import shapely  # slow to load, and most scenarios need none
 
     from bug_gym.shortest_path import free_space  # SciPy and shapely, slow to load
 
-    free = free_space(np.zeros((0, 3)), map_walls(world), border_of(world), radius=radius)
+    free = free_space(np.zeros((0, 3)), map_walls(world, plan), border_of(world), radius=radius)
     rooms: NDArray[np.object_] = shapely.get_parts(free)
     shapely.prepare(rooms)
     return rooms

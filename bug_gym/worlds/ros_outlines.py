@@ -13,17 +13,21 @@ from numpy.typing import NDArray
 
 from bug_gym.geometry import F64
 from bug_gym.worlds.layout import Rings
-from bug_gym.worlds.ros_files import OCCUPIED, UNKNOWN, load_ros_map
+from bug_gym.worlds.ros_files import OCCUPIED, UNKNOWN, RosMap, load_ros_map
 
 
-@lru_cache(maxsize=8)
 def load_outlines(path: str, *, unknown_is_wall: bool) -> tuple[Rings, ...]:
     """What is occupied on a map as polygons [m], each its shell and its holes.
 
     Raises:
         ValueError: no such map.
     """
-    plan = load_ros_map(path)
+    return outlines_of(load_ros_map(path), unknown_is_wall=unknown_is_wall)
+
+
+@lru_cache(maxsize=8)
+def outlines_of(plan: RosMap, *, unknown_is_wall: bool) -> tuple[Rings, ...]:
+    """What is occupied on a map that was read, likewise."""
     walls = plan.cells >= (UNKNOWN if unknown_is_wall else OCCUPIED)
     return tuple(tuple(plan.to_world(ring) for ring in rings) for rings in outline(walls))
 

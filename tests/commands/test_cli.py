@@ -245,7 +245,18 @@ def test_benchmark_measures_something_everywhere(
         ("evaluate --scenario static --repair", "got nothing to repair, expected a folder"),
         ("render bug2 static --out film.avi", "ends in .html, .gif, .mp4 or .png"),
         ("render bug2 static --out nowhere/film.gif", "no folder nowhere"),
-        ("render bug2 static --every 0 --out film.gif", "invalid at_least_one value: '0'"),
+        ("render bug2 static --every 0 --out film.gif", "got '0', expected a whole number from 1 to"),
+        ("train ppo_static --minutes nan", "got 'nan', expected a number above 0"),
+        ("evaluate --scenario static --policies=", "got an empty argument after 'static', expected a value"),
+        ("evaluate --scenario static --workers 1000000", "workers must be at most 1,000"),
+        ("evaluate --scenario static --policies bug2:turn=left:turn=right", "expected a single turn"),
+        ("new policy my_bug --folder notes.txt", "notes.txt: File exists"),
+        ("train ppo_static --seeds 1000000000", "the number of seeds must be at most 10,000"),
+        ("reproduce bug-bounds --seeds 1000000000", "seeds must be at most 1,000,000"),
+        ("reproduce bug-bounds --seeds 1000000000000000000000", "expected a whole number from 1 to"),
+        ("reproduce oni-wang-table-1 --seeds 3", "oni-wang-table-1 takes no --seeds (those that do: "),
+        ("reproduce com1-rev3 --policies bug2", "com1-rev3 takes no --policies (those that do: "),
+        ("reproduce bug-bounds --data .", "bug-bounds takes no --data (those that do: "),
         ("render bug3 static --out film.gif", "'bug2'"),
         ("render bug2 bug3 static --out film.gif", "'bug2'"),
         ("evaluate --suite barn --policies bug2", "suite 'barn' needs data"),
@@ -273,6 +284,53 @@ def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_file(
     assert said.err.startswith("bug-gym: error: ") and said.err.count("\n") == 1
     assert message in said.err
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("name", ["../../evil", "/evil", "..", "a/b", "~/evil", ".hidden"])
+def test_a_name_in_a_file_does_not_choose_where_is_written(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "some" / "where"
+    here.mkdir(parents=True)
+    monkeypatch.chdir(here)
+    world = {"name": name, "world": {"family": "empty"}}
+    suite = {"scenarios": [{"scenario": world, "label": name}], "policies": [{"name": "go_to_goal", "label": name}]}
+    for file, data in (("world.yaml", world), ("suite.yaml", {**suite, "seeds": {"first": 0, "count": 1}})):
+        Path(file).write_text(json.dumps(data), encoding="utf-8")
+    assert main(["show", "world.yaml"]) == 0
+    assert main(["evaluate", "--suite", "suite.yaml", "--out", "rows", "--pictures"]) == 0
+    folders = {path.parent.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.png")}
+    assert folders == {"some/where", "some/where/rows/pictures"}
+    assert all(not path.name.startswith(".") for path in tmp_path.rglob("*.png"))
+
+
+@pytest.mark.parametrize("name", ["a\nrobot: {radius: 0.4}", "\x1b[31mred", "a\u2028b", "\x00", "\x9b2J"])
+def test_a_name_in_a_file_writes_no_other_line_and_tells_no_terminal_anything(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    world = {"name": name, "world": {"family": "empty"}}
+    files: list[tuple[str, Any]] = [
+        ("world.yaml", world),
+        ("suite.yaml", {"name": name, "scenarios": ["empty"]}),
+        ("suite.yaml", {"scenarios": [{"scenario": "empty", "label": name}]}),
+        ("suite.yaml", {"scenarios": ["empty"], "policies": [{"name": "bug2", "label": name}]}),
+        ("world.yaml", {"world": {"family": "empty", name: 1}}),
+    ]
+    for file, data in files:
+        Path(file).write_text(json.dumps(data), encoding="utf-8")
+        words = ["show", file, "--save", "saved.yaml"] if file == "world.yaml" else ["evaluate", "--suite", file]
+        assert main(words) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1 and said.strip().isprintable(), said
+    assert not Path("saved.yaml").exists()
+
+
+@pytest.mark.parametrize("option", ["--policies", "--out", "--suite", "--baseline", "--set"])
+def test_an_empty_argument_is_not_taken_for_none(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """As "$NAME" is where a shell has no NAME: with `--policies ''` all of them would be driven."""
+    assert main(["evaluate", "--scenario", "static", option, ""]) == 2
+    assert capsys.readouterr().err == f"bug-gym: error: got an empty argument after {option!r}, expected a value\n"
 
 
 def test_several_faults_are_told_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

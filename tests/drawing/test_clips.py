@@ -83,6 +83,13 @@ def test_a_clip_that_breaks_off_leaves_the_old_file(save: Any, clip: list[Frame]
     assert path.read_text() == "old"
 
 
+def test_a_gif_shows_a_frame_no_longer_than_its_format_can(clip: list[Frame], tmp_path: Path) -> None:
+    """As of a world whose step is 1,000 s."""
+    save_gif(tmp_path / "slow.gif", clip[:2], 1e-9)
+    with pytest.importorskip("PIL.Image").open(tmp_path / "slow.gif") as image:
+        assert image.info["duration"] == 655_350
+
+
 @pytest.mark.parametrize("save", [save_gif, save_mp4])
 @pytest.mark.parametrize(
     ("lengths", "fps", "message"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -412,3 +412,61 @@ def test_the_command_writes_what_the_function_does(
     entry = PolicyEntry("bug2:turn=right", "bug2", {"turn": "right"})
     collected(tmp_path / "function", [entry], episodes=2, seed=0, forms=["flat"])
     assert files_of(tmp_path / "command") == files_of(tmp_path / "function")
+
+
+def test_the_random_policy_may_be_the_expert_on_the_command_line_too(tmp_path: Path) -> None:
+    words = [
+        "collect",
+        "dynamic",
+        "--policies",
+        "random",
+        "--expert",
+        "random",
+        "--episodes",
+        "1",
+        "--set",
+        "time.limit=1",
+    ]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    assert (tmp_path / FOLDER / "random-v0").is_dir()
+
+
+def test_a_dataset_of_a_policy_whose_code_was_changed_is_not_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    code = "from bug_gym.agents.bugs.bug2 import Bug2\n\nclass Mine(Bug2):\n    pass\n"
+    for number, text in enumerate((code, code, f"{code}# another one\n")):
+        path.write_text(text, encoding="utf-8")
+        arguments: Any = {"expert": "random", "episodes": 1, "overrides": {"time.limit": 1.0, "lidar.beams": 16}}
+        if number < 2:
+            collect("dynamic", [f"{path}:Mine"], tmp_path / "out", **arguments)
+        else:
+            with pytest.raises(ValueError, match=r"holds another run: policy_code was"):
+                collect("dynamic", [f"{path}:Mine"], tmp_path / "out", **arguments)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"steps": np.array([1, 2, 3])},
+        {"steps": np.zeros(2, dtype=np.int64)},
+        {"steps": np.array(["a", "b"])},
+        {"actions": np.zeros((3, 2), dtype=np.float32)},
+        {"actions": np.zeros(5)},
+        {"rewards": np.array(7.0)},
+        {"outcomes": np.array([0, 99], dtype=np.int8)},
+        {"observations": np.zeros(5, dtype=np.float32)},
+        {"seeds": np.array(["x" * 5000])},
+        {"seeds": np.array([{}], dtype=object)},
+        {"shortest": np.zeros(3)},
+    ],
+    ids=repr,
+)
+def test_a_block_whose_arrays_are_not_those_of_episodes_is_damaged(change: dict[str, Any], tmp_path: Path) -> None:
+    whole = demonstrate(PolicyEntry.of("go_to_goal"), short(range(2)), range(2))
+    arrays = {field.name: getattr(whole, field.name) for field in fields(whole)}
+    np.savez(tmp_path / "a.npz", **arrays)
+    assert Demonstrations.read(tmp_path / "a.npz", range(2)).steps.tolist() == whole.steps.tolist()
+    np.savez(tmp_path / "b.npz", **arrays | change)
+    with pytest.raises(ValueError, match=r"b\.npz is damaged") as told:
+        Demonstrations.read(tmp_path / "b.npz", range(2))
+    assert len(str(told.value)) < 500 and "\n" not in str(told.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -167,3 +168,40 @@ def test_minaris_collector_wraps_a_live_env_as_far_as_its_extra_goes(
     dataset = env.create_dataset("collected/live-v0", algorithm_name="still", author="me", author_email="me@example.org",
                                  code_permalink="https://example.org", description="of a live env")  # fmt: skip
     assert np.array_equal(dataset[0].observations[-1], seen)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda folder: with_metadata(folder, episodes="many"),
+        lambda folder: with_metadata(folder, episodes=[]),
+        lambda folder: with_numbers(folder, "terminations", np.zeros(0, bool)),
+        lambda folder: (folder / "data" / "main_data.hdf5").write_bytes(b"none"),
+        lambda folder: (folder / "data" / "main_data.hdf5").unlink(),
+        lambda folder: (folder / "data" / "metadata.json").write_text("[" * 100_000),
+        lambda folder: with_key(folder, observation_space="garbage"),
+        lambda folder: with_key(folder, env_spec=5),
+        lambda folder: with_key(folder, minari_version="99.0.0"),
+        lambda folder: promise(folder, 10**9),
+    ],
+)
+def test_a_damaged_dataset_is_told_by_its_folder(spoil: Any, tmp_path: Path, collected: Path) -> None:
+    folder = tmp_path / "some"
+    shutil.copytree(collected / "bug_gym/dynamic/bug2_flat-v0", folder)
+    spoil(folder)
+    with pytest.raises(ValueError, match=r"some\S* is damaged"):
+        read_episodes(folder, SCENARIO)
+
+
+def with_key(folder: Path, **changes: Any) -> None:
+    path = folder / "data" / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | changes), encoding="utf-8")
+
+
+def promise(folder: Path, rows: int) -> None:
+    """An array of so many rows, of which none is in the file."""
+    import h5py
+
+    with h5py.File(folder / "data" / "main_data.hdf5", "a") as file:
+        del file["episode_0"]["actions"]
+        file["episode_0"].create_dataset("actions", shape=(rows, 2), dtype="f4", chunks=(1000, 2))

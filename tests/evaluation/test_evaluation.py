@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from math import inf, isnan
+from math import inf, isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -234,6 +234,55 @@ def test_numbers_of_discrete_actions_are_driven_as_velocities() -> None:
     (row,) = evaluate(Ahead(), OPEN, episodes=1)
     assert row.success
     assert row.policy == "Ahead"
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        None,
+        (None, None),
+        "ab",
+        ("ab", None),
+        (np.zeros(2), None),
+        (np.zeros((7, 2)), None),
+        (np.zeros((1, 3)), None),
+        (np.array([[1j, 0]]), None),
+        (np.array([[True, False]]), None),
+        (np.array(["a"]), None),
+        (np.array([128]), None),
+        (np.array([-1]), None),
+        (3, None),
+        (np.full((1, 2), np.nan), None),
+        (np.full((1, 2), 1e300), None),
+        (np.zeros((1, 2)), None, None),
+    ],
+    ids=repr,
+)
+def test_what_is_no_answer_of_a_policy_is_told_and_not_driven(answer: Any) -> None:
+    class Answers:
+        def predict(self, *_: Any, **__: Any) -> Any:
+            return answer
+
+    with pytest.raises(ValueError, match="^the policy('s predict)? answered|^actions must be finite"):
+        evaluate(Answers(), OPEN, episodes=1)
+
+
+@pytest.mark.parametrize(
+    "velocity",
+    [None, 5, "ab", (1.0,), (1.0, 2.0, 3.0), (nan, 0.0), (inf, 0.0), (1j, 0.0), (None, None), np.eye(2)],
+    ids=repr,
+)
+def test_what_is_no_velocity_of_an_act_is_told_and_not_driven(velocity: Any) -> None:
+    class Mine(ScriptedPolicy):
+        def start(self) -> Memory:
+            return Memory()
+
+        def act(self, view: View, memory: Memory) -> Any:
+            return velocity
+
+    for kinematics in ("holonomic", "differential"):
+        with pytest.raises(ValueError, match=r"^Mine\.act answered .*, expected a velocity \(ahead, left\)"):
+            evaluate(Mine, OPEN, episodes=1, overrides={"robot.kinematics": kinematics})
 
 
 def test_a_policy_that_reads_the_map_says_so_in_its_rows_and_has_one_world_at_a_time() -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from importlib import import_module
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,12 +19,26 @@ from bug_gym.cli import main
 from bug_gym.config import load
 from bug_gym.evaluation.curves import draw_curves
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction
+from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction, require_use
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import free_space
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
+
+
+@pytest.mark.parametrize("name", REPRODUCTIONS)
+def test_settings_that_a_reproduction_does_not_read_are_refused(name: str) -> None:
+    given: dict[str, Any] = {"seeds": 1, "policies": ("bug2",), "data": Path()}
+    written = Path(import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}").__file__ or "").read_text("utf-8")
+    for setting, value in given.items():
+        settings = replace(Settings(), **{setting: value})
+        if f"settings.{setting}" in written:
+            require_use(name, settings)
+        else:
+            with pytest.raises(ValueError, match=f"{name} takes no --{setting} "):
+                require_use(name, settings)
+    require_use(name, Settings())
 
 
 def test_all_72_cells_of_oni_and_wangs_table_come_out_as_they_should() -> None:

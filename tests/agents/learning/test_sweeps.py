@@ -131,6 +131,8 @@ def test_the_sweeps_that_come_along_are_trainings(name: str) -> None:
         ({"space": {"gama": [0.9]}}, "gama"),
         ({"space": {"gamma": [2.0]}}, "gamma"),
         ({"space": {"gamma": []}}, "got no values of gamma"),
+        ({"seeds": 10**9}, "got 4 trials of 1,000,000,000 seeds, 4,000,000,000 models, expected at most 10,000"),
+        ({"sampler": "tpe", "trials": 10**9}, "trials: got 1,000,000,000 trials of"),
         ({"space": {"gamma": {"low": 0.9, "high": 0.99}}}, "expected a list of values in a grid"),
         ({"sampler": "tpe"}, "expected a number with sampler tpe"),
         ({"trials": 3}, "none with grid"),
@@ -142,6 +144,16 @@ def test_what_is_no_sweep_is_told_before_anything_is_trained(change: dict[str, A
     with pytest.raises(ScenarioError) as error:
         load_sweep(GRID | change)
     assert told in str(error.value) and "\n" not in str(error.value).strip()
+
+
+@pytest.mark.parametrize(
+    "spoil", [lambda path: path.write_bytes(b"no database" * 99), lambda path: path.symlink_to("a")]
+)
+def test_a_damaged_folder_of_a_sweep_is_told_in_one_line(spoil: Any, tmp_path: Path) -> None:
+    spoil(tmp_path / sweeps.STUDY)
+    with pytest.raises(ValueError, match=r"study\.db is damaged: |study\.db is a symbolic link") as error:
+        sweeps.sweep(load_sweep(GRID), tmp_path)
+    assert "\n" not in str(error.value)
 
 
 def test_the_command_names_sweeps_and_extras(
