@@ -35,9 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
-    from bug_gym.evaluation.collection import EXPERT, Signature, collect  # loads the compiler
+    from bug_gym.evaluation.collection import Signature, collect  # loads the compiler
     from bug_gym.evaluation.demonstrations import Extras  # loads the compiler
     from bug_gym.evaluation.minari_files import require_minari  # loads the compiler
+    from bug_gym.evaluation.reference_returns import EXPERT  # loads the compiler
 
     require_minari()
     names = collect(

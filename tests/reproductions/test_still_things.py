@@ -20,8 +20,8 @@ def test_nothing_is_touched_on_the_first_seeds() -> None:
         assert sum(line["driven"] + line["refused"] for line in kinds.values()) == 4 * 16
 
 
-def test_whoever_runs_into_things_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    result = reproduction("still-things")(Settings(seeds=8, policies=("tests.reproductions.test_still_things:Blind",)))
+def test_whoever_runs_into_things_is_told() -> None:
+    result = reproduction("still-things")(Settings(seeds=8, policies=(f"{__file__}:Blind",)))
     (line,) = result.data["policies"].values()
     assert line["touched"] == len(result.data["touched"]) > 0
     assert not result.holds

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros_maps import write_map
 
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.config import load
@@ -16,7 +17,6 @@ from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.plan import data_digest
 from bug_gym.scenarios import draw_layout
 from bug_gym.worlds.kept import MOST_KEPT, Kept, only_itself
-from tests.ros_maps import write_map
 
 ROOM = np.pad(np.zeros((40, 40), dtype=np.uint8), 1, constant_values=2)
 """A room of 2 m with walls, as cells."""
