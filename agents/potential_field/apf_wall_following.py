@@ -64,7 +64,8 @@ class ApfWallFollowingParameters(FieldParameters):
     """Parameters of APF with wall following."""
 
     clearance: Length | None = None
-    """Distance from the robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    """Distance from the robot's centre to a wall while following it [m]; None: the body's radius and one step, or what a
+    differential robot's brake needs if that is more."""
     turn: Literal["near", "left", "right"] = "near"
     """Which way to turn at a wall: "near" to the side where it does not lie, left where that says nothing."""
     leave_rule: LeaveRule = "any"

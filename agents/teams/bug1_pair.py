@@ -61,7 +61,8 @@ class Bug1PairParameters:
     """Parameters of the pair."""
 
     clearance: Length | None = None
-    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step, or what a
+    differential robot's brake needs if that is more."""
 
 
 class Bug1Pair(BugTeam):

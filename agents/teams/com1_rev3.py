@@ -85,7 +85,8 @@ class Com1Rev3Parameters:
     """Parameters of Com1-Rev3."""
 
     clearance: Length | None = None
-    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step, or what a
+    differential robot's brake needs if that is more."""
     leave_rule: LeaveRule = "front"
     """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
     sides: Sides = "right_left"

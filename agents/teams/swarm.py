@@ -32,7 +32,8 @@ class SwarmParameters:
     """Parameters of swarms."""
 
     clearance: Length | None = None
-    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    """Distance from a robot's centre to a wall while following it [m]; None: the body's radius and one step, or what a
+    differential robot's brake needs if that is more."""
     first: Literal["right", "left"] = "right"
     """Turn of the first robot; the next one turns the other way, and so on."""
     hold_distance: Length = 1.5

@@ -20,7 +20,8 @@ class BoundaryParameters:
     """Parameters of bugs that follow walls."""
 
     clearance: Length | None = None
-    """Distance from the robot's centre to a wall while following it [m]; None: the body's radius and one step."""
+    """Distance from the robot's centre to a wall while following it [m]; None: the body's radius and one step, or what a
+    differential robot's brake needs if that is more."""
     turn: Turn = "left"
     """Which way to turn at a wall; of a bug that changes sides, at the first one."""
     leave_rule: LeaveRule = "front"

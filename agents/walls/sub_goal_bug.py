@@ -21,7 +21,7 @@ class SubGoalParameters(BoundaryParameters):
 
     clearance: Length | None = None
     """Distance from a corner to its sub-goal, and from the robot's centre to a wall [m]; None: the body's radius and one
-    step."""
+    step, or what a differential robot's brake needs if that is more."""
     turn: Turn = "left"
     """Which of two equally good corners to take, seen from the line to the goal."""
     leave_rule: LeaveRule = "any"
