@@ -11,6 +11,7 @@ from bug_gym.agents.walls.boundary import Boundary
 from bug_gym.config import Scenario, load
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import braking_radius
+from bug_gym.reproductions import still_things
 from bug_gym.view import Sensors
 
 
@@ -56,3 +57,15 @@ def test_with_short_steps_it_never_stands_for_long(policy: str, speed: float, st
                 assert done or info["path_length"] > way + 0.5, info
                 way, before = info["path_length"], info["time"]
         assert info["outcome"] != "collision"
+
+
+def test_visbug_does_not_stand_where_its_scout_saw_a_way_that_its_body_cannot_go() -> None:
+    """With this noise the view is wider than the way; it stood there, and sent the scout out anew in each decision."""
+    env = NavigationEnv(still_things.scenario(46))
+    driver = make_policy("vis_bug_21", env)
+    observation, info = env.reset(seed=46)
+    state = None
+    for _ in range(600):
+        action, state = driver.predict(observation, state)
+        observation, *_, info = env.step(action)
+    assert info["path_length"] > 10.0
