@@ -290,7 +290,7 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
 
             fixed = {**fixed, "maps": Maps.of(source, _told(spec.name))}
         policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
-    if _must_see(spec.name, own):
+    if _must_see(spec.name, policy):
         require_sight(scenario, told)  # after what the algorithm itself refuses, which knows more
     return EachAlone(policy, agents) if agents and not is_team else policy
 
@@ -302,10 +302,10 @@ def _require_turning(policy_class: type[Any], sensors: Sensors, told: str) -> No
         raise MisfitError(f"{told} turns on the spot, which an ackermann robot cannot: {expected}")
 
 
-def _must_see(name: Any, parameters: Mapping[str, Any]) -> bool:
-    """Whether a policy keeps clear of things by its scanner alone: scripted ones of the table that are not told the map."""
+def _must_see(name: Any, policy: Policy) -> bool:
+    """Whether a policy keeps clear of things by its scanner alone: those of the table that take care and have no map to keep to."""
     line = (AGENTS | TEAMS).get(name) if isinstance(name, str) else None
-    return line is not None and line.family not in CARELESS and not reads_map(name, parameters)
+    return line is not None and line.family not in CARELESS and not getattr(policy, "keeps_to_map", False)
 
 
 def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Policy:

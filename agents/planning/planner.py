@@ -131,6 +131,11 @@ class MapPlanner(MapPolicy):
         self.follower = make_follower(self.parameters.follower, sensors)
         self.rooms = rooms_for(sensors, self.parameters.margin)
 
+    @property
+    def keeps_to_map(self) -> bool:
+        """Whether it stays on a way that was planned on the whole map; one that gets out of movers' way leaves it."""
+        return self.privileged and not self.follower.avoids_movers
+
     @abstractmethod
     def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way from where the robot is to the goal.

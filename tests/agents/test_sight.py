@@ -178,8 +178,22 @@ def test_who_has_but_its_scanner_is_asked(name: str) -> None:
         make_policy(name, load("static", BLIND))
 
 
+LEAVING: dict[str, dict[str, Any]] = {
+    "d2t_eaco": {},
+    "a_star": {"follower": "velocity_obstacle"},
+    "velocity_obstacle": {"privileged": True},
+    "d_star_lite": {"known": False},
+}
+
+
+@pytest.mark.parametrize("name", LEAVING)
+def test_who_leaves_its_way_by_what_is_seen_is_asked_too(name: str) -> None:
+    with pytest.raises(MisfitError, match="lidar.fov"):
+        make_policy(name, Simulation("static", overrides=BLIND), **LEAVING[name])
+
+
 @pytest.mark.parametrize("name", ["go_to_goal", "random", "a_star", "visibility_graph"])
-def test_who_takes_no_care_or_reads_the_map_is_not(name: str) -> None:
+def test_who_takes_no_care_or_keeps_to_the_map_is_not(name: str) -> None:
     make_policy(name, Simulation("static", overrides=BLIND))
 
 
