@@ -269,6 +269,9 @@ def still_things(found: Record) -> Page:
     driven = sum(one["driven"] for one in policies.values())
     contacts = [f"`{one['policy']}` ({one['world']}, seed {one['seed']})" for one in touched]
     told = f": {listed(contacts[:12])}{', and others' if len(contacts) > 12 else ''}." if contacts else "."
+    fewest = min(one["robot"]["lidar.beams"] for one in touched) if touched else 0
+    thin = sum(one["world"] == "cellular_automaton" and one["robot"]["lidar.beams"] == fewest for one in touched)
+    where = f" {thin} of them with cylinders thinner than the body, which {fewest} beams miss." if touched else ""
     return Page(
         [
             table(
@@ -282,7 +285,7 @@ def still_things(found: Record) -> Page:
                 [[title, name, *map(str, one.values())] for title, some in kinds.items() for name, one in some.items()],
             ),
         ],
-        f"{driven:,} episodes, {len(touched)} contacts{told} An episode ends after a minute, which is short for a maze: "
+        f"{driven:,} episodes, {len(touched)} contacts{told}{where} An episode ends after a minute, which is short for a maze: "
         "whether a policy arrives is asked elsewhere. Robots that a scripted policy is shown too little to drive, such as "
         "holonomic ones with a blind side, are refused in one line when it is made.",
         [("nobody touches what stands still", not touched)],
