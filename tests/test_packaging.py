@@ -56,6 +56,7 @@ def shipped_files() -> set[str]:
     """The files of the checkout that belong into a wheel."""
     own = (ROOT / "bug_gym").rglob("*.py")  # agents and configs are links, which it leaves out
     files = {path.relative_to(ROOT).as_posix() for path in own} | {"bug_gym/py.typed"}
+    files |= {"bug_gym/evaluation/reference_returns.json"}
     linked = [*ROOT.glob("agents/**/*.py"), *ROOT.glob("configs/**/*.yaml"), *ROOT.glob("agents/trained/**/*.*")]
     parts = [*(ROOT / "bug_gym" / "evaluation" / "page").glob("page.*"), *(ROOT / "bug_gym" / "replay").glob("*.*")]
     files |= {path.relative_to(ROOT).as_posix() for path in parts if path.suffix in (".css", ".html", ".js")}

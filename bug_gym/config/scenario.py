@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
 from bug_gym.config.own_worlds import AnyFamily
@@ -17,7 +17,7 @@ from bug_gym.schema.own import OWN_PARTS, Named, ObservationFields, RewardTerms
 from bug_gym.schema.ranges import Drawn
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
-from bug_gym.schema.values import Name, Part
+from bug_gym.schema.values import GivenName, Part
 from bug_gym.worlds.empty import EmptyWorld
 from bug_gym.worlds.family import Crew
 
@@ -28,7 +28,7 @@ WHOLE = 1e-6
 class Scenario(Part):
     """All that defines a task: robot, sensors, clock, world, reward."""
 
-    name: Annotated[Name, Field(min_length=1)] = "custom"
+    name: GivenName = "custom"
     """What tables and pictures call it; a file's stem where the file gives none."""
     robot: Robot = Robot()
     """The robot's body and its limits."""

@@ -242,6 +242,8 @@ Width = Annotated[
 Flag = Annotated[bool, Strict()]
 Name = Annotated[str, AfterValidator(_one_line)]
 """What something is called, in tables, in comments of files and on the terminal."""
+GivenName = Annotated[str, Field(min_length=1), AfterValidator(_one_line)]
+"""A name that is not empty."""
 ExistingPath = Annotated[str, AfterValidator(_existing)]
 
 Point = Annotated[tuple[Number, Number], _sequence("x, y")]

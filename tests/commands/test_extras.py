@@ -99,7 +99,9 @@ def test_minutes_are_a_number_above_0(
     minutes: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert f"invalid above_zero value: '{minutes}'" in failed(f"train ppo_static --minutes {minutes}", capsys)
+    assert f"--minutes: got '{minutes}', expected a number above 0" in failed(
+        f"train ppo_static --minutes {minutes}", capsys
+    )
     assert not list(tmp_path.iterdir())
 
 

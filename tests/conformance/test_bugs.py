@@ -139,7 +139,8 @@ MOVED = {
 @pytest.mark.parametrize(("policy", "seed"), [(policy, seed) for policy, seeds in MOVED.items() for seed in seeds])
 def test_a_lap_in_which_something_moved_proves_nothing(policy: str, seed: int) -> None:
     overrides = {"robot.kinematics": "holonomic", "time.limit": 120.0}
-    assert run_episode(policy, "dynamic", overrides, seed=seed).verdict == ""
+    # Whoever has gone round and round says so; that is no claim about the goal.
+    assert run_episode(policy, "dynamic", overrides, seed=seed).verdict in ("", "looping")
 
 
 LAPPING = ["bug0", "bug1", "bug2", "com1", "class1", "alg1", "alg2", "rev1", "rev2", "dist_bug", "tangent_bug"]
