@@ -303,7 +303,7 @@ def _require_turning(policy_class: type[Any], sensors: Sensors, told: str) -> No
 
 
 def _must_see(name: Any, policy: Policy) -> bool:
-    """Whether a policy keeps clear of things by its scanner alone: those of the table that take care and have no map to keep to."""
+    """Whether a policy keeps clear of things by its scanner alone: one of the table that takes care and follows no map."""
     line = (AGENTS | TEAMS).get(name) if isinstance(name, str) else None
     return line is not None and line.family not in CARELESS and not getattr(policy, "keeps_to_map", False)
 

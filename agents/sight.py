@@ -7,8 +7,8 @@ a bound in closed form; beyond it there are worlds in which anybody who goes at 
 
 What following walls needs beside that, bugs ask themselves (walls/boundary.py).
 
-Not asked: who keeps to a way on the world's map, who takes no care of anything (the floors), learned policies, whose robot is that of
-their training, and policies from outside, which know best what they need.
+Not asked: who keeps to a way on the world's map, who takes no care of anything (the floors), learned policies, whose robot is
+that of their training, and policies from outside, which know best what they need.
 """
 
 from __future__ import annotations
