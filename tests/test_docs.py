@@ -88,7 +88,7 @@ def test_policies_of_papers_that_had_to_be_repaired_say_what_was_reported_and_fo
 
 
 def test_the_readme_stays_a_door() -> None:
-    assert len(text_of(README).splitlines()) <= 150
+    assert len(text_of(README).splitlines()) <= 130
 
 
 # ------------------------------------------------------------------------------------------------ what is pointed at

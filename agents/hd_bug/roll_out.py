@@ -88,7 +88,7 @@ def roll_out(
     """
     m = len(velocities.directions)
     result = RollOut(np.empty(m), np.empty(m), np.empty((m, 2)))
-    _roll_out(steering_of(drive), *pose, radius, velocities, movers, times, compare, result)
+    _roll_out(steering_of(drive), pose, radius, velocities, movers, times, compare, result)
     return result
 
 
@@ -120,9 +120,7 @@ def go_on(
 @kernel
 def _roll_out(
     steering: Steering,
-    x: float,
-    y: float,
-    heading: float,
+    pose: tuple[float, float, float],
     radius: float,
     velocities: Velocities,
     movers: Movers,
@@ -136,7 +134,7 @@ def _roll_out(
     tracks, count = radii.shape
     dt = times[0]
     for i in range(len(directions)):
-        px, py, theta = x, y, heading
+        px, py, theta = pose
         left = free[i]
         contact[i] = np.inf
         nearness[i] = 0.0
@@ -196,16 +194,14 @@ def hit_risks(
     m = len(velocities.directions)
     result = RollOut(np.full(m, np.inf), np.zeros(m), np.empty((m, 2)))
     worst = np.empty(len(radii))
-    _hit_risks(steering_of(drive), *pose, radius, velocities, places, radii, spread, times, compare, worst, result)
+    _hit_risks(steering_of(drive), pose, radius, velocities, places, radii, spread, times, compare, worst, result)
     return result
 
 
 @kernel
 def _hit_risks(
     steering: Steering,
-    x: float,
-    y: float,
-    heading: float,
+    pose: tuple[float, float, float],
     radius: float,
     velocities: Velocities,
     places: Floats,
@@ -220,7 +216,8 @@ def _hit_risks(
     contact, nearness, end = result
     dt = times[0]
     for i in range(directions.size):
-        px, py, theta, left = x, y, heading, free[i]
+        px, py, theta = pose
+        left = free[i]
         worst[:] = 0.0
         for k in range(times.size):
             px, py, theta, way = go_on(steering, directions[i], speeds[i], left, dt, px, py, theta)

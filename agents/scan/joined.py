@@ -113,10 +113,8 @@ def is_seen_free(
 
 @kernel
 def first_seen_free(
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
+    place: tuple[float, float],
+    stride: tuple[float, float],
     count: int,
     reach: float,
     ranges: Floats,
@@ -127,9 +125,9 @@ def first_seen_free(
     py: Floats,
     radius: float,
 ) -> int:
-    """Number of the first of `count` places (x, y) + k (dx, dy) within `reach` that `is_seen_free`, or -1."""
+    """Number k of the first of `count` places, `place` + k `stride`, within `reach` that `is_seen_free`, or -1."""
     for k in range(count):
-        ex, ey = x + k * dx, y + k * dy
+        ex, ey = place[0] + k * stride[0], place[1] + k * stride[1]
         if math.hypot(ex, ey) <= reach and is_seen_free(
             ex, ey, ranges, first_angle, angle_step, is_round, px, py, radius
         ):

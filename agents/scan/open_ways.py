@@ -293,19 +293,15 @@ def farthest_end(
 
 
 @kernel
-def find_open_points(  # plain arrays: a record handed over from Python costs as much as a tenth of the work
-    px: Floats,
-    py: Floats,
-    ranges: Floats,
+def find_open_points(  # plain tuples: records handed over from Python cost as much as a tenth of the work
+    scan: tuple[Floats, Floats, Floats, Flags],
     reach: float,
-    link: Flags,
-    radius: float,
-    first: float,
-    free: Floats,
-    beam: Integers,
-    jump: float,
     noise: float,
     wraps: bool,
+    radius: float,
+    first: float,
+    swept: tuple[Floats, Integers],
+    jump: float,
     chosen: Integers,
     found: Floats,
     side: Integers,
@@ -313,18 +309,14 @@ def find_open_points(  # plain arrays: a record handed over from Python costs as
     """Where the free way of a disc jumps between neighbouring headings, from one surface to another or to none.
 
     Args:
-        px: points' x (B,) in the robot's frame [m], one for each beam.
-        py: points' y (B,) [m].
-        ranges: (B,) [m].
+        scan: of each beam (B,) the point's x and y in the robot's frame [m], the range [m], and the link of `link_beams`.
         reach: range that means "nothing seen" [m].
-        link: (B,) from `link_beams`.
-        radius: of the disc [m].
-        first: heading 0 [rad].
-        free: free way along each heading (m,) [m], from `sweep_disc`.
-        beam: the beam that saw what ends it (m,), from `sweep_disc`.
-        jump: change of the free way that is one [m].
         noise: standard deviation of the ranges [m].
         wraps: whether the last beam is the first one's neighbour.
+        radius: of the disc [m].
+        first: heading 0 [rad].
+        swept: from `sweep_disc`, the free way along each heading (m,) [m] and the beam that saw what ends it (m,).
+        jump: change of the free way that is one [m].
         chosen: scratch (B,).
         found: result (m, 5): the heading where the nearer surface ends, counted from heading 0 [rad], x and y of the
             point touched there, and of the `farthest_end` [m].
@@ -333,6 +325,8 @@ def find_open_points(  # plain arrays: a record handed over from Python costs as
     Returns:
         How many there are, in the order of the headings.
     """
+    px, py, ranges, link = scan
+    free, beam = swept
     count = 0
     increment = 2.0 * math.pi / free.size
     for k in range(free.size):

@@ -100,7 +100,7 @@ class Lookout:
         found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
         chosen = np.empty(len(x), dtype=np.int64)
         count = open_ways.find_open_points(
-            x, y, ranges, reach, link, radius, first, free, beam, self.jump, noise, self._wraps, chosen, found, side
+            (x, y, ranges, link), reach, noise, self._wraps, radius, first, (free, beam), self.jump, chosen, found, side
         )
         ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
         points = [OpenPoint((u, v), hand, turn % (2.0 * math.pi), (w, z)) for (turn, u, v, w, z), hand in ends]

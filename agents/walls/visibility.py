@@ -114,4 +114,4 @@ class Scan:
         x, y = self.view.to_robot(*place)
         ex, ey = self.view.to_robot(place[0] + stride[0], place[1] + stride[1])
         beams = self.view.ranges, self.first_angle, self.angle_step, self.is_round
-        return int(joined.first_seen_free(x, y, ex - x, ey - y, count, reach, *beams, px, py, self.radius))
+        return int(joined.first_seen_free((x, y), (ex - x, ey - y), count, reach, *beams, px, py, self.radius))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,19 @@ from bug_gym.kernels.layout import Flags, Floats, Integers
 
 USED = np.iinfo(np.int64).min  # of a point that a ring has
 SLIVER = 1e-6  # what is left of a wall beside a door, if it is not more, is left to others [m]
+
+
+class Drawn(NamedTuple):
+    """Where walls and doors are."""
+
+    x: Floats
+    """The walls' places along x (columns + 1,) [m]."""
+    y: Floats
+    """The walls' places along y (rows + 1,) [m]."""
+    right: Floats
+    """Where the doors to the right begin along y (columns - 1, rows) [m]; NaN where there is none."""
+    up: Floats
+    """Where the doors upwards begin along x (columns, rows - 1) [m]; NaN where there is none."""
 
 
 @called
@@ -95,10 +109,7 @@ def draw_rooms(
     door: float,
     loops: float,
     unevenness: float,
-    x: Floats,
-    y: Floats,
-    right: Floats,
-    up: Floats,
+    drawn: Drawn,
     open_right: Flags,
     open_up: Flags,
     seen: Flags,
@@ -113,10 +124,7 @@ def draw_rooms(
         door: width of doors [m].
         loops: share of walls that have a door without need.
         unevenness: of the walls' places.
-        x: (columns + 1,) to write, the walls' places along x [m].
-        y: (rows + 1,) to write, along y [m].
-        right: (columns - 1, rows) to write, where the doors to the right begin along y [m], NaN where there is none.
-        up: (columns, rows - 1) to write, where the doors upwards begin along x [m], NaN where there is none.
+        drawn: to write.
         open_right: False, (columns - 1, rows).
         open_up: False, (columns, rows - 1).
         seen: False, (columns, rows).
@@ -125,6 +133,7 @@ def draw_rooms(
     Returns:
         How the walls lie about the middle, a number for each way; -1 where slivers are left beside doors.
     """
+    x, y, right, up = drawn
     columns, rows = seen.shape
     carve_rooms(g, open_right, open_up, loops, trail, seen)
     lie = draw_lines(g, x, bounds[0], bounds[2], half, unevenness) * (rows + 1) ** 2
@@ -174,10 +183,7 @@ def door_of(i: int, j: int, next_i: int, next_j: int, right: Floats, up: Floats)
 def walk_along(
     faces: Integers,
     ring_firsts: Integers,
-    x: Floats,
-    y: Floats,
-    right: Floats,
-    up: Floats,
+    drawn: Drawn,
     half: float,
     door: float,
     walk: Floats,
@@ -190,6 +196,7 @@ def walk_along(
     where a door breaks it off: a jamb is one of the two sides of a door. The face behind begins at the point that `begins`
     has for that jamb. Returns how many points there are.
     """
+    x, y, right, up = drawn
     points = 0
     for ring in range(ring_firsts.size - 1):
         first, begin, end = points, ring_firsts[ring], ring_firsts[ring + 1]
@@ -231,10 +238,7 @@ def next_point(point: int, after: Integers, begins: Integers) -> int:
 def cut_doors(
     faces: Integers,
     ring_firsts: Integers,
-    x: Floats,
-    y: Floats,
-    right: Floats,
-    up: Floats,
+    drawn: Drawn,
     half: float,
     door: float,
     walk: Floats,
@@ -251,10 +255,7 @@ def cut_doors(
     Args:
         faces: (n, 2), the faces that meet at each corner of whole walls, the solid on the right of each ring.
         ring_firsts: (rings + 1,), where each of those rings begins.
-        x: (columns + 1,), the walls' places along x [m].
-        y: (rows + 1,), along y [m].
-        right: (columns - 1, rows), where the doors to the right begin along y [m], NaN where there is none.
-        up: (columns, rows - 1), where the doors upwards begin along x [m], NaN where there is none.
+        drawn: where walls and doors are.
         half: half a wall [m].
         door: width of doors [m].
         walk: scratch (m, 2), m = n + 4 for each door.
@@ -266,7 +267,8 @@ def cut_doors(
     Returns:
         How many rings there are, the border among them.
     """
-    points = walk_along(faces, ring_firsts, x, y, right, up, half, door, walk, after, begins)
+    x, y = drawn.x, drawn.y
+    points = walk_along(faces, ring_firsts, drawn, half, door, walk, after, begins)
     for corner in range(4):
         corners[corner, 0] = x[x.size - 1] if 0 < corner < 3 else x[0]
         corners[corner, 1] = y[y.size - 1] if corner > 1 else y[0]

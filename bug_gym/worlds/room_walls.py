@@ -16,7 +16,7 @@ import numpy as np
 from bug_gym.geometry import F64
 from bug_gym.kernels.generator import give_back, taken
 from bug_gym.kernels.layout import Integers
-from bug_gym.kernels.rooms import cut_doors, draw_rooms
+from bug_gym.kernels.rooms import Drawn, cut_doors, draw_rooms
 from bug_gym.worlds.family import Rng
 from bug_gym.worlds.outlines import Outlines
 from bug_gym.worlds.places import Walls
@@ -66,7 +66,8 @@ def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
     open_right, open_up = np.zeros(right.shape, dtype=np.bool_), np.zeros(up.shape, dtype=np.bool_)
     seen, trail = np.zeros((columns, rows), dtype=np.bool_), np.empty(columns * rows, dtype=np.int64)
     settings = plan.bounds, plan.half, plan.door, plan.loops, plan.unevenness
-    lie = draw_rooms(words, *settings, x, y, right, up, open_right, open_up, seen, trail)
+    drawn = Drawn(x, y, right, up)
+    lie = draw_rooms(words, *settings, drawn, open_right, open_up, seen, trail)
     whole = whole_rings(columns, rows, lie) if lie >= 0 else None
     if whole is None:
         return None
@@ -75,7 +76,7 @@ def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
     most = len(whole.faces) + 4 * doors
     walk, after, begins = np.empty((most, 2)), np.empty(most, dtype=np.int64), np.empty(2 * doors, dtype=np.int64)
     corners, firsts = np.empty((most + 4, 2)), np.empty(most + 2, dtype=np.int64)
-    rings = cut_doors(*whole, x, y, right, up, plan.half, plan.door, walk, after, begins, corners, firsts)
+    rings = cut_doors(*whole, drawn, plan.half, plan.door, walk, after, begins, corners, firsts)
     firsts = firsts[: rings + 1]
     polygons = tuple((corners[begin:end],) for begin, end in pairwise(firsts[1:].tolist()))
     return Walls(polygons, Outlines(corners, firsts))

@@ -372,9 +372,9 @@ def test_the_first_visible_place_of_a_row_is_found() -> None:
     scan = (ranges, 0.0, math.radians(1.0), True, (ranges * cos)[seen], (ranges * sin)[seen], 0.2)
     # Places (5, k): hidden until the wall's end at 19 degrees with the disc's radius, asin(0.2 / 3), beyond it.
     first = math.ceil(5.0 * math.tan(math.radians(19.0) + math.asin(0.2 / 3.0)) / 0.1)
-    assert chains.first_seen_free(5.0, 0.0, 0.0, 0.1, 60, 8.0, *scan) == first
-    assert chains.first_seen_free(5.0, 0.0, 0.0, 0.1, first, 8.0, *scan) == -1
-    assert chains.first_seen_free(5.0, 0.0, 0.0, 0.1, 60, 5.0, *scan) == -1
+    assert chains.first_seen_free((5.0, 0.0), (0.0, 0.1), 60, 8.0, *scan) == first
+    assert chains.first_seen_free((5.0, 0.0), (0.0, 0.1), first, 8.0, *scan) == -1
+    assert chains.first_seen_free((5.0, 0.0), (0.0, 0.1), 60, 5.0, *scan) == -1
 
 
 @pytest.mark.parametrize("vision_range", [0.29, -1.0, math.nan])
