@@ -127,9 +127,13 @@ class View:
 
     def with_ranges(self, ranges: NDArray[np.float64]) -> View:
         """The same observation with other ranges (B,) [m]."""
-        flat = self._flat.copy()
-        flat[self.sensors.always_seen[0]] = ranges
-        return View(flat, self.sensors, self.under_way)
+        other = View.__new__(View)
+        other.sensors, other.under_way, other._points = self.sensors, self.under_way, None
+        other.goal, other.pose, other.velocity, other._trig = self.goal, self.pose, self.velocity, self._trig
+        other._flat, beams = self._flat.copy(), self.sensors.always_seen[0]
+        other._flat[beams] = ranges
+        other.ranges = other._flat[beams].astype(np.float64)
+        return other
 
     @property
     def terrain(self) -> F32 | None:

@@ -78,7 +78,7 @@ class BugTeam(TeamPolicy):
         memory = memories[robot]
         assert memory.view is not None and memory.frame is not None
         if self.goes_round(robot, memory):
-            return Seen(memory.view, memory.view)
+            return Seen(memory.view)
         partners = [memories[other] for other in self.going(memories) if other != robot]
         return without_partners(memory.view, memory.frame, partners)
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bug_gym.agents.teams.hidden import put_in_walls, take_out_bodies
 from bug_gym.geometry import Point
@@ -36,8 +37,13 @@ class Seen(NamedTuple):
 
     view: View
     """The observation without their bodies, and with what they see behind themselves."""
-    still: View
-    """The same with a range of nothing where they stood before it: there is no telling what has moved."""
+    hidden: NDArray[np.bool_] | None = None
+    """Which beams (B,) they stopped; None: none."""
+
+    @property
+    def still(self) -> View:
+        """The same with a range of nothing where they stood before it: there is no telling what has moved."""
+        return self.view if self.hidden is None else self.view.with_ranges(np.where(self.hidden, 0.0, self.view.ranges))
 
 
 def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -> Seen:
@@ -54,14 +60,14 @@ def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -
     gaps = [math.dist(word.place, here) for _, word in told]
     reach = sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise
     if not gaps or min(gaps) > sensors.range + reach + ROUNDING:
-        return Seen(view, view)
+        return Seen(view)
     ux, uy = sensors.beam_directions
     words: Any = np.array([word.place for _, word in told]).T
     bodies = np.zeros((len(told) + 1, 2))
     bodies[:-1, 0], bodies[:-1, 1] = view.to_robot(*frame.to_odometry(words))
     ranges, hidden = view.ranges.copy(), np.zeros(len(view.ranges), dtype=np.bool_)
     if not take_out_bodies(ranges, ux, uy, sensors.range, bodies[:-1], reach, hidden):
-        return Seen(view, view)
+        return Seen(view)
     widest = SAME_WALL * 2.0 * math.pi / len(ranges)
     theirs, places = [], []
     for (other, word), apart, (x, y) in zip(told, gaps, bodies[:-1].tolist(), strict=True):
@@ -72,9 +78,7 @@ def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -
     if theirs:
         their_scans, their_places = np.array(theirs), np.array(places)
         put_in_walls(ranges, hidden, ux, uy, sensors.range, bodies, reach, their_scans, their_places, widest)
-    seen = view.with_ranges(ranges)
-    ranges[hidden] = 0.0
-    return Seen(seen, view.with_ranges(ranges))
+    return Seen(view.with_ranges(ranges), hidden)
 
 
 def least_gap(sensors: Sensors) -> float:
@@ -103,9 +107,10 @@ def gap(one: TeamMemory, other: TeamMemory) -> float:
 def nearer_than(distance: float, team: Sequence[int], memories: Sequence[TeamMemory]) -> dict[int, dict[int, float]]:
     """For each robot of a team those that are nearer to it than a distance [m], and how near they are [m]."""
     near: dict[int, dict[int, float]] = {robot: {} for robot in team}
-    for count, robot in enumerate(team):
-        for other in team[:count]:
-            apart = gap(memories[robot], memories[other])
+    places = [(robot, word.place) for robot in team if (word := memories[robot].word) is not None]
+    for count, (robot, place) in enumerate(places):
+        for other, there in places[:count]:
+            apart = math.dist(place, there)
             if apart < distance:
                 near[robot][other] = near[other][robot] = apart
     return near
