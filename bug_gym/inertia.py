@@ -7,6 +7,9 @@ applied to what an algorithm wants.)
 
 Where commands act later than they are given, the step that one leads to begins where those before it, which nobody can take
 back, will have brought the robot.
+
+What stands between two beams shows only when they are so near together as it is wide. So the robot goes no faster than lets
+it stop from there before a post.
 """
 
 from __future__ import annotations
@@ -28,6 +31,12 @@ SHARES = 8
 
 LEAST_ROOM = 0.005
 """What is kept about the body in any case, beside the noise of a range [m]."""
+
+POST = 0.15
+"""Width of the thinnest thing that the robot is slow enough to see in time between two beams: a post of BARN's [m]."""
+
+LEAST_PACE = 0.25
+"""Share of its top speed below which that is not worth it: so few beams show a post too late at any pace."""
 
 Velocity = tuple[float, float]
 
@@ -84,6 +93,27 @@ def speed_within(drive: Drive, way: float) -> float:
     return min((way / drive.step + 0.5 * loss * steps * (steps + 1)) / (steps + free), drive.max_speed)
 
 
+def pace_in_sight(sensors: Sensors) -> float:
+    """The greatest speed [m/s] at which the robot comes to stand before a post that two beams do not meet until it is near.
+
+    A disc of radius R may lie R / sin(A / 2) away and between two beams that are an angle A apart. From there the robot must
+    stop. Top speed where it has no inertia, or where it would have to creep.
+    """
+    drive = sensors.drive
+    if not has_inertia(drive):
+        return drive.max_speed
+    met = 0.5 * POST / math.sin(min(0.5 * sensors.beam_spacing, 0.5 * math.pi))
+    way = met - 0.5 * POST - sensors.radius - LEAST_ROOM - sensors.range_noise
+    pace = speed_within(drive, max(way, 0.0))
+    return pace if pace >= LEAST_PACE * drive.max_speed else drive.max_speed
+
+
+def _within(velocity: Velocity, speed: float) -> Velocity:
+    """A velocity cut to a speed [m/s]."""
+    share = min(speed / max(math.hypot(*velocity), speed), 1.0)
+    return share * velocity[0], share * velocity[1]
+
+
 def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.float32]:
     """The action (2,) nearest to a desired velocity of those from which the robot can stop before what it sees.
 
@@ -93,6 +123,7 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
         room: what it keeps about the body [m].
     """
     drive = view.sensors.drive
+    velocity = _within(velocity, pace_in_sight(view.sensors))
     if drive.kinematics == "holonomic":
         ahead = foreseen(view)
         for kept, share in itertools.product(_rooms(drive, room), _shares()):
@@ -107,6 +138,9 @@ def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
     """The speed [m/s] and turn rate [rad/s] nearest to wished ones from which a differential robot can stop in time."""
     drive, ahead = view.sensors.drive, foreseen(view)
     keeps_arc, speed = drive.kinematics == "ackermann", ahead.velocity[0]
+    pace = pace_in_sight(view.sensors)
+    if abs(wish[0]) > pace:
+        wish = math.copysign(pace, wish[0]), wish[1] * (pace / abs(wish[0]) if keeps_arc else 1.0)
     for kept in _rooms(drive, room):
         x, y, margin, gap = _seen_from(view, ahead, kept)
         motion = speed, *wish, keeps_arc, drive.max_acceleration, drive.step

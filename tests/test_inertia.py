@@ -15,7 +15,7 @@ from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.config import Scenario, load
 from bug_gym.geometry import velocity_along
-from bug_gym.inertia import needs_care, speed_within
+from bug_gym.inertia import LEAST_PACE, POST, needs_care, pace_in_sight, speed_within
 from bug_gym.kinematics import Drive
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
@@ -190,6 +190,64 @@ def test_even_who_runs_at_everything_touches_nothing_still(world: Any, robot: di
     clearances = [least_clearance(scenario, policy, seed, 15.0) for seed in range(4)]
     assert min(clearances) > 0.0
     assert min(clearances) < 0.5  # it was near
+
+
+class Straight(ScriptedPolicy):
+    """Full speed ahead, for ever."""
+
+    def start(self) -> Memory:
+        return Memory()
+
+    def act(self, view: View, memory: Memory) -> Velocity:
+        return velocity_along(-view.heading, self.sensors.drive.max_speed)
+
+
+def before_a_post(robot: dict[str, Any], beams: int, aside: float) -> Scenario:
+    """A robot that has room to gather speed before a round post, a little to the side of its way.
+
+    Not so far that it would but graze it: at the edge of what a beam meets as much as lies between two beams stays unseen, of
+    which robots reckon with half.
+    """
+    corners = [2.0 * math.pi * number / 24 for number in range(24)]
+    post = [[8.0 + 0.5 * POST * math.cos(angle), aside + 0.5 * POST * math.sin(angle)] for angle in corners]
+    world = {"family": "explicit", "bounds": [-2, -8, 30, 8], "polygons": [post], "start": [0, 0, 0], "goal": [25, 0]}
+    lidar = {"beams": beams, "range": 10.0}
+    return load({"robot": {"radius": 0.2, "max_turn_rate": 3.0, **robot}, "lidar": lidar, "world": world})
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize(("beams", "acceleration"), [(24, 4.0), (32, 1.0), (64, 0.5)])
+def test_a_post_between_two_beams_is_seen_in_time(
+    kinematics: str, beams: int, acceleration: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = {"kinematics": kinematics, "max_speed": 3.0, "max_acceleration": acceleration}
+    posts = [before_a_post(robot, beams, aside) for aside in np.linspace(-0.2, 0.2, 9)]
+
+    def clearances() -> list[float]:
+        return [least_clearance(post, Straight(Sensors.of(post)), 0, 12.0) for post in posts]
+
+    slow = clearances()
+    assert min(slow) > 0.0
+    assert min(slow) < 0.1  # it came near
+    monkeypatch.setattr("bug_gym.inertia.pace_in_sight", lambda sensors: sensors.drive.max_speed)
+    assert min(clearances()) == 0.0  # at top speed it would not have been
+
+
+def test_the_pace_in_sight_is_that_from_which_the_robot_stands_before_the_post() -> None:
+    def pace(beams: int, **robot: Any) -> tuple[float, Sensors]:
+        sensors = Sensors.of(
+            load("static", {"lidar.beams": beams, **{f"robot.{key}": value for key, value in robot.items()}})
+        )
+        return pace_in_sight(sensors), sensors
+
+    slowed, sensors = pace(32, max_speed=2.0, max_acceleration=1.0)
+    met = 0.5 * POST / math.sin(math.pi / 32) - 0.5 * POST - sensors.radius
+    way = driven_and_braked(slowed, 1.0, sensors.drive.step)
+    assert way < met and way > met - 0.05
+    assert pace(360, max_speed=2.0, max_acceleration=1.0)[0] == 2.0  # dense beams hide no post
+    assert pace(32, max_speed=2.0)[0] == 2.0  # who stops at once needs no slowness
+    creeping, _ = pace(12, max_speed=2.0, max_acceleration=1.0)
+    assert creeping == 2.0 > LEAST_PACE * 2.0  # no pace worth driving shows it in time
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
