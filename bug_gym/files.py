@@ -226,7 +226,7 @@ def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:
-            raise ValueError(f"key {name!r} twice")
+            raise ValueError(f"key {name[:60]!r} twice")
         found[name] = value
     return found
 

@@ -100,8 +100,7 @@ def moving(view: View) -> int:
 
 def sees_behind(sensors: Sensors) -> bool:
     """Whether a robot may go backwards: it can, and its scanner looks all around."""
-    is_full = len(sensors.angles) * sensors.beam_spacing >= 2.0 * math.pi - 1e-6
-    return sensors.drive.max_reverse > 0.0 and is_full
+    return sensors.drive.max_reverse > 0.0 and sensors.is_full_circle
 
 
 def _braked(view: View, arc: Velocity, radius: float) -> Velocity:

@@ -39,6 +39,8 @@ class Sensors:
     """Distance within which the goal counts as reached [m]."""
     fields: tuple[Field, ...]
     """The fields of the observation."""
+    dropout: float = 0.0
+    """Share of the beams that see nothing, from the data sheet."""
     min_range: float = 0.0
     """Below this no range is told: what is nearer seems to be so far away [m]."""
 
@@ -65,6 +67,7 @@ class Sensors:
             range_noise=float(lidar.noise),
             goal_radius=scenario.goal.radius,
             fields=fields(scenario),
+            dropout=most_of(lidar.dropout),
             min_range=most_of(lidar.min_range),
         )
 
@@ -86,6 +89,11 @@ class Sensors:
     def beam_spacing(self) -> float:
         """Angle between two neighbouring beams [rad]."""
         return float(self.angles[1] - self.angles[0]) if len(self.angles) > 1 else 2.0 * math.pi
+
+    @cached_property
+    def is_full_circle(self) -> bool:
+        """Whether the last beam is the first one's neighbour."""
+        return len(self.angles) * self.beam_spacing >= 2.0 * math.pi - 1e-6
 
     @cached_property
     def circles(self) -> NDArray[np.float64]:
@@ -186,11 +194,17 @@ class View:
 
     @property
     def points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Scan points x (k,), y (k,) in the robot's frame [m]: the beams that saw something."""
+        """Scan points x (k,), y (k,) in the robot's frame [m]: the beams that saw something.
+
+        Of a scanner that loses beams also where one was lost between two points that the body does not pass between.
+        """
         if self._points is None:
-            directions = self.sensors.beam_directions
-            places = np.empty(directions.shape)
-            count = kernels.scan_points(self.ranges, directions, self.sensors.range, places)
+            sensors, directions = self.sensors, self.sensors.beam_directions
+            places, scan = np.empty(directions.shape), (self.ranges, directions, sensors.range)
+            if sensors.dropout > 0.0:
+                count = kernels.bridged_points(*scan, 2.0 * sensors.radius, sensors.is_full_circle, places)
+            else:
+                count = kernels.scan_points(*scan, places)
             self._points = (places[0, :count], places[1, :count])
         return self._points
 

@@ -130,7 +130,9 @@ class ResultFolder:
         record = checked(LengthsRecord, data, "shortest path")
         scenario = self._scenario_of(record.scenario, record.seed)
         if scenario.has_moving_target:
-            raise ValueError(f"scenario: got {record.scenario!r}, which has a moving target and no shortest path")
+            raise ValueError(
+                f"scenario: got {shortened(record.scenario)}, which has a moving target and no shortest path"
+            )
         if len(record.lengths) != (robots := scenario.scenario.robots.count):
             raise ValueError(f"lengths: got {len(record.lengths)} of them, expected {robots}, one a robot")
         return (record.scenario, record.seed), [float(length) for length in record.lengths]
@@ -172,14 +174,25 @@ class ResultFolder:
         return scenario
 
     def _require_agreement(self, rows: _Lines[EpisodeRow], lengths: _Lines[tuple[World, list[float]]]) -> None:
-        """Find rows that contradict the shortest paths. Nobody knows which are right: a repair drops both."""
+        """Find rows that contradict the shortest paths. Nobody knows which are right: a repair drops both.
+
+        Of a world the other robots' rows go with them: what is left would seem to lack a robot.
+        """
         known = {world: (line, found) for line, (world, found) in lengths.values.items()}
-        for number, row in list(rows.values.items()):
-            line, found = known.get((row.scenario, row.seed), (0, []))
-            if found and repr(found[row.robot]) != repr(row.shortest_path_length):
-                came, kind = row.shortest_path_length, "contradicting the other file"
-                rows.fault(number, kind, f"shortest_path_length: got {came}, {LENGTHS} says {found[row.robot]}")
-                lengths.fault(line, kind, f"{ROWS} says {came} in line {number}")
+        worlds: dict[tuple[str, str, int], dict[int, EpisodeRow]] = {}
+        for number, row in rows.values.items():
+            worlds.setdefault((row.policy, row.scenario, row.seed), {})[number] = row
+        kind = "contradicting the other file"
+        for (_, scenario, seed), robots in worlds.items():
+            line, found = known.get((scenario, seed), (0, []))
+            for number, row in robots.items() if found else ():
+                came = row.shortest_path_length
+                if repr(found[row.robot]) != repr(came):
+                    why = f"shortest_path_length: got {came}, {LENGTHS} says {found[row.robot]}"
+                    for other in robots:
+                        rows.fault(other, kind, why if other == number else f"of a world with line {number}, {why}")
+                    lengths.fault(line, kind, f"{ROWS} says {came} in line {number}")
+                    break
 
     def _require_whole_worlds(self, lines: _Lines[EpisodeRow]) -> None:
         """Rows of a world are written at once: a kill may have cut the last ones short, and no others."""

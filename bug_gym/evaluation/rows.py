@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bug_gym.geometry import F64
+from bug_gym.schema.errors import shortened
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -88,9 +89,9 @@ class EpisodeRow:
         for name, kind in FIELD_TYPES.items():
             _check_field(name, kind, getattr(self, name))
         if self.outcome not in OUTCOMES:
-            raise ValueError(f"outcome must be one of {', '.join(OUTCOMES)}, came {self.outcome!r}")
+            raise ValueError(f"outcome must be one of {', '.join(OUTCOMES)}, came {shortened(self.outcome)}")
         if self.success != (self.outcome == "success"):
-            raise ValueError(f"success={self.success} contradicts outcome={self.outcome!r}")
+            raise ValueError(f"success={self.success} contradicts outcome={shortened(self.outcome)}")
         if self.spl > 1.0:
             raise ValueError(f"spl must lie between 0 and 1, came {self.spl}")
 
@@ -103,11 +104,13 @@ class EpisodeRow:
     def from_dict(cls, data: Mapping[str, Any]) -> "EpisodeRow":
         """Undo `as_dict`, after a journey through JSON too: all keys and no others, types checked."""
         if not isinstance(data, Mapping):
-            raise ValueError(f"a row must be a mapping, came {data!r}")
+            raise ValueError(f"a row must be a mapping, came {shortened(data)}")
         missing = [name for name in FIELD_TYPES if name not in data and name not in AMONG_ROBOTS]
         unknown = [name for name in data if name not in FIELD_TYPES]
         if missing or unknown:
-            raise ValueError(f"a row needs the keys {', '.join(FIELD_TYPES)}; missing: {missing}, unknown: {unknown}")
+            raise ValueError(
+                f"a row needs the keys {', '.join(FIELD_TYPES)}; missing: {missing}, unknown: {shortened(unknown)}"
+            )
         floats = {name: _float_of(data[name]) for name, kind in FIELD_TYPES.items() if kind is float and name in data}
         return cls(**{**data, **floats})
 
@@ -251,7 +254,7 @@ def _float_of(value: Any) -> Any:
 def _check_field(name: str, kind: Any, value: Any) -> None:
     """Refuse a value of another type, and a number out of its range."""
     if not (isinstance(value, float) if kind is float else type(value) is kind):
-        raise ValueError(f"{name} must be of type {kind.__name__}, came {value!r}")
+        raise ValueError(f"{name} must be of type {kind.__name__}, came {shortened(value)}")
     if kind is float and isnan(value) and name not in _MAY_BE_NAN:
         raise ValueError(f"{name} must be a number, came NaN")
     if kind is float and isinf(value) and (value < 0.0 or name not in _MAY_BE_INFINITE):

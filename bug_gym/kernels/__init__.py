@@ -26,7 +26,7 @@ from bug_gym.kernels.addresses import HAS_ADDRESSES, address_table
 from bug_gym.kernels.arcs import free_turn, pursue, round_corners
 from bug_gym.kernels.avoidance import steering_floats
 from bug_gym.kernels.chords import point_wall_distance
-from bug_gym.kernels.free_way import free_distance, free_distances, scan_points
+from bug_gym.kernels.free_way import bridged_points, free_distance, free_distances, scan_points
 from bug_gym.kernels.ground import REGION_HEAD
 from bug_gym.kernels.laws import AWAY
 from bug_gym.kernels.layout import (
@@ -144,6 +144,7 @@ __all__ = [
     "arc_and_stop",
     "beam_table",
     "best_arc",
+    "bridged_points",
     "clear_part",
     "free_arc",
     "free_distance",

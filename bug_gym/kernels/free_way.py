@@ -29,6 +29,34 @@ def scan_points(ranges: Floats, directions: Floats, reach: float, points: Floats
     return count
 
 
+@kernel
+def bridged_points(
+    ranges: Floats, directions: Floats, reach: float, width: float, is_round: bool, points: Floats
+) -> int:
+    """The same of a scanner that loses beams: one between two points that are nearer than `width` [m] met what they met.
+
+    Nothing so wide passes between the two. It is taken to be as near as the nearer one.
+
+    Args:
+        ranges, directions, reach, points: see `scan_points`.
+        width: of the body [m].
+        is_round: whether the last beam is the first one's neighbour.
+    """
+    count, beams = 0, ranges.size
+    for beam in range(beams):
+        way = ranges[beam]
+        if way >= reach and (is_round or 0 < beam < beams - 1):
+            one, other = (beam + beams - 1) % beams, (beam + 1) % beams
+            dx = directions[0, one] * ranges[one] - directions[0, other] * ranges[other]
+            dy = directions[1, one] * ranges[one] - directions[1, other] * ranges[other]
+            if max(ranges[one], ranges[other]) < reach and dx * dx + dy * dy < width * width:
+                way = min(ranges[one], ranges[other])
+        if way < reach:
+            points[0, count], points[1, count] = directions[0, beam] * way, directions[1, beam] * way
+            count += 1
+    return count
+
+
 @inlined
 def way_to_point(along: float, beside: float, radius: float) -> float:
     """How far a disc goes until it touches a point, so far ahead and so far to the side [m]; infinite: it passes."""

@@ -73,7 +73,7 @@ class YamlLoader(Parser):
         anchor = event.anchor
         if anchor is not None:
             if anchor in self._anchored or anchor in self._open:
-                raise _fault(f"the anchor {anchor!r} twice", event.start_mark)
+                raise _fault(f"the anchor {shortened(anchor)} twice", event.start_mark)
             self._open.add(anchor)
         if isinstance(event, yaml.ScalarEvent):
             value, extent = self._scalar(event), ONE
@@ -91,9 +91,9 @@ class YamlLoader(Parser):
         if self._aliases > MOST_ALIASES:
             raise _fault(f"more than {MOST_ALIASES} aliases", event.start_mark)
         if event.anchor in self._open:
-            raise _fault(f"the alias {event.anchor!r} lies within what it stands for", event.start_mark)
+            raise _fault(f"the alias {shortened(event.anchor)} lies within what it stands for", event.start_mark)
         if event.anchor not in self._anchored:
-            raise _fault(f"found undefined alias {event.anchor!r}", event.start_mark)
+            raise _fault(f"found undefined alias {shortened(event.anchor)}", event.start_mark)
         value, extent = self._anchored[event.anchor]
         if depth + extent.depth > MOST_DEPTH:
             raise _fault(f"nested deeper than {MOST_DEPTH} levels", event.start_mark)
@@ -106,7 +106,7 @@ class YamlLoader(Parser):
         tag = str(event.tag) if given else self._kind(text, event.implicit)
         kind = tag.removeprefix(YAML_TAG)
         if kind not in SCALARS:
-            raise _fault(f"got the tag {tag!r}, expected plain data", event.start_mark)
+            raise _fault(f"got the tag {shortened(tag)}, expected plain data", event.start_mark)
         if kind == "str":
             return text
         if given:
@@ -167,13 +167,13 @@ class YamlLoader(Parser):
         if tag not in (f"{YAML_TAG}str", f"{YAML_TAG}merge"):
             raise _fault(f"got the key {shortened(value)}, expected text", event.start_mark)
         if value in seen:
-            raise _fault(f"key {value!r} twice", event.start_mark)
+            raise _fault(f"key {shortened(value)} twice", event.start_mark)
         seen.add(value)
         return value, tag == f"{YAML_TAG}merge"
 
     def _check_tag(self, event: Any, kind: str) -> None:
         if event.tag not in (None, "!", f"{YAML_TAG}{kind}"):
-            raise _fault(f"got the tag {event.tag!r}, expected plain data", event.start_mark)
+            raise _fault(f"got the tag {shortened(event.tag)}, expected plain data", event.start_mark)
 
 
 def _check_size(values: int, event: Any) -> None:

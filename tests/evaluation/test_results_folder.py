@@ -345,6 +345,19 @@ def test_rows_and_shortest_paths_that_contradict_each_other_both_go_in_a_repair(
     assert len(read(folder)) == len(ALL) - 2
 
 
+def test_one_robot_of_several_that_contradicts_its_shortest_path_takes_its_world_along(folder: Path) -> None:
+    worlds = [json.loads(line) for line in (folder / LENGTHS).read_bytes().splitlines()]
+    number, world = next((number, world) for number, world in enumerate(worlds, start=1) if len(world["lengths"]) == 2)
+    place = world["scenario"], world["seed"]
+    change_line(folder / LENGTHS, number, lambda record: record | {"lengths": [record["lengths"][0], "77.0"]})
+    told = r"rows\.jsonl: line \d+: of a world with line \d+, .* shortest_paths\.jsonl says 77\.0"
+    with pytest.raises(ValueError, match=told):
+        read(folder)
+    with opened(folder, PLAN, repair=True) as results:
+        assert same(results.rows, [row for row in ALL if (row.scenario, row.seed) != place])
+        assert place not in results.lengths
+
+
 def test_a_repair_of_a_sound_folder_changes_nothing(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     before = files_in(folder)
     assert same(read(folder, repair=True), ALL)
