@@ -131,16 +131,22 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
             if _is_clear(view, ahead, _slide(drive, ahead.velocity, asked), kept):
                 return kinematics.steering(drive, asked)
         return kinematics.steering(drive, (0.0, 0.0))
-    return kinematics.differential_action(drive, *stoppable_arc(view, kinematics.turning(drive, velocity), room))
+    return kinematics.differential_action(drive, *_stoppable_part(view, kinematics.turning(drive, velocity), room))
 
 
 def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
     """The speed [m/s] and turn rate [rad/s] nearest to wished ones from which a differential robot can stop in time."""
-    drive, ahead = view.sensors.drive, foreseen(view)
-    keeps_arc, speed = drive.kinematics == "ackermann", ahead.velocity[0]
     pace = pace_in_sight(view.sensors)
     if abs(wish[0]) > pace:
+        keeps_arc = view.sensors.drive.kinematics == "ackermann"
         wish = math.copysign(pace, wish[0]), wish[1] * (pace / abs(wish[0]) if keeps_arc else 1.0)
+    return _stoppable_part(view, wish, room)
+
+
+def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
+    """The same for a wish that is slow enough for what two beams may leave out."""
+    drive, ahead = view.sensors.drive, foreseen(view)
+    keeps_arc, speed = drive.kinematics == "ackermann", ahead.velocity[0]
     for kept in _rooms(drive, room):
         x, y, margin, gap = _seen_from(view, ahead, kept)
         motion = speed, *wish, keeps_arc, drive.max_acceleration, drive.step

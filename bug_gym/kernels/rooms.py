@@ -15,7 +15,7 @@ USED = np.iinfo(np.int64).min  # of a point that a ring has
 SLIVER = 1e-6  # what is left of a wall beside a door, if it is not more, is left to others [m]
 
 
-class Drawn(NamedTuple):
+class WallsAndDoors(NamedTuple):
     """Where walls and doors are."""
 
     x: Floats
@@ -109,7 +109,7 @@ def draw_rooms(
     door: float,
     loops: float,
     unevenness: float,
-    drawn: Drawn,
+    drawn: WallsAndDoors,
     open_right: Flags,
     open_up: Flags,
     seen: Flags,
@@ -183,7 +183,7 @@ def door_of(i: int, j: int, next_i: int, next_j: int, right: Floats, up: Floats)
 def walk_along(
     faces: Integers,
     ring_firsts: Integers,
-    drawn: Drawn,
+    drawn: WallsAndDoors,
     half: float,
     door: float,
     walk: Floats,
@@ -238,7 +238,7 @@ def next_point(point: int, after: Integers, begins: Integers) -> int:
 def cut_doors(
     faces: Integers,
     ring_firsts: Integers,
-    drawn: Drawn,
+    drawn: WallsAndDoors,
     half: float,
     door: float,
     walk: Floats,

@@ -16,7 +16,7 @@ import numpy as np
 from bug_gym.geometry import F64
 from bug_gym.kernels.generator import give_back, taken
 from bug_gym.kernels.layout import Integers
-from bug_gym.kernels.rooms import Drawn, cut_doors, draw_rooms
+from bug_gym.kernels.rooms import WallsAndDoors, cut_doors, draw_rooms
 from bug_gym.worlds.family import Rng
 from bug_gym.worlds.outlines import Outlines
 from bug_gym.worlds.places import Walls
@@ -66,7 +66,7 @@ def drawn_walls(plan: Plan, rng: Rng) -> Walls | None:
     open_right, open_up = np.zeros(right.shape, dtype=np.bool_), np.zeros(up.shape, dtype=np.bool_)
     seen, trail = np.zeros((columns, rows), dtype=np.bool_), np.empty(columns * rows, dtype=np.int64)
     settings = plan.bounds, plan.half, plan.door, plan.loops, plan.unevenness
-    drawn = Drawn(x, y, right, up)
+    drawn = WallsAndDoors(x, y, right, up)
     lie = draw_rooms(words, *settings, drawn, open_right, open_up, seen, trail)
     whole = whole_rings(columns, rows, lie) if lie >= 0 else None
     if whole is None:
