@@ -106,10 +106,18 @@ def real_numbers(what: str, values: Any) -> NDArray[np.float64]:
 
 def _in_short(values: object) -> str:
     """A value as an error shows it in its line: of an array its shape and kind."""
-    if isinstance(values, np.ndarray):
-        return f"shape {values.shape} of {values.dtype}"
-    text = " ".join(repr(values).split())
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    return f"shape {values.shape} of {values.dtype}" if isinstance(values, np.ndarray) else shortened(values)
+
+
+def shortened(value: object, most: int = 80) -> str:
+    """A value as an error shows it: at most so many characters of its `repr`, in one line."""
+    try:
+        text = " ".join(map(str.strip, repr(value).split("\n")))
+    except ValueError:  # a whole number of more digits than Python writes out
+        text = "a number of thousands of digits"
+    except RecursionError:
+        text = "what is nested too deep to show"
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def float32_numbers(what: str, values: Any) -> NDArray[np.float32]:
