@@ -28,6 +28,7 @@ from bug_gym.agents.outside import (
 )
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.agents.sight import require_sight
+from bug_gym.checks import shortened
 from bug_gym.naming import nearest_hint
 from bug_gym.policy import MisfitError, Policy, ScriptedPolicy, is_discrete, source_scenario
 from bug_gym.references import from_anywhere, is_reference, reference_of
@@ -180,13 +181,17 @@ def register(name: str, reference: str, *, family: str = "from outside") -> None
         ValueError: the name cannot be one or is taken, or the reference is none.
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][\w-]*", name):
-        raise ValueError(f"got {name!r} as the name of a policy, expected letters, digits, _ and -, such as 'my_bug'")
+        raise ValueError(
+            f"got {shortened(name)} as the name of a policy, expected letters, digits, _ and -, such as 'my_bug'"
+        )
     if not isinstance(reference, str) or not is_reference(reference):
-        raise ValueError(f"policy {name!r}: got {reference!r}, expected text such as 'my_module:MyBug'")
+        raise ValueError(
+            f"policy {shortened(name)}: got {shortened(reference)}, expected text such as 'my_module:MyBug'"
+        )
     line = Agent(from_anywhere(reference), family, "-")
     taken = known_agents().get(name)
     if taken is not None and REGISTERED.get(name) != line:
-        raise ValueError(f"the name {name!r} is taken, by {taken.entry_point}: choose another one")
+        raise ValueError(f"the name {shortened(name)} is taken, by {taken.entry_point}: choose another one")
     REGISTERED[name] = line
 
 
@@ -234,7 +239,7 @@ def agent(name: str) -> Agent:
     known = known_agents()
     if name not in known:
         hint = nearest_hint(name, known, count=3, cutoff=0.4, separator=";")
-        raise ValueError(f"unknown policy {name!r}{hint} (known: {', '.join(known)})")
+        raise ValueError(f"unknown policy {shortened(name)}{hint} (known: {', '.join(known)})")
     return known[name]
 
 
@@ -322,7 +327,7 @@ def _require_known(parameters: Mapping[str, Any], known: Sequence[str], told: st
     for key in parameters:
         if key not in known:
             hint = nearest_hint(key, known, cutoff=0.6)
-            raise ValueError(f"{told} has no parameter {key!r}{hint} (it has: {', '.join(known) or 'none'})")
+            raise ValueError(f"{told} has no parameter {shortened(key)}{hint} (it has: {', '.join(known) or 'none'})")
 
 
 def _told(name: Any) -> str:
@@ -379,14 +384,16 @@ def _entry(name: Any) -> tuple[type[Any], dict[str, Any]]:
     if isinstance(name, type):
         return required_policy(name, reference_of(name)), {}
     if not isinstance(name, (str, Path)):
-        raise ValueError(f"a policy is named by text such as 'bug2', got {name!r} (known: {', '.join(AGENTS)})")
+        raise ValueError(
+            f"a policy is named by text such as 'bug2', got {shortened(name)} (known: {', '.join(AGENTS)})"
+        )
     text = str(name)
     if text.endswith(".zip"):
         return _imported("learning.play:ZipPolicy"), {"path": Path(name).expanduser()}
     if reference := outside_reference(text):
         return imported_class(reference), {}
     if text.endswith(".py"):
-        raise ValueError(f"got {text!r} as a policy, expected its class, too, such as {text}:MyBug")
+        raise ValueError(f"got {shortened(text)} as a policy, expected its class, too, such as {text}:MyBug")
     if text.startswith("hf://"):
         return _imported("learning.play:LearnedPolicy"), {"model": text}
     if isinstance(name, Path) or "/" in text or os.sep in text:

@@ -123,14 +123,14 @@ def require_numbers(
     for name in positive:
         value = getattr(own, name)
         if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be positive, got {value!r}")
+            raise ValueError(f"{name} must be positive, got {shortened(value)}")
     for name in not_negative:
         value = getattr(own, name)
         if not (math.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{name} must not be negative, got {value!r}")
+            raise ValueError(f"{name} must not be negative, got {shortened(value)}")
     for name in shares:
         if getattr(own, name) > 1.0:
-            raise ValueError(f"{name} is a share of the top speed, at most 1, got {getattr(own, name)!r}")
+            raise ValueError(f"{name} is a share of the top speed, at most 1, got {shortened(getattr(own, name))}")
 
 
 STRICT = ConfigDict(strict=True, arbitrary_types_allowed=True)

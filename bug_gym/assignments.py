@@ -6,6 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from bug_gym.checks import shortened
+
 
 def assignments(pairs: Sequence[str]) -> dict[str, Any]:
     """Values by key from KEY=VALUE, the values read as YAML.
@@ -22,7 +24,7 @@ def assignments(pairs: Sequence[str]) -> dict[str, Any]:
     for pair in pairs:
         key, equals, value = pair.partition("=")
         if not key or not equals:
-            raise ValueError(f"got {pair!r}, expected KEY=VALUE, such as lidar.beams=180")
+            raise ValueError(f"got {shortened(pair)}, expected KEY=VALUE, such as lidar.beams=180")
         try:
             found[key] = parse_yaml(value)
         except yaml.YAMLError:
@@ -40,5 +42,5 @@ def name_and_options(text: str) -> tuple[str, dict[str, Any]]:
     name, *pairs = re.split(r":(?=\w+=)", text)
     keys = [pair.partition("=")[0] for pair in pairs]
     if twice := [key for key in keys if keys.count(key) > 1]:
-        raise ValueError(f"got {text!r}, expected a single {twice[0]}")
+        raise ValueError(f"got {shortened(text)}, expected a single {twice[0]}")
     return name, assignments(pairs)

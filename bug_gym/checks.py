@@ -29,7 +29,7 @@ def checked_seed(value: object) -> int:
         ValueError: it is no integer from 0 to 2**63 - 1.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 <= value < 2**63:
-        raise ValueError(f"a seed is an integer from 0 to 2**63 - 1, got {value!r}")
+        raise ValueError(f"a seed is an integer from 0 to 2**63 - 1, got {shortened(value)}")
     return int(value)
 
 
@@ -40,11 +40,11 @@ def checked_count(name: str, value: object, *, least: int = 1, most: int | None 
         ValueError: it is no integer, or one below `least` or above `most`.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise ValueError(f"{name} must be an integer, got {value!r}")
+        raise ValueError(f"{name} must be an integer, got {shortened(value)}")
     if value < least:
-        raise ValueError(f"{name} must be at least {least}, got {value!r}")
+        raise ValueError(f"{name} must be at least {least}, got {shortened(value)}")
     if most is not None and value > most:
-        raise ValueError(f"{name} must be at most {most:,}, got {value!r}")
+        raise ValueError(f"{name} must be at most {most:,}, got {shortened(value)}")
     return int(value)
 
 
@@ -55,9 +55,9 @@ def checked_time(name: str, value: object) -> float:
         ValueError: it is no such number.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise ValueError(f"{name} must be a number above 0, got {value!r}")
+        raise ValueError(f"{name} must be a number above 0, got {shortened(value)}")
     if not 0.0 < value <= sys.float_info.max:
-        raise ValueError(f"{name} must be a number above 0, got {value!r}")
+        raise ValueError(f"{name} must be a number above 0, got {shortened(value)}")
     return float(value)
 
 
@@ -85,7 +85,7 @@ def checked_options(options: object) -> Mapping[str, Any]:
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise ValueError(f"options is a dict or None, got {options!r}")
+        raise ValueError(f"options is a dict or None, got {shortened(options)}")
     return options
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from bug_gym.checks import needed_from
+from bug_gym.checks import needed_from, shortened
 from bug_gym.workers import WorkerLostError, add_to_path
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def connected(address: str) -> Iterator[Cluster]:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:
         reason = str(error).strip().partition("\n")[0]
-        raise ValueError(f"no cluster to be used at {address!r}: {reason}") from None
+        raise ValueError(f"no cluster to be used at {shortened(address)}: {reason}") from None
     try:
         yield Cluster()
     finally:
@@ -221,7 +221,7 @@ def _require_answer(address: str) -> None:
     """Refuse at once what Ray itself would wait for a minute or longer."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or "/" in host:
-        raise ValueError(f"got {address!r} as the address of a cluster, expected auto or HOST:PORT")
+        raise ValueError(f"got {shortened(address)} as the address of a cluster, expected auto or HOST:PORT")
     try:
         socket.create_connection((host, int(port)), REACHABLE).close()
     except (OSError, OverflowError) as error:

@@ -228,7 +228,7 @@ def asked_names(function: Callable[..., Any], told: str) -> tuple[str, ...]:
             names.append(parameter.name)
         elif parameter.default is parameter.empty:
             hint = nearest_hint(parameter.name, KNOWN)
-            raise ScenarioError(f"{told} asks for {parameter.name!r}{hint} (known: {', '.join(KNOWN)})")
+            raise ScenarioError(f"{told} asks for {shortened(parameter.name)}{hint} (known: {', '.join(KNOWN)})")
         else:
             break
     if not names:

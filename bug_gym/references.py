@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from bug_gym.checks import shortened
 from bug_gym.naming import nearest_hint
 
 MODULE = r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*"
@@ -50,7 +51,7 @@ def imported(reference: str, kind: str) -> Any:
         raise ValueError(f"{error.filename}, line {error.lineno}: {error.msg}") from None
     if not hasattr(module, name):
         own = [key for key, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__]
-        raise ValueError(f"{place} has no {kind} {name!r}{nearest_hint(name, own)}")
+        raise ValueError(f"{place} has no {kind} {shortened(name)}{nearest_hint(name, own)}")
     return getattr(module, name)
 
 
@@ -83,7 +84,7 @@ def _module(name: str) -> ModuleType:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         _require_missing(name, error)
-    raise ValueError(f"no module {name!r}, looked for on Python's path and in {here}")
+    raise ValueError(f"no module {shortened(name)}, looked for on Python's path and in {here}")
 
 
 def _require_missing(name: str, error: ModuleNotFoundError) -> None:

@@ -29,6 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from bug_gym.checks import shortened
+
 SLACK = 0.002  # share of the radius by which obstacles grow less, so that a gap of exactly two radii is open
 SAGITTA = 0.005  # largest distance of a circle from its chords, as a share of the robot's radius
 LEAST_SAGITTA = 1e-4  # the same as a share of the circle's own radius: no finer, however small the robot
@@ -142,7 +144,7 @@ def _grow_circles(circles: ArrayLike, growth: float) -> NDArray[np.object_]:
     if disc.size == 0:
         return np.empty(0, dtype=object)
     if disc.ndim != 2 or disc.shape[1] != 3 or not np.isfinite(disc).all() or (disc[:, 2] < 0.0).any():
-        raise ValueError(f"circles must be finite rows (x, y, radius >= 0), got {circles!r}")
+        raise ValueError(f"circles must be finite rows (x, y, radius >= 0), got {shortened(circles)}")
     disc = disc[disc[:, 2] + growth > 0.0]
     rim = disc[:, 2] + growth
     sagitta = np.maximum(SAGITTA * growth / rim, LEAST_SAGITTA)
@@ -158,7 +160,7 @@ def _polygon(rings: Sequence[ArrayLike], name: str) -> shapely.Polygon:
     """Build a valid polygon from its shell and holes."""
     arrays = [np.asarray(ring, dtype=float) for ring in rings]
     if not arrays or any(r.ndim != 2 or r.shape[1] != 2 or len(r) < 3 or not np.isfinite(r).all() for r in arrays):
-        raise ValueError(f"{name} must be rings of at least 3 finite points (x, y), got {rings!r}")
+        raise ValueError(f"{name} must be rings of at least 3 finite points (x, y), got {shortened(rings)}")
     polygon = shapely.Polygon(arrays[0], arrays[1:])
     if not polygon.is_valid:
         raise ValueError(f"{name} is not a simple polygon: {shapely.is_valid_reason(polygon)}")
@@ -168,7 +170,7 @@ def _polygon(rings: Sequence[ArrayLike], name: str) -> shapely.Polygon:
 def _point(value: ArrayLike, name: str) -> shapely.Point:
     position = np.asarray(value, dtype=float)
     if position.shape != (2,) or not np.isfinite(position).all():
-        raise ValueError(f"{name} must be two finite numbers (x, y), got {value!r}")
+        raise ValueError(f"{name} must be two finite numbers (x, y), got {shortened(value)}")
     return shapely.Point(position)
 
 

@@ -555,7 +555,7 @@ class Simulation:
             gymnasium.error.ResetNeeded: a source row that has never been reset.
         """
         if futures not in get_args(Futures):
-            raise ValueError(f"futures must be one of {list(get_args(Futures))}, got {futures!r}")
+            raise ValueError(f"futures must be one of {list(get_args(Futures))}, got {shortened(futures)}")
         taken = row_numbers("source_rows", source_rows, source.count)
         kept = self.all_rows if rows is None else row_numbers("rows", rows, self.count)
         if len(taken) != len(kept) or len(np.unique(kept)) != len(kept):

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bug_gym.checks import checked_count, real_numbers
+from bug_gym.checks import checked_count, real_numbers, shortened
 from bug_gym.config import Scenario, load
 from bug_gym.geometry import F32
 from bug_gym.kinematics import discrete_actions
@@ -175,7 +175,7 @@ def told_draws(drawn: Mapping[str, Any]) -> dict[str, Any]:
 def require_one_of(name: str, value: object, known: tuple[object, ...]) -> None:
     """Raise a ValueError where an argument has none of the values that it may have."""
     if value not in known:
-        raise ValueError(f"{name} is one of {', '.join(map(repr, known))}, got {value!r}")
+        raise ValueError(f"{name} is one of {', '.join(map(repr, known))}, got {shortened(value)}")
 
 
 def require_one_robot(simulation: Simulation) -> None:

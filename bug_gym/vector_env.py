@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from bug_gym.checks import checked_options, checked_seed
+from bug_gym.checks import checked_options, checked_seed, shortened
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import RobotStatus, Simulation
@@ -161,7 +161,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
     def _checked(self, mask: object) -> Bools:
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
-            raise ValueError(f"reset_mask is an array of {self.num_envs} bools, got {mask!r}")
+            raise ValueError(f"reset_mask is an array of {self.num_envs} bools, got {shortened(mask)}")
         if not mask.any():
             raise ValueError("reset_mask names no row, expected at least one")
         return mask.copy()  # infos keep it
@@ -231,7 +231,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             found = (getattr(self, f"single_{name}"),) * self.num_envs
         elif callable(getattr(type(self), name, None)):
             expected = "rows have only `render`; they are stepped together, and reset by options={'reset_mask': mask}"
-            raise AttributeError(f"a row of {type(self).__name__} has no method {name!r}: {expected}")
+            raise AttributeError(f"a row of {type(self).__name__} has no method {shortened(name)}: {expected}")
         else:
             found = (getattr(self, name),) * self.num_envs
         return tuple(value(*args, **kwargs) if callable(value) else value for value in found)
@@ -254,9 +254,9 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         if not isinstance(values, (list, tuple)):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:
-            raise ValueError(f"got {len(values)} values of {name!r} for {self.num_envs} rows")
+            raise ValueError(f"got {len(values)} values of {shortened(name)} for {self.num_envs} rows")
         if hasattr(self, name):
-            raise AttributeError(f"the rows share {name!r}: it can't be set for each of them")
+            raise AttributeError(f"the rows share {shortened(name)}: it can't be set for each of them")
         self._of_rows[name] = tuple(values)
 
     def close_extras(self) -> None:

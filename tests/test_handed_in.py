@@ -17,7 +17,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import bug_gym
-from bug_gym import checks
+from bug_gym import checks, worlds
+from bug_gym.agents import make_policy
+from bug_gym.agents.learning.settings import load_settings
+from bug_gym.agents.learning.sweep_settings import load_sweep
+from bug_gym.assignments import assignments
 from bug_gym.checks import (
     checked_count,
     checked_options,
@@ -27,8 +31,13 @@ from bug_gym.checks import (
     needed_from,
     real_numbers,
 )
+from bug_gym.config import load
 from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.entries import PolicyEntry
+from bug_gym.evaluation.suites import load_suite
 from bug_gym.navigation_env import NavigationEnv
+from bug_gym.references import imported
+from bug_gym.reproductions import reproduction
 from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
 
@@ -365,3 +374,28 @@ def test_what_an_error_says_of_an_array_is_short() -> None:
         with pytest.raises(ValueError, match="must be real numbers") as told:
             real_numbers("they", values)
         assert len(str(told.value)) < 200 and "\n" not in str(told.value)
+
+
+LONG = "9" * 5000
+NAMED: dict[str, Callable[[], object]] = {
+    "a scenario": lambda: load(LONG),
+    "a suite": lambda: load_suite(LONG),
+    "a training": lambda: load_settings(LONG),
+    "a sweep": lambda: load_sweep(LONG),
+    "a policy": lambda: make_policy(LONG, NavigationEnv("static")),
+    "a policy's parameter": lambda: make_policy("bug2", NavigationEnv("static"), **{LONG: 1}),
+    "a policy of a suite": lambda: PolicyEntry.of(LONG).make(Simulation("static")),
+    "a reproduction": lambda: reproduction(LONG),
+    "a key": lambda: load("static", {LONG: 1}),
+    "a render mode": lambda: NavigationEnv("static", render_mode=LONG),
+    "a family": lambda: worlds.register(LONG, LONG),
+    "code": lambda: imported(f"{LONG}:{LONG}", "policy"),
+    "an assignment": lambda: assignments([LONG]),
+}
+
+
+@pytest.mark.parametrize("what", NAMED)
+def test_what_an_error_says_of_a_name_is_short(what: str) -> None:
+    with pytest.raises((ValueError, TypeError, KeyError)) as told:
+        NAMED[what]()
+    assert all(len(line) < 1500 for line in str(told.value).split("\n"))

@@ -18,6 +18,7 @@ from bug_gym.agents.walls.boundary import WAIT, LeaveRule
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.agents.walls.laps import shows_no_way
+from bug_gym.checks import shortened
 from bug_gym.geometry import Point
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.steering import Course
@@ -88,7 +89,9 @@ class Bug1(BoundaryBug):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         if self.parameters.return_rule not in RETURN_RULES:
-            raise ValueError(f"return_rule must be one of {list(RETURN_RULES)}, got {self.parameters.return_rule!r}")
+            raise ValueError(
+                f"return_rule must be one of {list(RETURN_RULES)}, got {shortened(self.parameters.return_rule)}"
+            )
 
     def start(self) -> Bug1Memory:
         """Memory of a new episode."""

@@ -23,6 +23,7 @@ from bug_gym.agents.walls.boundary import LeaveRule, Turn
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.survey import Survey, survey_lap
+from bug_gym.checks import shortened
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -88,11 +89,11 @@ class DistBug(BoundaryBug):
         super().__init__(sensors, discrete=discrete, **parameters)
         side_rule, step, r_max = self.parameters.side_rule, self.parameters.step, self.parameters.r_max
         if side_rule not in SIDE_RULES:
-            raise ValueError(f"side_rule must be one of {list(SIDE_RULES)}, got {side_rule!r}")
+            raise ValueError(f"side_rule must be one of {list(SIDE_RULES)}, got {shortened(side_rule)}")
         if not (step > 0.0 and math.isfinite(step)):
-            raise ValueError(f"step must be above 0 m, got {step!r}")
+            raise ValueError(f"step must be above 0 m, got {shortened(step)}")
         if r_max is not None and not r_max > 0.0:
-            raise ValueError(f"r_max must be above 0 m, got {r_max!r}")
+            raise ValueError(f"r_max must be above 0 m, got {shortened(r_max)}")
         self.r_max = sensors.range if r_max is None else min(r_max, sensors.range)
 
     def start(self) -> DistBugMemory:

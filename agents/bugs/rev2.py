@@ -23,6 +23,7 @@ from bug_gym.agents.walls.boundary_bug import BoundaryParameters, alternating_si
 from bug_gym.agents.walls.contour import Contour
 from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.turning_round import hit_and_trace
+from bug_gym.checks import shortened
 from bug_gym.view import Sensors, View
 
 VARIANTS = ("s001", "noborio")
@@ -52,7 +53,7 @@ class Rev2(Alg2):
         super().__init__(sensors, discrete=discrete, **parameters)
         variant = self.parameters.variant
         if variant not in VARIANTS:
-            raise ValueError(f"variant must be one of {list(VARIANTS)}, got {variant!r}")
+            raise ValueError(f"variant must be one of {list(VARIANTS)}, got {shortened(variant)}")
         self.remembers = variant == "noborio"
 
     def hit(self, view: View, memory: Alg2Memory) -> None:

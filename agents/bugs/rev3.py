@@ -20,6 +20,7 @@ from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters, a
 from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.marks import Mark, is_at, passes
+from bug_gym.checks import shortened
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -81,7 +82,7 @@ class Rev3(BoundaryBug):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         if self.parameters.mspdg not in SAVED:
-            raise ValueError(f"mspdg must be one of {list(SAVED)}, got {self.parameters.mspdg!r}")
+            raise ValueError(f"mspdg must be one of {list(SAVED)}, got {shortened(self.parameters.mspdg)}")
 
     def start(self) -> Rev3Memory:
         """Memory of a new episode."""

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.agents.learning.recorded import Recorded
+from bug_gym.checks import shortened
 from bug_gym.config import Scenario
 from bug_gym.episodes import Episodes
 from bug_gym.geometry import F32
@@ -45,7 +46,7 @@ def make_expert(name: str, scenario: Scenario, *, discrete: bool = False) -> Scr
     """
     expert = make_policy(name, NavigationEnv(scenario, action="discrete") if discrete else scenario)
     if not isinstance(expert, ScriptedPolicy) or expert.privileged:
-        raise ValueError(f"expert: expected a scripted policy that does not read the map, got {name!r}")
+        raise ValueError(f"expert: expected a scripted policy that does not read the map, got {shortened(name)}")
     return expert
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from bug_gym.checks import needed_from
+from bug_gym.checks import needed_from, shortened
 
 HUB = "hf://"
 """What names of models on the hub begin with."""
@@ -37,7 +37,9 @@ class HubModel(NamedTuple):
         """
         found = NAME.fullmatch(text)
         if found is None:
-            raise ValueError(f"got {text!r} as a model on the hub, expected {HUB}user/name or {HUB}user/name@revision")
+            raise ValueError(
+                f"got {shortened(text)} as a model on the hub, expected {HUB}user/name or {HUB}user/name@revision"
+            )
         return cls(*found.groups())
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read_config, require_answers
 from bug_gym.agents.learning.history import History, history_width, with_history
 from bug_gym.agents.learning.robot_model import RobotModel
-from bug_gym.checks import needed_from
+from bug_gym.checks import needed_from, shortened
 from bug_gym.geometry import F32, Point
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict
@@ -221,6 +221,6 @@ def require_fit(name: str, robot: RobotModel, sensors: Sensors) -> None:
     try:
         other = RobotModel.of(sensors)
     except ValueError as error:
-        raise MisfitError(f"policy {name!r} does not fit this robot: {error}") from None
+        raise MisfitError(f"policy {shortened(name)} does not fit this robot: {error}") from None
     if differences := list(robot.differences(other)):
-        raise MisfitError(f"policy {name!r} was made for another robot: {'; '.join(differences)}")
+        raise MisfitError(f"policy {shortened(name)} was made for another robot: {'; '.join(differences)}")

@@ -120,7 +120,9 @@ class Settings(Part):
 def _linear_start(text: str) -> float:
     match = re.fullmatch(r"lin_(\d+(?:\.\d*)?(?:e-?\d+)?)", text)
     if match is None or float(match[1]) <= 0.0:
-        raise ValueError(f"learning_rate: got {text!r}, expected a number, or lin_ and a number, such as lin_1e-3")
+        raise ValueError(
+            f"learning_rate: got {shortened(text)}, expected a number, or lin_ and a number, such as lin_1e-3"
+        )
     return float(match[1])
 
 
@@ -389,7 +391,9 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
         if source not in training_names():
             known = ", ".join(training_names())
-            raise ScenarioError(f"no training {source!r}{nearest_hint(source, training_names())} (known: {known})")
+            raise ScenarioError(
+                f"no training {shortened(source, 300)}{nearest_hint(source, training_names())} (known: {known})"
+            )
         source = TRAIN_FOLDER / f"{source}.yaml"
     path = expanded(source)
     return path.name, read_yaml(path)

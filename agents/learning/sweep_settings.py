@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, load_settings
+from bug_gym.checks import shortened
 from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, read_yaml
 from bug_gym.limits import MOST_TRAININGS
 from bug_gym.naming import nearest_hint
@@ -131,7 +132,7 @@ def load_sweep(source: str | Path | Mapping[str, Any]) -> SweepSettings:
         data = read_yaml(SWEEP_FOLDER / f"{source}.yaml")
     elif isinstance(source, str) and "/" not in source and not source.endswith((".yaml", ".yml")):
         hint = nearest_hint(source, sweep_names())
-        raise ScenarioError(f"no sweep {source!r}{hint} (known: {', '.join(sweep_names())})")
+        raise ScenarioError(f"no sweep {shortened(source, 300)}{hint} (known: {', '.join(sweep_names())})")
     else:
         data = read_yaml(expanded(source))
     try:

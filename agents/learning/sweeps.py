@@ -19,7 +19,7 @@ from bug_gym.agents.learning.elsewhere import Job, train_each
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings, trained_with
 from bug_gym.agents.learning.training import is_done, require_same, train
-from bug_gym.checks import needed_from
+from bug_gym.checks import needed_from, shortened
 from bug_gym.files import one_writer, replaced_when_done, writable
 from bug_gym.workers import Crew, Workers
 
@@ -97,7 +97,9 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
     was = study.user_attrs.get("settings", here)
     for key in here:
         if was.get(key) != here[key]:
-            raise ValueError(f"{out} is of another sweep: {key} was {was.get(key)!r}, is now {here[key]!r}")
+            raise ValueError(
+                f"{out} is of another sweep: {key} was {shortened(was.get(key))}, is now {shortened(here[key])}"
+            )
     study.set_user_attr("settings", here)
     return study
 

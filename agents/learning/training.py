@@ -47,7 +47,7 @@ from bug_gym.agents.learning.settings import (
 from bug_gym.agents.learning.shown import SAVING, TESTING, VALIDATING, WRITING, Report, reported
 from bug_gym.agents.learning.so_far import BestSoFar
 from bug_gym.agents.learning.vec_envs import CurriculumVecEnv, FlatEnv, HistoryVecEnv, TrainingEnv, join
-from bug_gym.checks import checked_count, checked_seed, checked_time
+from bug_gym.checks import checked_count, checked_seed, checked_time, shortened
 from bug_gym.config import Scenario
 from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
@@ -453,7 +453,9 @@ def require_same(folder: Path, settings: AnySettings, seeds: Sequence[int]) -> N
     for key in dict.fromkeys([*config["settings"], *here]):
         was, now = config["settings"].get(key), here.get(key)
         if was != now:
-            raise ValueError(f"{folder} is of another training: settings.{key} was {was!r}, is now {now!r}")
+            raise ValueError(
+                f"{folder} is of another training: settings.{key} was {shortened(was)}, is now {shortened(now)}"
+            )
     if others := config["runs"].keys() - set(map(str, seeds)):
         was, now = ", ".join(sorted(others)), ", ".join(map(str, seeds))
         raise ValueError(f"{folder} is of another training: seed was {was}, is now {now}")

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.local.velocities import HEADINGS, ORCA, PLAIN, RECIPROCAL, Around, Robot, Wish, choose_velocity
 from bug_gym.agents.parameters import AtMost, Length, require_numbers
+from bug_gym.checks import shortened
 from bug_gym.geometry import F64
 from bug_gym.policy import Velocity, braking_radius
 from bug_gym.view import Sensors, View
@@ -54,9 +55,9 @@ class NavigatorParameters:
 
     def __post_init__(self) -> None:
         if self.avoidance not in RULES:
-            raise ValueError(f"avoidance must be one of {list(RULES)}, got {self.avoidance!r}")
+            raise ValueError(f"avoidance must be one of {list(RULES)}, got {shortened(self.avoidance)}")
         if not 0.0 < self.horizon < math.inf:
-            raise ValueError(f"horizon must be above 0 s, got {self.horizon!r}")
+            raise ValueError(f"horizon must be above 0 s, got {shortened(self.horizon)}")
         require_numbers(self, not_negative=("still_horizon", "mover_margin", "contact_weight", "steadiness"))
 
 

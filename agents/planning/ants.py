@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.planning.sleeve import Sleeve, path_length
+from bug_gym.checks import shortened
 from bug_gym.compiling import called, kernel
 from bug_gym.geometry import F64
 from bug_gym.kernels.geometry import length
@@ -74,19 +75,19 @@ class Colony:
     def __post_init__(self) -> None:
         for name in ("ants", "iterations", "patience"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+                raise ValueError(f"{name} must be at least 1, got {shortened(getattr(self, name))}")
         if self.values < 2:
-            raise ValueError(f"values must be at least 2, got {self.values!r}")
+            raise ValueError(f"values must be at least 2, got {shortened(self.values)}")
         for name in ("rho", "q0", "levy_rate"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must be from 0 to 1, got {getattr(self, name)!r}")
+                raise ValueError(f"{name} must be from 0 to 1, got {shortened(getattr(self, name))}")
         if not 0.0 < self.levy_exponent <= 2.0:
-            raise ValueError(f"levy_exponent must be above 0 and at most 2, got {self.levy_exponent!r}")
+            raise ValueError(f"levy_exponent must be above 0 and at most 2, got {shortened(self.levy_exponent)}")
         for name in ("alpha", "beta", "levy_scale"):
             if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")
+                raise ValueError(f"{name} must not be negative, got {shortened(getattr(self, name))}")
         if self.evaporate not in get_args(Evaporate):
-            raise ValueError(f"evaporate must be one of {list(get_args(Evaporate))}, got {self.evaporate!r}")
+            raise ValueError(f"evaporate must be one of {list(get_args(Evaporate))}, got {shortened(self.evaporate)}")
 
 
 class Found(NamedTuple):

@@ -16,6 +16,7 @@ import numpy as np
 from bug_gym.agents.planning.live import Moving
 from bug_gym.agents.planning.map import Pose
 from bug_gym.agents.planning.route import Route, distances_to_chain
+from bug_gym.checks import shortened
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -58,7 +59,7 @@ def make_follower(name: str, sensors: Sensors) -> Follower:
         ValueError: an unknown name.
     """
     if name not in FOLLOWERS:
-        raise ValueError(f"follower must be one of {list(FOLLOWERS)}, got {name!r}")
+        raise ValueError(f"follower must be one of {list(FOLLOWERS)}, got {shortened(name)}")
     module, class_name = FOLLOWERS[name].split(":")
     own = importlib.import_module(f"bug_gym.agents.planning.{module}")
     follower: Follower = getattr(own, class_name)(sensors)

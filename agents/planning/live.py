@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.planning.map import PlanningMap, Pose, in_frame
+from bug_gym.checks import shortened
 from bug_gym.geometry import F64, Point, wrap
 from bug_gym.policy import source_scenario
 from bug_gym.simulation import Simulation
@@ -167,7 +168,7 @@ class Maps:
         if not isinstance(source, (str, dict)):
             source_scenario(source)  # what is nothing of ours is told so
         raise ValueError(
-            f"policy {policy!r} reads the map of a live world: expected an env of bug_gym or a Simulation, got {came}"
+            f"policy {shortened(policy)} reads the map of a live world: expected an env of bug_gym or a Simulation, got {came}"
         )
 
     @property

@@ -36,6 +36,7 @@ from bug_gym.agents.potential_field.turning import Turning
 from bug_gym.agents.potential_field.wall_follower import WallFollower
 from bug_gym.agents.walls.boundary import STANDING, Boundary, LeaveRule
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
+from bug_gym.checks import shortened
 from bug_gym.geometry import Point, wrap
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -349,7 +350,7 @@ def check_words(own: ApfWallFollowingParameters) -> None:
     }
     for name, words in known.items():
         if getattr(own, name) not in words:
-            raise ValueError(f"{name} must be one of {list(words)}, got {getattr(own, name)!r}")
+            raise ValueError(f"{name} must be one of {list(words)}, got {shortened(getattr(own, name))}")
 
 
 def check_follower(own: ApfWallFollowingParameters, sensors: Sensors) -> None:
@@ -360,9 +361,11 @@ def check_follower(own: ApfWallFollowingParameters, sensors: Sensors) -> None:
     """
     low, high = ALPHAS
     if not low <= own.alpha <= high:
-        raise ValueError(f"alpha must lie between {low:g} and {high:g} degrees (90: along the wall), got {own.alpha!r}")
+        raise ValueError(
+            f"alpha must lie between {low:g} and {high:g} degrees (90: along the wall), got {shortened(own.alpha)}"
+        )
     if not (own.alpha_gain >= 0.0 and math.isfinite(own.alpha_gain)):
-        raise ValueError(f"alpha_gain must be 0 or above, got {own.alpha_gain!r}")
+        raise ValueError(f"alpha_gain must be 0 or above, got {shortened(own.alpha_gain)}")
     seen = float(sensors.angles[-1] - sensors.angles[0])
     if seen < LEAST_FIELD_OF_VIEW and not is_all_round(sensors):
         raise ValueError(

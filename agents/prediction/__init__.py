@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import cast
 
 from bug_gym.agents.prediction.predictor import Predictor
+from bug_gym.checks import shortened
 from bug_gym.naming import nearest_hint
 from bug_gym.view import Sensors
 
@@ -45,7 +46,7 @@ def make_predictor(name: str, sensors: Sensors) -> Predictor:
         return cast(Predictor, learned.LearnedPredictor(sensors, Path(name).expanduser()))
     if name not in PREDICTORS:
         hint = nearest_hint(name, PREDICTORS)
-        raise ValueError(f"unknown predictor {name!r}{hint} (known: {', '.join(PREDICTORS)})")
+        raise ValueError(f"unknown predictor {shortened(name)}{hint} (known: {', '.join(PREDICTORS)})")
     module, class_name = PREDICTORS[name].split(":")
     predictor = getattr(importlib.import_module(f".{module}", __name__), class_name)
     return cast(Predictor, predictor(sensors))

@@ -26,6 +26,7 @@ from bug_gym.agents.prediction.features import (
     mirrored_features,
 )
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
+from bug_gym.checks import shortened
 from bug_gym.config import Scenario, dump, load
 from bug_gym.geometry import F32, F64
 from bug_gym.scenarios import as_explicit
@@ -77,7 +78,7 @@ def law_world(law: str, seed: int) -> Scenario:
     if law == STREET:
         return street(seed)
     if law not in LAWS:
-        raise ValueError(f"unknown motion law {law!r} (known: {', '.join(LAWS)}, {STREET})")
+        raise ValueError(f"unknown motion law {shortened(law)} (known: {', '.join(LAWS)}, {STREET})")
     rng = np.random.default_rng([seed, LAWS.index(law)])
     count = int(rng.integers(12, 29))
     world: dict[str, Any] = {"family": "field", "obstacles": count, "moving": 0.5, "speeds": SPEEDS, "solvable": 0.3}

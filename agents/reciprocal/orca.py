@@ -56,6 +56,7 @@ from bug_gym.agents.tracking.layout import VY as TRACK_VY
 from bug_gym.agents.tracking.layout import X as TRACK_X
 from bug_gym.agents.tracking.layout import Y as TRACK_Y
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
+from bug_gym.checks import shortened
 from bug_gym.geometry import F64, velocity_along
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
@@ -128,11 +129,11 @@ class OrcaParameters:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.horizon) and self.horizon > 0.0):
-            raise ValueError(f"horizon must be positive, got {self.horizon!r}")
+            raise ValueError(f"horizon must be positive, got {shortened(self.horizon)}")
         if self.enlargement is not None and not (math.isfinite(self.enlargement) and self.enlargement >= 0.0):
-            raise ValueError(f"enlargement must be at least 0, got {self.enlargement!r}")
+            raise ValueError(f"enlargement must be at least 0, got {shortened(self.enlargement)}")
         if self.way not in ("goal", *BUGS):
-            raise ValueError(f"way must be one of {['goal', *BUGS]}, got {self.way!r}")
+            raise ValueError(f"way must be one of {['goal', *BUGS]}, got {shortened(self.way)}")
 
 
 class Orca(ScriptedPolicy):

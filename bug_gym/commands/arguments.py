@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from bug_gym.assignments import assignments as assignments  # for the commands
-from bug_gym.checks import checked_time
+from bug_gym.checks import checked_time, shortened
 from bug_gym.limits import MOST
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def at_least_one(text: str) -> int:
     with suppress(ValueError):
         if 1 <= (number := int(text)) <= MOST:
             return number
-    raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number from 1 to {MOST:,}")
+    raise argparse.ArgumentTypeError(f"got {shortened(text)}, expected a whole number from 1 to {MOST:,}")
 
 
 def above_zero(text: str) -> float:
@@ -34,7 +34,7 @@ def above_zero(text: str) -> float:
     try:
         return checked_time("it", float(text))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected a number above 0") from None
+        raise argparse.ArgumentTypeError(f"got {shortened(text)}, expected a number above 0") from None
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:

@@ -8,6 +8,7 @@ import os
 import re
 from pathlib import Path
 
+from bug_gym.checks import shortened
 from bug_gym.files import replaced_when_done
 
 POLICY = '''"""NAME: toward the goal, or as near to that direction as there is room.
@@ -233,11 +234,11 @@ def _checked_name(what: str, name: str) -> str:
     from bug_gym.worlds.own import own_families  # loads pydantic
 
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
-        raise ValueError(f"got {name!r} as a name, expected small letters, digits and _, such as my_bug")
+        raise ValueError(f"got {shortened(name)} as a name, expected small letters, digits and _, such as my_bug")
     if what == "policy":
         known = {key: line.entry_point for key, line in known_agents().items()}
     else:
         known = {**{family: f"bug_gym.worlds.{family}" for family in FAMILIES}, **own_families()}
     if name in known:
-        raise ValueError(f"the name {name!r} is taken, by {known[name]}: choose another one")
+        raise ValueError(f"the name {shortened(name)} is taken, by {known[name]}: choose another one")
     return name

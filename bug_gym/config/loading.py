@@ -121,11 +121,13 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[
     if isinstance(source, Mapping):
         return "scenario", _plain(source, "scenario")
     if not isinstance(source, (str, Path)):
-        raise ScenarioError(f"scenario: got {source!r}, expected a name, a path, a mapping or a Scenario")
+        raise ScenarioError(f"scenario: got {shortened(source)}, expected a name, a path, a mapping or a Scenario")
     if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
         if source not in scenario_names():
             known = ", ".join(scenario_names())
-            raise ScenarioError(f"no scenario {source!r}{nearest_hint(source, scenario_names())} (known: {known})")
+            raise ScenarioError(
+                f"no scenario {shortened(source)}{nearest_hint(source, scenario_names())} (known: {known})"
+            )
         return f"{source}.yaml", read_yaml(SCENARIO_FOLDER / f"{source}.yaml")
     return str(source), read_yaml(expanded(source))
 

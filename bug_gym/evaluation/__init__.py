@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from bug_gym.checks import checked_count
+from bug_gym.checks import checked_count, shortened
 from bug_gym.evaluation.page import PAGE, write_page
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
@@ -95,7 +95,7 @@ def evaluate(
     )
     labels = [policy.label for policy in plan.policies]
     if baseline is not None and baseline not in labels:
-        raise ValueError(f"baseline must be one of {', '.join(labels)}, came {baseline!r}")
+        raise ValueError(f"baseline must be one of {', '.join(labels)}, came {shortened(baseline)}")
     with ExitStack() as stack:
         folder = None if out is None else stack.enter_context(opened(out, plan, repair=repair))
         rows = [] if folder is None else list(folder.rows)

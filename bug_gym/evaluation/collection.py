@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bug_gym
-from bug_gym.checks import checked_count
+from bug_gym.checks import checked_count, shortened
 from bug_gym.config import Scenario, load
 from bug_gym.evaluation.demonstrations import Demonstrations, Extras, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
@@ -211,7 +211,7 @@ def collect(
     require_minari()
     workers = checked_count("workers", workers, most=MOST_WORKERS)
     if unknown := [form for form in forms if form not in FORMS] or ([] if forms else ["none"]):
-        raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {unknown[0]!r}")
+        raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {shortened(unknown[0])}")
     root = Path(out).absolute()  # Minari joins a relative one to itself
     extras = extras or Extras()
     _required(scenario, overrides, extras, trust=trust)

@@ -11,6 +11,7 @@ from typing import Any
 
 from bug_gym.agents import Spec, is_scripted, make_policy, outside_reference, reads_map
 from bug_gym.agents.outside import imported_class, is_object, required_policy
+from bug_gym.checks import shortened
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import Policy, ScriptedPolicy
@@ -67,7 +68,7 @@ class PolicyEntry:
         """An entry; without a label it gets its name, and the options that tell it from others."""
         spec = Spec.of(source)
         if not isinstance(parameters, (Mapping, NoneType)):
-            raise ValueError(f"got {parameters!r} as a policy's parameters, expected a dict of values by name")
+            raise ValueError(f"got {shortened(parameters)} as a policy's parameters, expected a dict of values by name")
         name, options = spec.name, {**spec.options, **(parameters or {})}
         if is_object(name):
             if options:
@@ -79,7 +80,7 @@ class PolicyEntry:
         if isinstance(name, Path):
             name = str(name) if os.sep in str(name) else f".{os.sep}{name}"
         if not isinstance(name, str):
-            raise ValueError(f"got {name!r} as a policy, expected {EXPECTED}")
+            raise ValueError(f"got {shortened(name)} as a policy, expected {EXPECTED}")
         told = ":".join([name, *(f"{key}={value}" for key, value in options.items())])
         return cls(label or told, name, options, reference=outside_reference(name))
 

@@ -18,6 +18,7 @@ import numpy as np
 
 import bug_gym
 from bug_gym.agents import Spec, playable_names
+from bug_gym.checks import shortened
 from bug_gym.config import Scenario, ScenarioError, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
@@ -169,7 +170,7 @@ def _require_room(scenarios: Sequence[ScenarioEntry], policies: int) -> None:
 def _require_distinct(what: str, labels: Sequence[str]) -> None:
     twice = sorted({label for label in labels if labels.count(label) > 1})
     if twice:
-        raise ValueError(f"two {what} are called {twice[0]!r}: give them labels")
+        raise ValueError(f"two {what} are called {shortened(twice[0])}: give them labels")
 
 
 def _try_out(

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator, model_validator
 
 from bug_gym.agents.outside import Spec
+from bug_gym.checks import shortened
 from bug_gym.config import Scenario, ScenarioError, checked, dump, expanded, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
 from bug_gym.references import is_reference
@@ -97,7 +98,7 @@ class Suite(Part):
             spec = Spec.of(policy.name)
             if is_reference(spec.name) or "trust" in {*spec.options, *policy.parameters}:
                 expected = "policies that run no code: the one who evaluates names and trusts it (--policies), not data"
-                raise wrong(f"got {policy.name!r}, expected {expected}")
+                raise wrong(f"got {shortened(policy.name)}, expected {expected}")
         return policies
 
     def overrides(self, data: str | os.PathLike[str] | None) -> dict[str, Any]:
@@ -131,7 +132,7 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
     if isinstance(source, str) and not _is_path(source):
         if source not in suite_names():
             known = ", ".join(suite_names())
-            raise ScenarioError(f"no suite {source!r}{nearest_hint(source, suite_names())} (known: {known})")
+            raise ScenarioError(f"no suite {shortened(source)}{nearest_hint(source, suite_names())} (known: {known})")
         source = SUITE_FOLDER / f"{source}.yaml"
     path = expanded(source)
     data = read_yaml(path)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bug_gym.checks import shortened
 from bug_gym.evaluation.rows import FIELD_TYPES, EpisodeRow, json_fields
 from bug_gym.intervals import (
     Interval,
@@ -176,7 +177,7 @@ def paired_difference(
     """
     comparable = [name for name, kind in FIELD_TYPES.items() if kind is not str and name not in ("seed", "robot")]
     if field not in comparable:
-        raise ValueError(f"field must be one of {', '.join(comparable)}, came {field!r}")
+        raise ValueError(f"field must be one of {', '.join(comparable)}, came {shortened(field)}")
     by_world_a, by_world_b = _by_world(rows_a), _by_world(rows_b)
     pairs = [(row, by_world_b[world]) for world, row in by_world_a.items() if world in by_world_b]
     if not pairs:
@@ -199,7 +200,7 @@ def compare(
     for row in rows:
         by_policy.setdefault(row.policy, []).append(row)
     if baseline not in by_policy:
-        raise ValueError(f"baseline must be one of {', '.join(by_policy) or 'no policies'}, came {baseline!r}")
+        raise ValueError(f"baseline must be one of {', '.join(by_policy) or 'no policies'}, came {shortened(baseline)}")
     reference = by_policy.pop(baseline)
     worlds = _by_world(reference).keys()
     return [

@@ -9,6 +9,7 @@ import importlib
 from collections.abc import Callable
 from typing import cast
 
+from bug_gym.checks import shortened
 from bug_gym.naming import nearest_hint
 from bug_gym.reproductions.result import Reproduction, Settings
 
@@ -62,7 +63,7 @@ def reproduction(name: str) -> Callable[[Settings], Reproduction]:
     """
     if name not in REPRODUCTIONS:
         hint = nearest_hint(name, REPRODUCTIONS, count=2, cutoff=0.4, separator=";")
-        raise ValueError(f"unknown reproduction {name!r}{hint} (known: {', '.join(REPRODUCTIONS)})")
+        raise ValueError(f"unknown reproduction {shortened(name)}{hint} (known: {', '.join(REPRODUCTIONS)})")
     module = importlib.import_module(f"bug_gym.reproductions.{REPRODUCTIONS[name]}")
     return cast(Callable[[Settings], Reproduction], module.reproduce)
 

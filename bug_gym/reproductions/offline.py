@@ -21,7 +21,7 @@ import numpy as np
 
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.settings import AnyOffline, DaggerSettings, OfflineSettings, load_settings
-from bug_gym.checks import needed_from
+from bug_gym.checks import needed_from, shortened
 from bug_gym.config import load
 from bug_gym.evaluation.datasets import COLLECTED, episodes_for
 from bug_gym.evaluation.demonstrations import ENDINGS, demonstrate
@@ -72,7 +72,7 @@ def reproduce(settings: Settings) -> Reproduction:
         from bug_gym.agents.learning.offline import train_offline  # noqa: F401  # loads torch
     rows = (*TRAININGS, STARTS)
     if unknown := [name for name in settings.policies if name not in rows]:
-        raise ValueError(f"rows are {', '.join(rows)}, got {unknown[0]!r}")
+        raise ValueError(f"rows are {', '.join(rows)}, got {shortened(unknown[0])}")
     count, labels = settings.seeds or SEEDS, settings.policies or rows
     earlier = None if settings.data is None else _earlier(settings.data, count)
     workers = on_this_machine(settings.workers)

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from bug_gym.checks import shortened
 from bug_gym.references import from_anywhere, is_reference
 from bug_gym.schema.values import tags
 from bug_gym.worlds.barn import BarnWorld
@@ -80,7 +81,9 @@ def register(name: str, reference: str) -> None:
         ValueError: the name cannot be one or is taken, or the reference is none.
     """
     if not isinstance(reference, str) or not is_reference(reference):
-        raise ValueError(f"family {name!r}: got {reference!r}, expected text such as 'my_module:MyWorld'")
+        raise ValueError(
+            f"family {shortened(name)}: got {shortened(reference)}, expected text such as 'my_module:MyWorld'"
+        )
     place = from_anywhere(reference)
     if name not in REGISTERED or REGISTERED[name] != place:
         shipped = {family: f"the family {family!r} of this package" for family in FAMILIES}

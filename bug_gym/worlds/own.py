@@ -91,9 +91,11 @@ def checked_name(name: object, taken: Mapping[str, Any]) -> str:
         ValueError: it cannot be one, or is taken.
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][\w-]*", name):
-        raise ValueError(f"got {name!r} as the name of a family, expected letters, digits, _ and -, such as 'my_world'")
+        raise ValueError(
+            f"got {shortened(name)} as the name of a family, expected letters, digits, _ and -, such as 'my_world'"
+        )
     if name in taken:
-        raise ValueError(f"the name {name!r} is taken, by {taken[name]}: choose another one")
+        raise ValueError(f"the name {shortened(name)} is taken, by {taken[name]}: choose another one")
     return name
 
 
