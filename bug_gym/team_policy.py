@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,20 +63,24 @@ class Frame:
     heading: float = 0.0
     """Direction of its x axis [rad]."""
 
+    @functools.cached_property
+    def direction(self) -> Point:
+        """Cosine and sine of its heading."""
+        return math.cos(self.heading), math.sin(self.heading)
+
     def to_team(self, place: Point) -> Point:
         """A place of the odometry frame in the team's [m]."""
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        cos, sin = self.direction
         return self.x + cos * place[0] - sin * place[1], self.y + sin * place[0] + cos * place[1]
 
     def to_odometry(self, place: Point) -> Point:
         """A place of the team's frame in the odometry frame [m]."""
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        cos, sin = self.direction
         dx, dy = place[0] - self.x, place[1] - self.y
         return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-@dataclass(frozen=True)
-class Word:
+class Word(NamedTuple):
     """What a robot tells its partners; places in the team's frame."""
 
     place: Point
@@ -361,7 +365,8 @@ class TeamPolicy(ABC):
         Raises:
             ValueError: a number that is not finite.
         """
-        if not all(seen is None or np.isfinite(seen).all() for seen in observations):
+        told = [seen for seen in observations if seen is not None]
+        if told and not np.isfinite(np.concatenate(told)).all():
             raise ValueError("the observation holds a number that is not finite")
         views = [None if seen is None else View(seen, self.sensors) for seen in observations]
         self.listen(views, memories)

@@ -137,14 +137,14 @@ class Com1Rev3(BugTeam):
         """One decision of all."""
         team = self.going(memories)
         self.check_winner(memories)
-        seen = {robot: self.seen(robot, memories) for robot in team}
+        seen = self.seen(team, memories)
         self._look_for_encounters(team, memories)
         wanted = [STANDING] * len(memories)
         for memory in memories:
             if memory.own.verdict:
                 memory.mode = "stopped"
         for robot in team:
-            self.watch(robot, seen[robot], memories[robot])
+            self.watch(robot, memories[robot], seen[robot].still)
             wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
         self._share_verdicts(memories)
         self.look_for_winner(team, seen, memories)
