@@ -116,7 +116,7 @@ class BugTeam(TeamPolicy):
         if winner is not None and winner in seen and memories[winner].own.contour is not None:
             winner = None
         elif winner is None:
-            distances = {robot: seen[robot].view.goal_distance for robot in going}
+            distances = {robot: word.goal_distance for robot in going if (word := memories[robot].word) is not None}
             nearest = min(distances.values()) + SAME_DISTANCE
             first = (robot for robot, distance in distances.items() if distance <= nearest)
             winner = next((robot for robot in first if self._sees_goal(robot, seen[robot], memories[robot])), None)

@@ -88,6 +88,11 @@ def least_gap(sensors: Sensors) -> float:
     return 2.0 * sensors.radius + ROOM
 
 
+def farthest_blocker(sensors: Sensors) -> float:
+    """How far from one another two robots may be that come nearer than `least_gap` in one step [m]."""
+    return least_gap(sensors) + 2.0 * (sensors.step_length + ROUNDING)
+
+
 def place_after(memory: TeamMemory, velocity: Velocity) -> Point:
     """Where a robot will be after a step at a velocity of its frame, in the team's frame [m]."""
     assert memory.word is not None and memory.view is not None
