@@ -366,7 +366,9 @@ class TeamPolicy(ABC):
             ValueError: a number that is not finite.
         """
         told = [seen for seen in observations if seen is not None]
-        if told and not np.isfinite(np.concatenate(told)).all():
+        if (
+            told and np.count_nonzero(np.isfinite(numbers := np.concatenate(told))) < numbers.size
+        ):  # .all() takes longer
             raise ValueError("the observation holds a number that is not finite")
         views = [None if seen is None else View(seen, self.sensors) for seen in observations]
         self.listen(views, memories)
@@ -437,16 +439,12 @@ def peer_slot(robot: int, other: int) -> int:
 
 def word_of(view: View, frame: Frame) -> Word:
     """What a robot tells of what it sees."""
-    heading = wrap(view.heading + frame.heading)
+    x, y, heading = view.pose
+    heading = wrap(heading + frame.heading)
     ahead, left = view.own_velocity
     cos, sin = math.cos(heading), math.sin(heading)
-    return Word(
-        place=frame.to_team(view.position),
-        heading=heading,
-        velocity=(cos * ahead - sin * left, sin * ahead + cos * left),
-        goal=frame.to_team(view.goal_position),
-        goal_distance=view.goal_distance,
-    )
+    velocity = cos * ahead - sin * left, sin * ahead + cos * left
+    return Word(frame.to_team((x, y)), heading, velocity, frame.to_team(view.goal_position), view.goal_distance)
 
 
 def met(known: Frame, theirs: View, own: View, slot_of_own: int, slot_of_theirs: int) -> Frame:

@@ -127,10 +127,10 @@ class BugTeam(TeamPolicy):
 
     def _sees_goal(self, robot: int, seen: Seen, memory: BugTeamMemory) -> bool:
         """Whether a robot goes to the goal, and sees it free."""
-        view = seen.view
-        if memory.own.contour is not None:
+        view, distance = seen.view, seen.view.goal_distance
+        if memory.own.contour is not None or distance > self.sensors.range + self.sensors.goal_radius:
             return False
-        boundary, bearing, distance = self.laws[robot].boundary, view.goal_bearing, view.goal_distance
+        boundary, bearing = self.laws[robot].boundary, view.goal_bearing
         # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`. Where it has
         # passed it the way leads off the wall: no point ahead lies nearer to the way than the wall to the robot. Along a round
         # obstacle a fixed radius would still touch points ahead, for sqrt(2 m R) more at m less than that radius.

@@ -270,16 +270,15 @@ class Com1Rev3(BugTeam):
         decision: Decision,
     ) -> set[int]:
         """Robots that a step at a velocity would bring a robot too near to."""
-        if self.parameters.partner_rule == "ghost" or velocity == STANDING:
+        near = decision.near[robot]
+        if not near or self.parameters.partner_rule == "ghost" or velocity == STANDING:
             return set()
         memory = decision.memories[robot]
         least = least_gap(self.sensors)
         if self.goes_round(robot, memory):
             least -= 0.8 * ROOM
         return {
-            other
-            for other in decision.near[robot]
-            if closes(memory, velocity, decision.memories[other], decision.wanted[other], least)
+            other for other in near if closes(memory, velocity, decision.memories[other], decision.wanted[other], least)
         }
 
     def _asking(self, robot: int, decision: Decision) -> list[int]:
@@ -396,6 +395,8 @@ class Com1Rev3(BugTeam):
 
     def _share_verdicts(self, memories: Sequence[Com1Rev3Memory]) -> None:
         """The mission ends where a complete robot proves that there is no way, or where no robot has one left."""
+        if not any(memory.own.verdict for memory in memories):
+            return
         heard = [memory for memory in memories if memory.is_heard]
         proven = any(memory.own.verdict == "unreachable" for memory in memories[: self.leaders] if memory.is_heard)
         if proven or all(memory.own.verdict for memory in heard):

@@ -7,12 +7,10 @@ import math
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Flags, Floats, Integers
 
-# Columns of a robot: its place [m] and heading [rad] in the team's frame; where its odometry frame lies in that, origin [m],
-# cosine, sine and angle of its x axis [rad]; and the robot's pose in its odometry frame, x, y [m], cosine, sine and angle of
-# its heading [rad].
-X, Y, HEADING, FRAME_X, FRAME_Y, FRAME_COS, FRAME_SIN, FRAME_HEADING = range(8)
-POSE_X, POSE_Y, POSE_COS, POSE_SIN, POSE_HEADING = range(8, 13)
-ROBOT = 13
+# Columns of a robot: where its odometry frame lies in the team's, origin [m] and direction of the x axis [rad]; and its pose
+# in its odometry frame [m, rad].
+FRAME_X, FRAME_Y, FRAME_HEADING, POSE_X, POSE_Y, POSE_HEADING = range(6)
+ROBOT = 6
 
 # Rows of what robots are to one another: whether they look, and whether they are partners, whose bodies others look through;
 # and of what comes of it: whether partners stopped any beam.
@@ -33,6 +31,31 @@ def is_body_point(x: float, y: float, bodies: Floats, reach: float) -> bool:
     return False
 
 
+@inlined
+def place_of(robots: Floats, number: int) -> tuple[float, float]:
+    """The place of a robot in the team's frame [m]."""
+    cos, sin = math.cos(robots[number, FRAME_HEADING]), math.sin(robots[number, FRAME_HEADING])
+    x, y = robots[number, POSE_X], robots[number, POSE_Y]
+    return robots[number, FRAME_X] + cos * x - sin * y, robots[number, FRAME_Y] + sin * x + cos * y
+
+
+@inlined
+def in_frame(origin_x: float, origin_y: float, heading: float, x: float, y: float) -> tuple[float, float]:
+    """A place [m] in the frame that lies at an origin [m] and heading [rad]."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    dx, dy = x - origin_x, y - origin_y
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@inlined
+def turn_between(robots: Floats, looker: int, other: int) -> float:
+    """The heading of a robot in the frame of another one, which looks [rad]."""
+    heading = robots[other, POSE_HEADING] + robots[other, FRAME_HEADING]
+    wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
+    turn: float = wrapped - robots[looker, FRAME_HEADING] - robots[looker, POSE_HEADING]
+    return turn
+
+
 @called
 def find_partners(
     robots: Floats, roles: Flags, looker: int, near: float, who: Integers, bodies: Floats
@@ -41,16 +64,14 @@ def find_partners(
 
     Returns how many there are, and how many of them, which come first, are not farther away than `near` [m].
     """
-    frame_cos, frame_sin = robots[looker, FRAME_COS], robots[looker, FRAME_SIN]
-    cos, sin = robots[looker, POSE_COS], robots[looker, POSE_SIN]
+    frame_x, frame_y, frame_heading, pose_x, pose_y, pose_heading = robots[looker]
     count, at_hand = 0, 0
     for other in range(robots.shape[0]):
         if other == looker or not roles[IS_PARTNER, other]:
             continue
-        dx, dy = robots[other, X] - robots[looker, FRAME_X], robots[other, Y] - robots[looker, FRAME_Y]
-        x, y = frame_cos * dx + frame_sin * dy, frame_cos * dy - frame_sin * dx
-        dx, dy = x - robots[looker, POSE_X], y - robots[looker, POSE_Y]
-        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        x, y = place_of(robots, other)
+        x, y = in_frame(frame_x, frame_y, frame_heading, x, y)
+        x, y = in_frame(pose_x, pose_y, pose_heading, x, y)
         place = count
         if x * x + y * y <= near * near:
             place = at_hand
@@ -88,8 +109,8 @@ def take_out_bodies(
 
 
 @kernel
-def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: Floats, reaches: Floats) -> None:
-    """Take the beams off bodies of several sizes; what `take_out_bodies` does, where nobody asks which they were.
+def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: Floats, reaches: Floats) -> int:
+    """Take the beams off bodies of several sizes; returns how many, where nobody asks which they were.
 
     Args:
         ranges: (B,), changed in place [m].
@@ -99,15 +120,18 @@ def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: F
         bodies: places (k, 2) in the robot's frame [m]; further columns are left alone.
         reaches: how near to each place a point is of the body there (k,) [m]; below 0: none is.
     """
-    for i in range(ranges.size):
-        if ranges[i] >= far:
+    count = 0
+    for b in range(reaches.size):
+        x, y, reach = bodies[b, 0], bodies[b, 1], reaches[b]
+        near = far + reach + ROUNDING
+        if reach < 0.0 or x * x + y * y > near * near:
             continue
-        x, y = ux[i] * ranges[i], uy[i] * ranges[i]
-        for b in range(reaches.size):
-            dx, dy, reach = x - bodies[b, 0], y - bodies[b, 1], reaches[b]
-            if reach >= 0.0 and dx * dx + dy * dy <= reach * reach:
+        for i in range(ranges.size):
+            dx, dy = ux[i] * ranges[i] - x, uy[i] * ranges[i] - y
+            if ranges[i] < far and dx * dx + dy * dy <= reach * reach:
                 ranges[i] = far
-                break
+                count += 1
+    return count
 
 
 @called
@@ -215,7 +239,7 @@ def look_through_partners(
             x, y = places[p, 0], places[p, 1]
             if x * x + y * y > in_sight * in_sight:  # it sees nothing in reach
                 continue
-            turn = robots[who[p], HEADING] - robots[looker, FRAME_HEADING] - robots[looker, POSE_HEADING]
+            turn = turn_between(robots, looker, who[p])
             seen = find_walls(scans[who[p]], ux, uy, far, widest, (x, y, turn), walls)
             for n in range(taken):
                 i = beams[n]

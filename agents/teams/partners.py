@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.teams.hidden import IS_CHANGED, ROBOT, ROUNDING, look_through_partners
+from bug_gym.agents.teams.hidden import IS_CHANGED, ROUNDING, look_through_partners
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.team_policy import TeamMemory
@@ -51,6 +51,7 @@ def without_partners(robots: Sequence[TeamMemory], looks: Sequence[bool], partne
         partners: whose bodies are to be taken out (k,).
     """
     views = [view for memory in robots if (view := memory.view) is not None]
+    frames = [(frame.x, frame.y, frame.heading) for memory in robots if (frame := memory.frame) is not None]
     sensors = views[0].sensors
     scans = np.concatenate([view.ranges for view in views]).reshape(len(views), -1)
     clean, hidden, most = scans.copy(), np.zeros(scans.shape, dtype=np.bool_), max(scans.shape) + 1
@@ -59,7 +60,7 @@ def without_partners(robots: Sequence[TeamMemory], looks: Sequence[bool], partne
         scans,
         sensors.beam_directions,
         sensors.range,
-        np.array([number for memory in robots for number in _lie_of(memory)]).reshape(len(views), ROBOT),
+        np.array([(*frame, *view.pose) for frame, view in zip(frames, views, strict=True)]),
         roles,
         sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise,
         SAME_WALL * 2.0 * math.pi / len(sensors.angles),
@@ -72,15 +73,6 @@ def without_partners(robots: Sequence[TeamMemory], looks: Sequence[bool], partne
         Seen(view.with_ranges(clean[number]), hidden[number]) if is_changed else Seen(view)
         for number, (view, is_changed) in enumerate(zip(views, roles[IS_CHANGED].tolist(), strict=True))
     ]
-
-
-def _lie_of(memory: TeamMemory) -> tuple[float, ...]:
-    """Where a robot and its odometry frame lie, as the columns of a ROBOT say."""
-    word, frame, view = memory.word, memory.frame, memory.view
-    assert word is not None and frame is not None and view is not None
-    x, y, heading = view.pose
-    pose = x, y, math.cos(heading), math.sin(heading), heading
-    return *word.place, word.heading, frame.x, frame.y, *frame.direction, frame.heading, *pose
 
 
 def least_gap(sensors: Sensors) -> float:
