@@ -87,12 +87,24 @@ class Word(NamedTuple):
     """Where it is [m]."""
     heading: float
     """Of its body [rad]."""
-    velocity: Point
-    """How it moves [m/s]."""
-    goal: Point
-    """Where its goal is [m]."""
     goal_distance: float
     """How far it has to go in a straight line [m]."""
+    view: View
+    """What it sees, in its odometry frame."""
+    frame: Frame
+    """Where that lies."""
+
+    @property
+    def velocity(self) -> Point:
+        """How it moves [m/s]."""
+        ahead, left = self.view.own_velocity
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return cos * ahead - sin * left, sin * ahead + cos * left
+
+    @property
+    def goal(self) -> Point:
+        """Where its goal is [m]."""
+        return self.frame.to_team(self.view.goal_position)
 
 
 @dataclass
@@ -440,11 +452,7 @@ def peer_slot(robot: int, other: int) -> int:
 def word_of(view: View, frame: Frame) -> Word:
     """What a robot tells of what it sees."""
     x, y, heading = view.pose
-    heading = wrap(heading + frame.heading)
-    ahead, left = view.own_velocity
-    cos, sin = math.cos(heading), math.sin(heading)
-    velocity = cos * ahead - sin * left, sin * ahead + cos * left
-    return Word(frame.to_team((x, y)), heading, velocity, frame.to_team(view.goal_position), view.goal_distance)
+    return Word(frame.to_team((x, y)), wrap(heading + frame.heading), view.goal_distance, view, frame)
 
 
 def met(known: Frame, theirs: View, own: View, slot_of_own: int, slot_of_theirs: int) -> Frame:
