@@ -138,9 +138,8 @@ class View:
         other = View.__new__(View)
         other.sensors, other.under_way, other._points = self.sensors, self.under_way, None
         other.goal, other.pose, other.velocity, other._trig = self.goal, self.pose, self.velocity, self._trig
-        other._flat, beams = self._flat.copy(), self.sensors.always_seen[0]
-        other._flat[beams] = ranges
-        other.ranges = other._flat[beams].astype(np.float64)
+        other._flat = self._flat
+        other.ranges = ranges.astype(np.float32).astype(np.float64)
         return other
 
     @property
@@ -157,6 +156,8 @@ class View:
         Raises:
             KeyError: the scenario has no such field.
         """
+        if name == "ranges":  # those of `with_ranges` are in no observation
+            return self.ranges.astype(np.float32)
         for field in self.sensors.fields:
             if field.name == name:
                 return self._flat[field.begin : field.end].reshape(field.shape)

@@ -237,10 +237,12 @@ class Orca(ScriptedPolicy):
             view: what it sees.
             bodies: (n, BODY); those that count as still things stay.
         """
+        if not len(bodies):
+            return view
         ranges, reaches = view.ranges.copy(), np.empty(len(bodies))
         outline_reaches(bodies, BODY_MARGIN, TRACK_MARGIN, 3.0 * self.sensors.range_noise, reaches)
-        take_out_discs(ranges, self._cos, self._sin, self.sensors.range, bodies, reaches)
-        return view.with_ranges(ranges)
+        taken = take_out_discs(ranges, self._cos, self._sin, self.sensors.range, bodies, reaches)
+        return view.with_ranges(ranges) if taken else view
 
     # ------------------------------------------------------------------------------------------------------ the wish
 

@@ -96,12 +96,12 @@ class Bug1Pair(BugTeam):
         """One decision of both."""
         team = self.going(memories)
         self.check_winner(memories)
-        seen = {robot: self.seen(robot, memories) for robot in team}
+        seen = self.seen(team, memories)
         if len(team) == 2 and self._meet(seen[0], *memories):
             self._compare(*memories)
         wanted = [STANDING] * len(memories)
         for robot in sorted(team, key=lambda robot: memories[robot].is_behind):
-            self.watch(robot, seen[robot], memories[robot])
+            self.watch(robot, memories[robot], seen[robot].still)
             wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
         self._share_verdicts(memories)
         self.look_for_winner(team, seen, memories)

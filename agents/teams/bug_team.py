@@ -7,7 +7,7 @@ The stop rule is that of Oni and Wang, "Improved Bug Algorithms for Robot Naviga
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +16,7 @@ from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.team_policy import TeamMemory, TeamPolicy
-from bug_gym.view import Sensors
+from bug_gym.view import Sensors, View
 
 STANDING: Velocity = (0.0, 0.0)
 
@@ -73,22 +73,28 @@ class BugTeam(TeamPolicy):
         """Whether partners are obstacles to a robot's law."""
         return memory.is_detouring
 
-    def seen(self, robot: int, memories: Sequence[BugTeamMemory]) -> Seen:
-        """What a robot's law gets to see: no bodies of partners that go on, but for one that goes round them."""
-        memory = memories[robot]
-        assert memory.view is not None and memory.frame is not None
-        if self.goes_round(robot, memory):
-            return Seen(memory.view)
-        partners = [memories[other] for other in self.going(memories) if other != robot]
-        return without_partners(memory.view, memory.frame, partners)
+    def seen(self, robots: Sequence[int], memories: Sequence[BugTeamMemory]) -> dict[int, Seen]:
+        """What the laws of robots get to see: no bodies of partners that go on, but for one that goes round them."""
+        heard = [robot for robot, memory in enumerate(memories) if memory.is_heard]
+        looking = set(robots)
+        looks = [robot in looking and not self.goes_round(robot, memories[robot]) for robot in heard]
+        partners = [not memories[robot].own.verdict for robot in heard]
+        seen = without_partners([memories[robot] for robot in heard], looks, partners) if heard else []
+        return {robot: one for robot, one in zip(heard, seen, strict=True) if robot in looking}
 
-    def watch(self, robot: int, seen: Seen, memory: BugTeamMemory) -> None:
-        """Look for what moves in place of the law, which would take partners for it; it spoils the law's lap."""
-        is_moving = self.laws[robot].boundary.sees_motion(seen.still, memory.eyes)
-        if is_moving and memory.own.contour is not None:
-            memory.own.contour.is_disturbed = True
-        if not memory.own.glances:  # the law's own glances are never due
-            memory.own.glances, memory.own.glance_age = [seen.still], -math.inf
+    def watch(self, robot: int, memory: BugTeamMemory, still: Callable[[], View]) -> None:
+        """Look for what moves in place of the law, which would take partners for it; it spoils the law's lap.
+
+        Args:
+            robot: which one looks.
+            memory: its own.
+            still: gives what it sees without what its partners hide, when it is time for a glance.
+        """
+        boundary, own = self.laws[robot].boundary, memory.own
+        if boundary.looks_now(memory.eyes) and boundary.has_moved(still(), memory.eyes) and own.contour is not None:
+            own.contour.is_disturbed = True
+        if not own.glances:  # the law's own glances are never due
+            own.glances, own.glance_age = [still()], -math.inf
 
     # ------------------------------------------------------------------------------------------------- the end
 
@@ -110,19 +116,21 @@ class BugTeam(TeamPolicy):
         if winner is not None and winner in seen and memories[winner].own.contour is not None:
             winner = None
         elif winner is None:
-            nearest = min(seen[robot].view.goal_distance for robot in going)
-            winner = next((robot for robot in going if self._wins(robot, seen[robot], memories[robot], nearest)), None)
+            distances = {robot: word.goal_distance for robot in going if (word := memories[robot].word) is not None}
+            nearest = min(distances.values()) + SAME_DISTANCE
+            first = (robot for robot, distance in distances.items() if distance <= nearest)
+            winner = next((robot for robot in first if self._sees_goal(robot, seen[robot], memories[robot])), None)
         for robot, memory in enumerate(memories):
             memory.winner = winner
             if winner is not None and robot != winner and not memory.verdict:
                 memory.mode = "stopped"
 
-    def _wins(self, robot: int, seen: Seen, memory: BugTeamMemory, nearest: float) -> bool:
-        """Whether a robot goes to the goal, sees it free, and none is nearer."""
-        view = seen.view
-        if memory.own.contour is not None or view.goal_distance > nearest + SAME_DISTANCE:
+    def _sees_goal(self, robot: int, seen: Seen, memory: BugTeamMemory) -> bool:
+        """Whether a robot goes to the goal, and sees it free."""
+        view, distance = seen.view, seen.view.goal_distance
+        if memory.own.contour is not None or distance > self.sensors.range + self.sensors.goal_radius:
             return False
-        boundary, bearing, distance = self.laws[robot].boundary, view.goal_bearing, view.goal_distance
+        boundary, bearing = self.laws[robot].boundary, view.goal_bearing
         # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`. Where it has
         # passed it the way leads off the wall: no point ahead lies nearer to the way than the wall to the robot. Along a round
         # obstacle a fixed radius would still touch points ahead, for sqrt(2 m R) more at m less than that radius.

@@ -25,15 +25,23 @@ holds for all that come before it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import PATIENCE, STANDING, BugTeam, BugTeamMemory
-from bug_gym.agents.teams.partners import ROOM, closes, distance_to_segment, least_gap, nearer_than, place_after
+from bug_gym.agents.teams.partners import (
+    ROOM,
+    closes,
+    distance_to_segment,
+    farthest_blocker,
+    least_gap,
+    nearer_than,
+    place_after,
+)
 from bug_gym.agents.walls.boundary import LeaveRule
 from bug_gym.geometry import Point, velocity_along
 from bug_gym.policy import Velocity
@@ -100,6 +108,19 @@ class Com1Rev3Parameters:
     round it, "ghost" passes through it (for worlds in which robots have no bodies to one another)."""
 
 
+class Decision(NamedTuple):
+    """One decision of the team, in which the robots choose in turn."""
+
+    team: Sequence[int]
+    """Robots that answer, and have not given up; those that come before others first."""
+    memories: Sequence[Com1Rev3Memory]
+    """One a robot."""
+    wanted: list[Velocity]
+    """What each has chosen, robot's frame [m/s]; of those that have yet to choose STANDING."""
+    near: Mapping[int, Mapping[int, float]]
+    """For each of the team those near it, and how near they are [m]."""
+
+
 class Com1Rev3(BugTeam):
     """Com1-Rev3.
 
@@ -119,6 +140,8 @@ class Com1Rev3(BugTeam):
             raise ValueError(f"hold_distance must be at most go_distance ({own.go_distance}), got {own.hold_distance}")
         self.leaders = (self.robots + 1) // 2
         """How many robots drive by Com1; they come first."""
+        self.sight = max(own.go_distance, farthest_blocker(sensors))
+        """How near to one another robots are to mind one another [m]."""
         turns = TURNS[own.sides]
         settings: dict[str, Any] = {"clearance": own.clearance, "leave_rule": own.leave_rule}
         self.laws = [
@@ -137,18 +160,18 @@ class Com1Rev3(BugTeam):
         """One decision of all."""
         team = self.going(memories)
         self.check_winner(memories)
-        seen = {robot: self.seen(robot, memories) for robot in team}
-        self._look_for_encounters(team, memories)
-        wanted = [STANDING] * len(memories)
+        seen = self.seen(team, memories)
+        decision = Decision(team, memories, [STANDING] * len(memories), nearer_than(self.sight, team, memories))
+        self._look_for_encounters(decision)
         for memory in memories:
             if memory.own.verdict:
                 memory.mode = "stopped"
         for robot in team:
-            self.watch(robot, seen[robot], memories[robot])
-            wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
+            self.watch(robot, memories[robot], seen[robot].still)
+            decision.wanted[robot] = self._wanted(robot, seen[robot].view, decision)
         self._share_verdicts(memories)
         self.look_for_winner(team, seen, memories)
-        return self.unless_stopped(wanted, memories)
+        return self.unless_stopped(decision.wanted, memories)
 
     # ------------------------------------------------------------------------------------------------ one robot
 
@@ -160,20 +183,18 @@ class Com1Rev3(BugTeam):
         self,
         robot: int,
         view: View,
-        team: Sequence[int],
-        memories: Sequence[Com1Rev3Memory],
-        wanted: Sequence[Velocity],
+        decision: Decision,
     ) -> Velocity:
         """The velocity of one robot; those that come before it have theirs."""
-        memory = memories[robot]
-        if self.is_stopped(robot, memories):
+        memory = decision.memories[robot]
+        if self.is_stopped(robot, decision.memories):
             memory.mode = "stopped"
             return STANDING
-        if memory.holding_for or self._asking(robot, team, memories):
-            return self._hold(robot, view, team, memories, wanted)
+        if memory.holding_for or self._asking(robot, decision):
+            return self._hold(robot, view, decision)
         memory.room, memory.on_behalf = 0, robot
         velocity = self._go_on(robot, view, memory)
-        blockers = self._blockers(robot, velocity, team, memories, wanted)
+        blockers = self._blockers(robot, velocity, decision)
         memory.waiting_for = blockers
         if blockers:
             memory.pending, memory.mode = velocity, "waiting"
@@ -222,16 +243,17 @@ class Com1Rev3(BugTeam):
 
     # ---------------------------------------------------------------------------------------------- encounters
 
-    def _look_for_encounters(self, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> None:
+    def _look_for_encounters(self, decision: Decision) -> None:
         """Who holds for whom: from below the one distance on until the other is reached; for no one after a win."""
         own = self.parameters
-        near = nearer_than(own.go_distance, team, memories)
-        for robot in team:
-            memory = memories[robot]
-            gaps = near[robot]
+        for robot in decision.team:
+            memory = decision.memories[robot]
+            gaps = {other: distance for other, distance in decision.near[robot].items() if distance < own.go_distance}
+            held = memory.holding_for
             if not gaps:
                 memory.waited, memory.is_detouring = 0.0, False
-            held = memory.holding_for
+                held.clear()
+                continue
             held.intersection_update(gaps)
             if memory.winner is not None:
                 held.clear()
@@ -245,29 +267,27 @@ class Com1Rev3(BugTeam):
         self,
         robot: int,
         velocity: Velocity,
-        team: Sequence[int],
-        memories: Sequence[Com1Rev3Memory],
-        wanted: Sequence[Velocity],
+        decision: Decision,
     ) -> set[int]:
         """Robots that a step at a velocity would bring a robot too near to."""
-        if self.parameters.partner_rule == "ghost" or velocity == STANDING:
+        near = decision.near[robot]
+        if not near or self.parameters.partner_rule == "ghost" or velocity == STANDING:
             return set()
-        memory = memories[robot]
+        memory = decision.memories[robot]
         least = least_gap(self.sensors)
         if self.goes_round(robot, memory):
             least -= 0.8 * ROOM
         return {
-            other
-            for other in team
-            if other != robot and closes(memory, velocity, memories[other], wanted[other], least)
+            other for other in near if closes(memory, velocity, decision.memories[other], decision.wanted[other], least)
         }
 
-    def _asking(self, robot: int, team: Sequence[int], memories: Sequence[Com1Rev3Memory]) -> list[int]:
+    def _asking(self, robot: int, decision: Decision) -> list[int]:
         """Robots that wait for this one, for themselves or for another one that comes before it; the foremost first."""
+        memories = decision.memories
         asking = [
             other
-            for other in team
-            if other != robot and robot in memories[other].waiting_for and memories[other].on_behalf < robot
+            for other in decision.team
+            if robot in memories[other].waiting_for and memories[other].on_behalf < robot and other != robot
         ]
         return sorted(asking, key=lambda other: memories[other].on_behalf)
 
@@ -275,15 +295,13 @@ class Com1Rev3(BugTeam):
         self,
         robot: int,
         view: View,
-        team: Sequence[int],
-        memories: Sequence[Com1Rev3Memory],
-        wanted: Sequence[Velocity],
+        decision: Decision,
     ) -> Velocity:
         """Stand, or make room for a robot that waits: on along the own way, back, or aside."""
-        memory = memories[robot]
+        memories, memory = decision.memories, decision.memories[robot]
         memory.waiting_for, memory.mode, memory.on_behalf = set(), "hold", robot
-        asking = self._asking(robot, team, memories)
-        if self.parameters.partner_rule != "solo" or any(memories[other].is_detouring for other in team):
+        asking = self._asking(robot, decision)
+        if self.parameters.partner_rule != "solo" or any(memories[other].is_detouring for other in decision.team):
             memory.room = 0
             return STANDING
         if asking:
@@ -293,22 +311,20 @@ class Com1Rev3(BugTeam):
             return STANDING
         for direction in (memory.room, -memory.room) if not memory.aside else ():
             velocity = self._make_room(robot, view, memory, direction)
-            if velocity is not None and self._has_room(robot, velocity, team, memories, wanted):
+            if velocity is not None and self._has_room(robot, velocity, decision):
                 memory.room, memory.mode, memory.pending = direction, "making_room", None
                 return velocity
-        return self._step_aside(robot, view, asking, team, memories, wanted) if asking else STANDING
+        return self._step_aside(robot, view, asking, decision) if asking else STANDING
 
     def _has_room(
         self,
         robot: int,
         velocity: Velocity,
-        team: Sequence[int],
-        memories: Sequence[Com1Rev3Memory],
-        wanted: Sequence[Velocity],
+        decision: Decision,
     ) -> bool:
         """Whether a robot that makes room can take a step; who is in its way is asked for room in turn."""
-        blockers = self._blockers(robot, velocity, team, memories, wanted)
-        memories[robot].waiting_for |= blockers
+        blockers = self._blockers(robot, velocity, decision)
+        decision.memories[robot].waiting_for |= blockers
         return not blockers
 
     def _make_room(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
@@ -324,12 +340,10 @@ class Com1Rev3(BugTeam):
         robot: int,
         view: View,
         asking: Sequence[int],
-        team: Sequence[int],
-        memories: Sequence[Com1Rev3Memory],
-        wanted: Sequence[Velocity],
+        decision: Decision,
     ) -> Velocity:
         """Leave the own way for as long as a robot asks, to where the asking one's way leads least near."""
-        memory, other = memories[robot], memories[asking[0]]
+        memory, other = decision.memories[robot], decision.memories[asking[0]]
         assert memory.frame is not None and memory.word is not None and other.word is not None
         speed = self.sensors.drive.max_speed
         safe = self.laws[robot].boundary.safe_radius
@@ -344,7 +358,7 @@ class Com1Rev3(BugTeam):
         for _, bearing in sorted(ways, reverse=True):
             velocity = velocity_along(bearing, speed)
             is_free = view.free_distance(bearing, safe) >= self.step
-            if is_free and self._has_room(robot, velocity, team, memories, wanted):
+            if is_free and self._has_room(robot, velocity, decision):
                 memory.aside.append(view.position)
                 memory.mode, memory.pending = "making_room", None
                 return velocity
@@ -381,6 +395,8 @@ class Com1Rev3(BugTeam):
 
     def _share_verdicts(self, memories: Sequence[Com1Rev3Memory]) -> None:
         """The mission ends where a complete robot proves that there is no way, or where no robot has one left."""
+        if not any(memory.own.verdict for memory in memories):
+            return
         heard = [memory for memory in memories if memory.is_heard]
         proven = any(memory.own.verdict == "unreachable" for memory in memories[: self.leaders] if memory.is_heard)
         if proven or all(memory.own.verdict for memory in heard):

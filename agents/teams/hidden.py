@@ -5,7 +5,20 @@ from __future__ import annotations
 import math
 
 from bug_gym.compiling import called, inlined, kernel
-from bug_gym.kernels.layout import Flags, Floats
+from bug_gym.kernels.layout import Flags, Floats, Integers
+
+# Columns of a robot: where its odometry frame lies in the team's, origin [m] and direction of the x axis [rad]; and its pose
+# in its odometry frame [m, rad].
+FRAME_X, FRAME_Y, FRAME_HEADING, POSE_X, POSE_Y, POSE_HEADING = range(6)
+ROBOT = 6
+
+# Rows of what robots are to one another: whether they look, and whether they are partners, whose bodies others look through;
+# and of what comes of it: whether partners stopped any beam.
+LOOKS, IS_PARTNER, IS_CHANGED = range(3)
+ROLES = 3
+
+ROUNDING = 1e-6
+"""What places that were turned from frame to frame may be off [m]."""
 
 
 @inlined
@@ -18,49 +31,86 @@ def is_body_point(x: float, y: float, bodies: Floats, reach: float) -> bool:
     return False
 
 
+@inlined
+def place_of(robots: Floats, number: int) -> tuple[float, float]:
+    """The place of a robot in the team's frame [m]."""
+    cos, sin = math.cos(robots[number, FRAME_HEADING]), math.sin(robots[number, FRAME_HEADING])
+    x, y = robots[number, POSE_X], robots[number, POSE_Y]
+    return robots[number, FRAME_X] + cos * x - sin * y, robots[number, FRAME_Y] + sin * x + cos * y
+
+
+@inlined
+def in_frame(origin_x: float, origin_y: float, heading: float, x: float, y: float) -> tuple[float, float]:
+    """A place [m] in the frame that lies at an origin [m] and heading [rad]."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    dx, dy = x - origin_x, y - origin_y
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@inlined
+def turn_between(robots: Floats, looker: int, other: int) -> float:
+    """The heading of a robot in the frame of another one, which looks [rad]."""
+    heading = robots[other, POSE_HEADING] + robots[other, FRAME_HEADING]
+    wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
+    turn: float = wrapped - robots[looker, FRAME_HEADING] - robots[looker, POSE_HEADING]
+    return turn
+
+
 @called
-def put_wall(ranges: Floats, hidden: Flags, ux: Floats, uy: Floats, x: float, y: float, nx: float, ny: float) -> None:
-    """Shorten the hidden beams that meet a piece of wall from (x, y) to (nx, ny) [m]."""
-    for i in range(ranges.size):
-        if not hidden[i]:
+def find_partners(
+    robots: Floats, roles: Flags, looker: int, near: float, who: Integers, bodies: Floats
+) -> tuple[int, int]:
+    """Find the partners of a robot: their numbers `who` and places in its frame, the robot's own behind them.
+
+    Returns how many there are, and how many of them, which come first, are not farther away than `near` [m].
+    """
+    frame_x, frame_y, frame_heading, pose_x, pose_y, pose_heading = robots[looker]
+    count, at_hand = 0, 0
+    for other in range(robots.shape[0]):
+        if other == looker or not roles[IS_PARTNER, other]:
             continue
-        aside, aside_end = ux[i] * y - uy[i] * x, ux[i] * ny - uy[i] * nx
-        if aside * aside_end > 0.0 or aside == aside_end:
-            continue
-        share = aside / (aside - aside_end)
-        along = (1.0 - share) * (ux[i] * x + uy[i] * y) + share * (ux[i] * nx + uy[i] * ny)
-        if 0.0 < along < ranges[i]:
-            ranges[i] = along
+        x, y = place_of(robots, other)
+        x, y = in_frame(frame_x, frame_y, frame_heading, x, y)
+        x, y = in_frame(pose_x, pose_y, pose_heading, x, y)
+        place = count
+        if x * x + y * y <= near * near:
+            place = at_hand
+            who[count], bodies[count, 0], bodies[count, 1] = who[place], bodies[place, 0], bodies[place, 1]
+            at_hand += 1
+        who[place], bodies[place, 0], bodies[place, 1] = other, x, y
+        count += 1
+    bodies[count] = 0.0
+    return count, at_hand
 
 
-@kernel
+@called
 def take_out_bodies(
-    ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: Floats, reach: float, hidden: Flags
+    ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: Floats, reach: float, beams: Integers
 ) -> int:
-    """Take the beams off bodies; returns how many, and marks them in `hidden` (B,).
+    """Take the beams off bodies; returns how many, and fills in which.
 
     Args:
         ranges: (B,), changed in place [m].
         ux: directions' x (B,) in the robot's frame.
         uy: directions' y (B,).
         far: range that means "nothing seen" [m].
-        bodies: places (k, 2) in the robot's frame [m].
+        bodies: places (k, 2) in the robot's frame [m]; further columns are left alone.
         reach: how near to a place a point is of the body there [m].
-        hidden: filled.
+        beams: numbers of the beams that were taken off (B,), filled as far as there are any.
     """
     count = 0
     for i in range(ranges.size):
-        hidden[i] = ranges[i] < far and is_body_point(ux[i] * ranges[i], uy[i] * ranges[i], bodies, reach)
-        count += hidden[i]
-    for i in range(ranges.size):
-        if hidden[i]:
-            ranges[i] = far
+        if ranges[i] < far and is_body_point(ux[i] * ranges[i], uy[i] * ranges[i], bodies, reach):
+            beams[count] = i
+            count += 1
+    for n in range(count):
+        ranges[beams[n]] = far
     return count
 
 
 @kernel
-def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: Floats, reaches: Floats) -> None:
-    """Take the beams off bodies of several sizes; what `take_out_bodies` does, where nobody asks which they were.
+def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: Floats, reaches: Floats) -> int:
+    """Take the beams off bodies of several sizes; returns how many, where nobody asks which they were.
 
     Args:
         ranges: (B,), changed in place [m].
@@ -70,78 +120,128 @@ def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: F
         bodies: places (k, 2) in the robot's frame [m]; further columns are left alone.
         reaches: how near to each place a point is of the body there (k,) [m]; below 0: none is.
     """
-    for i in range(ranges.size):
-        if ranges[i] >= far:
+    count = 0
+    for b in range(reaches.size):
+        x, y, reach = bodies[b, 0], bodies[b, 1], reaches[b]
+        near = far + reach + ROUNDING
+        if reach < 0.0 or x * x + y * y > near * near:
             continue
-        x, y = ux[i] * ranges[i], uy[i] * ranges[i]
-        for b in range(reaches.size):
-            dx, dy, reach = x - bodies[b, 0], y - bodies[b, 1], reaches[b]
-            if reach >= 0.0 and dx * dx + dy * dy <= reach * reach:
+        for i in range(ranges.size):
+            dx, dy = ux[i] * ranges[i] - x, uy[i] * ranges[i] - y
+            if ranges[i] < far and dx * dx + dy * dy <= reach * reach:
                 ranges[i] = far
-                break
+                count += 1
+    return count
 
 
 @called
-def put_in_walls_of(
-    ranges: Floats,
-    hidden: Flags,
-    ux: Floats,
-    uy: Floats,
-    far: float,
-    bodies: Floats,
-    reach: float,
-    theirs: Floats,
-    x: float,
-    y: float,
-    turn: float,
-    widest: float,
-) -> None:
-    """The same for one partner at a place [m], with its ranges (B,) [m] and its heading [rad]."""
+def find_walls(
+    scan: Floats, ux: Floats, uy: Floats, far: float, widest: float, pose: tuple[float, float, float], walls: Floats
+) -> int:
+    """Find the pieces of wall that a scan shows, which lie between neighbouring points; returns how many there are.
+
+    Args:
+        scan: the ranges (B,) [m].
+        ux: directions' x (B,) in the frame of who sees them.
+        uy: y (B,).
+        far: range that means "nothing seen" [m].
+        widest: two neighbouring points are of one wall where they are nearer than so many ranges.
+        pose: x, y [m] and heading [rad] of who sees them.
+        walls: begin x, y and end x, y of each piece (B, 4), filled as far as there are any [m].
+    """
+    x, y, turn = pose
     cos, sin = math.cos(turn), math.sin(turn)
-    beams = theirs.size
-    for i in range(beams):
-        j = (i + 1) % beams
-        if theirs[i] >= far or theirs[j] >= far:
+    count = 0
+    for i in range(scan.size):
+        j = i + 1 if i + 1 < scan.size else 0
+        if scan[i] >= far or scan[j] >= far:
             continue
-        x1 = x + theirs[i] * (cos * ux[i] - sin * uy[i])
-        y1 = y + theirs[i] * (sin * ux[i] + cos * uy[i])
-        x2 = x + theirs[j] * (cos * ux[j] - sin * uy[j])
-        y2 = y + theirs[j] * (sin * ux[j] + cos * uy[j])
-        length = widest * min(theirs[i], theirs[j])
-        if (x2 - x1) * (x2 - x1) + (y2 - y1) * (y2 - y1) > length * length:
+        x1, y1 = x + scan[i] * (cos * ux[i] - sin * uy[i]), y + scan[i] * (sin * ux[i] + cos * uy[i])
+        x2, y2 = x + scan[j] * (cos * ux[j] - sin * uy[j]), y + scan[j] * (sin * ux[j] + cos * uy[j])
+        length = widest * min(scan[i], scan[j])
+        if (x2 - x1) * (x2 - x1) + (y2 - y1) * (y2 - y1) <= length * length:
+            walls[count, 0], walls[count, 1], walls[count, 2], walls[count, 3] = x1, y1, x2, y2
+            count += 1
+    return count
+
+
+@called
+def range_before(walls: Floats, ux: float, uy: float, nearest: float, bodies: Floats, reach: float) -> float:
+    """How far a beam goes until it meets a wall, if that is less than `nearest` [m].
+
+    Args:
+        walls: pieces, begin x, y and end x, y (n, 4) [m].
+        ux: the beam's direction, x.
+        uy: y.
+        nearest: how far it goes without them [m].
+        bodies: places (k, 2) of robots: what is seen of them is no wall; further columns are left alone [m].
+        reach: how near to a place a point is of the body there [m].
+    """
+    for w in range(walls.shape[0]):
+        x, y, end_x, end_y = walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3]
+        aside, aside_end = ux * y - uy * x, ux * end_y - uy * end_x
+        if aside * aside_end > 0.0 or aside == aside_end:
             continue
-        if is_body_point(x1, y1, bodies, reach) or is_body_point(x2, y2, bodies, reach):
+        share = aside / (aside - aside_end)
+        along = (1.0 - share) * (ux * x + uy * y) + share * (ux * end_x + uy * end_y)
+        if not 0.0 < along < nearest:
             continue
-        put_wall(ranges, hidden, ux, uy, x1, y1, x2, y2)
+        if not (is_body_point(x, y, bodies, reach) or is_body_point(end_x, end_y, bodies, reach)):
+            nearest = along
+    return nearest
 
 
 @kernel
-def put_in_walls(
-    ranges: Floats,
-    hidden: Flags,
-    ux: Floats,
-    uy: Floats,
+def look_through_partners(
+    scans: Floats,
+    directions: Floats,
     far: float,
-    bodies: Floats,
+    robots: Floats,
+    roles: Flags,
     reach: float,
-    theirs: Floats,
-    places: Floats,
     widest: float,
+    clean: Floats,
+    hidden: Flags,
+    numbers: Integers,
+    room: Floats,
 ) -> None:
-    """Put into hidden beams the walls that partners see: pieces between neighbouring points of their scans.
+    """Take the bodies of partners out of the scans of k robots, and put in the walls that the partners see behind them.
+
+    These are pieces between neighbouring points of their scans.
 
     Args:
-        ranges: (B,), changed in place [m].
-        hidden: which beams to fill (B,).
-        ux: directions' x (B,), in any robot's own frame.
-        uy: directions' y (B,).
+        scans: what they see (k, B) [m].
+        directions: x and y (2, B), in any robot's own frame.
         far: range that means "nothing seen" [m].
-        bodies: places (k, 2) of robots in the looking robot's frame, itself too: what is seen of them is no wall [m].
+        robots: (k, ROBOT).
+        roles: (ROLES, k), the last row filled; of who does not look nothing is changed.
         reach: how near to a place a point is of the body there [m].
-        theirs: the partners' ranges (p, B) [m].
-        places: the partners' places [m] and headings [rad] in the looking robot's frame (p, 3).
         widest: two neighbouring points are of one wall where they are nearer than so many ranges.
+        clean: the scans once more, changed in place (k, B) [m].
+        hidden: which beams partners stopped (k, B), all False before.
+        numbers: to work in (2, k or B, whichever is more).
+        room: to work in (2, k + 1 or B, 4).
     """
-    for p in range(theirs.shape[0]):
-        x, y, turn = places[p, 0], places[p, 1], places[p, 2]
-        put_in_walls_of(ranges, hidden, ux, uy, far, bodies, reach, theirs[p], x, y, turn, widest)
+    ux, uy, who, beams, places, walls = directions[0], directions[1], numbers[0], numbers[1], room[0], room[1]
+    in_sight = 2.0 * far + ROUNDING
+    for looker in range(scans.shape[0]):
+        roles[IS_CHANGED, looker] = False
+        if not roles[LOOKS, looker]:
+            continue
+        told, at_hand = find_partners(robots, roles, looker, far + reach + ROUNDING, who, places)
+        taken = take_out_bodies(clean[looker], ux, uy, far, places[:at_hand], reach, beams)
+        if taken == 0:
+            continue
+        roles[IS_CHANGED, looker] = True
+        for n in range(taken):
+            hidden[looker, beams[n]] = True
+        for p in range(told):
+            x, y = places[p, 0], places[p, 1]
+            if x * x + y * y > in_sight * in_sight:  # it sees nothing in reach
+                continue
+            turn = turn_between(robots, looker, who[p])
+            seen = find_walls(scans[who[p]], ux, uy, far, widest, (x, y, turn), walls)
+            for n in range(taken):
+                i = beams[n]
+                before = clean[looker, i]
+                clean[looker, i] = range_before(walls[:seen], ux[i], uy[i], before, places[: told + 1], reach)

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.teams.hidden import put_in_walls, take_out_bodies
+from bug_gym.agents.teams.hidden import IS_CHANGED, ROUNDING, look_through_partners
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
-from bug_gym.team_policy import Frame, TeamMemory
+from bug_gym.team_policy import TeamMemory
 from bug_gym.view import Sensors, View
 
 BODY_MARGIN = 0.03
@@ -24,9 +24,6 @@ BODY_MARGIN = 0.03
 
 ROOM = 0.1
 """What bodies keep between them [m]."""
-
-ROUNDING = 1e-6
-"""What places that were turned from frame to frame may be off [m]."""
 
 SAME_WALL = 6.0
 """Two neighbouring points of a scan are of one wall where they are nearer than so many beams are apart there."""
@@ -40,50 +37,52 @@ class Seen(NamedTuple):
     hidden: NDArray[np.bool_] | None = None
     """Which beams (B,) they stopped; None: none."""
 
-    @property
     def still(self) -> View:
         """The same with a range of nothing where they stood before it: there is no telling what has moved."""
         return self.view if self.hidden is None else self.view.with_ranges(np.where(self.hidden, 0.0, self.view.ranges))
 
 
-def without_partners(view: View, frame: Frame, partners: Sequence[TeamMemory]) -> Seen:
-    """What a robot sees without the bodies of partners.
+def without_partners(robots: Sequence[TeamMemory], looks: Sequence[bool], partners: Sequence[bool]) -> list[Seen]:
+    """What robots see without the bodies of partners.
 
     Args:
-        view: what the robot sees.
-        frame: where its odometry frame lies in the team's.
-        partners: those whose bodies are to be taken out.
+        robots: ones that answer.
+        looks: which of them look (k,); the others get to see what their scanners see.
+        partners: whose bodies are to be taken out (k,).
     """
-    sensors = view.sensors
-    told = [(other, other.word) for other in partners if other.word is not None]
-    here = frame.to_team(view.position)
-    gaps = [math.dist(word.place, here) for _, word in told]
-    reach = sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise
-    if not gaps or min(gaps) > sensors.range + reach + ROUNDING:
-        return Seen(view)
-    ux, uy = sensors.beam_directions
-    words: Any = np.array([word.place for _, word in told]).T
-    bodies = np.zeros((len(told) + 1, 2))
-    bodies[:-1, 0], bodies[:-1, 1] = view.to_robot(*frame.to_odometry(words))
-    ranges, hidden = view.ranges.copy(), np.zeros(len(view.ranges), dtype=np.bool_)
-    if not take_out_bodies(ranges, ux, uy, sensors.range, bodies[:-1], reach, hidden):
-        return Seen(view)
-    widest = SAME_WALL * 2.0 * math.pi / len(ranges)
-    theirs, places = [], []
-    for (other, word), apart, (x, y) in zip(told, gaps, bodies[:-1].tolist(), strict=True):
-        if other.view is None or not other.is_heard or apart > 2.0 * sensors.range + ROUNDING:  # sees nothing in reach
-            continue
-        theirs.append(other.view.ranges)
-        places.append((x, y, word.heading - frame.heading - view.heading))
-    if theirs:
-        their_scans, their_places = np.array(theirs), np.array(places)
-        put_in_walls(ranges, hidden, ux, uy, sensors.range, bodies, reach, their_scans, their_places, widest)
-    return Seen(view.with_ranges(ranges), hidden)
+    views = [view for memory in robots if (view := memory.view) is not None]
+    frames = [(frame.x, frame.y, frame.heading) for memory in robots if (frame := memory.frame) is not None]
+    sensors = views[0].sensors
+    scans = np.concatenate([view.ranges for view in views]).reshape(len(views), -1)
+    clean, hidden, most = scans.copy(), np.zeros(scans.shape, dtype=np.bool_), max(scans.shape) + 1
+    roles = np.array([looks, partners, partners])
+    look_through_partners(
+        scans,
+        sensors.beam_directions,
+        sensors.range,
+        np.array([(*frame, *view.pose) for frame, view in zip(frames, views, strict=True)]),
+        roles,
+        sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise,
+        SAME_WALL * 2.0 * math.pi / len(sensors.angles),
+        clean,
+        hidden,
+        np.empty((2, most), dtype=np.int64),
+        np.empty((2, most, 4)),
+    )
+    return [
+        Seen(view.with_ranges(clean[number]), hidden[number]) if is_changed else Seen(view)
+        for number, (view, is_changed) in enumerate(zip(views, roles[IS_CHANGED].tolist(), strict=True))
+    ]
 
 
 def least_gap(sensors: Sensors) -> float:
     """How near to one another the centres of two robots may come [m]."""
     return 2.0 * sensors.radius + ROOM
+
+
+def farthest_blocker(sensors: Sensors) -> float:
+    """How far from one another two robots may be that come nearer than `least_gap` in one step [m]."""
+    return least_gap(sensors) + 2.0 * (sensors.step_length + ROUNDING)
 
 
 def place_after(memory: TeamMemory, velocity: Velocity) -> Point:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 from bug_gym.agents.bugs.bug0 import Bug0
@@ -21,7 +22,7 @@ from bug_gym.agents.bugs.bug1 import Bug1
 from bug_gym.agents.bugs.bug2 import Bug2
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import STANDING, BugTeam, BugTeamMemory
-from bug_gym.agents.teams.partners import gap
+from bug_gym.agents.teams.partners import Seen, gap
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
@@ -76,7 +77,7 @@ class Swarm(BugTeam):
     def act(self, views: Sequence[View | None], memories: Sequence[SwarmMemory]) -> list[Velocity]:
         """One decision of all."""
         arrived = next((robot for robot, memory in enumerate(memories) if self.has_arrived(memory)), None)
-        wanted = [STANDING] * len(memories)
+        wanted, seen = [STANDING] * len(memories), dict[int, Seen]()
         for robot, (view, memory) in enumerate(zip(views, memories, strict=True)):
             memory.winner = arrived
             if view is None or self.is_stopped(robot, memories):
@@ -85,10 +86,18 @@ class Swarm(BugTeam):
             if self._holds(robot, memories):
                 memory.mode = "hold"
                 continue
-            self.watch(robot, self.seen(robot, memories), memory)
+            self.watch(robot, memory, partial(self._still, robot, memories, seen))
             wanted[robot] = self.laws[robot].act(view, memory.own)
             memory.mode, memory.verdict = memory.own.mode, memory.own.verdict
+            if memory.verdict:  # from now on it is in the way of those that come after it
+                seen.clear()
         return wanted
+
+    def _still(self, robot: int, memories: Sequence[SwarmMemory], seen: dict[int, Seen]) -> View:
+        """What a robot sees without what its partners hide; keeps in `seen` what those see that come after it."""
+        if robot not in seen:
+            seen |= self.seen(range(robot, len(memories)), memories)
+        return seen[robot].still()
 
     def _holds(self, robot: int, memories: Sequence[SwarmMemory]) -> bool:
         """Whether a robot stands for an earlier one that is near."""

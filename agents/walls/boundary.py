@@ -223,9 +223,15 @@ class Boundary:
 
     def sees_motion(self, view: View, memory: BugMemory) -> bool:
         """Whether something near has moved since a while ago; it looks now and then."""
+        return self.looks_now(memory) and self.has_moved(view, memory)
+
+    def looks_now(self, memory: BugMemory) -> bool:
+        """Whether it is time for a glance. Call once a decision."""
         memory.glance_age += self.sensors.drive.step
-        if memory.glances and memory.glance_age < GLANCE:
-            return False
+        return not memory.glances or memory.glance_age >= GLANCE
+
+    def has_moved(self, view: View, memory: BugMemory) -> bool:
+        """Whether something near has moved since some glances ago; this is the latest one."""
         memory.glance_age = 0.0
         memory.glances.append(view)
         return len(memory.glances) > GLANCES and has_moved(memory.glances.pop(0), view, NEAR)

@@ -262,7 +262,7 @@ def test_what_a_partner_hides_is_seen_by_it() -> None:
         flat = simulation.reset(seeds=[0])[0]
         _, state = team.predict(flat)
         with_partner = state[0].view.ranges
-        seen = without_partners(state[0].view, state[0].frame, [state[1]]).view.ranges
+        seen = without_partners(state, [True, False], [False, True])[0].view.ranges
         single = Simulation(alone(scenario, 0)).reset(seeds=[0])[0, 0, : len(seen)]
         changed = np.flatnonzero(np.abs(with_partner - single) > 1e-4)
         wrong += (np.abs(seen - single)[changed] > 0.05).tolist()

@@ -1,0 +1,123 @@
+"""What robots see through one another, beside a slow plain loop, and who is near whom."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bug_gym.agents.teams.partners import BODY_MARGIN, SAME_WALL, without_partners
+from bug_gym.config import load
+from bug_gym.geometry import F64
+from bug_gym.observation import width
+from bug_gym.team_policy import Frame, TeamMemory, word_of
+from bug_gym.view import Sensors, View
+
+BEAMS, FAR = 48, 5.0
+SENSORS = Sensors.of(load("empty", {"lidar.beams": BEAMS, "lidar.range": FAR, "lidar.noise": 0.01}))
+REACH = SENSORS.radius + BODY_MARGIN + 3.0 * SENSORS.range_noise
+
+
+def robot(place: tuple[float, float], ranges: F64, rng: np.random.Generator) -> TeamMemory:
+    """A robot that stands at a place of the team's frame, in an odometry frame of its own."""
+    frame = Frame(*rng.uniform(-3.0, 3.0, 3).tolist())
+    flat = np.zeros(width(SENSORS.fields), dtype=np.float32)
+    here, parts = frame.to_odometry(place), {field.name: field for field in SENSORS.fields}
+    flat[parts["ranges"].begin : parts["ranges"].end] = ranges
+    flat[parts["pose"].begin : parts["pose"].end] = *here, rng.uniform(-3.0, 3.0)
+    view = View(flat, SENSORS)
+    return TeamMemory(frame=frame, view=view, word=word_of(view, frame), is_heard=True)
+
+
+def team(count: int, spread: float, rng: np.random.Generator) -> list[TeamMemory]:
+    """Robots in a square, each with a scan of pieces of wall, gaps, and the bodies of the others."""
+    places = rng.uniform(-spread, spread, (count, 2))
+    robots = []
+    for place in places:
+        ranges = np.repeat(rng.uniform(0.8, 2.0 * FAR, BEAMS // 4), 4) + rng.uniform(0.0, 0.05, BEAMS)
+        robots.append(robot((float(place[0]), float(place[1])), ranges.clip(max=FAR), rng))
+    for one in robots:  # each sees the others' bodies where they are before all else
+        assert one.view is not None
+        ranges = one.view.ranges.copy()
+        for x, y in bodies_before(one, [other for other in robots if other is not one]):
+            angle = np.abs((SENSORS.angles - math.atan2(y, x) + math.pi) % (2.0 * math.pi) - math.pi)
+            ranges[angle < math.asin(min(SENSORS.radius / math.hypot(x, y), 1.0))] = math.hypot(x, y) - SENSORS.radius
+        one.view = one.view.with_ranges(ranges.clip(0.05, FAR))
+    return robots
+
+
+def bodies_before(one: TeamMemory, others: list[TeamMemory]) -> list[tuple[float, float]]:
+    """Places of other robots in the frame of one [m]."""
+    assert one.view is not None and one.frame is not None
+    return [one.view.to_robot(*one.frame.to_odometry(other.word.place)) for other in others if other.word is not None]
+
+
+def slow_look(one: TeamMemory, partners: list[TeamMemory]) -> tuple[F64, np.ndarray]:
+    """The ranges of a robot without the bodies of partners, and which beams they stopped, in plain loops."""
+    assert one.view is not None and one.frame is not None
+    ux, uy = SENSORS.beam_directions.tolist()
+    ranges, bodies = one.view.ranges.tolist(), bodies_before(one, partners)
+
+    def is_body(x: float, y: float, places: list[tuple[float, float]]) -> bool:
+        return any((x - a) * (x - a) + (y - b) * (y - b) <= REACH * REACH for a, b in places)
+
+    hidden = [far < FAR and is_body(ux[i] * far, uy[i] * far, bodies) for i, far in enumerate(ranges)]
+    clean = [FAR if is_hidden else far for far, is_hidden in zip(ranges, hidden, strict=True)]
+    for other, (x, y) in zip(partners, bodies, strict=True):
+        assert other.view is not None and other.word is not None
+        turn = other.word.heading - one.frame.heading - one.view.heading
+        cos, sin = math.cos(turn), math.sin(turn)
+        theirs = other.view.ranges.tolist()
+        points = [
+            (x + r * (cos * a - sin * b), y + r * (sin * a + cos * b)) for r, a, b in zip(theirs, ux, uy, strict=True)
+        ]
+        for i, (px, py) in enumerate(points):
+            j = (i + 1) % BEAMS
+            qx, qy = points[j]
+            nearest = SAME_WALL * 2.0 * math.pi / BEAMS * min(theirs[i], theirs[j])
+            if max(theirs[i], theirs[j]) >= FAR or (qx - px) ** 2 + (qy - py) ** 2 > nearest * nearest:
+                continue
+            if is_body(px, py, [*bodies, (0.0, 0.0)]) or is_body(qx, qy, [*bodies, (0.0, 0.0)]):
+                continue
+            for k in np.flatnonzero(hidden).tolist():
+                aside, aside_end = ux[k] * py - uy[k] * px, ux[k] * qy - uy[k] * qx
+                if aside * aside_end > 0.0 or aside == aside_end:
+                    continue
+                share = aside / (aside - aside_end)
+                along = (1.0 - share) * (ux[k] * px + uy[k] * py) + share * (ux[k] * qx + uy[k] * qy)
+                if 0.0 < along < clean[k]:
+                    clean[k] = along
+    return np.array(clean).astype(np.float32).astype(np.float64), np.array(hidden)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+def test_bodies_of_partners_are_taken_out_as_a_slow_plain_loop_does(count: int) -> None:
+    rng = np.random.default_rng(count)
+    hidden, filled = 0, 0
+    for _ in range(60):
+        robots = team(count, 3.0, rng)
+        looks, partners = rng.random(count) < 0.8, rng.random(count) < 0.8
+        for number, seen in enumerate(without_partners(robots, looks.tolist(), partners.tolist())):
+            view = robots[number].view
+            assert view is not None
+            told = [other for k, other in enumerate(robots) if k != number and partners[k]]
+            ranges, expected = slow_look(robots[number], told if looks[number] else [])
+            np.testing.assert_array_equal(seen.view.ranges, ranges)
+            assert (seen.hidden is None) == (not expected.any()) == (seen.view is view)
+            if seen.hidden is not None:
+                np.testing.assert_array_equal(seen.hidden, expected)
+                np.testing.assert_array_equal(seen.still().ranges, np.where(expected, 0.0, ranges))
+            hidden, filled = hidden + expected.sum(), filled + (ranges[expected] < FAR).sum()
+    assert count == 1 or (hidden > 50 and filled > 5)
+
+
+@pytest.mark.parametrize(("distance", "is_same"), [(FAR + 1.1 * REACH, True), (FAR - REACH, False)])
+def test_who_has_no_partner_within_range_of_a_beam_sees_what_its_scanner_sees(distance: float, is_same: bool) -> None:
+    rng = np.random.default_rng(1)
+    ranges = np.full(BEAMS, FAR - 0.8 * REACH)
+    robots = [robot(place, ranges, rng) for place in ((1.0, -2.0), (1.0, -2.0 + distance))]
+    seen = without_partners(robots, [True, True], [True, True])
+    assert [one.view is memory.view for one, memory in zip(seen, robots, strict=True)] == [is_same, is_same]
+    assert all((one.hidden is None) == is_same for one in seen)
+    assert not is_same or all(one.still() is one.view for one in seen)
