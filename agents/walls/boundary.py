@@ -232,9 +232,10 @@ class Boundary:
 
     def move_on(self, view: View, memory: BugMemory) -> None:
         """Bring the memory's odometer, and its contour, up to the present place."""
+        position = view.position
         if memory.position is not None:
-            memory.odometer += math.dist(memory.position, view.position)
-        memory.position = view.position
+            memory.odometer += math.dist(memory.position, position)
+        memory.position = position
         if memory.contour is not None:
             memory.contour.course = None
             self.laps.advance(view, memory.contour)
