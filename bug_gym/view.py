@@ -221,17 +221,20 @@ class View:
         The distance is infinite where there is none.
         """
         x, y = self.points
-        if len(x) == 0:
-            return math.inf, bearing
-        square = x * x + y * y
         if half_width < math.pi:
-            # |angle between| <= half_width, without an arc tangent for each point
-            ahead = x * math.cos(bearing) + y * math.sin(bearing) >= math.cos(half_width) * np.sqrt(square)
-            square = np.where(ahead, square, np.inf)
-        index = int(square.argmin())
-        if not np.isfinite(square[index]):
+            index = kernels.nearest_within(x, y, math.cos(bearing), math.sin(bearing), math.cos(half_width))
+        else:
+            index = kernels.nearest_point(x, y, 0.0, 0.0)
+        if index < 0:
             return math.inf, bearing
-        return math.sqrt(square[index]), math.atan2(y[index], x[index])
+        ahead, left = x.item(index), y.item(index)
+        return math.sqrt(ahead * ahead + left * left), math.atan2(left, ahead)
+
+    def point_nearest_to(self, x: float, y: float) -> tuple[float, float] | None:
+        """The scan point nearest to a place, both in the robot's frame [m]; None: nothing is seen."""
+        px, py = self.points
+        index = kernels.nearest_point(px, py, x, y)
+        return (px.item(index), py.item(index)) if index >= 0 else None
 
     def free_distance(self, bearing: float, radius: float) -> float:
         """How far a disc of `radius` [m] can travel along a bearing [rad] before it touches a scan point.
