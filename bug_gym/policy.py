@@ -303,9 +303,11 @@ def checked_actions(answered: Any, robots: int, numbered: NDArray[np.float32]) -
     """
     actions = np.asarray(answered)
     kind, shape = actions.dtype.kind, actions.shape
+    if kind == "f" and actions.itemsize <= 4 and shape == (robots, 2):
+        return actions
     if kind in "fiu" and shape == (robots, 2):
         with np.errstate(over="ignore"):  # what is beyond all numbers is refused as not finite
-            return actions if kind == "f" and actions.itemsize <= 4 else actions.astype(np.float32)
+            return actions.astype(np.float32)
     if kind in "iu" and shape == (robots,) and not ((actions < 0) | (actions >= len(numbered))).any():
         return np.asarray(numbered[actions])
     came = f"{shape} of {actions.dtype}" if actions.ndim else shortened(answered)
