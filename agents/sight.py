@@ -17,7 +17,7 @@ import math
 
 from bug_gym import kernels
 from bug_gym.config import Scenario
-from bug_gym.inertia import has_inertia, speed_within
+from bug_gym.inertia import speed_within
 from bug_gym.kinematics import Drive
 from bug_gym.policy import MisfitError
 from bug_gym.schema.ranges import least_of
@@ -116,7 +116,7 @@ def _between_beams(scenario: Scenario, sensors: Sensors) -> str:
 def _or_slower(drive: Drive, way: float) -> str:
     """What top speed would do instead, to come to stand within a way [m]; "" where none does."""
     steps = drive.step * (1 + drive.latency)
-    speed = speed_within(drive, max(way, 0.0)) if has_inertia(drive) else max(way, 0.0) / steps
+    speed = speed_within(drive, max(way, 0.0)) if drive.has_inertia else max(way, 0.0) / steps
     speed = math.floor(speed * DIGITS + ROUNDING) / DIGITS
     return f", or a robot.max_speed of at most {speed:g} m/s" if speed > 0.0 else ""
 

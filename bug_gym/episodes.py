@@ -16,6 +16,9 @@ from bug_gym.simulation import Simulation
 
 Rows = NDArray[np.int64]
 
+NOBODY = np.zeros((0, 2), dtype=np.int64)
+"""Row and robot of no run."""
+
 
 class Episodes:
     """Episode 0 of each of many seeds, as many at a time as a simulation has rows.
@@ -64,15 +67,17 @@ class Episodes:
         Args:
             actions: of all robots (N, R, 2); those of robots whose runs have ended count as long as their world goes on.
         """
-        rows = np.flatnonzero(self.going.any(axis=1))
+        (rows,) = np.nonzero(self.going.any(axis=1))
         if len(rows) == 0:
-            return np.zeros((0, 2), dtype=np.int64)
-        taken = self.simulation.step(actions[rows], rows)
-        self.observation[rows], self.reward[rows] = taken.observation, taken.reward
-        ended = np.argwhere(self.going & (self.simulation.world.outcome != kernels.RUNNING))
-        if len(ended):
-            self.going[tuple(ended.T)] = False
-        return ended
+            return NOBODY
+        simulation = self.simulation
+        simulation.advance(actions[rows], rows)
+        self.observation[rows], self.reward[rows] = simulation.observations(rows), simulation.status(rows).reward
+        ended = (self.going & (simulation.world.outcome != kernels.RUNNING)).nonzero()
+        if len(ended[0]) == 0:
+            return NOBODY
+        self.going[ended] = False
+        return np.stack(ended, axis=1)
 
     def end(self, row: int, robot: int) -> None:
         """End the run of a robot before the world does."""

@@ -66,14 +66,9 @@ class Ahead(NamedTuple):
     """The velocity of its body then, as it is observed [m/s, and rad/s or m/s]."""
 
 
-def has_inertia(drive: Drive) -> bool:
-    """Whether the robot cannot change its speed at once."""
-    return math.isfinite(drive.max_acceleration) or drive.latency > 0
-
-
 def needs_care(sensors: Sensors) -> bool:
     """Whether what an algorithm asks for may lead into something: the robot has inertia, or its scan is noisy."""
-    return has_inertia(sensors.drive) or sensors.range_noise > 0.0
+    return sensors.drive.has_inertia or sensors.range_noise > 0.0
 
 
 def speed_within(drive: Drive, way: float) -> float:
@@ -81,7 +76,7 @@ def speed_within(drive: Drive, way: float) -> float:
 
     With latency it drives on for so many steps more, until the command to brake acts.
     """
-    if not has_inertia(drive) or math.isinf(way):
+    if not drive.has_inertia or math.isinf(way):
         return drive.max_speed
     free = 1 + drive.latency
     if math.isinf(drive.max_acceleration):
@@ -100,7 +95,7 @@ def pace_in_sight(sensors: Sensors) -> float:
     stop. Top speed where it has no inertia, or where it would have to creep.
     """
     drive = sensors.drive
-    if not has_inertia(drive):
+    if not drive.has_inertia:
         return drive.max_speed
     met = 0.5 * POST / math.sin(min(0.5 * sensors.beam_spacing, 0.5 * math.pi))
     way = met - 0.5 * POST - sensors.radius - LEAST_ROOM - sensors.range_noise
@@ -146,17 +141,19 @@ def stoppable_arc(view: View, wish: Velocity, room: float) -> Velocity:
 def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
     """The same for a wish that is slow enough for what two beams may leave out."""
     drive, ahead = view.sensors.drive, foreseen(view)
-    keeps_arc, speed = drive.kinematics == "ackermann", ahead.velocity[0]
+    (fast, rate), keeps_arc, speed = wish, drive.kinematics == "ackermann", ahead.velocity[0]
+    body, most, step = view.sensors.circles, drive.max_acceleration, drive.step
     for kept in _rooms(drive, room):
         x, y, margin, gap = _seen_from(view, ahead, kept)
-        motion = speed, *wish, keeps_arc, drive.max_acceleration, drive.step
-        part = kernels.clear_part(x, y, view.sensors.circles, *motion, margin, gap, SHARES)
+        part = kernels.clear_part(x, y, body, speed, fast, rate, keeps_arc, most, step, margin, gap, SHARES)
         if part >= 0:
             share = part / SHARES
-            return share * wish[0], share * wish[1] if keeps_arc else wish[1]
-    away = _straight_away(view)
-    may_leave = drive.latency > 0 and wish != (0.0, 0.0)
-    return away if may_leave and _is_clear(view, ahead, _arc(drive, ahead.velocity[0], away), 0.0) else (0.0, 0.0)
+            return share * fast, share * rate if keeps_arc else rate
+    if drive.latency > 0 and wish != (0.0, 0.0):
+        away = _straight_away(view)
+        if _is_clear(view, ahead, _arc(drive, speed, away), 0.0):
+            return away
+    return 0.0, 0.0
 
 
 def _straight_away(view: View) -> Velocity:

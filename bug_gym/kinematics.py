@@ -47,6 +47,11 @@ class Drive:
         """Radius of the sharpest arc at full speed [m]; not of a holonomic robot."""
         return self.max_speed / max(self.max_turn_rate, 1e-3)
 
+    @cached_property
+    def has_inertia(self) -> bool:
+        """Whether the robot cannot change its speed at once."""
+        return math.isfinite(self.max_acceleration) or self.latency > 0
+
     @property
     def least_bend(self) -> float:
         """Radius of the sharpest arc that it can drive [m]; 0: it turns on the spot, or need not turn."""
@@ -97,13 +102,16 @@ def differential_action(drive: Drive, speed: float, turn_rate: float) -> NDArray
 
     An ackermann robot keeps the arc where its speed is cut; one that is to stand holds its wheels straight.
     """
-    span = drive.max_speed + drive.max_reverse
-    forward = 2.0 * (min(max(speed, -drive.max_reverse), drive.max_speed) + drive.max_reverse) / span - 1.0
+    fastest, reverse = drive.max_speed, drive.max_reverse
+    action = np.empty(2, dtype=np.float32)  # np.array takes twice the time
+    action[0] = 2.0 * (min(max(speed, -reverse), fastest) + reverse) / (fastest + reverse) - 1.0
     if drive.kinematics == "ackermann":
         angle = math.atan(drive.wheelbase * turn_rate / speed) if speed != 0.0 else 0.0
-        return np.array([forward, min(max(angle / drive.max_steering, -1.0), 1.0)], dtype=np.float32)
-    turn = min(max(turn_rate / drive.max_turn_rate, -1.0), 1.0) if drive.max_turn_rate > 0.0 else 0.0
-    return np.array([forward, turn], dtype=np.float32)
+        turn = angle / drive.max_steering
+    else:
+        turn = turn_rate / drive.max_turn_rate if drive.max_turn_rate > 0.0 else 0.0
+    action[1] = min(max(turn, -1.0), 1.0)
+    return action
 
 
 def asked_velocity(drive: Drive, action: ArrayLike) -> tuple[float, float]:

@@ -23,7 +23,7 @@ from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
 from bug_gym.inertia import as_it_will_lie, needs_care, stoppable_action
 from bug_gym.manoeuvring import arc_action
-from bug_gym.observation import as_flat, width
+from bug_gym.observation import as_flat
 from bug_gym.schema.errors import shortened
 from bug_gym.steering import Course, steered_action
 from bug_gym.view import Sensors, View
@@ -111,13 +111,14 @@ def flat_observation(observation: Observation, sensors: Sensors) -> NDArray[np.f
         ValueError: an observation of another size than the robot's that a policy was made for, or of no real numbers.
     """
     beams = len(sensors.angles)
-    if isinstance(observation, Mapping):
+    is_flat = isinstance(observation, np.ndarray)  # asked first, as to ask Mapping takes longer
+    if not is_flat and isinstance(observation, Mapping):
         came = (np.shape(observation.get("ranges", ())) or (0,))[-1]
         if came != beams:
             raise ValueError(f"this policy was made for {beams} beams, the observation has {came}")
         return as_flat(observation, sensors.fields)
     flat = float32_numbers("an observation", observation)
-    length = width(sensors.fields)
+    length = sensors.width
     if flat.ndim not in (1, 2) or flat.shape[-1] != length:
         raise ValueError(
             f"the observation has shape {flat.shape}; this policy was made for {beams} beams, so for (..., {length})"
@@ -240,8 +241,9 @@ class ScriptedPolicy(ABC):
             for row, begins in enumerate(checked_starts(episode_start, len(rows)).tolist()):
                 if begins:
                     memories[row] = self.first_memory(rows, row)
-        actions = [self._sent(row, memory) for row, memory in zip(rows, memories, strict=True)]
-        return (actions[0][()] if is_one else np.stack(actions)), tuple(memories)
+        if is_one:
+            return self._sent(flat, memories[0])[()], tuple(memories)
+        return np.stack([self._sent(row, memory) for row, memory in zip(rows, memories, strict=True)]), tuple(memories)
 
     def _checked(self, state: Any, rows: int) -> list[Memory]:
         """The memories of a state."""
@@ -301,9 +303,11 @@ def checked_actions(answered: Any, robots: int, numbered: NDArray[np.float32]) -
     """
     actions = np.asarray(answered)
     kind, shape = actions.dtype.kind, actions.shape
+    if kind == "f" and actions.itemsize <= 4 and shape == (robots, 2):
+        return actions
     if kind in "fiu" and shape == (robots, 2):
         with np.errstate(over="ignore"):  # what is beyond all numbers is refused as not finite
-            return actions if kind == "f" and actions.itemsize <= 4 else actions.astype(np.float32)
+            return actions.astype(np.float32)
     if kind in "iu" and shape == (robots,) and not ((actions < 0) | (actions >= len(numbered))).any():
         return np.asarray(numbered[actions])
     came = f"{shape} of {actions.dtype}" if actions.ndim else shortened(answered)

@@ -85,13 +85,13 @@ def pursuing(view: View, speed: float, course: Course, radius: float) -> tuple[f
     if speed < LEAST_SPEED * drive.max_speed or drive.max_turn_rate <= 0.0:
         return 0.0, 0.0
     x, y = view.points
-    samples = np.empty((math.ceil(look_ahead(drive) / SPACING), 3 if course.hand else 2))
-    speed = min(speed, drive.max_speed)
-    where = x, y, course.places, SPACING, samples, speed, drive.max_turn_rate, radius, course.aside
-    if course.hand:
-        speed, bend = kernels.round_corners(*where, course.toward, course.hand)
+    places, aside, toward, hand = course.places, course.aside, course.toward, course.hand
+    speed, rate = min(speed, drive.max_speed), drive.max_turn_rate
+    samples = np.empty((math.ceil(look_ahead(drive) / SPACING), 3 if hand else 2))
+    if hand:
+        speed, bend = kernels.round_corners(x, y, places, SPACING, samples, speed, rate, radius, aside, toward, hand)
     else:
-        speed, bend = kernels.pursue(*where, 0.0)
+        speed, bend = kernels.pursue(x, y, places, SPACING, samples, speed, rate, radius, aside, 0.0)
     return speed, speed / bend
 
 

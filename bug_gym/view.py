@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from bug_gym import kernels
 from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 from bug_gym.kinematics import Drive
-from bug_gym.observation import Field, fields
+from bug_gym.observation import Field, fields, width
 from bug_gym.schema.ranges import most_of
 from bug_gym.world import beam_angles
 
@@ -71,6 +72,11 @@ class Sensors:
             min_range=most_of(lidar.min_range),
         )
 
+    @cached_property
+    def width(self) -> int:
+        """Length of the flat observation."""
+        return width(self.fields)
+
     @property
     def step_length(self) -> float:
         """Way at full speed in one step [m]."""
@@ -126,11 +132,11 @@ class View:
         self._flat = flat
         self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         ranges, rest, goal, pose, velocity = sensors.always_seen
-        numbers = flat[rest].tolist()
+        numbers: Any = tuple(flat[rest].tolist())
         self.ranges: NDArray[np.float64] = flat[ranges].astype(np.float64)
-        self.goal: tuple[float, float] = tuple(numbers[goal])
-        self.pose: tuple[float, float, float] = tuple(numbers[pose])
-        self.velocity: tuple[float, float] = tuple(numbers[velocity])
+        self.goal: tuple[float, float] = numbers[goal]
+        self.pose: tuple[float, float, float] = numbers[pose]
+        self.velocity: tuple[float, float] = numbers[velocity]
         self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
 
     def with_ranges(self, ranges: NDArray[np.float64]) -> View:
@@ -200,12 +206,13 @@ class View:
         Of a scanner that loses beams also where one was lost between two points that the body does not pass between.
         """
         if self._points is None:
-            sensors, directions = self.sensors, self.sensors.beam_directions
-            places, scan = np.empty(directions.shape), (self.ranges, directions, sensors.range)
+            sensors, ranges, directions = self.sensors, self.ranges, self.sensors.beam_directions
+            reach, places = sensors.range, np.empty(directions.shape)
             if sensors.dropout > 0.0:
-                count = kernels.bridged_points(*scan, 2.0 * sensors.radius, sensors.is_full_circle, places)
+                width, is_round = 2.0 * sensors.radius, sensors.is_full_circle
+                count = kernels.bridged_points(ranges, directions, reach, width, is_round, places)
             else:
-                count = kernels.scan_points(*scan, places)
+                count = kernels.scan_points(ranges, directions, reach, places)
             self._points = (places[0, :count], places[1, :count])
         return self._points
 
@@ -215,17 +222,20 @@ class View:
         The distance is infinite where there is none.
         """
         x, y = self.points
-        if len(x) == 0:
-            return math.inf, bearing
-        square = x * x + y * y
         if half_width < math.pi:
-            # |angle between| <= half_width, without an arc tangent for each point
-            ahead = x * math.cos(bearing) + y * math.sin(bearing) >= math.cos(half_width) * np.sqrt(square)
-            square = np.where(ahead, square, np.inf)
-        index = int(square.argmin())
-        if not np.isfinite(square[index]):
+            index = kernels.nearest_within(x, y, math.cos(bearing), math.sin(bearing), math.cos(half_width))
+        else:
+            index = kernels.nearest_point(x, y, 0.0, 0.0)
+        if index < 0:
             return math.inf, bearing
-        return math.sqrt(square[index]), math.atan2(y[index], x[index])
+        ahead, left = x.item(index), y.item(index)
+        return math.sqrt(ahead * ahead + left * left), math.atan2(left, ahead)
+
+    def point_nearest_to(self, x: float, y: float) -> tuple[float, float] | None:
+        """The scan point nearest to a place, both in the robot's frame [m]; None: nothing is seen."""
+        px, py = self.points
+        index = kernels.nearest_point(px, py, x, y)
+        return (px.item(index), py.item(index)) if index >= 0 else None
 
     def free_distance(self, bearing: float, radius: float) -> float:
         """How far a disc of `radius` [m] can travel along a bearing [rad] before it touches a scan point.

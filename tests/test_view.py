@@ -65,3 +65,36 @@ def test_what_is_bridged_is_where_no_body_passes(ranges: list[float], is_round: 
                 expected.append(min(reach[j] for j in around) * np.array([math.cos(angles[i]), math.sin(angles[i])]))
     assert np.column_stack(told.points) == pytest.approx(np.array(expected).reshape(-1, 2), abs=1e-9)
     assert np.column_stack(seen.points) == pytest.approx(np.array(list(places.values())).reshape(-1, 2), abs=1e-9)
+
+
+@given(
+    st.lists(st.one_of(st.just(REACH), st.floats(0.25, 4.9)), min_size=BEAMS, max_size=BEAMS),
+    st.floats(-7.0, 7.0),
+    st.sampled_from([0.1, math.radians(45.0), math.radians(120.0), math.pi]),
+)
+def test_the_nearest_point_is_the_plain_rules(ranges: list[float], bearing: float, half_width: float) -> None:
+    view = view_of(ranges, dropout=0.0)
+    x, y = view.points
+    square = x * x + y * y
+    if half_width < math.pi:
+        ahead = x * math.cos(bearing) + y * math.sin(bearing) >= math.cos(half_width) * np.sqrt(square)
+        square = np.where(ahead, square, np.inf)
+    if np.isfinite(square.min(initial=np.inf)):
+        index = square.argmin()
+        expected = math.sqrt(square[index]), math.atan2(y[index], x[index])
+    else:
+        expected = math.inf, bearing
+    assert view.nearest(bearing, half_width) == expected
+
+
+@given(
+    st.lists(st.one_of(st.just(REACH), st.floats(0.25, 4.9)), min_size=BEAMS, max_size=BEAMS),
+    st.floats(-5.0, 5.0),
+    st.floats(-5.0, 5.0),
+)
+def test_the_point_nearest_to_a_place_is_the_plain_rules(ranges: list[float], ahead: float, left: float) -> None:
+    view = view_of(ranges, dropout=0.0)
+    x, y = view.points
+    square = (x - ahead) ** 2 + (y - left) ** 2
+    expected = (x[square.argmin()], y[square.argmin()]) if len(x) else None
+    assert view.point_nearest_to(ahead, left) == expected

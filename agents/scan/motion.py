@@ -77,6 +77,8 @@ def has_new_surface(
     turn_cos, turn_sin = math.cos(turn), math.sin(turn)
     x_before, y_before, origin, low, high, is_run = 0.0, 0.0, 0.0, 0.0, 0.0, False
     for number in range(2 * beams if is_round else beams):  # a surface may begin before beam 0
+        if number >= beams and not is_run:
+            return False  # from here on as in the first round
         beam = number % beams
         was_run, is_run = is_run, False
         if ranges[beam] >= reach:

@@ -238,9 +238,10 @@ class Boundary:
 
     def move_on(self, view: View, memory: BugMemory) -> None:
         """Bring the memory's odometer, and its contour, up to the present place."""
+        position = view.position
         if memory.position is not None:
-            memory.odometer += math.dist(memory.position, view.position)
-        memory.position = view.position
+            memory.odometer += math.dist(memory.position, position)
+        memory.position = position
         if memory.contour is not None:
             memory.contour.course = None
             self.laps.advance(view, memory.contour)
@@ -512,14 +513,14 @@ class Boundary:
 
         In a concave corner that is the next wall already, in a corridor never the wall across.
         """
-        x, y = view.points
-        if len(x) == 0:
-            return
         inward = heading - contour.side * TRIED
-        square = (x - self.step * math.cos(inward)) ** 2 + (y - self.step * math.sin(inward)) ** 2
-        index = int(square.argmin())
-        if square[index] <= self.clearance**2:
-            contour.wall = view.to_odometry(float(x[index]), float(y[index]))
+        ahead, left = velocity_along(inward, self.step)
+        point = view.point_nearest_to(ahead, left)
+        if point is None:
+            return
+        dx, dy = point[0] - ahead, point[1] - left
+        if dx * dx + dy * dy <= self.clearance**2:
+            contour.wall = view.to_odometry(*point)
 
     def draw(self, memory: BugMemory) -> Drawing:
         """Hit and leave points, and the wall that the hand is on."""

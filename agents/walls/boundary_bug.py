@@ -9,7 +9,6 @@ from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.agents.walls.course import straight_on
-from bug_gym.inertia import has_inertia
 from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
 from bug_gym.steering import Course
 from bug_gym.view import Sensors, View
@@ -59,7 +58,7 @@ class BoundaryBug(ScriptedPolicy):
         self.boundary.require_corners()
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
-        if own.round_corners and self._follows_course and not has_inertia(sensors.drive):
+        if own.round_corners and self._follows_course and not sensors.drive.has_inertia:
             self.boundary.round_corners()
 
     def without_course(self) -> Self:
@@ -72,7 +71,7 @@ class BoundaryBug(ScriptedPolicy):
         contour = memory.contour
         if contour is not None and contour.course is not None and self.boundary.rounding is not None:
             return Course(contour.course, self.boundary.rounding.aside, contour.side, self.boundary.rounding.toward)
-        is_bound = contour is not None or memory.mode not in FREE_MODES or has_inertia(self.sensors.drive)
+        is_bound = contour is not None or memory.mode not in FREE_MODES or self.sensors.drive.has_inertia
         return None if is_bound else straight_on(self.sensors.drive, velocity)
 
     def draw(self, memory: Any) -> Drawing:

@@ -14,6 +14,7 @@ Source: Kamon, Rimon and Rivlin (1998), for a point; here for a disc, so every n
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -52,6 +53,15 @@ class Node(NamedTuple):
         return self.distance * math.cos(self.bearing), self.distance * math.sin(self.bearing)
 
 
+@functools.cache
+def full_circle(spacing: float) -> F64:
+    """How far each heading (m,) lies from heading 0 where neighbouring beams are so far apart [rad]."""
+    headings = min(max(round(2.0 * math.pi / spacing), LEAST_HEADINGS), MOST_HEADINGS)
+    turns = np.arange(headings, dtype=np.float64) * (2.0 * math.pi / headings)
+    turns.flags.writeable = False
+    return turns
+
+
 class TangentGraph:
     """The local tangent graph of one scan.
 
@@ -73,12 +83,10 @@ class TangentGraph:
             seen = x * x + y * y < self.reach * self.reach
             x, y = x[seen], y[seen]
         self.x, self.y = x, y
-        turn = 2.0 * math.pi
-        angles = view.sensors.angles
-        spacing = float(angles[1] - angles[0]) if len(angles) > 1 else turn
-        headings = min(max(round(turn / spacing), LEAST_HEADINGS), MOST_HEADINGS)
-        self.bearings = view.goal_bearing + np.arange(headings, dtype=np.float64) * (turn / headings)
+        spacing = view.sensors.beam_spacing
+        self.bearings = view.goal_bearing + full_circle(spacing)
         """Bearing of each heading (m,) [rad]."""
+        headings = len(self.bearings)
         self.free = np.empty(headings)
         """Free way of the disc along each heading (m,) [m]."""
         self.contacts = np.empty(headings, dtype=np.int64)

@@ -70,14 +70,14 @@ class _OneByOne:
     def decide(self, observation: F32, robots: NDArray[np.int64]) -> tuple[NDArray[Any], list[float]]:
         """Actions (k, ...) of some robots and the time that each decision took [s]."""
         actions, seconds = [], []
-        for robot in robots:
+        for robot in robots.tolist():
             row, state = observation[robot], self._memories[robot]
             begin = perf_counter()
             action, state = self._policy.predict(row, state, deterministic=True)
             seconds.append(perf_counter() - begin)
             actions.append(action)
             self._memories[robot] = state
-        return np.stack(actions), seconds
+        return (np.stack(actions) if len(actions) > 1 else np.asarray(actions[0])[None]), seconds
 
 
 class _AllAtOnce:
@@ -226,6 +226,7 @@ class Rollout:
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
+        self._has_moving_target = scenario.has_moving_target
         self._episodes = Episodes(self.simulation, seeds)
         self._actions = np.tile(self._standing, (count * robots, 1))
         self._traces: dict[int, _Trace] = {}
@@ -269,7 +270,7 @@ class Rollout:
 
     def advance(self) -> list[list[EpisodeRow]]:
         """One decision and one step in each world; the rows of the worlds that ended with it."""
-        deciding = np.flatnonzero(self._episodes.going)
+        (deciding,) = self._episodes.going.ravel().nonzero()
         observation = self._episodes.observation.reshape(len(self._actions), -1)
         actions, seconds = self._driver.decide(observation, deciding)
         self._actions[deciding] = checked_actions(actions, len(deciding), self._discrete_actions)
@@ -302,7 +303,7 @@ class Rollout:
 
     def _record(self, robots: Iterable[int]) -> None:
         places = self.simulation.world.pose[:, :, :2].reshape(-1, 2).tolist()
-        goals = self.simulation.world.goal.reshape(-1, 2).tolist() if self.scenario.has_moving_target else None
+        goals = self.simulation.world.goal.reshape(-1, 2).tolist() if self._has_moving_target else None
         for robot in robots:
             trace = self._traces[robot]
             trace.points.append(places[robot])
@@ -322,7 +323,7 @@ class Rollout:
 
     def _step(self) -> None:
         count, robots = self.simulation.count, self.simulation.robots
-        going = np.flatnonzero(self._episodes.going).tolist()
+        going = self._episodes.going.ravel().nonzero()[0].tolist()
         ended = self._episodes.step(self._actions.reshape(count, robots, 2))
         self._record(going)
         for row, number in ended.tolist():

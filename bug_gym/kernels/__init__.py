@@ -26,7 +26,14 @@ from bug_gym.kernels.addresses import HAS_ADDRESSES, address_table
 from bug_gym.kernels.arcs import free_turn, pursue, round_corners
 from bug_gym.kernels.avoidance import steering_floats
 from bug_gym.kernels.chords import point_wall_distance
-from bug_gym.kernels.free_way import bridged_points, free_distance, free_distances, scan_points
+from bug_gym.kernels.free_way import (
+    bridged_points,
+    free_distance,
+    free_distances,
+    nearest_point,
+    nearest_within,
+    scan_points,
+)
 from bug_gym.kernels.ground import REGION_HEAD
 from bug_gym.kernels.laws import AWAY
 from bug_gym.kernels.layout import (
@@ -157,6 +164,8 @@ __all__ = [
     "keeps_clear",
     "list_room",
     "locate_bodies",
+    "nearest_point",
+    "nearest_within",
     "place_fields",
     "point_wall_distance",
     "rate_at",

@@ -57,6 +57,32 @@ def bridged_points(
     return count
 
 
+@kernel
+def nearest_point(px: Floats, py: Floats, x: float, y: float) -> int:
+    """Number of the scan point nearest to a place [m], the first one of several; -1: there is no point."""
+    nearest, least = -1, math.inf
+    for i in range(px.size):
+        dx, dy = px[i] - x, py[i] - y
+        square = dx * dx + dy * dy
+        if square < least:
+            nearest, least = i, square
+    return nearest
+
+
+@kernel
+def nearest_within(px: Floats, py: Floats, cos: float, sin: float, least_cos: float) -> int:
+    """Number of the nearest of the scan points that lie near a direction (cos, sin), the first one of several; -1: none does.
+
+    Near: the angle between has a cosine of at least `least_cos`, which takes no arc tangent.
+    """
+    nearest, least = -1, math.inf
+    for i in range(px.size):
+        square = px[i] * px[i] + py[i] * py[i]
+        if square < least and px[i] * cos + py[i] * sin >= least_cos * math.sqrt(square):
+            nearest, least = i, square
+    return nearest
+
+
 @inlined
 def way_to_point(along: float, beside: float, radius: float) -> float:
     """How far a disc goes until it touches a point, so far ahead and so far to the side [m]; infinite: it passes."""
