@@ -75,6 +75,7 @@ class Bug1Pair(BugTeam):
     Parameters = Bug1PairParameters
     parameters: Bug1PairParameters
     wants_room = True
+    may_part = False
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
@@ -103,7 +104,7 @@ class Bug1Pair(BugTeam):
         for robot in sorted(team, key=lambda robot: memories[robot].is_behind):
             self.watch(robot, memories[robot], seen[robot].still)
             wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
-        self._share_verdicts(memories)
+        self.share_verdicts(memories, complete=len(memories))
         self.look_for_winner(team, seen, memories)
         return self.unless_stopped(wanted, memories)
 
@@ -213,11 +214,3 @@ class Bug1Pair(BugTeam):
         for memory in (finder, follower):
             memory.own.mode, memory.pending = "return_to_closest", None
             memory.is_behind = memory is follower
-
-    def _share_verdicts(self, memories: Sequence[Bug1PairMemory]) -> None:
-        """A lap, or two halves of one, prove for both that there is no way."""
-        heard = [memory for memory in memories if memory.is_heard]
-        proven = any(memory.own.verdict == "unreachable" for memory in heard)
-        if proven or all(memory.own.verdict for memory in heard):
-            for memory in heard:
-                memory.verdict = "unreachable" if proven else memory.own.verdict

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from bug_gym.agents.teams.partners import Seen, without_partners
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import BugMemory
+from bug_gym.log import warn_once
 from bug_gym.policy import Drawing, Velocity
 from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors, View
@@ -28,6 +29,9 @@ SAME_DISTANCE = 1e-6
 
 SAME_PLACE = 1e-3
 """Rounding of an observed distance [m]."""
+
+OWN_GOAL = 0.5
+"""How far apart goals lie, as an episode begins, that are not one [m]."""
 
 ARRIVING = 2.0
 """How many steps from its goal a robot that falls silent has arrived."""
@@ -47,6 +51,8 @@ class BugTeamMemory(TeamMemory):
     """Whether it goes round its partners as round obstacles."""
     detoured: bool = False
     """Whether it has ever."""
+    has_own_goal: bool = False
+    """Whether the robots go to goals of their own, so that nobody's arrival is of use to another."""
 
 
 class BugTeam(TeamPolicy):
@@ -54,6 +60,8 @@ class BugTeam(TeamPolicy):
 
     laws: Sequence[BoundaryBug]
     """Law of each robot."""
+    may_part: ClassVar[bool] = True
+    """Whether the laws are of use to robots that go to goals of their own."""
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
@@ -66,6 +74,20 @@ class BugTeam(TeamPolicy):
     def going(self, memories: Sequence[BugTeamMemory]) -> list[int]:
         """Robots that answer, and have not given up."""
         return [robot for robot, memory in enumerate(memories) if memory.is_heard and not memory.own.verdict]
+
+    def listen(self, views: Sequence[View | None], memories: Sequence[Any]) -> None:
+        """Let each robot tell where it is, and as the episode begins whether they seek one goal."""
+        begins = all(memory.word is None for memory in memories)
+        super().listen(views, memories)
+        if begins:
+            goals = [memory.word.goal for memory in memories if memory.word is not None]
+            has_own = any(math.dist(goal, goals[0]) > OWN_GOAL for goal in goals)
+            for memory in memories:
+                memory.has_own_goal = has_own and self.may_part
+            if has_own and not self.may_part:
+                warn_once(
+                    f"{type(self).__name__}: robots have goals of their own, expected one: all stop for who arrives first"
+                )
 
     # ------------------------------------------------------------------------------------------- what a law sees
 
@@ -108,9 +130,9 @@ class BugTeam(TeamPolicy):
         return [STANDING if self.is_stopped(robot, memories) else wish for robot, wish in enumerate(wanted)]
 
     def look_for_winner(self, team: Sequence[int], seen: Mapping[int, Seen], memories: Sequence[BugTeamMemory]) -> None:
-        """The stop rule; a winner whose way turns out to be blocked wins no longer."""
+        """The stop rule, of robots that seek one goal; a winner whose way turns out to be blocked wins no longer."""
         going = [robot for robot in team if not memories[robot].own.verdict]
-        if not going:
+        if not going or memories[going[0]].has_own_goal:
             return
         winner = memories[going[0]].winner
         if winner is not None and winner in seen and memories[winner].own.contour is not None:
@@ -145,6 +167,24 @@ class BugTeam(TeamPolicy):
         if winner is not None and not memories[winner].is_heard and not self.has_arrived(memories[winner]):
             for memory in memories:
                 memory.winner = None
+
+    def share_verdicts(self, memories: Sequence[BugTeamMemory], complete: int) -> None:
+        """The mission ends where a complete robot proves that there is no way, or where no robot has one left.
+
+        A robot that goes to a goal of its own gives up alone.
+
+        Args:
+            memories: one a robot.
+            complete: how many robots' laws are complete; they come first.
+        """
+        if not any(memory.own.verdict for memory in memories):
+            return
+        heard = [memory for memory in memories if memory.is_heard]
+        proven = any(memory.own.verdict == "unreachable" for memory in memories[:complete] if memory.is_heard)
+        has_own, nobody_goes = memories[0].has_own_goal, all(memory.own.verdict for memory in heard)
+        for memory in heard:
+            if has_own or proven or nobody_goes:
+                memory.verdict = "unreachable" if proven and not has_own else memory.own.verdict
 
     def has_arrived(self, memory: TeamMemory) -> bool:
         """Whether a robot is at its goal, or was about to be when it was heard last."""

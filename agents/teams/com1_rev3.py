@@ -9,7 +9,8 @@ sum at most twice that.
 
 *Stop rule.* A robot wins that (1) goes to the goal, (2) sees nothing between it and the goal, and (3) is nearer to it
 than every partner; all as of one instant, and of equals the first. The partners stop. If its way turns out to be
-blocked, or it falls silent on it, they go on.
+blocked, or it falls silent on it, they go on. Robots that have goals of their own stop for nobody's arrival, and give up
+each for itself.
 
 *Collision control.* The paper has Rev3 stop below 1.5 m and go on at 2 m "to allow the Com1 robot to pass", and
 presupposes the room for it. Where there is none the robots here make it: a robot waits whose next step would bring it
@@ -169,7 +170,7 @@ class Com1Rev3(BugTeam):
         for robot in team:
             self.watch(robot, memories[robot], seen[robot].still)
             decision.wanted[robot] = self._wanted(robot, seen[robot].view, decision)
-        self._share_verdicts(memories)
+        self.share_verdicts(memories, complete=self.leaders)
         self.look_for_winner(team, seen, memories)
         return self.unless_stopped(decision.wanted, memories)
 
@@ -390,15 +391,3 @@ class Com1Rev3(BugTeam):
             heading = contour.heading
         x, y = velocity_along(heading, left)
         return place[0] + x, place[1] + y
-
-    # ------------------------------------------------------------------------------------------------- the end
-
-    def _share_verdicts(self, memories: Sequence[Com1Rev3Memory]) -> None:
-        """The mission ends where a complete robot proves that there is no way, or where no robot has one left."""
-        if not any(memory.own.verdict for memory in memories):
-            return
-        heard = [memory for memory in memories if memory.is_heard]
-        proven = any(memory.own.verdict == "unreachable" for memory in memories[: self.leaders] if memory.is_heard)
-        if proven or all(memory.own.verdict for memory in heard):
-            for memory in heard:
-                memory.verdict = "unreachable" if proven else memory.own.verdict

@@ -79,7 +79,7 @@ class Swarm(BugTeam):
         arrived = next((robot for robot, memory in enumerate(memories) if self.has_arrived(memory)), None)
         wanted, seen = [STANDING] * len(memories), dict[int, Seen]()
         for robot, (view, memory) in enumerate(zip(views, memories, strict=True)):
-            memory.winner = arrived
+            memory.winner = None if memory.has_own_goal else arrived
             if view is None or self.is_stopped(robot, memories):
                 memory.mode = "stopped"
                 continue

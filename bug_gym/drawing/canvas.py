@@ -314,8 +314,10 @@ class Canvas:
         colour, room = INK if outcome == "running" else OUTCOME_COLORS[outcome], self.width - 2.0 * self.margin
         state = [*filter(None, [f"{world.time[row]:.1f} s", outcome if outcome != "running" else "", note])]
         right = self._text(" · ".join(state), colour)
-        if note and self._text(names[0], INK).get_width() + 0.5 * self.margin > room - right.get_width():
-            right = self._text(" · ".join(state[:-1]), colour)  # who it is comes before what it is about
+        # Who it is comes before what it is about, and before the word for what the colour says.
+        while len(state) > 1 and self._text(names[0], INK).get_width() + 0.5 * self.margin > room - right.get_width():
+            state.pop()
+            right = self._text(" · ".join(state), colour)
         free = max(0.0, room - right.get_width() - 0.5 * self.margin)
         left = self._text(" · ".join(names), INK)
         # On a narrow frame the last names give way, in the end a piece of the first.

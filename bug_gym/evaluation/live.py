@@ -140,9 +140,10 @@ def endings(rollout: Rollout) -> list[str]:
     info = rollout.simulation.info()
     lines = []
     for robot in range(rollout.simulation.robots):
-        outcome, time, length = (info[name][0, robot] for name in ("outcome", "time", "path_length"))
+        outcome, length, time = info["outcome"][0, robot], info["path_length"][0, robot], rollout.driven_time(robot)
+        verdict = getattr(rollout.memory(robot), "verdict", "")
         label = rollout.entry.label if rollout.simulation.robots == 1 else f"{rollout.entry.label}, robot_{robot}"
-        lines.append(f"{label}: {rollout.verdict() or outcome} after {time:.1f} s and {length:.2f} m")
+        lines.append(f"{label}: {verdict or outcome} after {time:.1f} s and {length:.2f} m")
     return lines
 
 

@@ -242,6 +242,10 @@ class Rollout:
         """The policy's memory of a robot, None where its state has another form."""
         return self._driver.memory(robot)
 
+    def driven_time(self, robot: int = 0) -> float:
+        """How long a robot has driven, others of its world may go on [s]."""
+        return len(self._traces[robot].seconds) * self.scenario.scenario.time.step
+
     def drawings(self) -> list[Drawing | None]:
         """What the policy shows of its mind for each robot of the first row."""
         draw = getattr(self.policy, "draw", None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import Any
 
@@ -12,6 +13,8 @@ import bug_gym
 from bug_gym.agents import AGENTS, TEAMS, make_policy, team_names
 from bug_gym.agents.parameters import parameters_of
 from bug_gym.drawing.canvas import Canvas
+from bug_gym.evaluation import evaluate
+from bug_gym.log import warn_once
 from bug_gym.policy import Drawing
 from bug_gym.reproductions.team_worlds import random_world
 from bug_gym.simulation import Simulation
@@ -92,3 +95,38 @@ def test_a_sentence_stands_under_each_parameter(name: str) -> None:
     text = str(sys.modules[type(team).__module__].__doc__)
     for word in ("Source:", "Sensing assumed:", "States:", "Guarantee:", "Length:"):
         assert word in text
+
+
+CROSSING, WAREHOUSE = ("crossing_robots", 2), ("warehouse_team", 8)
+
+
+@pytest.mark.parametrize(
+    ("team", "scenario", "robots"),
+    [(team, *where) for team in ("com1_rev3", "swarm_com", "swarm_bug2") for where in (CROSSING, WAREHOUSE)]
+    + [("swarm_bug1", *CROSSING)],
+)
+def test_robots_with_goals_of_their_own_stop_for_nobody(team: str, scenario: str, robots: int) -> None:
+    rows = evaluate([team], scenario, episodes=3, seed=20)
+    assert len(rows) == 3 * robots
+    assert {row.outcome for row in rows} == {"success"}, [(row.seed, row.robot, row.outcome) for row in rows]
+
+
+def test_a_pair_that_compares_places_near_one_goal_says_where_there_are_two(caplog: pytest.LogCaptureFixture) -> None:
+    warn_once.cache_clear()
+    evaluate(["bug1_pair"], "crossing_robots", episodes=1)
+    assert "robots have goals of their own, expected one" in caplog.text
+
+
+@pytest.mark.parametrize("team", sorted(set(TEAMS) - {"bug1_pair"}))
+def test_who_goes_to_a_goal_of_its_own_gives_up_alone(team: str) -> None:
+    """One of two goals is shut in; the other robot arrives all the same."""
+    ring = [[3.0 * math.cos(k * math.pi / 12.0), 3.0 * math.sin(k * math.pi / 12.0), 0.5] for k in range(24)]
+    world = {"family": "explicit", "circles": [[x + 8.0, y, r] for x, y, r in ring], "bounds": [-14, -14, 14, 14]}
+    scenario = {
+        "world": world | {"start": [-8, 0, 0], "goal": [8, 0]},
+        "robots": [{"start": [-8, -5, 0], "goal": [8, 0]}, {"start": [-8, 5, 0], "goal": [-8, 11]}],
+        "lidar": {"beams": 90, "range": 6.0},
+        "time": {"limit": 400.0},
+    }
+    shut_in, free = evaluate([team], scenario, episodes=1)
+    assert (shut_in.outcome, free.outcome) == ("gave_up", "success")
