@@ -239,7 +239,7 @@ def stamp_of(function: Callable[..., Any]) -> str | None:
 def own_stamp() -> str:
     """How functions are compiled; plain numba does not run what was made by `dispatchers`, nor the other way round."""
     way = "plain" if DISPATCHERS is None else "own"
-    sources = [Path(__file__), PACKAGE / "dispatchers.py", PACKAGE / "kept_code.py"]
+    sources = [Path(__file__), *(PACKAGE / f"{name}.py" for name in ("dispatchers", "shortcuts", "kept_code"))]
     return f"numba {numba.__version__} {way} {contents(sources)}"
 
 

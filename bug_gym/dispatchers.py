@@ -5,21 +5,20 @@ These change from one of its releases to the next; `compiling` does without this
 
 from __future__ import annotations
 
-import contextlib
-import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any, Never
 
 from numba import types
+from numba.core import typed_passes, untyped_passes
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering
-from numba.core.types.functions import BaseFunction
-from numba.np import arrayobj
+
+from bug_gym.shortcuts import answers_remembered, collector_off, no_stopwatches, no_wrap_around
 
 # _nrt: no reference counts. The kernels own nothing, and counting each row cut out of a batch costs 200 ns a scan.
 OPTIONS: dict[str, Any] = {"nopython": True, "no_cfunc_wrapper": True, "_nrt": False}
@@ -27,83 +26,51 @@ OPTIONS: dict[str, Any] = {"nopython": True, "no_cfunc_wrapper": True, "_nrt": F
 COUNTING_ON = "bug_gym.kernels."  # modules where no index of an array is below 0
 
 
-@contextlib.contextmanager
-def collector_off() -> Iterator[None]:
-    """Python's collector would go through all that numba has loaded, again and again, for a fifth of the time."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
-
-
-@contextlib.contextmanager
-def calls_remembered() -> Iterator[None]:
-    """Whenever numba meets `a + b`, it asks some twenty templates in turn who knows the types; so it asks once for each.
-
-    Under numba's lock, so that nothing else is compiled by it meanwhile.
-    """
-    inside: Any = BaseFunction  # a method of which is replaced meanwhile
-    ask = inside.get_call_type
-    known: dict[Any, Any] = {}
-
-    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        asked = (self, context, tuple(args), tuple(dict(kws).items()))
-        if asked not in known:
-            known[asked] = ask(self, context, args, kws)
-        return known[asked]
-
-    inside.get_call_type = get_call_type
-    try:
-        yield
-    finally:
-        inside.get_call_type = ask
-
-
-@contextlib.contextmanager
-def no_wrap_around() -> Iterator[None]:
-    """Each signed index is asked whether it counts from the end, for a tenth of a step; here none does."""
-    fix = arrayobj.fix_integer_index
-
-    def as_it_is(context: Any, builder: Any, kind: Any, index: Any, size: Any) -> Any:
-        return context.cast(builder, index, kind, types.intp if kind.signed else types.uintp)
-
-    arrayobj.fix_integer_index = as_it_is
-    try:
-        yield
-    finally:
-        arrayobj.fix_integer_index = fix
-
-
-class OncePerType(CPUDispatcher):
-    """A function that is compiled once for `f(x, 0)` and `f(x, 1)`: numba takes each constant for a type of its own."""
-
-    pipeline: type[CompilerBase] = Compiler
-
-    def __init__(
-        self, py_func: Callable[..., Any], locals: Any = None, targetoptions: dict[str, Any] | None = None
-    ) -> None:
-        super().__init__(py_func, locals or {}, targetoptions or {}, self.pipeline)
-
-    def get_call_template(self, args: Any, kws: Any) -> Any:
-        """What numba asks for when it meets a call."""
-        return super().get_call_template(
-            tuple(types.unliteral(type_) for type_ in args),
-            {name: types.unliteral(type_) for name, type_ in dict(kws).items()},
-        )
-
-
 class Unfinished(JITCodeLibrary):
-    """LLVM code as it was written: who links it in optimises it together with its own, and makes machine code of all."""
+    """LLVM code as it was written: who takes it in optimises it together with its own, and makes machine code of all."""
 
-    def _optimize_final_module(self) -> None:
-        pass
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout  # as numba's own does first
 
-    def _finalize_final_module(self) -> None:
+    def finalize(self) -> None:
+        """End here: what this calls is taken in by who takes in this."""
+        self._raise_if_finalized()
         self._finalize_dynamic_globals()
         self._finalized = True
+
+
+class Whole(JITCodeLibrary):
+    """Machine code of a kernel. What it calls, and what that calls, is taken in once, not by each caller on the way."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout  # as numba's own does first
+
+    def _optimize_final_module(self) -> None:
+        """In one go: numba's own goes through the code once before, for the sake of reference counts."""
+        made = self._codegen._module_pass_manager()
+        passes, *builder = made if isinstance(made, tuple) else (made,)  # numba 0.61 makes no builder
+        passes.run(self._final_module, *builder)
+
+    def add_linking_library(self, library: Any) -> None:
+        """Take in another library's code, and that of all that it calls."""
+        if library not in self._linking_libraries:
+            super().add_linking_library(library)
+            if isinstance(library, Unfinished):
+                for called in library._linking_libraries:
+                    self.add_linking_library(called)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class LoweringForPython(NativeLowering):
+    """Writes LLVM code, and makes machine code of it."""
+
+    _name = "lowering_for_python"
+
+    def run_pass(self, state: Any) -> bool:
+        """Leave the result in `state.cr`."""
+        state.library = Whole(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return bool(super().run_pass(state))
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -137,25 +104,67 @@ class LoweringApart(LoweringForCallers):
         return True
 
 
-class CompilerForCallers(CompilerBase):
-    """numba's own passes, but for the last."""
+NOT_NEEDED = frozenset(
+    {
+        untyped_passes.WithLifting,
+        untyped_passes.InlineClosureLikes,
+        untyped_passes.RewriteDynamicRaises,
+        untyped_passes.MakeFunctionToJitFunction,
+        untyped_passes.InlineInlinables,
+        untyped_passes.FindLiterallyCalls,
+        untyped_passes.LiteralUnroll,
+        untyped_passes.LiteralPropagationSubPipelinePass,
+        typed_passes.InlineOverloads,
+        typed_passes.NopythonRewrites,
+    }
+)
+"""Numba's passes for what kernels do not have: `with`, closures, comprehensions, exceptions, arrays that are made."""
 
-    lowering: type[NativeLowering] = LoweringForCallers
+
+class CompilerForKernels(CompilerBase):
+    """Numba's own passes that kernels need, the last of them exchanged."""
+
+    lowering: type[NativeLowering] = LoweringForPython
 
     def define_pipelines(self) -> list[PassManager]:
         """The one pipeline, of nopython mode."""
         usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes = PassManager("nopython_for_callers")
+        passes = PassManager("nopython_for_kernels")
         for one, reason in usual.passes:
-            passes.add_pass(self.lowering if one is NativeLowering else one, reason)
+            if one not in NOT_NEEDED:
+                passes.add_pass(self.lowering if one is NativeLowering else one, reason)
         passes.finalize()
         return [passes]
+
+
+class CompilerForCallers(CompilerForKernels):
+    """Likewise, for a function that is compiled together with its callers."""
+
+    lowering = LoweringForCallers
 
 
 class CompilerApart(CompilerForCallers):
     """Likewise."""
 
     lowering = LoweringApart
+
+
+class OncePerType(CPUDispatcher):
+    """A function that is compiled once for `f(x, 0)` and `f(x, 1)`: numba takes each constant for a type of its own."""
+
+    pipeline: type[CompilerBase] = CompilerForKernels
+
+    def __init__(
+        self, py_func: Callable[..., Any], locals: Any = None, targetoptions: dict[str, Any] | None = None
+    ) -> None:
+        super().__init__(py_func, locals or {}, targetoptions or {}, self.pipeline)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What numba asks for when it meets a call."""
+        return super().get_call_template(
+            tuple(types.unliteral(type_) for type_ in args),
+            {name: types.unliteral(type_) for name, type_ in dict(kws).items()},
+        )
 
 
 class Callee(OncePerType):
@@ -195,7 +204,8 @@ class Kernel(OncePerType):
         with (
             global_compiler_lock,
             collector_off(),
-            calls_remembered(),
+            no_stopwatches(),
+            answers_remembered(),
             no_wrap_around() if counts_on else nullcontext(),
         ):
             return super().compile(sig)

@@ -18,6 +18,7 @@ PACKAGE = ROOT / "bug_gym"
 LAYERS = (
     (
         "log",
+        "shortcuts",
         "dispatchers",
         "kept_code",
         "compiling",
@@ -49,6 +50,7 @@ CORE_LAYERS = range(LAYER["agents"])  # their runs are functions of (seed, episo
 NUMBA = {
     "compiling",
     "dispatchers",
+    "shortcuts",
     "kept_code",
     "kernels.addresses",
     "kernels.vectors",
