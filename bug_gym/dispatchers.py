@@ -39,6 +39,17 @@ class Unfinished(JITCodeLibrary):
         self._finalized = True
 
 
+class UnfinishedApart(Unfinished):
+    """Likewise, of a function that its callers jump to."""
+
+    def add_ir_module(self, module: Any) -> None:
+        """Mark what was written, before LLVM reads it: LLVM 14 would mark what the function returns."""
+        for function in module.functions:
+            if not function.is_declaration:
+                function.attributes.add("noinline")
+        super().add_ir_module(module)
+
+
 class Whole(JITCodeLibrary):
     """Machine code of a kernel. What it calls, and what that calls, is taken in once, not by each caller on the way."""
 
@@ -78,10 +89,11 @@ class LoweringForCallers(NativeLowering):
     """Writes LLVM code for callers, and stops there."""
 
     _name = "lowering_for_callers"
+    library: type[Unfinished] = Unfinished
 
     def run_pass(self, state: Any) -> bool:
         """Leave the result in `state.cr`, known to the functions compiled later by its description."""
-        state.library = Unfinished(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         state.flags.no_compile = state.flags.no_cpython_wrapper = True
         super().run_pass(state)
@@ -96,12 +108,7 @@ class LoweringApart(LoweringForCallers):
     """Likewise, and has the callers jump to it."""
 
     _name = "lowering_apart"
-
-    def run_pass(self, state: Any) -> bool:
-        """Mark what was written."""
-        super().run_pass(state)
-        state.library.get_function(state.cr.fndesc.llvm_func_name).add_function_attribute("noinline")
-        return True
+    library = UnfinishedApart
 
 
 NOT_NEEDED = frozenset(
