@@ -232,18 +232,18 @@ class ScriptedPolicy(ABC):
         if np.count_nonzero(np.isfinite(flat)) < flat.size:  # .all() takes twice the time
             raise ValueError("the observation holds a number that is not finite")
         is_one = flat.ndim == 1
-        rows = flat[None] if is_one else flat
+        count = 1 if is_one else len(flat)
         if state is None:
-            memories = [self.first_memory(rows, row) for row in range(len(rows))]
+            memories = [self.first_memory(flat.reshape(count, -1), row) for row in range(count)]
         else:
-            memories = self._checked(state, len(rows))
+            memories = self._checked(state, count)
         if episode_start is not None:
-            for row, begins in enumerate(checked_starts(episode_start, len(rows)).tolist()):
+            for row, begins in enumerate(checked_starts(episode_start, count).tolist()):
                 if begins:
-                    memories[row] = self.first_memory(rows, row)
+                    memories[row] = self.first_memory(flat.reshape(count, -1), row)
         if is_one:
             return self._sent(flat, memories[0])[()], tuple(memories)
-        return np.stack([self._sent(row, memory) for row, memory in zip(rows, memories, strict=True)]), tuple(memories)
+        return np.stack([self._sent(row, memory) for row, memory in zip(flat, memories, strict=True)]), tuple(memories)
 
     def _checked(self, state: Any, rows: int) -> list[Memory]:
         """The memories of a state."""

@@ -378,9 +378,8 @@ class TeamPolicy(ABC):
             ValueError: a number that is not finite.
         """
         told = [seen for seen in observations if seen is not None]
-        if (
-            told and np.count_nonzero(np.isfinite(numbers := np.concatenate(told))) < numbers.size
-        ):  # .all() takes longer
+        numbers = np.concatenate(told) if told else np.empty(0)
+        if np.count_nonzero(np.isfinite(numbers)) < numbers.size:  # .all() takes longer
             raise ValueError("the observation holds a number that is not finite")
         views = [None if seen is None else View(seen, self.sensors) for seen in observations]
         self.listen(views, memories)
