@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import pytest
 
@@ -30,6 +31,6 @@ def test_d2t_eaco_holds_on_its_first_runs() -> None:
 
 
 def test_what_is_won_against_the_next_best_has_the_interval_of_the_ants() -> None:
-    own = {name: {"length": 60.0} for name in d2t_eaco.GRID} | {"a_star": {"length": 50.0}}
+    own: dict[str, Any] = {name: {"length": 60.0} for name in d2t_eaco.GRID} | {"a_star": {"length": 50.0}}
     own["d2t_eaco"] = {"length": 48.0, "interval": [47.5, 48.5]}
     assert d2t_eaco.against_next_best(own) == pytest.approx((4.0, 3.0, 5.0))

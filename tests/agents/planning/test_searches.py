@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,9 +19,12 @@ from bug_gym.agents.planning.bidirectional_a_star import bidirectional_a_star
 from bug_gym.agents.planning.d_star import DStar
 from bug_gym.agents.planning.d_star_lite import DStarLite
 from bug_gym.agents.planning.dijkstra import dijkstra, distances
-from bug_gym.agents.planning.grid import DIAGONAL, FAR, STRAIGHT, Grid, make_grid
+from bug_gym.agents.planning.grid import DIAGONAL, FAR, STRAIGHT, Grid, grid_of, make_grid, relink_nodes
+from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.search import MANHATTAN, Found, cost_of_way
 from bug_gym.agents.planning.theta_star import theta_star
+from bug_gym.config import load, scenario_names
+from bug_gym.simulation import Simulation
 
 SHORTEST: dict[str, Callable[[Grid, int, int], Found]] = {
     "dijkstra": dijkstra,
@@ -102,6 +106,18 @@ def test_every_exact_search_finds_a_way_of_the_least_cost(name: str, connectivit
             assert (found.nodes[0], found.nodes[-1]) == (start, goal)
             assert cost_of_way(found.nodes, grid.lattice.columns) == found.cost
             assert is_way(grid, found)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_exact_searches_are_equally_long_in_every_scenarios_map(name: str) -> None:
+    simulation = Simulation(load(name))
+    simulation.reset(seeds=[1])
+    live = Maps(simulation).of_robot(0)
+    grid = grid_of(live.still, 0.2, simulation.scenario.robot.reach)
+    start, goal = (grid.free_node_near(place, 2.0) for place in (live.pose[:2], live.goal))
+    if min(start, goal) < 0:
+        pytest.skip("no free cell near the start or the goal")
+    assert len({search(grid, start, goal).cost for search in SHORTEST.values()}) == 1
 
 
 def is_way(grid: Grid, found: Found) -> bool:
@@ -202,6 +218,39 @@ def test_a_repaired_search_equals_one_begun_anew_after_each_change_and_expands_l
 
 CHANGES = 1000
 """Cells that are changed one after the other."""
+
+
+def test_a_million_cells_take_a_star_50_ms_and_ten_changed_ones_d_star_lite_one() -> None:
+    """Times are of the processor; docs/compare_planners.py measures them beside other libraries."""
+    rng = np.random.default_rng(0)
+    grid = make_grid(random_cells(0, 1000, 1000, 0.3))
+    start, goal = far_apart(grid)
+    search = DStarLite(grid, goal)
+    assert search.find(start).cost == a_star(grid, start, goal).cost
+    anew, repaired = [], []
+    for _ in range(15):
+        nodes = rng.integers(1, 1001, (10, 2)) @ (grid.lattice.columns, 1)
+        nodes = np.unique(nodes[(nodes != start) & (nodes != goal)]).astype(np.int32)
+        grid.blocked.ravel()[nodes] ^= 1
+        relink_nodes(grid, nodes)
+        began = time.process_time()
+        search.change(nodes)
+        found = search.find(start)
+        repaired.append(time.process_time() - began)
+        began = time.process_time()
+        expected = a_star(grid, start, goal)
+        anew.append(time.process_time() - began)
+        assert found.cost == expected.cost < FAR
+    assert min(anew) <= 0.05 and np.median(repaired) <= 1e-3
+
+
+def far_apart(grid: Grid) -> tuple[int, int]:
+    """Two cells near opposite corners that a way joins."""
+    for start in np.flatnonzero(grid.blocked.ravel() == 0).tolist():
+        reached = np.flatnonzero(distances(grid, start) < FAR)
+        if len(reached) > 0.3 * grid.blocked.size:
+            return start, int(reached[-1])
+    raise ValueError("no way across")
 
 
 @pytest.mark.parametrize("seed", range(6))
