@@ -140,6 +140,15 @@ def test_head_on(policy: str, avoidance: str, kinematics: str) -> None:
     assert episode.length <= 21.0
 
 
+@pytest.mark.parametrize("planner", ["a_star", "d_star_lite", "rrt_star", "visibility_graph"])
+def test_every_planned_way_can_be_followed_among_movers(planner: str) -> None:
+    still = {**world(HEAD_ON)["world"], "polygons": [[[5, -3], [6, -3], [6, 0.5], [5, 0.5]]]}
+    settings = {**world(), "world": still}
+    episode = run_episode(planner, settings, {"robot.kinematics": "holonomic"}, follower="velocity_obstacle")
+    assert episode.outcome == "success" and episode.min_clearance > 0.0 and episode.length <= 22.0
+    assert episode.memory.plans == 1  # the mover is left to the follower
+
+
 @pytest.mark.parametrize("avoidance", ["vo", "rvo", "orca"])
 def test_robots_that_all_avoid_each_other_never_touch(avoidance: str) -> None:
     simulation = Simulation("crossing_robots")
