@@ -204,6 +204,10 @@ def test_an_entry_is_what_an_evaluation_wrote(tmp_path: Path) -> None:
     assert (one["policy"], one["scenario"], one["n"], one["success"]) == ("go_to_goal", "empty", 2, 1.0)
     assert entry["seeds"] == {"empty": {"first": 0, "count": 2}} and entry["privileged"] == []
     assert entry["command"] == "bug-gym evaluate --scenario empty --episodes 2 --policies go_to_goal --out mine"
+    told = ["a_star", "d_star_lite:known=false", "velocity_obstacle:privileged=true"]
+    evaluate(told, "empty", episodes=1, out=tmp_path / "told", overrides={"world.goal": [2.0, 0.0]})
+    marked = ["a_star (privileged)", "velocity_obstacle:privileged=true (privileged)"]
+    assert make(tmp_path / "told", "mine", "0" * 40)["privileged"] == marked
     with pytest.raises(ValueError, match="got 'no name' as the name of an entry"):
         make(tmp_path, "no name", "0" * 40)
     with pytest.raises(ValueError, match=r"expected what `bug-gym evaluate --out` writes"):

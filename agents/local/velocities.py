@@ -124,18 +124,23 @@ def kept_distance(robot: Robot, movers: Floats, i: int, share: float) -> float:
     return float(max(min(together, NO_CLOSER * away), bodies) if away < together else together)
 
 
+@inlined
+def contact_time(robot: Robot, around: Around, wish: Wish, i: int, vx: float, vy: float, share: float) -> float:
+    """Time until a velocity leads to contact with one mover within the horizon [s]; infinite: it does not."""
+    px, py = around.movers[i, 0], around.movers[i, 1]
+    wx, wy = vx - around.movers[i, 2], vy - around.movers[i, 3]
+    if robot.rule == RECIPROCAL:  # the cone's apex is the mean of both velocities
+        wx, wy = 2.0 * vx - wish.own_x - around.movers[i, 2], 2.0 * vy - wish.own_y - around.movers[i, 3]
+    time = time_to_contact(px, py, wx, wy, kept_distance(robot, around.movers, i, share))
+    return time if time <= robot.horizon else math.inf
+
+
 @called
 def first_contact_time(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share: float) -> float:
-    """Time until a velocity leads to contact with a mover within the horizon [s]; infinite: it does not."""
+    """The same with any mover [s]."""
     first = math.inf
     for i in range(around.movers.shape[0]):
-        px, py = around.movers[i, 0], around.movers[i, 1]
-        wx, wy = vx - around.movers[i, 2], vy - around.movers[i, 3]
-        if robot.rule == RECIPROCAL:  # the cone's apex is the mean of both velocities
-            wx, wy = 2.0 * vx - wish.own_x - around.movers[i, 2], 2.0 * vy - wish.own_y - around.movers[i, 3]
-        time = time_to_contact(px, py, wx, wy, kept_distance(robot, around.movers, i, share))
-        if time <= robot.horizon:
-            first = min(first, time)
+        first = min(first, contact_time(robot, around, wish, i, vx, vy, share))
     return first
 
 
@@ -189,20 +194,26 @@ def cost_of(robot: Robot, wish: Wish, vx: float, vy: float) -> float:
 
 
 @called
+def is_outside(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share: float) -> bool:
+    """Whether a velocity is outside every velocity obstacle, or within every half plane."""
+    lines = around.lines
+    for i in range(around.movers.shape[0]):
+        if robot.rule == ORCA:
+            if lines[3 * i] * vx + lines[3 * i + 1] * vy < lines[3 * i + 2] - 1e-9:
+                return False
+        elif contact_time(robot, around, wish, i, vx, vy, share) < math.inf:
+            return False
+    return True
+
+
+@called
 def weigh(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share: float, best: Choice) -> Choice:
     """The better of the best velocity so far and one that keeps off still things; share < 0: contact costs, too."""
     cost = cost_of(robot, wish, vx, vy)
     if cost >= best.cost:
         return best
     if share >= 0.0:
-        if robot.rule == ORCA:
-            for i in range(around.movers.shape[0]):
-                lines = around.lines
-                if lines[3 * i] * vx + lines[3 * i + 1] * vy < lines[3 * i + 2] - 1e-9:
-                    return best
-        elif first_contact_time(robot, around, wish, vx, vy, share) < math.inf:
-            return best
-        return Choice(vx, vy, cost)
+        return Choice(vx, vy, cost) if is_outside(robot, around, wish, vx, vy, share) else best
     apart = parting(robot, around, vx, vy)
     if apart < math.inf:  # parting fastest comes first
         cost = cost * 1e-3 - apart + 1e3
@@ -217,7 +228,10 @@ def try_velocity(robot: Robot, around: Around, wish: Wish, vx: float, vy: float,
     speed = length(vx, vy)
     if not is_reachable(robot, wish, vx, vy):
         return best
-    if share >= 0.0 and cost_of(robot, wish, vx, vy) >= best.cost:
+    # Movers are fewer than the points of a scan: they are looked at first.
+    if share >= 0.0 and (
+        cost_of(robot, wish, vx, vy) >= best.cost or not is_outside(robot, around, wish, vx, vy, share)
+    ):
         return best
     if speed > 0.0:
         reach = 2.0 * robot.max_speed * max(robot.still_horizon, 1.0) + 1e3 * robot.step

@@ -6,7 +6,8 @@ scan points seen (in unknown terrain), two estimates of each cell's distance fro
 waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells, or says that there is none. Length:
 that of A* over what is known.
 
-In unknown terrain what has not been seen counts as free, and what comes to be seen is planned round.
+In unknown terrain what has not been seen counts as free, and what comes to be seen is planned round. Where that leaves no
+way it waits, and says so when no ground has turned out free for ten seconds and what has gone is forgotten.
 """
 
 from __future__ import annotations

@@ -155,7 +155,10 @@ class GridPlanner(MapPlanner):
         return self.search(grid, *ends)
 
     def ends(self, grid: Grid, solids: Solids, room: Room, scene: Scene) -> tuple[int, int] | None:
-        """The free cells in which a way begins and ends, None where there are none near enough."""
+        """The free cells in which a way begins and ends, None where there are none near enough.
+
+        From the last one the goal is reached: it lies within its radius, or straight on.
+        """
         size = grid.lattice.size
         here = scene.pose[:2]
         near = self.clearance_of(room, size) - self.sensors.radius + 2.0 * size
@@ -163,9 +166,11 @@ class GridPlanner(MapPlanner):
         goal = grid.free_node_near(scene.goal, max(self.sensors.goal_radius - 0.5 * size, 0.0))
         if start < 0 or goal < 0:
             return None
-        (place,) = grid.lattice.places(np.array([start])).tolist()
+        first, last = map(tuple, grid.lattice.places(np.array([start, goal])).tolist())
+        if math.dist(last, scene.goal) > self.sensors.goal_radius and not solids.is_clear(last, scene.goal):
+            return None  # large cells alone: their centres may be so far away
         touching = solids.with_growth(0.99 * self.sensors.radius)
-        return (start, goal) if touching.is_clear(here, tuple(place)) else None
+        return (start, goal) if touching.is_clear(here, first) else None
 
     def drawn(self, cells: F64, solids: Solids, scene: Scene, grid: Grid) -> F64:
         """A way over cells from where the robot is to the goal itself, drawn straight where asked."""

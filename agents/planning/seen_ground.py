@@ -27,6 +27,14 @@ NO_EDGES = np.zeros((0, 4))
 SPAN = 10.0
 """Half of the side of the grid at first [m]; it grows by itself."""
 
+STILL_FOR, MOST_WAITING = 10.0, 60.0
+"""So long no ground may have turned out free before what has been seen counts as leaving no way, as what stands in the only
+door may go on; after so long without a way it does in any case [s]."""
+
+FORGOTTEN = 2
+"""How often all that has been seen is forgotten before that is the verdict, where something has moved: what has gone leaves
+points that no beam has passed."""
+
 
 class SeenGround:
     """What a robot has seen, as a grid in its odometry frame.
@@ -37,12 +45,14 @@ class SeenGround:
     """
 
     def __init__(self, parameters: GridParameters, rooms: tuple[Room, ...]) -> None:
-        self._parameters, self._rooms = parameters, list(rooms)
-        self.room = self._rooms.pop(0)
+        self._parameters, self._all_rooms = parameters, rooms
+        self.room, *self._rooms = rooms
         self.points = PointMap((0.0, 0.0), SPAN, parameters.resolution, self._clearance, Search())
         self.grid = self._grid()
         self._solids: Solids | None = None
         self._hits = np.zeros((0, 3))
+        self._still = self._waited = 0.0
+        self._forgotten = self._removed = 0
 
     def look(self, view: View, goal: Point) -> bool:
         """Remember what a scan shows. Returns whether ground has turned out free, or the grid has grown."""
@@ -78,6 +88,32 @@ class SeenGround:
         nodes: Nodes = ((rows + 1) * self.grid.lattice.columns + columns + 1).astype(np.int32)
         relink_nodes(self.grid, nodes)
         return not bool(now[rows, columns].all())
+
+    def wait(self, seconds: float, *, is_open: bool) -> None:
+        """Count time without a way [s]; `is_open` says that ground has turned out free."""
+        self._waited += seconds
+        self._still = 0.0 if is_open else self._still + seconds
+
+    def go_on(self) -> None:
+        """Count from none again: there is a way."""
+        self._still = self._waited = 0.0
+
+    @property
+    def is_shut(self) -> bool:
+        """Whether there has been no way for so long that there is none."""
+        return self._still >= STILL_FOR or self._waited >= MOST_WAITING
+
+    def forget(self) -> bool:
+        """Forget all, if something has moved since this was done last; False where that has been done often enough."""
+        if self.points.removed == self._removed or self._forgotten == FORGOTTEN:
+            return False
+        self._removed, self._forgotten = self.points.removed, self._forgotten + 1
+        self.room, *self._rooms = self._all_rooms
+        self.points.forget_all()
+        self.points.set_clearance(self._clearance)
+        self.grid, self._solids = self._grid(), None
+        self.go_on()
+        return True
 
     def narrow(self) -> bool:
         """Plan for the next room from now on; False where there is none."""
@@ -144,9 +180,27 @@ def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: Pla
         memory: of the episode.
     """
     scene = Scene(view.pose, view.goal_position, None)
-    is_open = seen.look(view, scene.goal)
-    away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
-    is_new = math.dist(memory.planned_for, scene.goal) > GOAL_MOVED or away > STRAYED
-    if is_new or is_open or memory.route is None or not seen.is_route_open(memory.route, scene.pose[:2]):
+    is_open, step = seen.look(view, scene.goal), view.sensors.drive.step
+    memory.pause -= step
+    if memory.route is None:
+        is_due = is_open or memory.pause <= 0.0
+    else:
+        is_new = (
+            memory.route.advance(*scene.pose[:2]) > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
+        )
+        is_due = is_new or is_open or not seen.is_route_open(memory.route, scene.pose[:2])
+    if is_due:
         planner.replace_route(scene, memory)
-    return planner.follower.follow(memory.route, view, scene) if memory.route is not None else (0.0, 0.0)
+    if memory.route is not None:
+        seen.go_on()
+        return planner.follower.follow(memory.route, view, scene)
+    seen.wait(step, is_open=is_open)
+    if memory.verdict and not (seen.is_shut and is_final(seen, memory)):
+        memory.verdict = ""
+    return 0.0, 0.0
+
+
+def is_final(seen: SeenGround, memory: PlannerMemory) -> bool:
+    """Whether there is no way though nothing is left of what has gone; else a plan is due in what is seen now."""
+    memory.pause = 0.0
+    return not seen.forget()

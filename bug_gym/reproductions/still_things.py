@@ -22,6 +22,7 @@ from bug_gym.config import Scenario, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
+from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.policy import MisfitError
 from bug_gym.references import is_reference
 from bug_gym.reproductions.replayable import Replayable
@@ -123,7 +124,7 @@ def reproduce(settings: Settings) -> Reproduction:
     counted = {policy: counts([one for one in found if one.policy == policy]) for policy in policies}
     shares = {title: by_kind(found, kind) for title, kind in KINDS.items()}
     header = ["policy", *next(iter(counted.values()))]
-    lines = [[policy, *map(str, line.values())] for policy, line in counted.items()]
+    lines = [[marked(policy), *map(str, line.values())] for policy, line in counted.items()]
     parts = [[title, kind, *map(str, line.values())] for title, kinds in shares.items() for kind, line in kinds.items()]
     notes = [
         f"an episode ends after {LIMIT:g} s, which is short for a maze: that a policy arrives is asked elsewhere.",
@@ -149,6 +150,11 @@ def reproduce(settings: Settings) -> Reproduction:
         if one.outcome != REFUSED
     ]
     return Reproduction("still-things", tables, notes, data, not touched, episodes=episodes)
+
+
+def marked(policy: str) -> str:
+    """A policy with the mark of those that are given the map, as an evaluation has it."""
+    return policy + PRIVILEGED if PolicyEntry.of(policy).is_privileged else policy
 
 
 def counts(found: Sequence[Drive]) -> dict[str, int]:

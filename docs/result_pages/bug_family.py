@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift, operative_critical_points
 from bug_gym.reproductions.com1_rev3 import ROOMY
+from bug_gym.reproductions.still_things import marked
 from bug_gym.reproductions.team_worlds import FIG_6
 from result_pages import Page, Record
 from result_pages.words import code, listed, number, percent, picture, share, table
@@ -277,7 +278,7 @@ def still_things(found: Record) -> Page:
             table(
                 f"{found['seeds']} worlds, each with a robot of its own",
                 ["policy", *header],
-                [[f"`{name}`", *map(str, one.values())] for name, one in policies.items()],
+                [[f"`{marked(name)}`", *map(str, one.values())] for name, one in policies.items()],
             ),
             table(
                 "All policies together, by kind of world and robot",

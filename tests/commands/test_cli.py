@@ -134,6 +134,18 @@ def test_evaluate_prints_a_table_and_fills_a_folder(tmp_path: Path, capsys: pyte
     assert manifest["policies"]["bug0:turn=right:clearance=0.4"]["parameters"] == {"turn": "right", "clearance": 0.4}
 
 
+def test_evaluate_marks_who_reads_the_map_and_leaves_them_out_where_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["evaluate", "--scenario", "empty", *OPEN, "--episodes", "1", "--policies"]
+    assert main([*arguments, "go_to_goal,a_star"]) == 0
+    assert "a_star (privileged)" in capsys.readouterr().out
+    assert main([*arguments, "go_to_goal,a_star", "--no-privileged"]) == 0
+    printed = capsys.readouterr().out
+    assert "go_to_goal" in printed and "a_star" not in printed
+    assert main([*arguments, "a_star", "--no-privileged"]) == 2
+    said = capsys.readouterr().err
+    assert said == "bug-gym: error: expected a policy that does not read the map, got a_star\n"
+
+
 def test_the_smoke_suite_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", "--suite", "smoke"]) == 0
     assert "all scenarios" in capsys.readouterr().out

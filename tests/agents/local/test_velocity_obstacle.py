@@ -140,6 +140,15 @@ def test_head_on(policy: str, avoidance: str, kinematics: str) -> None:
     assert episode.length <= 21.0
 
 
+@pytest.mark.parametrize("planner", ["a_star", "d_star_lite", "rrt_star", "visibility_graph"])
+def test_every_planned_way_can_be_followed_among_movers(planner: str) -> None:
+    still = {**world(HEAD_ON)["world"], "polygons": [[[5, -3], [6, -3], [6, 0.5], [5, 0.5]]]}
+    settings = {**world(), "world": still}
+    episode = run_episode(planner, settings, {"robot.kinematics": "holonomic"}, follower="velocity_obstacle")
+    assert episode.outcome == "success" and episode.min_clearance > 0.0 and episode.length <= 22.0
+    assert episode.memory.plans == 1  # the mover is left to the follower
+
+
 @pytest.mark.parametrize("avoidance", ["vo", "rvo", "orca"])
 def test_robots_that_all_avoid_each_other_never_touch(avoidance: str) -> None:
     simulation = Simulation("crossing_robots")
@@ -186,17 +195,25 @@ def test_a_crowd_of_movers_is_crossed_without_contact(kinematics: str) -> None:
         assert episode.outcome == "success"
 
 
-def test_a_decision_among_20_movers_takes_less_than_a_third_of_a_millisecond() -> None:
-    view = empty_view()
-    navigator = Navigator(view.sensors, NavigatorParameters())
+@pytest.mark.parametrize("avoidance", ["vo", "rvo", "orca"])
+@pytest.mark.parametrize("acceleration", [None, 1.0])
+@pytest.mark.parametrize("is_shut_in", [False, True])
+def test_a_decision_among_20_movers_takes_less_than_a_third_of_a_millisecond(
+    is_shut_in: bool, acceleration: float | None, avoidance: Avoidance
+) -> None:
+    view = empty_view(**{"robot.max_acceleration": acceleration})
+    if is_shut_in:  # every beam meets something
+        view.ranges[:] = 3.0 + 0.5 * np.sin(np.arange(len(view.ranges)))
+    navigator = Navigator(view.sensors, NavigatorParameters(avoidance=avoidance))
     crowds = [crowd(seed, 20) for seed in range(20)]
     times = []
-    for movers in [*crowds, *crowds]:
+    for movers in [*crowds, *crowds, *crowds]:
         began = time.process_time()
         for _ in range(5):
             navigator.velocity(view, (1.0, 0.0), 8.0, movers)
         times.append((time.process_time() - began) / 5)
-    assert np.median(times[20:]) <= 0.3e-3
+    least = np.array(times[20:]).reshape(2, 20).min(axis=0)  # of each crowd
+    assert np.median(least) <= 0.3e-3 and np.quantile(least, 0.9) <= 0.3e-3
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from shapely.affinity import translate as moved
 from bug_gym.agents import make_policy
 from bug_gym.agents.planning import triangulated
 from bug_gym.agents.planning.a_star import a_star
+from bug_gym.agents.planning.ants import Colony, eaco
 from bug_gym.agents.planning.d2t_eaco import D2TEaco
 from bug_gym.agents.planning.d2t_planner import AROUND, BEYOND, ROUGH, seen_obstacles
 from bug_gym.agents.planning.follow import Scene
@@ -254,11 +255,11 @@ def test_a_plan_among_600_obstacles_takes_50_ms_and_one_by_ants_half_a_second() 
         times.append(time.process_time() - began)
     assert found is not None and found.by == "clusters"
     assert min(times) <= 0.05
-    sleeve = find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("funnel", facets=1))
-    assert sleeve is not None
+    way = find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("funnel", facets=1))
+    assert way is not None and way.sleeve is not None and 8 < len(way.sleeve.left) <= 20
     began = time.process_time()
-    find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("eaco", facets=1))
-    assert time.process_time() - began <= 0.5
+    ants = eaco(way.sleeve, Colony(patience=50))
+    assert time.process_time() - began <= 0.5 and len(ants.curve) == 50
 
 
 def test_among_600_obstacles_the_exact_way_takes_two_seconds_and_a_star_over_cells_of_10_cm_a_fifth() -> None:

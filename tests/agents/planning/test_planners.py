@@ -172,6 +172,22 @@ def test_a_start_and_a_goal_nearer_to_a_wall_than_the_margin_are_no_hindrance(na
     assert run_episode(name, {"world": world}, {"robot.kinematics": "holonomic"}).outcome == "success"
 
 
+@pytest.mark.parametrize("name", GRID)
+def test_a_way_over_coarse_cells_ends_where_the_goal_counts_as_reached(name: str) -> None:
+    """The goal is 0.21 m from a wall, the nearest free cell of 0.5 m beside it half a metre away."""
+    world = {
+        "family": "explicit",
+        "bounds": [-1, -3, 9, 3],
+        "polygons": [[[6, -2], [8, -2], [8, -0.21], [6, -0.21]]],
+        "start": [0, 0, 0],
+        "goal": [7, 0],
+    }
+    episode = run_episode(
+        name, {"world": world, "time": {"limit": 30.0}}, {"robot.kinematics": "holonomic"}, resolution=0.5
+    )
+    assert episode.outcome == "success" and episode.memory.plans == 1
+
+
 def test_a_grid_of_very_many_cells_is_refused_with_what_it_would_take() -> None:
     world = {"family": "empty", "bounds": [0, 0, 100, 100], "start": [5, 5, 0], "goal": [90, 90]}
     simulation = Simulation({"world": world})
@@ -319,6 +335,23 @@ def test_in_unknown_terrain_nothing_seen_is_the_straight_way_however_far() -> No
 def test_in_unknown_terrain_a_shut_in_goal_is_found_out() -> None:
     episode = run_episode("d_star_lite", {"world": walled(0.3)}, known=False)
     assert episode.verdict == "unreachable" and "what has been seen leaves no way" in episode.memory.reason
+
+
+@pytest.mark.parametrize("name", ["d_star_lite", "d2t_eaco"])
+def test_in_unknown_terrain_who_goes_on_through_the_only_door_has_not_shut_it(name: str) -> None:
+    motion = {"law": "waypoints", "points": [[5.2, 1.63], [8.5, 1.63], [8.5, -2.5]], "speed": 0.1, "stop": True}
+    mover = {"shape": {"circle": 0.5}, "at": [5.2, 1.63], "motion": motion}
+    settings = {"world": walled(1.2) | {"movers": [mover]}, "lidar": {"beams": 180, "range": 6.0}}
+    episode = run_episode(name, settings, {"robot.kinematics": "holonomic", "time.limit": 200.0}, known=False)
+    assert "waiting" in episode.modes and (episode.outcome, episode.verdict) == ("success", "")
+
+
+def test_in_unknown_terrain_a_door_that_stays_shut_is_found_out_however_much_moves() -> None:
+    motion = {"law": "waypoints", "points": [[3.0, 3.0], [3.0, -3.0]], "speed": 0.5}
+    mover = {"shape": {"circle": 0.3}, "at": [3.0, 3.0], "motion": motion}
+    settings = {"world": walled(0.3) | {"movers": [mover]}, "time": {"limit": 1000.0}}
+    episode = run_episode("d_star_lite", settings, {"robot.kinematics": "holonomic"}, known=False)
+    assert episode.verdict == "unreachable" and len(episode.path) <= 10 * 3 * 90
 
 
 # ------------------------------------------------------------------------------------------------------------- RRT*

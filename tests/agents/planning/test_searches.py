@@ -18,9 +18,12 @@ from bug_gym.agents.planning.bidirectional_a_star import bidirectional_a_star
 from bug_gym.agents.planning.d_star import DStar
 from bug_gym.agents.planning.d_star_lite import DStarLite
 from bug_gym.agents.planning.dijkstra import dijkstra, distances
-from bug_gym.agents.planning.grid import DIAGONAL, FAR, STRAIGHT, Grid, make_grid
+from bug_gym.agents.planning.grid import DIAGONAL, FAR, STRAIGHT, Grid, grid_of, make_grid, relink_nodes
+from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.search import MANHATTAN, Found, cost_of_way
 from bug_gym.agents.planning.theta_star import theta_star
+from bug_gym.config import load, scenario_names
+from bug_gym.simulation import Simulation
 
 SHORTEST: dict[str, Callable[[Grid, int, int], Found]] = {
     "dijkstra": dijkstra,
@@ -102,6 +105,18 @@ def test_every_exact_search_finds_a_way_of_the_least_cost(name: str, connectivit
             assert (found.nodes[0], found.nodes[-1]) == (start, goal)
             assert cost_of_way(found.nodes, grid.lattice.columns) == found.cost
             assert is_way(grid, found)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_exact_searches_are_equally_long_in_every_scenarios_map(name: str) -> None:
+    simulation = Simulation(load(name))
+    simulation.reset(seeds=[1])
+    live = Maps(simulation).of_robot(0)
+    grid = grid_of(live.still, 0.2, simulation.scenario.robot.reach)
+    start, goal = (grid.free_node_near(place, 2.0) for place in (live.pose[:2], live.goal))
+    if min(start, goal) < 0:
+        pytest.skip("no free cell near the start or the goal")
+    assert len({search(grid, start, goal).cost for search in SHORTEST.values()}) == 1
 
 
 def is_way(grid: Grid, found: Found) -> bool:
@@ -202,6 +217,31 @@ def test_a_repaired_search_equals_one_begun_anew_after_each_change_and_expands_l
 
 CHANGES = 1000
 """Cells that are changed one after the other."""
+
+
+def test_a_repair_among_a_million_cells_is_as_long_as_a_search_from_scratch() -> None:
+    """Of random cells, ten of which change at a time; docs/compare_planners.py says how long that takes."""
+    rng = np.random.default_rng(0)
+    grid = make_grid(random_cells(0, 1000, 1000, 0.3))
+    start, goal = far_apart(grid)
+    search = DStarLite(grid, goal)
+    assert search.find(start).cost == a_star(grid, start, goal).cost
+    for _ in range(8):
+        nodes = rng.integers(1, 1001, (10, 2)) @ (grid.lattice.columns, 1)
+        nodes = np.unique(nodes[(nodes != start) & (nodes != goal)]).astype(np.int32)
+        grid.blocked.ravel()[nodes] ^= 1
+        relink_nodes(grid, nodes)
+        search.change(nodes)
+        assert search.find(start).cost == a_star(grid, start, goal).cost < FAR
+
+
+def far_apart(grid: Grid) -> tuple[int, int]:
+    """Two cells near opposite corners that a way joins."""
+    for start in np.flatnonzero(grid.blocked.ravel() == 0).tolist():
+        reached = np.flatnonzero(distances(grid, start) < FAR)
+        if len(reached) > 0.3 * grid.blocked.size:
+            return start, int(reached[-1])
+    raise ValueError("no way across")
 
 
 @pytest.mark.parametrize("seed", range(6))
