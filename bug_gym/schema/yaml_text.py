@@ -197,7 +197,7 @@ YamlLoader.yaml_implicit_resolvers = {
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
 YamlLoader.add_implicit_resolver(
-    f"{YAML_TAG}float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$", re.ASCII), list("-+.0123456789")
+    f"{YAML_TAG}float", re.compile(r"[-+]?(\d++\.?\d*+|\.\d++)[eE][-+]?\d+$", re.ASCII), list("-+.0123456789")
 )
 
 

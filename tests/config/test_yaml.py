@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -231,3 +233,18 @@ def test_both_parsers_refuse_the_same_at_the_same_line(slow: Any, name: str) -> 
             module.parse_yaml(text)
         told.append(module.told_fault(caught.value, text))
     assert told[0] == told[1]
+
+
+@pytest.mark.parametrize("before", ["", ".", "-", "1.", "1_"])
+@pytest.mark.parametrize("after", ["x", "e", ".", "e+", " x", ":"])
+def test_what_begins_as_a_long_number_is_read_in_time(before: str, after: str) -> None:
+    """A pattern that tries each place for the point anew takes minutes for so many digits; what is read takes 2 s at most."""
+    began = time.process_time()
+    with suppress(yaml.YAMLError):
+        parse_yaml(before + "9" * 200_000 + after)
+    assert time.process_time() - began < 2.0
+
+
+@pytest.mark.parametrize("text", ["1e5", "-1.5E+3", "+.5e1", "1.e2", "12e-3"])
+def test_numbers_with_exponents_are_floats(text: str) -> None:
+    assert parse_yaml(text) == float(text)
