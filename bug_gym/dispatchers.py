@@ -26,11 +26,20 @@ OPTIONS: dict[str, Any] = {"nopython": True, "no_cfunc_wrapper": True, "_nrt": F
 COUNTING_ON = "bug_gym.kernels."  # modules where no index of an array is below 0
 
 
-class Unfinished(JITCodeLibrary):
-    """LLVM code as it was written: who takes it in optimises it together with its own, and makes machine code of all."""
+class Library(JITCodeLibrary):
+    """LLVM code that takes in what it calls, and what that calls: all once, and optimised together in the end."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout  # as numba's own does first
+
+    def add_linking_library(self, library: Any) -> None:
+        """Take in another library's code."""
+        if library not in self._linking_libraries:
+            super().add_linking_library(library)
+
+
+class Unfinished(Library):
+    """LLVM code as it was written: who takes it in makes machine code of all."""
 
     def finalize(self) -> None:
         """End here: what this calls is taken in by who takes in this."""
@@ -50,25 +59,14 @@ class UnfinishedApart(Unfinished):
         super().add_ir_module(module)
 
 
-class Whole(JITCodeLibrary):
-    """Machine code of a kernel. What it calls, and what that calls, is taken in once, not by each caller on the way."""
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout  # as numba's own does first
+class Whole(Library):
+    """Machine code of a kernel, and of all that it calls."""
 
     def _optimize_final_module(self) -> None:
         """In one go: numba's own goes through the code once before, for the sake of reference counts."""
         made = self._codegen._module_pass_manager()
         passes, *builder = made if isinstance(made, tuple) else (made,)  # numba 0.61 makes no builder
         passes.run(self._final_module, *builder)
-
-    def add_linking_library(self, library: Any) -> None:
-        """Take in another library's code, and that of all that it calls."""
-        if library not in self._linking_libraries:
-            super().add_linking_library(library)
-            if isinstance(library, Unfinished):
-                for called in library._linking_libraries:
-                    self.add_linking_library(called)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -98,7 +96,8 @@ class LoweringForCallers(NativeLowering):
         state.flags.no_compile = state.flags.no_cpython_wrapper = True
         super().run_pass(state)
         description = state.cr.fndesc
-        state.targetctx.insert_user_function(description, description, [state.library])
+        libraries = [state.library, *state.library._linking_libraries]  # what it calls, and what that calls
+        state.targetctx.insert_user_function(description, description, libraries)
         state.cr = state.cr._replace(cfunc=description)
         return True
 
