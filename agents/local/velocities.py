@@ -224,21 +224,20 @@ def weigh(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share:
 
 @called
 def try_velocity(robot: Robot, around: Around, wish: Wish, vx: float, vy: float, share: float, best: Choice) -> Choice:
-    """`weigh` for a velocity whose way is looked at first."""
+    """`weigh` for a velocity whose way has to be free as well."""
     speed = length(vx, vy)
     if not is_reachable(robot, wish, vx, vy):
         return best
     # Movers are fewer than the points of a scan: they are looked at first.
-    if share >= 0.0 and (
-        cost_of(robot, wish, vx, vy) >= best.cost or not is_outside(robot, around, wish, vx, vy, share)
-    ):
+    better = weigh(robot, around, wish, vx, vy, share, best)
+    if better.cost >= best.cost:
         return best
     if speed > 0.0:
         reach = 2.0 * robot.max_speed * max(robot.still_horizon, 1.0) + 1e3 * robot.step
         every, still = free_ways(around, robot.radius, vx / speed, vy / speed, reach)
         if not is_admissible(robot, wish, speed, every, still):
             return best
-    return weigh(robot, around, wish, vx, vy, share, best)
+    return better
 
 
 @called

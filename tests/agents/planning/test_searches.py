@@ -114,8 +114,7 @@ def test_exact_searches_are_equally_long_in_every_scenarios_map(name: str) -> No
     live = Maps(simulation).of_robot(0)
     grid = grid_of(live.still, 0.2, simulation.scenario.robot.reach)
     start, goal = (grid.free_node_near(place, 2.0) for place in (live.pose[:2], live.goal))
-    if min(start, goal) < 0:
-        pytest.skip("no free cell near the start or the goal")
+    assert min(start, goal) >= 0
     assert len({search(grid, start, goal).cost for search in SHORTEST.values()}) == 1
 
 
