@@ -126,7 +126,7 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[
         if source not in scenario_names():
             known = ", ".join(scenario_names())
             raise ScenarioError(
-                f"no scenario {shortened(source)}{nearest_hint(source, scenario_names())} (known: {known})"
+                f"no scenario {shortened(source, 300)}{nearest_hint(source, scenario_names())} (known: {known})"
             )
         return f"{source}.yaml", read_yaml(SCENARIO_FOLDER / f"{source}.yaml")
     return str(source), read_yaml(expanded(source))

@@ -132,7 +132,9 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
     if isinstance(source, str) and not _is_path(source):
         if source not in suite_names():
             known = ", ".join(suite_names())
-            raise ScenarioError(f"no suite {shortened(source)}{nearest_hint(source, suite_names())} (known: {known})")
+            raise ScenarioError(
+                f"no suite {shortened(source, 300)}{nearest_hint(source, suite_names())} (known: {known})"
+            )
         source = SUITE_FOLDER / f"{source}.yaml"
     path = expanded(source)
     data = read_yaml(path)
