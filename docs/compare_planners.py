@@ -1,9 +1,9 @@
 """A*, D* Lite and RRT* beside other libraries' in one process: `python docs/compare_planners.py` writes planner_speed.md.
 
 Compared with what is installed of pyastar2d (C++), rustworkx (Rust, costs by calls of Python) and ompl (C++, whether a
-piece is clear by calls of Python), which nothing here needs otherwise: `pip install pyastar2d rustworkx ompl`. Without
-them the tables have our rows alone. Times are of the processor. Grids have 30 % random obstacles; all answer the same
-questions in turn, and lengths are compared.
+piece is clear by calls of Python), which nothing here needs otherwise: they are the extra `compare`. Without them the
+tables have our rows alone. Times are of the processor. Grids have 30 % random obstacles; all answer the same questions in
+turn, and lengths are compared. The picture needs the extra `report`.
 """
 
 from __future__ import annotations
@@ -30,9 +30,11 @@ from bug_gym.agents.planning.rrt_star import rrt_star
 from bug_gym.agents.planning.search import Found
 from bug_gym.agents.planning.smoothing import Solids
 from bug_gym.agents.planning.triangulated import Task
+from bug_gym.evaluation.curves import draw_curves
 from bug_gym.files import machine, replaced_when_done
 from bug_gym.reproductions.d2t_tables import MARGIN, map_of
 from bug_gym.reproductions.d2t_worlds import field, scenario_1, scenario_2
+from bug_gym.reproductions.result import Curves
 
 SHARE = 0.3
 """Of the cells that are blocked."""
@@ -184,6 +186,8 @@ MAPS: tuple[Callable[[], Task], ...] = (scenario_1, scenario_2, lambda: field(3,
 """Of polygons, about 45 x 30 m."""
 TREES = ("RRTstar", "InformedRRTstar")
 """Of ompl."""
+OURS, ALIKE = "bug_gym rrt_star", ", as many samples"
+"""Our row, and the end of the name of one with as many samples."""
 
 
 class Curve(NamedTuple):
@@ -270,11 +274,11 @@ def rrt_star_rows(runs: int, piece: float) -> tuple[list[float], dict[str, Curve
                 found = rrt_star(solids, plan.box, task.start, task.goal, samples=samples, seed=seed, step=piece)
                 spent.append(time.process_time() - began)
                 of_all.append(spent[-1])
-            add("bug_gym rrt_star", shortest, [float(found.lengths[samples - 1]) for samples in SAMPLES])
+            add(OURS, shortest, [float(found.lengths[samples - 1]) for samples in SAMPLES])
             for tree in trees:
                 after_samples, after_seconds = tree_of_ompl(tree, solids, task, piece, sorted(spent), seed)
                 name = f"ompl {version('ompl')} {tree}"
-                add(f"{name}, as many samples", shortest, after_samples)
+                add(f"{name}{ALIKE}", shortest, after_samples)
                 add(f"{name}, as much time", shortest, after_seconds)
     return [median(one) for one in times], rows
 
@@ -284,7 +288,7 @@ def curves(piece: float, times: list[float], rows: dict[str, Curve]) -> str:
     heads = [f"{samples:,} samples, {1e3 * spent:.3g} ms" for samples, spent in zip(SAMPLES, times, strict=True)]
     lines = [
         f"**RRT\\*, pieces of {piece:g} m: length over the shortest way [%], median of "
-        f"{len(rows['bug_gym rrt_star'].over[0])} runs on {len(MAPS)} maps of polygons**",
+        f"{len(rows[OURS].over[0])} runs on {len(MAPS)} maps of polygons**",
         "",
         "| planner | " + " | ".join(heads) + " |",
         "|---" * (1 + len(heads)) + "|",
@@ -293,6 +297,24 @@ def curves(piece: float, times: list[float], rows: dict[str, Curve]) -> str:
         cells = [f"{median(at):.2f}" + (f" ({none} none)" if (none := at.count(math.inf)) else "") for at in row.over]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def drawn(piece: float, rows: dict[str, Curve]) -> Curves:
+    """The table as a picture: of each planner's runs the median, the least and the most."""
+    lines = {
+        name.removesuffix(ALIKE): [
+            (_finite(median(at)), _finite(min(at)), _finite(max(at))) for at in row.over
+        ]
+        for name, row in rows.items()
+        if name.startswith("bug_gym") or name.endswith(ALIKE)
+    }  # fmt: skip
+    label = "length over the shortest way [%]"
+    return Curves(f"RRT*, pieces of {piece:g} m", "samples", label, SAMPLES, lines, y_range=(0.0, 30.0))
+
+
+def _finite(value: float) -> float:
+    """The value; no number where there is no way yet, so that nothing is drawn."""
+    return value if math.isfinite(value) else math.nan
 
 
 READING = (
@@ -344,7 +366,11 @@ def main() -> None:
     rows = d_star_lite_rows(options.side, options.repairs)
     require_equal(rows)
     parts.append(table(f"{CHANGED} changed cells on {options.side:,} x {options.side:,}", rows))
-    parts += [curves(piece, *rrt_star_rows(options.runs, piece)) for piece in PIECES]
+    trees = {piece: rrt_star_rows(options.runs, piece) for piece in PIECES}
+    parts += [curves(piece, *found) for piece, found in trees.items()]
+    picture = options.out.with_suffix(".png")
+    draw_curves(picture, [drawn(piece, rows) for piece, (_, rows) in trees.items()])
+    parts.append(f"![Length over the shortest way against the number of samples]({picture.name})")
     parts.append(READING)
     own = machine()
     commit = subprocess.check_output(["git", "rev-parse", "HEAD"], text=True, cwd=PAGE.parent).strip()

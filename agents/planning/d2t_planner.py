@@ -29,6 +29,7 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
+    end_in_obstacle,
     exact_way,
     live_of,
     mover_discs,
@@ -193,6 +194,8 @@ class D2TPlanner(MapPlanner):
         """The way through triangles."""
         memory.due = REPLAN_EVERY
         seen: SeenGround | None = memory.seen
+        if seen is None and (inside := end_in_obstacle(live_of(memory).still, scene, self.sensors)):
+            return Plan(None, reason=inside, verdict="unreachable")
         memory.way = way = find_way(self._task(scene, memory), self.manner, seed=self._seed())
         if way is not None:
             if seen is not None:
@@ -221,7 +224,7 @@ class D2TPlanner(MapPlanner):
     def _why_not(self, scene: Scene, memory: Any) -> str:
         """Why there is no way."""
         if memory.seen is None:
-            return no_way(live_of(memory).still, scene.goal, self.sensors)
+            return no_way(live_of(memory).still, scene, self.sensors)
         return f"what has been seen leaves no way from here to the goal for a body of radius {self.sensors.radius:g} m"
 
     def _task(self, scene: Scene, memory: Any) -> Task:

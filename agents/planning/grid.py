@@ -151,7 +151,7 @@ def grid_of(plan: PlanningMap, size: float, growth: float, *, connectivity: int 
     lattice = lattice_of(plan.box, size)
     blocked = np.ones((lattice.rows, lattice.columns), dtype=np.uint8)
     edges, first = edges_of(((plan.border,), *plan.polygons))
-    fill_map(blocked, lattice, edges, first, plan.discs, growth, np.empty(len(edges)))
+    fill_map(blocked, lattice, edges, first, plan.discs.copy(), growth, np.empty(len(edges)))
     return make_grid(blocked, lattice, connectivity=connectivity, cut_corners=cut_corners)
 
 

@@ -21,7 +21,8 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
-    goal_in_obstacle,
+    end_in_obstacle,
+    is_shut_in,
     live_of,
     mover_discs,
 )
@@ -31,11 +32,8 @@ from bug_gym.agents.planning.terrain import WeighedGround, weights_of
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
-HALVINGS = 3
-"""How often cells are halved to find a resolution at which there is a way."""
-
 TRIED_CELLS = 4_000_000
-"""Cells of the largest grid that is tried for that."""
+"""Cells of the largest grid that is tried to find a resolution at which there is a way."""
 
 
 @dataclass(frozen=True)
@@ -183,21 +181,23 @@ class GridPlanner(MapPlanner):
         return pulled(places, self.parameters.resolution, solids.is_clear, cost_of)
 
     def why_not(self, scene: Scene, memory: GridMemory) -> str:
-        """Why there is no way over the cells, and at which resolution there is one."""
+        """Why there is no way over the cells, and at which resolution there is one: half of theirs, half of that and on."""
         size, room, plan = self.parameters.resolution, self.rooms[-1], live_of(memory).still
-        shut = goal_in_obstacle(plan, scene.goal, self.sensors)
-        if shut:
-            return shut
+        inside = end_in_obstacle(plan, scene, self.sensors)
+        if inside:
+            return inside
         what = f"no way over cells of {size:g} m for a body of radius {room.radius:g} m and {room.margin:g} m beside it"
-        for finer in (size * 0.5**k for k in range(1, HALVINGS + 1)):
-            low_x, low_y, high_x, high_y = plan.box
-            if (high_x - low_x) * (high_y - low_y) / finer**2 > TRIED_CELLS:
-                break
+        if is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
+            return f"{what}, nor over smaller ones"
+        low_x, low_y, high_x, high_y = plan.box
+        finer = size
+        while (high_x - low_x) * (high_y - low_y) / (0.5 * finer) ** 2 <= TRIED_CELLS:
+            finer *= 0.5
             grid = self._grid(plan, finer, room)
             ends = self.ends(grid, Solids.of(plan, room.growth), room, scene)
             if ends is not None and len(self.search(grid, *ends).nodes) > 0:
                 return f"{what}; a resolution of {finer:g} m would do"
-        return what
+        return what if finer == size else f"{what}, nor over smaller ones down to {finer:g} m"
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,10 @@ class Grown(NamedTuple):
 
 @dataclass(frozen=True)
 class PlanningMap:
-    """What stands in a world. All coordinates are in one frame [m]; whose frame it is, says who made the map."""
+    """What stands in a world. All coordinates are in one frame [m]; whose frame it is, says who made the map.
+
+    Its arrays cannot be written to: what is read-only here may still be written by who owns it elsewhere.
+    """
 
     border: F64
     """Corners (k, 2) of the simple polygon around all; outside is wall."""
@@ -65,6 +68,13 @@ class PlanningMap:
     """The other obstacles, each a tuple of rings (k, 2): the shell, then its holes, which are free."""
     regions: tuple[Ground, ...] = ()
     """Ground that is dear to cross."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "border", read_only(self.border))
+        object.__setattr__(self, "discs", read_only(self.discs))
+        object.__setattr__(self, "polygons", tuple(tuple(map(read_only, rings)) for rings in self.polygons))
+        regions = (one._replace(rings=tuple(map(read_only, one.rings))) for one in self.regions)
+        object.__setattr__(self, "regions", tuple(regions))
 
     @classmethod
     def of_layout(cls, layout: Layout, regions: Sequence[WeightedRegion] = ()) -> PlanningMap:
@@ -209,6 +219,13 @@ class PlanningMap:
         No is certain; yes may be a gap of 1.98 radii.
         """
         return reachable(self.discs, self.polygons, self.border, start, goal, radius=radius)
+
+
+def read_only(array: F64) -> F64:
+    """The same numbers, which cannot be written through what is returned."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def ground_of(region: WeightedRegion) -> Ground:

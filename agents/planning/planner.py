@@ -208,18 +208,20 @@ def live_of(memory: MapMemory) -> LiveMap:
     return memory.live
 
 
-def goal_in_obstacle(plan: PlanningMap, goal: Point, sensors: Sensors) -> str:
-    """That the body fits nowhere at a goal, in a sentence; nothing where it does.
+def end_in_obstacle(plan: PlanningMap, scene: Scene, sensors: Sensors) -> str:
+    """That the body fits nowhere where a way is to begin or to end, in a sentence; nothing where it does.
 
     Args:
         plan: what stands.
-        goal: where to [m].
+        scene: where both are.
         sensors: radius of the body, and how near to the goal it has to come.
     """
-    if plan.free_place_near(goal, radius=sensors.radius, reach=sensors.goal_radius) is not None:
-        return ""
-    where = f"the goal ({goal[0]:.3g}, {goal[1]:.3g}) lies in an obstacle"
-    return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
+    ends = (("start", scene.pose[:2], 2.0 * sensors.radius), ("goal", scene.goal, sensors.goal_radius))
+    for name, place, reach in ends:
+        if plan.free_place_near(place, radius=sensors.radius, reach=reach) is None:
+            where = f"the {name} ({place[0]:.3g}, {place[1]:.3g}) lies in an obstacle"
+            return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
+    return ""
 
 
 def exact_way(plan: PlanningMap, start: Point, goal: Point, *, radius: float, goal_radius: float) -> F64 | None:
@@ -257,18 +259,18 @@ def is_shut_in(plan: PlanningMap, start: Point, goal: Point, sensors: Sensors) -
     return inner is None or outer is None or not plan.joins(inner, outer, radius=radius)
 
 
-def no_way(plan: PlanningMap, goal: Point, sensors: Sensors, *, beside: float = 0.0) -> str:
+def no_way(plan: PlanningMap, scene: Scene, sensors: Sensors, *, beside: float = 0.0) -> str:
     """What is said where there is no way to a goal.
 
     Args:
         plan: what stands.
-        goal: where to [m].
+        scene: where from and where to.
         sensors: radius of the body, and how near to the goal it has to come.
         beside: what a way was to keep beside the body [m]; 0: there is none for the body alone.
     """
     kept = f" and {beside:g} m beside it" if beside > 0.0 else ""
     told = f"no way leads from here to the goal for a body of radius {sensors.radius:g} m{kept}"
-    return goal_in_obstacle(plan, goal, sensors) or told
+    return end_in_obstacle(plan, scene, sensors) or told
 
 
 def near(scene: Scene) -> Moving:

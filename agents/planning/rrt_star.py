@@ -333,7 +333,7 @@ class RRTStar(MapPlanner):
             if len(places) > 0:
                 return Plan(places, room.margin)
         if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
-            return Plan(None, reason=no_way(plan, scene.goal, self.sensors), verdict="unreachable")
+            return Plan(None, reason=no_way(plan, scene, self.sensors), verdict="unreachable")
         reason = f"no way was found by {self.parameters.samples} samples and more, which proves nothing"
         return Plan(None, reason=reason, verdict="stuck" if memory.plans >= TRIES and scene.moving is None else "")
 

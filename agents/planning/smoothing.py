@@ -27,7 +27,7 @@ class Solids:
     """
 
     def __init__(self, discs: F64, edges: F64, growth: float) -> None:
-        self.discs = np.ascontiguousarray(discs, dtype=np.float64)
+        self.discs = np.array(discs, dtype=np.float64)  # its own: kernels are compiled for what can be written
         self.edges, self.growth = edges, growth
 
     @classmethod

@@ -37,5 +37,5 @@ class VisibilityGraph(MapPlanner):
             if places is not None:
                 return Plan(places, room.margin)
         if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
-            return Plan(None, reason=no_way(plan, scene.goal, self.sensors), verdict="unreachable")
-        return Plan(None, reason=no_way(live.still, scene.goal, self.sensors, beside=self.rooms[-1].margin))
+            return Plan(None, reason=no_way(plan, scene, self.sensors), verdict="unreachable")
+        return Plan(None, reason=no_way(live.still, scene, self.sensors, beside=self.rooms[-1].margin))

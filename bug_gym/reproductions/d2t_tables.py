@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from scipy import stats
 
 from bug_gym.agents.planning.a_star import a_star
 from bug_gym.agents.planning.ants import Colony, Found, aco, eaco, eaco_refined
@@ -143,6 +144,14 @@ def interval(values: Sequence[float]) -> tuple[float, float, float]:
     mean = float(array.mean())
     half = 1.96 * float(array.std(ddof=1)) / math.sqrt(len(array)) if len(array) > 1 else 0.0
     return mean, mean - half, mean + half
+
+
+def median_interval(values: Sequence[float]) -> tuple[float, float, float]:
+    """Median and its 95 % interval: values between which it lies whatever their law (the binomial law of their ranks)."""
+    found = stats.quantile_test(values, p=0.5).confidence_interval(0.95)
+    low, high = float(found.low), float(found.high)
+    known = min(values), max(values)  # few values tell of no bound
+    return float(np.median(values)), low if math.isfinite(low) else known[0], high if math.isfinite(high) else known[1]
 
 
 # ------------------------------------------------------------------------------------------- clustering

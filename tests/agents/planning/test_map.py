@@ -106,6 +106,19 @@ def test_grown_obstacles_hold_the_true_ones_and_half_a_per_cent_more() -> None:
         plan.grown(-1.0)
 
 
+def test_what_reads_a_map_cannot_write_to_it() -> None:
+    simulation, here = live(WORLD)
+    for plan in (
+        here.still,
+        here.now(),
+        PlanningMap.of_layout(simulation.world.layout(0)),
+        here.still.seen_from((1, 2, 3)),
+    ):
+        for array in (plan.border, plan.discs, *(ring for rings in plan.polygons for ring in rings)):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0.0
+
+
 def test_a_recorded_scan_is_a_map() -> None:
     simulation, here = live({**WORLD, "movers": []}, lidar={"beams": 720, "range": 12.0})
     angles = 2.0 * np.pi * np.arange(720) / 720

@@ -125,6 +125,23 @@ def test_cells_too_coarse_for_a_gap_are_told_and_which_would_do(name: str) -> No
     assert finer.outcome == "success"
 
 
+def test_the_straight_ways_of_theta_star_need_cells_that_are_halved_more_often() -> None:
+    """Between two cells they may touch any point of a free one, so a gap must be wider by a diagonal of a cell."""
+    settings, robot = {"world": walled(0.43)}, {"robot.kinematics": "holonomic"}
+    reason = run_episode("theta_star", settings, robot, resolution=0.4).memory.reason
+    enough = float(reason.rsplit("a resolution of ", maxsplit=1)[1].split()[0])
+    assert 0.4 / enough > 8.0
+    assert run_episode("theta_star", settings, robot, resolution=enough).outcome == "success"
+
+
+@pytest.mark.parametrize("name", GRID)
+def test_smaller_cells_that_were_tried_in_vain_are_told(name: str) -> None:
+    """The body alone fits through 0.402 m, and nothing with 0.005 m beside it."""
+    reason = run_episode(name, {"world": walled(0.402)}, {"robot.kinematics": "holonomic"}).memory.reason
+    tried = float(reason.rsplit(" m", maxsplit=1)[0].rsplit(maxsplit=1)[1])
+    assert "nor over smaller ones down to" in reason and 14.0 * 8.0 / (0.5 * tried) ** 2 > 4_000_000
+
+
 @pytest.mark.parametrize("name", PLANNERS)
 def test_where_there_is_no_way_it_is_told_and_no_finer_cells_are_promised(name: str) -> None:
     episode = run_episode(name, {"world": walled(0.3), "time": {"limit": 30.0}}, {"robot.kinematics": "holonomic"})
@@ -155,6 +172,19 @@ def test_a_goal_inside_of_a_grown_obstacle_is_told_as_such(name: str) -> None:
         "the goal (5.2, 0) lies in an obstacle, or nearer to one than a body of radius 0.2 m can come"
     )
     assert policy.plan(scene, memory).places is not None
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_a_start_inside_of_an_obstacle_is_told_as_such(name: str) -> None:
+    simulation = Simulation({"world": walled(1.0, thick=2.0)}, overrides={"robot.kinematics": "holonomic"})
+    simulation.reset(seeds=[0])
+    policy: Any = make_policy(name, simulation)
+    memory = policy.begin(0)
+    found = policy.plan(policy.look(None, memory)._replace(pose=(6.0, -2.0, 0.0)), memory)
+    assert found.places is None
+    assert (
+        found.reason == "the start (6, -2) lies in an obstacle, or nearer to one than a body of radius 0.2 m can come"
+    )
 
 
 @pytest.mark.parametrize("name", [*PLANNERS])
