@@ -15,6 +15,7 @@ from bug_gym.kernels.randomness import between, hash64, uniform
 # moves only what is near (`neighbours`), and a body is brought through its events when somebody asks for it. body_x, body_y
 # is the place of a body that looks, of a goal and of what stands; that of others is of when they were last asked for.
 
+SOONER = 1.0 - 1e-9  # so much earlier what is earlier is by more than rounding
 UNPLANNED = -1.0  # event of a body that nobody has asked for in this episode
 
 
@@ -72,6 +73,33 @@ def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> fl
     if best == NEVER:
         return math.inf
     return now + best * far / speed
+
+
+@called
+def quiet_until(f: Floats, k: Integers, s: Record, b: int) -> float:
+    """A time before which body b, from its place at time 0, certainly touches nothing still; much cheaper than when it does.
+
+    It comes no nearer to a still disc than its way is long, and to a wall not before it comes to the line through it.
+    """
+    x, y = f[s.body_x + b], f[s.body_y + b]
+    vx, vy = f[s.body_vx + b], f[s.body_vy + b]
+    radius = f[s.body_radius + b]
+    until = math.inf
+    if k[s.disc_count] > k[s.moving_disc_count]:
+        gap = math.inf
+        for m in range(k[s.moving_disc_count], k[s.disc_count]):
+            gap = min(gap, length(x - f[s.body_x + m], y - f[s.body_y + m]) - f[s.body_radius + m])
+        until = max(gap - radius, 0.0) / max(length(vx, vy), 1e-300)
+    for w in range(k[s.moving_wall_count], k[s.wall_count]):
+        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        ux, uy = f[s.wall + 4 * w + 2] - x1, f[s.wall + 4 * w + 3] - y1
+        beside, drift = (y - y1) * ux - (x - x1) * uy, vy * ux - vx * uy
+        gap = abs(beside) - radius * (abs(ux) + abs(uy))  # no wall is longer than both its sides
+        if gap <= 0.0:
+            return 0.0
+        if beside * drift < 0.0:
+            until = min(until, gap / abs(drift))
+    return until * SOONER
 
 
 @called

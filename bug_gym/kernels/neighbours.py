@@ -3,7 +3,8 @@
 A row lists the discs and the polygons that may come within reach of a robot's scan or contact before `closing` has grown
 by the margin. `closing` grows by the robots' ways and the greatest way of a body: no two come nearer by more. Whoever is
 not listed sleeps until `closing` says that it may be near (`body_wake`), and is then brought forward exactly: so bodies far
-off cost nothing, and not even their first event is planned before they are near.
+off cost nothing, and not even their first event is planned before they are near. Nor is that of a listed one which only
+reflects, until a time before which it certainly touches nothing.
 
 No result depends on what is listed, only the time it takes.
 """
@@ -17,8 +18,8 @@ import numpy as np
 
 from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.geometry import length
-from bug_gym.kernels.layout import ACKERMANN, CROWD, Floats, Integers, Record
-from bug_gym.kernels.motion import body_motion, bring_forward, move_looker
+from bug_gym.kernels.layout import ACKERMANN, BOUNCE, CROWD, Floats, Integers, Record
+from bug_gym.kernels.motion import body_motion, bring_forward, move_looker, quiet_until
 from bug_gym.kernels.rays import Discs
 from bug_gym.kernels.vectors import LANES, move_eight
 
@@ -94,10 +95,15 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
         f[s.body_wake + b] = f[s.closing] + max(gap, 0.0)
         if gap > 0.0:
             continue
-        if moves and not looks and time == 0.0:
-            bring_forward(f, k, s, b, time)
         k[s.near_number + count] = b - first
-        list_body(f, s, b, count, moves)
+        if moves and time == 0.0 and k[s.body_law + b] == BOUNCE and k[s.steered_count] == 0:
+            f[s.body_turned + b] = -1.0
+            write_block(f, s, count, x, y, f[s.body_vx + b], f[s.body_vy + b], f[s.body_radius + b])
+            f[s.near_event + count] = quiet_until(f, k, s, b)
+        else:
+            if moves and not looks and time == 0.0:
+                bring_forward(f, k, s, b, time)
+            list_body(f, s, b, count, moves)
         count += 1
     for j in range(count, at + in_eights(count - at)):
         write_block(f, s, j, NOWHERE, NOWHERE, 0.0, 0.0, 0.0)

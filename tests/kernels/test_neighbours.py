@@ -129,3 +129,26 @@ def test_the_step_of_one_world_tells_where_bodies_are_too() -> None:
         one.step_one(0.1, 0.2)
         batch.step([[[0.1, 0.2]]])
         assert (one.world.disc_position == batch.world.disc_position).all()
+
+
+@pytest.mark.parametrize(("shapes", "moving"), [("circles", 1.0), ("circles", 0.5), ("mixed", 0.3), ("squares", 1.0)])
+def test_a_listed_body_is_looked_at_before_it_touches_anything(shapes: str, moving: float) -> None:
+    """Its first contact is not known at the start of an episode; the time until which it is left alone is no later."""
+    scenario = crowded(shapes)
+    scenario["world"] |= {"moving": moving, "laws": ["bounce"], "obstacles": 40}
+    simulation = Simulation(scenario, 20)
+    simulation.reset(seeds=range(20))
+    world = simulation.world
+    alone, contact = world.array("near_event").copy(), world.array("body_event")
+    compared = 0
+    begins = [("disc", 0, 0), ("polygon", int(world.spec["discs"][0]), int(world.spec["disc_room"][0]))]
+    for kind, first, at in begins:
+        count = int(world.array(f"moving_{kind}_count")[0, 0])
+        until, true = alone[:, at : at + count], contact[:, first : first + count]
+        assert (until <= true).all()
+        compared += int(np.isfinite(true).sum())
+        if (
+            moving == 1.0
+        ):  # nothing stands but the four walls of the bounds, which are as long as the lines through them
+            assert until == pytest.approx(true, abs=1e-6)
+    assert compared > 100
