@@ -125,6 +125,18 @@ def missed(found: Record) -> str:
     )
 
 
+def standing(own: Record) -> str:
+    """How often the navigator without a way comes to stand, in a sentence."""
+    alone = {scene: one for key, one in own.items() for scene, driver in [key.split(", ", 1)] if driver == ALONE}
+    counts = ", ".join(
+        f"{one['outcomes'].get('timeout', 0)} of {one['n']} with {scene}" for scene, one in alone.items()
+    )
+    return f"On the beach the navigator alone, with no way to follow, comes to stand before something still: {counts}."
+
+
+ALONE = "velocity_obstacle alone"
+
+
 def scene_and_driver(key: str) -> list[str]:
     """The two names in a key of the numbers of what was driven."""
     scene, driver = key.split(", ", 1)
@@ -145,7 +157,8 @@ def reading(found: Record) -> str:
         "where A* over such cells "
         "takes what stands in brackets: that it is the fastest too, as printed, was not found. The funnel finds the "
         "exact way in the same triangles in less. The length has one minimum, so there is none for Levy flights to "
-        f"escape from. Ants stop after {found['ants']['iterations']:.0f} iterations in the mean.{missed(found)}\n\n"
+        f"escape from. Ants stop after {found['ants']['iterations']:.0f} iterations in the mean.{missed(found)} "
+        f"{standing(found['beach'])}\n\n"
         "Planners are given the map. RRT*, the exact shortest way, cells of 0.1 m and the rows with a comma are not the "
         "paper's. The printed BFS is shorter than the printed A*: none whose bound never says too much is; with the "
         f"Manhattan distance, which does, it may be longer. {RUN_NOTE}"
