@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bug_gym.agents.walls.boundary import FRESH_STARTS
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import TARGET_MOVED, Contour
 from bug_gym.agents.walls.laps import is_proof
@@ -40,6 +41,8 @@ class Alg2Memory(TurningMemory):
 class Alg2(BoundaryBug):
     """Alg2; its parameters are those of BoundaryBug."""
 
+    fresh_starts = FRESH_STARTS
+
     def start(self) -> Alg2Memory:
         """Memory of a new episode."""
         return Alg2Memory(mode="motion_to_goal")
@@ -54,9 +57,9 @@ class Alg2(BoundaryBug):
         return velocity
 
     def _follow_target(self, view: View, memory: Alg2Memory) -> None:
-        """Distances and marks belong to a target that stands; begin anew when it has moved."""
-        if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
-            memory.goal = view.goal_position
+        """Distances and marks belong to a target that stands; begin anew when it has moved, or after vain laps."""
+        if memory.goal is None or memory.is_fresh or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
+            memory.goal, memory.is_fresh = view.goal_position, False
             memory.nearest = view.goal_distance
             forget_marks(memory)
 

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from bug_gym.agents.walls.boundary import WAIT, LeaveRule
+from bug_gym.agents.walls.boundary import FRESH_STARTS, WAIT, LeaveRule
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.agents.walls.laps import shows_no_way
@@ -84,6 +84,7 @@ class Bug1(BoundaryBug):
 
     Parameters = Bug1Parameters
     parameters: Bug1Parameters
+    fresh_starts = FRESH_STARTS
     turns_on_the_spot = True  # its laps close only where it keeps exactly to contours
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
@@ -102,6 +103,8 @@ class Bug1(BoundaryBug):
         boundary = self.boundary
         boundary.advance(view, memory)
         contour = memory.contour
+        if memory.is_fresh:
+            memory.mode, memory.is_fresh = "motion_to_goal", False
         if contour is not None and math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
             self._leave(view, memory)  # what was measured of this boundary belongs to the target's old place
         elif contour is not None and memory.mode == "boundary_following":

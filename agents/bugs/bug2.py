@@ -23,7 +23,8 @@ class Bug2Memory(MLineMemory):
     """Memory of Bug2."""
 
     hit_distance: float = math.inf
-    """Distance to the goal at the last hit point [m]."""
+    """Distance to the goal at the last hit point [m], or at the crossing where the wall before was left, if that is nearer: the
+    step that crosses the line may end farther off."""
 
 
 class Bug2(MLineBug):
@@ -50,7 +51,7 @@ class Bug2(MLineBug):
             if velocity is not None:
                 return velocity
             boundary.hit(view, memory, self.side, view.goal_bearing)
-            memory.hit_distance = view.goal_distance
+            memory.hit_distance = min(memory.hit_distance, view.goal_distance)
             memory.mode = "boundary_following"
         return boundary.follow(view, memory)
 
@@ -60,6 +61,8 @@ class Bug2(MLineBug):
 
     def _may_leave(self, view: View, memory: Bug2Memory, contour: Contour, line: MLine) -> bool:
         """Whether the last step crossed the M-line nearer to the goal than the hit point, with a free way on."""
-        if nearer_crossing(self.boundary, view, contour, line, memory.hit_distance) is None:
+        distance = nearer_crossing(self.boundary, view, contour, line, memory.hit_distance)
+        if distance is None or not self.boundary.may_go_on(view, contour):
             return False
-        return self.boundary.may_go_on(view, contour)
+        memory.hit_distance = distance
+        return True

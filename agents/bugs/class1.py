@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bug_gym.agents.walls.boundary import FRESH_STARTS
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
 from bug_gym.agents.walls.laps import is_proof
@@ -31,6 +32,8 @@ class Class1Memory(BugMemory):
 
 class Class1(BoundaryBug):
     """Class1; its parameters are those of BoundaryBug."""
+
+    fresh_starts = FRESH_STARTS
 
     def start(self) -> Class1Memory:
         """Memory of a new episode."""
@@ -58,8 +61,8 @@ class Class1(BoundaryBug):
 
     def _is_nearer(self, view: View, memory: Class1Memory) -> bool:
         """Whether it is nearer to the goal than ever before; a target that moved away begins a new record."""
-        if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
-            memory.goal = view.goal_position
+        if memory.goal is None or memory.is_fresh or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
+            memory.goal, memory.is_fresh = view.goal_position, False
             memory.least_distance = math.inf
         is_nearer = view.goal_distance < memory.least_distance
         memory.least_distance = min(memory.least_distance, view.goal_distance)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bug_gym.agents.walls.boundary import FRESH_STARTS
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import CLOSER, TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.laps import is_proof
@@ -31,6 +32,8 @@ class Com1Memory(BugMemory):
 
 class Com1(BoundaryBug):
     """Com1; its parameters are those of BoundaryBug."""
+
+    fresh_starts = FRESH_STARTS
 
     def start(self) -> Com1Memory:
         """Memory of a new episode."""

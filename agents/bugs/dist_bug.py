@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.walls.boundary import LeaveRule, Turn
+from bug_gym.agents.walls.boundary import FRESH_STARTS, LeaveRule, Turn
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.survey import Survey, survey_lap
@@ -84,6 +84,7 @@ class DistBug(BoundaryBug):
 
     Parameters = DistBugParameters
     parameters: DistBugParameters
+    fresh_starts = FRESH_STARTS
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)

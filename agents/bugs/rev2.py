@@ -48,6 +48,7 @@ class Rev2(Alg2):
 
     Parameters = Rev2Parameters
     parameters: Rev2Parameters
+    fresh_starts = 0
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from bug_gym.agents.walls.boundary import LeaveRule, Turn
+from bug_gym.agents.walls.boundary import FRESH_STARTS, LeaveRule, Turn
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
 from bug_gym.agents.walls.survey import Survey, survey_lap
@@ -90,6 +90,7 @@ class TangentBug(BoundaryBug):
 
     Parameters = TangentBugParameters
     parameters: TangentBugParameters
+    fresh_starts = FRESH_STARTS
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
@@ -121,7 +122,9 @@ class TangentBug(BoundaryBug):
         return self._follow(view, memory, graph)
 
     def _watch_target(self, view: View, memory: TangentBugMemory) -> None:
-        """Forget distances to a place that the target has left."""
+        """Forget distances to a place that the target has left, or that led round walls in vain."""
+        if memory.is_fresh:
+            memory.target, memory.is_fresh = None, False
         if memory.target is not None and math.dist(memory.target, view.goal_position) <= TARGET_MOVED:
             return
         memory.target = view.goal_position
@@ -280,10 +283,12 @@ class TangentBug(BoundaryBug):
                 memory.verdict = advice
 
     def _go_straight(self, view: View, memory: TangentBugMemory, graph: TangentGraph) -> Velocity | None:
-        """Velocity toward the goal; None at the next wall, which it follows."""
+        """Velocity toward the goal; None at the next wall, which it follows: a lap must lead nearer than the last one did."""
         velocity = self.boundary.go(view, view.goal_bearing, view.goal_distance)
         if velocity is None:
+            nearest = memory.survey.distance  # it was left a little beside that point, and farther from the goal
             self._begin_following(view, memory, graph)
+            memory.hit_distance = min(memory.hit_distance, nearest)
             self._lay_hand(view, memory, view.goal_bearing)
         return velocity
 

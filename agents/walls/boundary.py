@@ -47,6 +47,9 @@ GLANCES = 4
 SHORT = 0.01
 """How far short of its contour a wall must not make a robot stand [m]."""
 
+FRESH_STARTS = 3
+"""How often bugs begin anew that can."""
+
 NEAR = 3.0
 """How far from a robot what moves makes its lap worthless [m]."""
 
@@ -171,6 +174,9 @@ class Boundary:
             gate_half_width=self.gate_half_width,
             arming_length=self.arming_length,
         )
+        self.fresh_starts = 0
+        """How often a bug that goes round in vain may begin anew, if it can (`BugMemory.is_fresh`): its hand came to another
+        wall through a gap that is one from one side only."""
         self.rounding: Rounding | None = None
         """How corners are rounded; None: the contour is kept to exactly."""
         self.exact_length = 2.0 * clearance + sensors.goal_radius
@@ -359,7 +365,7 @@ class Boundary:
         """
         if is_nearer and self.is_free(view, view.goal_bearing, view.goal_distance, contour):
             return True
-        if contour.takes_less:
+        if contour.takes_less and (math.isfinite(contour.way_out) or not self.fresh_starts):
             return view.goal_distance <= contour.way_out + self.progress and self.begins_free(view, contour)
         if is_nearer and view.goal_distance < contour.way_out and self.begins_free(view, contour):
             contour.way_out = view.goal_distance
@@ -395,6 +401,7 @@ class Boundary:
         contour.has_no_other = memory.vain_leaves > 1
         memory.contour = contour
         memory.hits.append(view.position)
+        contour.been = memory.hits[0]
         memory.hit_sides.append(side)
         memory.hit_odometers.append(memory.odometer)
         return contour
@@ -440,7 +447,7 @@ class Boundary:
         contour = memory.contour
         assert contour is not None
         if contour.vain_laps > 1:
-            memory.verdict = "looping"
+            self._end_vain_laps(memory)
             return STANDING
         rounding = None if contour.is_exact or view.goal_distance <= self.exact_length else self.rounding
         if rounding is not None and contour.foot is not None:
@@ -477,6 +484,14 @@ class Boundary:
         if rounding is not None and first_heading is None:
             rounding.begin(view, contour, heading)
         return velocity_along(heading, self.pace)
+
+    def _end_vain_laps(self, memory: BugMemory) -> None:
+        """Begin anew from here, or give up where that has been tried."""
+        if memory.fresh_starts >= self.fresh_starts:
+            memory.verdict = "looping"
+            return
+        memory.fresh_starts += 1
+        memory.contour, memory.is_fresh = None, True
 
     def _backed_out(self, view: View, contour: Contour, travel: float) -> float | None:
         """Back the way it came, where nothing else is open; None: no step is, or it has come back here from there."""

@@ -50,12 +50,15 @@ class BoundaryBug(ScriptedPolicy):
 
     Parameters: ClassVar[type[BoundaryParameters]] = BoundaryParameters
     parameters: BoundaryParameters
+    fresh_starts: ClassVar[int] = 0
+    """How often it begins anew where it goes round in vain, see `Boundary.fresh_starts`."""
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
         self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
         self.boundary.require_corners()
+        self.boundary.fresh_starts = self.fresh_starts
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
         if own.round_corners and self._follows_course and not sensors.drive.has_inertia:

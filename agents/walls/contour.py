@@ -77,6 +77,8 @@ class Contour:
     """Where the target was when the lap began, odometry frame [m]."""
     approach: float
     """Direction in which it came to the hit point, odometry frame [rad]."""
+    been: Point | None = None
+    """Where it has been long before, at its first hit point, odometry frame [m]; None: nothing is known."""
     before: Point = (0.0, 0.0)
     """Own place at the decision before, odometry frame [m]."""
     heading: float | None = None
@@ -116,6 +118,10 @@ class Contour:
     """Whether it was left for less twice, which led back to the hit point: such places are no way out."""
     vain_laps: int = 0
     """Laps that ended with the goal on the robot's side of them: they prove nothing."""
+    crossings: int = 0
+    """How often the gate was passed without a full turn: the way crosses itself in a gap that is one from one side only."""
+    crossed: float = 0.0
+    """Length walked along the boundary when that happened last [m]."""
     waited: float = 0.0
     """Time without an open heading [s]."""
     backed_from: Point | None = None
@@ -142,6 +148,10 @@ class BugMemory(Memory):
     """Side taken at each hit point."""
     hit_odometers: list[float] = field(default_factory=list)
     """Length of the whole way at each hit point [m]."""
+    fresh_starts: int = 0
+    """How often it has begun anew where it went round in vain."""
+    is_fresh: bool = False
+    """Whether it begins anew from where it is: what it measured on the way here means nothing."""
     left_for_less: bool = False
     """Whether the last boundary was left with less asked."""
     vain_leaves: int = 0

@@ -27,6 +27,13 @@ LOST = 8.0 * math.pi
 """Turning after which a gate that was not passed again lies beside the contour [rad], in a nook that the robot enters by chance
 only, and stands anew where it is; each time as much more, as walls may wind as a spiral does."""
 
+MOST_CROSSINGS = 2
+"""How often a robot may pass its gate without a full turn before it is taken to go round in vain."""
+
+WIDEST = 0.625
+"""How wide what a closed curve holds can be at most, over its length: half of it, and of the gap that a gate leaves, which is a
+quarter of the shortest lap."""
+
 OFF_HEADING = math.radians(10.0)
 """How far the course of a robot that goes along a wall may differ from the wall's [rad]."""
 
@@ -61,11 +68,16 @@ def parts_from_goal(contour: Contour) -> bool:
     """Whether a closed lap has the goal on the side of the wall.
 
     It is a closed curve. Round an obstacle it turns toward the wall by a full turn, and the goal must lie within it; in a
-    room it turns away from the wall, and the goal must lie outside.
+    room it turns away from the wall, and the goal must lie outside. The robot has always been in a room that shuts it in:
+    where it has been farther off than a lap of this length can hold, it came through a gap that it takes for none now.
     """
     assert contour.gate is not None
-    is_shut_in = contour.side * (contour.turned - contour.gate.turned) > 0.0
-    is_goal_within = abs(contour.wound - contour.gate.wound) > math.pi
+    turned = contour.side * (contour.turned - contour.gate.turned)
+    is_shut_in, is_goal_within = turned > 0.0, abs(contour.wound - contour.gate.wound) > math.pi
+    length = (contour.odometer - contour.gate.odometer) / max(round(turned / (2.0 * math.pi)), 1)
+    farthest = max(math.dist(place, contour.gate.place) for place in (contour.hit, contour.been or contour.hit))
+    if is_shut_in and farthest > WIDEST * length:
+        return False
     return is_goal_within != is_shut_in
 
 
@@ -123,6 +135,10 @@ class Laps:
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
+        if not is_closed and self._crosses(contour, contour.gate):
+            contour.crossings, contour.crossed = contour.crossings + 1, contour.odometer
+            if contour.crossings > MOST_CROSSINGS:
+                contour.vain_laps = max(contour.vain_laps, 2)
         if not is_closed and abs(contour.turned - contour.gate.turned) > LOST * (1 + contour.lost_gates):
             contour.gate = gate
             contour.lost_gates += 1
@@ -142,10 +158,20 @@ class Laps:
 
     def closes(self, contour: Contour, gate: Gate) -> bool:
         """Whether the last step passed a gate after a lap: far enough, in its direction, with a full turn made."""
-        if contour.odometer - gate.odometer <= self.arming_length:
-            return False
         if abs(contour.turned - gate.turned) < math.pi:
             return False  # a corridor walked back, or a wall met on its other side: no lap
+        return self._passes(contour, gate)
+
+    def _crosses(self, contour: Contour, gate: Gate) -> bool:
+        """Whether the last step passed a gate without a lap, and long since it did last."""
+        if contour.odometer - contour.crossed <= self.arming_length or abs(contour.turned - gate.turned) >= math.pi:
+            return False
+        return self._passes(contour, gate)
+
+    def _passes(self, contour: Contour, gate: Gate) -> bool:
+        """Whether the last step passed a gate in its direction, far enough from where it was placed."""
+        if contour.odometer - gate.odometer <= self.arming_length:
+            return False
         return gate.is_passed(contour.before, contour.position, self.gate_half_width, contour.heading_before)
 
     def is_looping(self, memory: BugMemory) -> bool:

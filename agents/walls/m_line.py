@@ -10,7 +10,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
-from bug_gym.agents.walls.boundary import Boundary, LeaveRule
+from bug_gym.agents.walls.boundary import FRESH_STARTS, Boundary, LeaveRule
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.geometry import Point
@@ -111,11 +111,13 @@ class MLineBug(BoundaryBug):
     Parameters = MLineParameters
     parameters: MLineParameters
 
+    fresh_starts = FRESH_STARTS
+
     def m_line(self, view: View, memory: MLineMemory) -> MLine:
-        """The M-line; drawn anew from here when the target has moved away from its end."""
+        """The M-line; drawn anew from here when the target has moved away from its end, or walls were gone round in vain."""
         goal = view.goal_position
-        if memory.line is None or math.dist(memory.line.goal, goal) > TARGET_MOVED:
-            memory.line = MLine(view.position, goal)
+        if memory.line is None or memory.is_fresh or math.dist(memory.line.goal, goal) > TARGET_MOVED:
+            memory.line, memory.is_fresh = MLine(view.position, goal), False
             self.forget_distances(view, memory)
         return memory.line
 

@@ -13,7 +13,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
 
-from bug_gym.agents.walls.boundary import STANDING, Boundary, side_of
+from bug_gym.agents.walls.boundary import FRESH_STARTS, STANDING, Boundary, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, copied
 from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.m_line import (
@@ -108,6 +108,7 @@ class Vision:
     def __init__(self, sensors: Sensors, parameters: VisBugParameters) -> None:
         self.boundary = Boundary(sensors, clearance=parameters.clearance, leave_rule=parameters.leave_rule)
         self.boundary.require_corners()
+        self.boundary.fresh_starts = FRESH_STARTS
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(parameters.turn)
         vision_range = parameters.vision_range
@@ -263,6 +264,9 @@ class Vision:
         boundary = self.boundary
         view, ahead = scan.seen_from(scout.place), scout.copy()
         contour = ahead.contour
+        if ahead.is_fresh:
+            ahead.line, ahead.is_fresh = MLine(scout.place, ahead.m_line.goal), False
+            ahead.hit_distance = ahead.crossing_distance = math.inf
         if contour is not None:
             if self._may_leave(view, ahead, contour):
                 boundary.leave(view, ahead)
@@ -273,7 +277,8 @@ class Vision:
         if velocity is None:
             if ahead.contour is None:
                 boundary.hit(view, ahead, self.side, view.goal_bearing)
-                ahead.hit_distance = ahead.crossing_distance = math.dist(view.position, ahead.m_line.goal)
+                distance = math.dist(view.position, ahead.m_line.goal)
+                ahead.hit_distance = ahead.crossing_distance = min(distance, ahead.crossing_distance)
             velocity = boundary.follow(view, ahead)
         drive = view.sensors.drive
         boundary.move_on(scan.seen_from(view.to_odometry(velocity[0] * drive.step, velocity[1] * drive.step)), ahead)

@@ -403,19 +403,19 @@ def cast_rays(
     """
     count = np.uint64(ranges.size)
     padded = (count // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
-    for i in range(padded):
-        scratch_f[i + np.uint64(BEST)] = reach
     inside = False
-    near = find_near_discs(discs, origin.x, origin.y, reach, scratch_i)
-    if near > np.uint64(0):
-        inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
     near = _find_near_walls(walls, origin.x, origin.y, reach, scratch_i)
-    if near > np.uint64(0) and not inside:
-        _invert(scratch_f, padded)
+    farthest = 1.0 / reach if near > np.uint64(0) else reach
+    for i in range(padded):
+        scratch_f[i + np.uint64(BEST)] = farthest
+    if near > np.uint64(0):
         inside = _cast_walls(walls, origin, beams, near, scratch_f, scratch_i)
         _invert(scratch_f, padded)
+    near = find_near_discs(discs, origin.x, origin.y, reach, scratch_i)
+    if near > np.uint64(0) and not inside:
+        inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
     for i in range(count):
         distance = scratch_f[i + np.uint64(BEST)]
-        # Inverting twice may end one bit off, which mustn't turn a beam without return into one with.
+        # Inverting `reach` twice may end one bit off, which mustn't turn a beam without return into one with.
         distance = distance if distance < reach * (1.0 - 1e-15) else reach
         ranges[i] = np.float32(0.0 if inside else distance)
