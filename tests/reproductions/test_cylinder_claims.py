@@ -65,16 +65,44 @@ def test_what_was_claimed_wrongly_once_is_told_rightly(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("policy", "robot", "seed"),
-    [("rev1", "jackal", 21), ("com1", "holonomic", 31), ("rev1", "jackal", 51)],
+    [
+        *(("rev1", "jackal", 21), ("com1", "holonomic", 31), ("rev1", "jackal", 51)),
+        *(("bug2", "jackal", 1489), ("vis_bug_21", "jackal", 1489), ("alg1", "jackal", 582), ("bug1", "jackal", 412)),
+        *(
+            ("bug1", "jackal", 512),
+            ("com1", "jackal", 1478),
+            ("dist_bug", "jackal", 1339),
+            ("tangent_bug", "jackal", 623),
+        ),
+        *(("tangent_bug", "holonomic", 327), ("bug2", "holonomic", 459), ("vis_bug_22", "holonomic", 459)),
+    ],
     ids=[
-        "a gap gone through, which from the other side is none",
-        "a way out that leads back, over and over",
-        "a lap that began in a nook",
+        *("a gap gone through, which from the other side is none", "a way out that leads back, over and over"),
+        *(
+            "a lap that began in a nook",
+            "a lap round another wall",
+            "the same in mind",
+            "the same beyond",
+            "the same of bug1",
+        ),
+        *("a way that crosses itself", "a place left that no lap leads nearer than", "a lap in vain of dist_bug"),
+        *(
+            "a lap in vain of tangent_bug",
+            "a nearest place that leads back to the lap",
+            "a crossing that is stepped over",
+        ),
+        "the same crossing in mind",
     ],
 )
 def test_nor_is_what_only_one_of_them_told_wrongly(policy: str, robot: str, seed: int) -> None:
     (answer,) = cylinder_claims.answers(policy, robot, [seed])
     assert answer.is_right
+
+
+@pytest.mark.parametrize("policy", ["vis_bug_21", "vis_bug_22"])
+def test_who_came_into_a_nook_does_not_say_that_it_is_shut_in(policy: str) -> None:
+    (answer,) = cylinder_claims.answers(policy, "holonomic", [1893])
+    assert answer.has_way and not cylinder_claims.is_wrong_claim(answer)
 
 
 def test_seeds_are_driven_once_each() -> None:

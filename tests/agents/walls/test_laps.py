@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from bug_gym.agents import make_policy
 from bug_gym.agents.walls.boundary import Boundary
 from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.laps import is_proof
@@ -20,14 +21,19 @@ STEP = 0.1
 
 
 def walked(
-    goal: tuple[float, float], side: int, around: int, laps: int = 1, nook: float = 0.0
+    goal: tuple[float, float],
+    side: int,
+    around: int,
+    laps: int = 1,
+    nook: float = 0.0,
+    been: tuple[float, float] | None = None,
 ) -> tuple[Contour, list[bool]]:
     """A contour after laps round a circle of 2 m, counter-clockwise with `around` 1, and what each step proved.
 
-    A nook of so many metres is walked into in the first eighth of a lap only.
+    A nook of so many metres is walked into in the first eighth of a lap only. `been` is where it was before.
     """
     angle = STEP / 2.0
-    contour, proofs = Contour(side, (2.0, 0.0), (0.0, 0.0), (2.0, 0.0), goal, around * 0.5 * math.pi), []
+    contour, proofs = Contour(side, (2.0, 0.0), (0.0, 0.0), (2.0, 0.0), goal, around * 0.5 * math.pi, been=been), []
     for step in range(1, math.ceil(laps * 2.0 * math.pi / angle) + 8):
         radius = 2.0 + nook * math.sin(8.0 * step * angle) ** 2 if 8.0 * step * angle < math.pi else 2.0
         place = radius * math.cos(around * step * angle), radius * math.sin(around * step * angle)
@@ -35,6 +41,50 @@ def walked(
         BOUNDARY.laps.advance(view, contour)
         proofs.append(is_proof(contour))
     return contour, proofs
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_nobody_is_shut_in_by_a_lap_that_does_not_hold_where_it_has_been(side: int) -> None:
+    """A closed curve is at most half as wide as it is long, here six metres; what one has gone round says nothing of it."""
+    goal, outside, inside = (9.0, 0.0), (12.0, 3.0), (-1.5, 1.0)
+    for been, proves in ((None, True), (inside, True), (outside, False)):
+        contour, proofs = walked(goal, side, side, been=been)
+        assert any(proofs) == proves and contour.vain_laps == (not proves)
+        assert any(walked((0.0, 0.0), side, -side, been=been)[1])
+
+
+def test_a_gate_passed_over_and_over_without_a_turn_is_gone_round_in_vain() -> None:
+    """The way is a figure of eight, which turns by nothing in all."""
+    contour = Contour(1, (0.0, 0.0), (0.0, -1.0), (0.0, 0.0), (90.0, 0.0), 0.0)
+    angle, rounds = STEP / 2.0, 0
+    for step in range(1, 2000):
+        along = step * angle
+        turn = 1.0 if along % (4.0 * math.pi) < 2.0 * math.pi else -1.0
+        place = (2.0 * math.sin(along), turn * 2.0 * (1.0 - math.cos(along)))
+        view: Any = SimpleNamespace(
+            position=place, goal_position=(90.0, 0.0), nearest=lambda: (BOUNDARY.clearance, 0.0)
+        )
+        BOUNDARY.laps.advance(view, contour)
+        assert not contour.is_lap_closed or contour.vain_laps == 0
+        rounds = int(along / (4.0 * math.pi))
+        if contour.vain_laps > 1:
+            break
+    assert contour.vain_laps == 2 and rounds >= 2
+
+
+@pytest.mark.parametrize("name", ["bug1", "bug2", "alg2", "class1", "com1", "dist_bug", "tangent_bug", "vis_bug_21"])
+def test_a_complete_bug_begins_anew_three_times_before_it_calls_itself_looping(name: str) -> None:
+    policy: Any = make_policy(name, "disc")
+    boundary = policy.vision.boundary if name == "vis_bug_21" else policy.boundary
+    memory, unseen = BugMemory(), cast(Any, None)
+    for starts in range(5):
+        memory.contour = walked((9.0, 0.0), 1, -1, laps=2)[0]
+        assert boundary.follow(unseen, memory) == (0.0, 0.0)
+        assert (memory.fresh_starts, memory.verdict) == (min(starts + 1, 3), "looping" if starts > 2 else "")
+        if memory.verdict:
+            break
+        assert memory.is_fresh and memory.contour is None
+    assert starts == 3
 
 
 GOALS = {True: [(0.0, 0.0), (1.2, -1.0), (-1.9, 0.3)], False: [(9.0, 0.0), (2.3, -1.0), (-1.0, 2.2)]}
