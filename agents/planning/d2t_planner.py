@@ -29,11 +29,11 @@ from bug_gym.agents.planning.planner import (
     PlannerMemory,
     PlannerParameters,
     Room,
-    end_in_obstacle,
     exact_way,
     live_of,
     mover_discs,
     no_way,
+    start_in_obstacle,
 )
 from bug_gym.agents.planning.seen_ground import SeenGround, drive_in_seen
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, Way, find_way
@@ -194,7 +194,7 @@ class D2TPlanner(MapPlanner):
         """The way through triangles."""
         memory.due = REPLAN_EVERY
         seen: SeenGround | None = memory.seen
-        if seen is None and (inside := end_in_obstacle(live_of(memory).still, scene, self.sensors)):
+        if seen is None and (inside := start_in_obstacle(live_of(memory).still, scene, self.sensors)):
             return Plan(None, reason=inside, verdict="unreachable")
         memory.way = way = find_way(self._task(scene, memory), self.manner, seed=self._seed())
         if way is not None:

@@ -216,12 +216,22 @@ def end_in_obstacle(plan: PlanningMap, scene: Scene, sensors: Sensors) -> str:
         scene: where both are.
         sensors: radius of the body, and how near to the goal it has to come.
     """
-    ends = (("start", scene.pose[:2], 2.0 * sensors.radius), ("goal", scene.goal, sensors.goal_radius))
-    for name, place, reach in ends:
-        if plan.free_place_near(place, radius=sensors.radius, reach=reach) is None:
-            where = f"the {name} ({place[0]:.3g}, {place[1]:.3g}) lies in an obstacle"
-            return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
-    return ""
+    return start_in_obstacle(plan, scene, sensors) or _in_obstacle(
+        "goal", plan, scene.goal, sensors, sensors.goal_radius
+    )
+
+
+def start_in_obstacle(plan: PlanningMap, scene: Scene, sensors: Sensors) -> str:
+    """The same of where a way is to begin alone."""
+    return _in_obstacle("start", plan, scene.pose[:2], sensors, 2.0 * sensors.radius)
+
+
+def _in_obstacle(name: str, plan: PlanningMap, place: Point, sensors: Sensors, reach: float) -> str:
+    """The same of a place, with a name, as far as one beside it will do [m]."""
+    if plan.free_place_near(place, radius=sensors.radius, reach=reach) is not None:
+        return ""
+    where = f"the {name} ({place[0]:.3g}, {place[1]:.3g}) lies in an obstacle"
+    return f"{where}, or nearer to one than a body of radius {sensors.radius:g} m can come"
 
 
 def exact_way(plan: PlanningMap, start: Point, goal: Point, *, radius: float, goal_radius: float) -> F64 | None:
