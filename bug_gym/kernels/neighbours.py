@@ -3,8 +3,8 @@
 A row lists the discs and the polygons that may come within reach of a robot's scan or contact before `closing` has grown
 by the margin. `closing` grows by the robots' ways and the greatest way of a body: no two come nearer by more. Whoever is
 not listed sleeps until `closing` says that it may be near (`body_wake`), and is then brought forward exactly: so bodies far
-off cost nothing, and not even their first event is planned before they are near. Nor is that of a listed one which only
-reflects, until a time before which it certainly touches nothing.
+off cost nothing, and not even their first event is planned before they are near. Where all are
+listed that of one which only reflects has time, until it may touch something.
 
 No result depends on what is listed, only the time it takes.
 """
@@ -80,6 +80,7 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
     The first `moving` of them move.
     """
     margin: float = f[s.listed_until] - f[s.closing]
+    is_late = time == 0.0 and margin == math.inf and k[s.steered_count] == 0  # where all are listed most are far off
     count = at
     for b in range(first, first + total):
         if f[s.body_wake + b] > f[s.closing]:
@@ -96,7 +97,7 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
         if gap > 0.0:
             continue
         k[s.near_number + count] = b - first
-        if moves and time == 0.0 and k[s.body_law + b] == BOUNCE and k[s.steered_count] == 0:
+        if is_late and moves and k[s.body_law + b] == BOUNCE:
             f[s.body_turned + b] = -1.0
             write_block(f, s, count, x, y, f[s.body_vx + b], f[s.body_vy + b], f[s.body_radius + b])
             f[s.near_event + count] = quiet_until(f, k, s, b)
