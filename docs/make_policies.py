@@ -41,7 +41,8 @@ that are privileged: they read the map of a live env as an episode begins, and w
 "Arrives always" is the guarantee in its docstring. It holds in still worlds without gaps between twice the body's radius
 and twice the clearance. An algorithm that finds its goal shut in says so (`memory.verdict`: "unreachable"), one that finds
 itself going in circles too ("looping", "stuck"). A lap in which something near was seen to move proves nothing: then
-another one begins.
+another one begins. Among gaps that are hardly one the hand may come to another wall: a bug that arrives always and has gone
+round twice in vain begins anew from there, at most three times.
 
 Common parameters: `clearance` (centre to wall [m]), `turn` ("left", "right"), `leave_rule` ("front": a heading is free only
 within 90 degrees of the direction of travel; "any").
