@@ -68,6 +68,7 @@ EXTRAS: dict[str, Callable[[Path], None]] = {
     "cluster": alone,
     "hub": alone,
     "sweep": alone,
+    "compare": alone,
 }
 """What is tried of each; "" is the package without any."""
 
