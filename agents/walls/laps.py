@@ -135,7 +135,7 @@ class Laps:
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
-        if not is_closed and self._crosses(contour, contour.gate):
+        if not (is_closed or contour.is_disturbed) and self._crosses(contour, contour.gate):
             contour.crossings, contour.crossed = contour.crossings + 1, contour.odometer
             if contour.crossings > MOST_CROSSINGS:
                 contour.vain_laps = max(contour.vain_laps, 2)

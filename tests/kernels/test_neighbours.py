@@ -147,8 +147,6 @@ def test_a_listed_body_is_looked_at_before_it_touches_anything(shapes: str, movi
         until, true = alone[:, at : at + count], contact[:, first : first + count]
         assert (until <= true).all()
         compared += int(np.isfinite(true).sum())
-        if (
-            moving == 1.0
-        ):  # nothing stands but the four walls of the bounds, which are as long as the lines through them
+        if moving == 1.0:  # nothing stands but the four walls of the bounds
             assert until == pytest.approx(true, abs=1e-6)
     assert compared > 100
