@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from bug_gym.agents.hd_bug.memory import HDBugMemory
-from bug_gym.agents.hd_bug.moving_goal import meeting_time
+from bug_gym.agents.hd_bug.moving_goal import LEADS, meeting_time
 from bug_gym.view import View
 
 GOAL_STANDS = 0.02
@@ -13,7 +13,7 @@ GOAL_STANDS = 0.02
 
 
 def aim(view: View, memory: HDBugMemory, top: float, *, leads: bool) -> None:
-    """Set where to: the goal, or where a moving one can be met.
+    """Set where to: the goal, or where a moving one can be met whose velocity has foretold its way.
 
     Args:
         view: what the robot sees now.
@@ -28,5 +28,8 @@ def aim(view: View, memory: HDBugMemory, top: float, *, leads: bool) -> None:
     if not leads or math.hypot(vx, vy) < GOAL_STANDS:
         return
     met = meeting_time(view.position, goal, (vx, vy), top, 0.5 * max(view.sensors.goal_radius, 1e-3))
-    lead = min(met, memory.moving_goal.trusted_lead())
+    trusted = memory.moving_goal.trusted_lead()
+    if trusted < LEADS[0]:
+        return  # it goes to and fro; or it stands, and what moves is the frame, as odometry drifts
+    lead = min(met, trusted)
     memory.goal = goal[0] + vx * lead, goal[1] + vy * lead

@@ -282,6 +282,14 @@ def test_an_open_target_is_met_within_three_percent_of_the_closed_form(velocity:
     assert chase("hd_bug", velocity, "holonomic") <= 1.03 * best + 0.1
 
 
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_where_odometry_drifts_a_beacon_that_stands_is_no_goal_that_moves(noise: float) -> None:
+    """Its place in the robot's frame goes to and fro by centimetres; led, it would be driven at whenever the way is free."""
+    drift = {"odometry.translation_noise": noise, "odometry.rotation_noise": 0.2 * noise}
+    episode = run_episode("hd_bug", "u_trap", {"goal.sensing": "beacon", "lidar.beams": 180, **drift}, seed=1)
+    assert episode.outcome == "success"
+
+
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_it_meets_moving_targets_sooner_than_pure_pursuit(kinematics: str) -> None:
     gains = [
