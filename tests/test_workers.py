@@ -13,6 +13,7 @@ from typing import Any
 
 import psutil
 import pytest
+from signals import as_from_a_terminal
 
 from bug_gym.evaluation import evaluate
 from bug_gym.workers import each
@@ -39,7 +40,9 @@ def started(out: Path) -> subprocess.Popen[str]:
     """An evaluation with two workers that has finished some rows."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "bug_gym", "evaluate", *SLOW, "--out", str(out)]
-    process = subprocess.Popen(command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True, preexec_fn=as_from_a_terminal
+    )
     rows = out / "rows.jsonl"
     until(lambda: process.poll() is not None or (rows.exists() and rows.stat().st_size > 0), 240.0)
     assert process.poll() is None, process.communicate()[1]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from signals import as_from_a_terminal
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -174,7 +175,7 @@ def started(out: Path, **changes: Any) -> subprocess.Popen[bytes]:
         "train(load_settings(eval(sys.argv[1])), sys.argv[2], threads=1, tensorboard=False, progress=True)"
     )
     command = [sys.executable, "-c", script, repr({**TINY, "n_timesteps": 10**7, **changes}), str(out)]
-    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE)
+    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, preexec_fn=as_from_a_terminal)
 
 
 @pytest.mark.parametrize("with_what", [signal.SIGKILL, signal.SIGINT])
@@ -186,7 +187,7 @@ def test_the_best_model_of_a_training_that_is_stopped_can_be_played(
     while best_so_far(tmp_path) is None and time.monotonic() < deadline:
         time.sleep(0.01)
     os.kill(process.pid, with_what)
-    _, said = process.communicate()
+    _, said = process.communicate(timeout=60)
     assert b"tiny: 0 of 10,000,000 steps\n" in said
     best = best_so_far(tmp_path)
     assert best is not None
