@@ -69,6 +69,9 @@ MOST_AT_ONCE, NEEDED, MOST, SOME = 2.0, 1.0, 4.0, 0.5
 FEW, NEEDED_OF_FEW, NEARER, NEARER_OF_FEW = 3, 2.0, 1.2, 0.8
 SURE_SPEED = 16.0  # significance of a speed that is sure, of a thing both of whose ends were seen
 WHOLE_FOR = 3  # so many times without a break
+# Hits say that a thing moved which was whole for so long, by so many beams, where they lie so far from where it was seen [m],
+# and this many standard deviations of a range, and, if it moved, this share of that; and what an update adds then.
+LONG_WHOLE, ENOUGH, OFF, OFF_NOISES, OFF_MOVED, OF_FIT = 5, 4, 0.02, 1.5, 0.75, 0.5
 PLACE = 0.05  # a hit as near as this, and twice the noise, to an old one lies where something was [m]
 ELSEWHERE = 2.5  # a track was elsewhere if it went so many times this far
 STOOD_SHARE = 0.6  # of a thing's hits that lie where something was when it stands
@@ -78,6 +81,7 @@ ON_OUTLINE = 0.05  # a hit as near as this, and twice the noise, to where a disc
 FAR = 0.5  # two places farther apart have nothing to do with one another [m]
 COMPARED = 0.7  # greatest age of a scan in which a thing is looked for where it was by its speed [s]
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
+COMPARISONS = 2  # of these, so many are compared
 SCAN_SPACING = 0.09  # least time between scans kept [s]
 
 
@@ -152,6 +156,8 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
         n = memory.numbers[m]
         if n[ID] > 0:
             change = min(0.5 * counts[m], MOST_AT_ONCE) if counts[m] > 1 else -0.5
+            if change < 0.0 and is_nearer_moved(memory.state[m], n, scan.settings[NOISE]):
+                change = OF_FIT
             if n[STOOD] > 0:
                 change = -1.0
             elif change < 0.0 and (n[HITS] & 1) == 0:
@@ -183,7 +189,8 @@ def tell_still_run(memory: Memory, m: int, now: Surface, past: Surface, begin: i
         return
     age = now.pose[NOW] - past.pose[NOW]
     was_elsewhere = math.hypot(s[VX], s[VY]) * age > ELSEWHERE * room
-    is_compared = age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6 and may_begin_to_move(s, n)
+    is_asked = n[IS_MOVING] > 0 or may_begin_to_move(s, n)
+    is_compared = age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6 and is_asked
     needed, explained = STOOD_SHARE * (end - begin), 0
     for i in range(begin, end):
         if not is_compared and (not was_elsewhere or explained >= needed or explained + end - i < needed):
@@ -198,9 +205,21 @@ def tell_still_run(memory: Memory, m: int, now: Surface, past: Surface, begin: i
 
 
 @inlined
+def is_nearer_moved(s: Floats, n: Integers, noise: float) -> bool:
+    """Whether what is seen of a thing lies off where it was seen, and nearer to that if it moved as it is said to.
+
+    Little noise hides how a mover that comes straight on takes space: its beams pass through nothing.
+    """
+    if (n[HITS] & 31) != 31 or n[BEAMS] < ENOUGH or n[WHOLE] < LONG_WHOLE:
+        return False
+    is_off = s[AS_STILL] > COMPARISONS * n[BEAMS] * (OFF + OFF_NOISES * noise)
+    return bool(is_off and s[AS_MOVED] < OFF_MOVED * s[AS_STILL])
+
+
+@inlined
 def may_begin_to_move(s: Floats, n: Integers) -> bool:
     """Whether a track that is still so far may be a mover after this update, whatever its evidence comes to."""
-    return n[IS_MOVING] == 0 and (n[HITS] & 1) > 0 and is_fast(s, n, min(s[EVIDENCE] + MOST_AT_ONCE, MOST), True)
+    return (n[HITS] & 7) == 7 and is_fast(s, n, min(s[EVIDENCE] + MOST_AT_ONCE, MOST), True)
 
 
 @inlined
@@ -364,7 +383,7 @@ def is_mover(s: Floats, n: Integers) -> bool:
         speed = math.hypot(s[VX], s[VY])
         return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance_of(s) > SURE_SPEED))
     nearer = NEARER_OF_FEW if n[BEAMS] < FEW else NEARER
-    if n[STOOD] > 0 or (n[HITS] & 1) == 0 or s[AS_MOVED] > nearer * s[AS_STILL]:
+    if n[STOOD] > 0 or (n[HITS] & 7) != 7 or s[AS_MOVED] > nearer * s[AS_STILL]:
         return False
     return is_fast(s, n, s[EVIDENCE], n[IS_CONFIRMED] > 0)
 

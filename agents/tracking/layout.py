@@ -22,9 +22,10 @@ STATE = 22
 
 # Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest. WHOLE: at how many of
 # its last measurements without a break both its ends were seen. STOOD: whether most of its hits lie where something was
-# when the track, by its speed, was elsewhere. BEAMS: how many of this scan's hits are its.
-ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, STOOD, BEAMS = range(9)
-NUMBERS = 9
+# when the track, by its speed, was elsewhere. BEAMS: how many of this scan's hits are its. SHOWN: at how many updates
+# without a break it looked like a mover.
+ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, STOOD, BEAMS, SHOWN = range(10)
+NUMBERS = 10
 
 # Columns of a memory's counters: number of the last track, and how many scans were kept.
 LAST_ID, SCANS_KEPT = range(2)

@@ -26,7 +26,7 @@ def test_no_track_begins_to_move_of_which_nobody_asked_how_its_hits_lie() -> Non
     may_begin, is_mover = for_python(evidence.may_begin_to_move), for_python(evidence.is_mover)
     rng = np.random.default_rng(0)
     begun = asked = 0
-    for _ in range(4000):
+    for _ in range(15_000):
         state, numbers = np.zeros(layout.STATE), np.zeros(layout.NUMBERS, dtype=np.int64)
         state[[layout.VX, layout.VY]] = rng.normal(0.0, 0.3, 2)
         state[[layout.VXX, layout.VYY]] = rng.uniform(0.003, 0.2, 2)

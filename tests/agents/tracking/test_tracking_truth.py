@@ -45,6 +45,15 @@ def test_a_mover_is_known_within_six_tenths_of_a_second(speed: float, heading: f
         assert known and known[0] <= 0.6 + 1e-6, (seed, known[:1])
 
 
+def test_a_slow_mover_straight_ahead_is_known_in_time_though_noise_hides_the_space_that_it_takes() -> None:
+    """Beams pass through nothing of it; that its hits lie off where it was seen tells it, else 0.85 are known in time."""
+    known = 0
+    for speed, seed in product((-0.24, 0.24), range(40)):
+        steps = track(world_of([disc((3.4, 0.0), (speed, 0.0), 0.75)], beams=64, noise=0.03), 0.6, seed=seed)
+        known += any(tracks.moving.any() for _, _, tracks in steps)
+    assert known >= 0.9 * 80
+
+
 def rack(rng: np.random.Generator, x: float, y: float) -> list[list[list[float]]]:
     """Posts of 0.08 to 0.24 m, 0.25 m apart, dense at the outline and sparse inside: beams slip in between them."""
     posts = []
@@ -56,7 +65,7 @@ def rack(rng: np.random.Generator, x: float, y: float) -> list[list[list[float]]
 
 
 def test_beams_that_go_into_the_hollows_of_racks_are_hardly_taken_for_motion() -> None:
-    """Sixteen racks, and at most one ghost for each two, as a beam into a hollow shows no motion."""
+    """Sixteen racks a world, and at most one ghost for each 24: what is hollow seldom looks like a mover twice in a row."""
     ghosts = 0
     for seed in range(3):
         rng = np.random.default_rng(seed)
@@ -69,7 +78,7 @@ def test_beams_that_go_into_the_hollows_of_racks_are_hardly_taken_for_motion() -
         }
         steps = track(scenario, 25.0, policy="bug2", seed=seed)
         ghosts += len({number for _, _, tracks in steps for number in tracks.id[tracks.moving].tolist()})
-    assert ghosts <= 0.5 * 16 * 3
+    assert ghosts <= 16 * 3 / 24
 
 
 @pytest.fixture(scope="module")
