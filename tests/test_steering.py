@@ -11,10 +11,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bug_gym import kernels
+from bug_gym.agents.scan.contour_ahead import contour_ahead
 from bug_gym.config import load
 from bug_gym.geometry import F64
+from bug_gym.reproductions.barn import PARAMETERS
 from bug_gym.reproductions.bug_no_way import problem
 from bug_gym.reproductions.claims import CLEARANCE
+from bug_gym.reproductions.cylinder_claims import is_shut
+from bug_gym.reproductions.cylinder_claims import scenario as cylinders
 from bug_gym.steering import heading_error, look_ahead
 from bug_gym.view import Sensors
 
@@ -136,11 +140,11 @@ def test_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pace(name: str,
 
 
 def test_along_walls_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pace() -> None:
-    """Of Bug2 that rounds corners, in rooms; one that doesn't keeps 0.82."""
+    """Of Bug2, in rooms; one that doesn't round corners keeps 0.82."""
     seeds, paces = (0, 1, 3), []
     for kinematics in ("holonomic", "differential"):
         robot = {"robot.kinematics": kinematics}
-        episodes = [run_episode("bug2", "rooms", robot, seed=seed, round_corners=True) for seed in seeds]
+        episodes = [run_episode("bug2", "rooms", robot, seed=seed) for seed in seeds]
         assert all(episode.outcome == "success" for episode in episodes)
         paces.append(sum(len(episode.path) - 1 for episode in episodes))
     assert paces[0] >= 0.9 * paces[1]
@@ -157,9 +161,32 @@ def test_rounded_corners_hide_no_way_and_make_none(name: str, seed: int) -> None
     """
     world = problem(seed)
     robot = {"robot.kinematics": "differential"}
-    episode = run_episode(name, world.scenario, robot, clearance=CLEARANCE, round_corners=True)
+    episode = run_episode(name, world.scenario, robot, clearance=CLEARANCE)
     assert episode.min_clearance > 0.0
     assert (episode.outcome, episode.verdict) == (("success", "") if world.has_way else ("running", "unreachable"))
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"), [("bug1", 34), ("bug2", 78), ("alg1", 74), ("dist_bug", 88), ("rev1", 74), ("alg2", 31)]
+)
+def test_among_cylinders_that_stand_close_together_corners_are_kept_to(name: str, seed: int) -> None:
+    """Rounded, arcs led the hand to another cylinder, across a gap that is hardly one; or back to where none goes straight."""
+    shut = is_shut(seed)
+    world = load(cylinders("holonomic", shut=shut), {"robot.kinematics": "differential"})
+    episode = run_episode(name, world, seed=seed, **PARAMETERS["holonomic"])
+    assert (episode.outcome, episode.verdict) == (("running", "unreachable") if shut else ("success", ""))
+
+
+def test_the_contour_ahead_ends_where_the_hand_would_come_to_something_else() -> None:
+    """Along a wall, which goes on round a corner in the first, and in the second behind a gap too narrow to pass."""
+    along = [(0.1 * k, -0.3) for k in range(-10, 13)]
+    corner = [(1.3, -0.3 + 0.1 * k) for k in range(1, 20)]
+    for gap, leads_on in ((0.2, True), (0.5, False)):
+        wall = [(x, y) for x, y in along if x <= 1.3 - gap + 1e-9] + corner
+        px, py = np.array(wall).T
+        places = np.empty((16, 3))
+        count = contour_ahead(px, py, (0.0, 0.0, 0.0), 1, 0.1, 0.3, 0.28, places)
+        assert (count == len(places)) is leads_on, (gap, count)
 
 
 def time_along(chain: list[tuple[float, float]]) -> float:

@@ -32,7 +32,7 @@ class Circumnavigation:
     """
 
     def __init__(self, sensors: Sensors, clearance: float | None, patience: float) -> None:
-        self.tangent_bug = TangentBug(sensors, clearance=clearance)
+        self.tangent_bug = TangentBug(sensors, clearance=clearance).without_course()
         self.boundary = self.tangent_bug.boundary
         """What it shares with the other bugs: clearances, and how a robot goes straight."""
         self.patience = patience

@@ -84,7 +84,10 @@ WALL_STEPS = 2.0
 
 Way = Literal["goal", "tangent_bug", "hd_bug"]
 
-BUGS: dict[str, Callable[..., ScriptedPolicy]] = {"tangent_bug": TangentBug, "hd_bug": HDBug}
+BUGS: dict[str, Callable[[Sensors], ScriptedPolicy]] = {
+    "tangent_bug": lambda sensors: TangentBug(sensors).without_course(),
+    "hd_bug": HDBug,
+}
 
 
 @dataclass

@@ -20,6 +20,9 @@ REFINED = 4
 MOST_INWARD = math.radians(110.0)
 """Turning toward the wall after which the contour ahead is only guessed: the wall there is out of sight [rad]."""
 
+APART = 0.5
+"""Neighbouring points of one wall lie no farther apart than this, in halves of the width of a gap, and a step."""
+
 TURNED_ASIDE = math.radians(60.0)
 """Turn in one step at which the contour may pass a gap that is just too narrow (walls.headings) [rad]."""
 
@@ -80,6 +83,35 @@ def turn_until_clear(
     return high
 
 
+@inlined
+def nearest_to(px: Floats, py: Floats, x: float, y: float) -> int:
+    """Number of the point nearest to a place, -1 without one."""
+    best, at = math.inf, -1
+    for i in range(px.size):
+        dx, dy = px[i] - x, py[i] - y
+        square = dx * dx + dy * dy
+        if square < best:
+            best, at = square, i
+    return at
+
+
+@inlined
+def are_joined(px: Floats, py: Floats, one: int, other: int, apart: float) -> bool:
+    """Whether two points are of one wall, as far as is seen: from one to the other no two neighbours lie farther apart [m]."""
+    if one < 0 or other < 0 or math.hypot(px[other] - px[one], py[other] - py[one]) <= apart:
+        return True
+    for way in (1, -1):
+        i = one
+        while i != other:
+            j = (i + way) % px.size
+            if math.hypot(px[j] - px[i], py[j] - py[i]) > apart:
+                break
+            i = j
+        if i == other:
+            return True
+    return False
+
+
 @kernel
 def contour_ahead(
     px: Floats,
@@ -100,10 +132,12 @@ def contour_ahead(
         step: length of a step [m].
         clearance: distance to the wall at which a step ends [m].
         inner: half the width of gaps that count [m]: before one that is narrower than twice the clearance it ends, as before
-            every passage that is hardly wider, where which of its sides the hand is on must not be in doubt.
+            every passage that is hardly wider, where which of its sides the hand is on must not be in doubt; and where the
+            hand comes to what stands apart from the wall that it is on, however narrow the gap between them is.
         places: (m, 3) x, y [m] and the heading there [rad].
     """
     x, y, heading = start
+    hand = nearest_to(px, py, x, y)
     places[0, 0], places[0, 1], places[0, 2] = x, y, heading
     # Round a point a step turns by so much.
     back = 2.0 * math.asin(min(0.5 * step / clearance, 1.0))
@@ -121,5 +155,9 @@ def contour_ahead(
         x, y = x + step * math.cos(heading), y + step * math.sin(heading)
         if is_tight(px, py, x, y, clearance + step):
             return count
+        after = nearest_to(px, py, x, y)
+        if not are_joined(px, py, hand, after, APART * inner + step):
+            return count
+        hand = after
         places[count, 0], places[count, 1], places[count, 2] = x, y, heading
     return len(places)

@@ -25,9 +25,9 @@ class BoundaryParameters:
     """Which way to turn at a wall; of a bug that changes sides, at the first one."""
     leave_rule: LeaveRule = "front"
     """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
-    round_corners: bool = False
-    """Whether a differential robot rounds the corners of walls on arcs. It is faster then, but guarantees are weaker: among
-    thin things hardly far enough apart to pass it may take the wrong one for the wall that it follows."""
+    round_corners: bool = True
+    """Whether a differential robot that has no inertia rounds the corners of walls on arcs, which is faster. Among thin things
+    that stand close together it keeps to contours exactly."""
 
 
 def alternating_side(memory: BugMemory, first: int) -> int:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from bug_gym.agents.walls.boundary import Boundary
 from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.marks import Mark, passes
-from bug_gym.policy import Velocity
+from bug_gym.policy import Velocity, brake
 from bug_gym.view import View
 
 
@@ -67,8 +67,8 @@ def walk_back(boundary: Boundary, view: View, memory: TurningMemory) -> Velocity
     """Velocity back along the trace; None at its beginning, where the other hand takes the wall.
 
     It may lead through a gap just too narrow for the contour, and goes through again: from its mouth the other hand might take
-    it for none, and go round another wall. Where something has moved into the way that hand takes over at once: it leads to
-    the same hit point.
+    it for none, and go round another wall. Where something has moved into the way, or it cannot go back straight where it came
+    on an arc, that hand takes over at once: it leads to the same hit point.
     """
     trace = memory.trace
     while len(trace) > 1 and math.dist(trace[-2].place, view.position) <= 1.01 * boundary.step:
@@ -78,6 +78,8 @@ def walk_back(boundary: Boundary, view: View, memory: TurningMemory) -> Velocity
     is_still = memory.contour is not None and not memory.contour.is_disturbed
     radius = boundary.body_radius if is_still else boundary.safe_radius
     velocity = boundary.step_to(view, trace[-1].place, radius=radius) if trace else None
+    if velocity is not None and boundary.rounding is not None and brake(view, velocity) != velocity:
+        velocity = None  # it came on an arc, nearer to things than where it goes straight
     if velocity is None:
         _change_hands(view, memory)
     return velocity
