@@ -181,7 +181,7 @@ def test_the_contour_ahead_ends_where_the_hand_would_come_to_something_else() ->
     """Along a wall, which goes on round a corner in the first, and in the second behind a gap too narrow to pass."""
     along = [(0.1 * k, -0.3) for k in range(-10, 13)]
     corner = [(1.3, -0.3 + 0.1 * k) for k in range(1, 20)]
-    for gap, leads_on in ((0.2, True), (0.5, False)):
+    for gap, leads_on in ((0.2, True), (0.6, False)):
         wall = [(x, y) for x, y in along if x <= 1.3 - gap + 1e-9] + corner
         px, py = np.array(wall).T
         places = np.empty((16, 3))

@@ -21,7 +21,7 @@ MOST_INWARD = math.radians(110.0)
 """Turning toward the wall after which the contour ahead is only guessed: the wall there is out of sight [rad]."""
 
 APART = 0.5
-"""Neighbouring points of one wall lie no farther apart than this, in halves of the width of a gap, and a step."""
+"""Two points no farther apart than this, in halves of the width of a gap, and a step are of one wall."""
 
 TURNED_ASIDE = math.radians(60.0)
 """Turn in one step at which the contour may pass a gap that is just too narrow (walls.headings) [rad]."""
@@ -96,9 +96,9 @@ def nearest_to(px: Floats, py: Floats, x: float, y: float) -> int:
 
 
 @inlined
-def are_joined(px: Floats, py: Floats, one: int, other: int, apart: float) -> bool:
-    """Whether two points are of one wall, as far as is seen: from one to the other no two neighbours lie farther apart [m]."""
-    if one < 0 or other < 0 or math.hypot(px[other] - px[one], py[other] - py[one]) <= apart:
+def are_joined(px: Floats, py: Floats, one: int, other: int, near: float, apart: float) -> bool:
+    """Whether two points are of one wall, as far as is seen: near [m], or with no gap so far apart [m] between them."""
+    if one < 0 or other < 0 or math.hypot(px[other] - px[one], py[other] - py[one]) <= near:
         return True
     for way in (1, -1):
         i = one
@@ -156,7 +156,7 @@ def contour_ahead(
         if is_tight(px, py, x, y, clearance + step):
             return count
         after = nearest_to(px, py, x, y)
-        if not are_joined(px, py, hand, after, APART * inner + step):
+        if not are_joined(px, py, hand, after, APART * inner + step, 2.0 * inner):
             return count
         hand = after
         places[count, 0], places[count, 1], places[count, 2] = x, y, heading
