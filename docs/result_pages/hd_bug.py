@@ -162,8 +162,8 @@ def dynamic(found: Record) -> Page:
         f"{RUN_NOTE} A collision could have been avoided when, from the state {avoidable_rule.BEFORE:g} s before, at "
         f"least one of {avoidable_rule.SEQUENCES:,} control sequences survives: that is so of {avoidable} of all {hits}.\n\n"
         f"Among slow movers, {listed(slow)}, nearly all arrive whatever predicts: {said}. Only these differ from `kalman` "
-        f"for certain there: {listed(certain) if certain else 'none'}. In `rush`, with movers as fast as the robot, they come apart: "
-        f"{apart}. There `rl` reaches "
+        f"for certain there: {listed(certain) if certain else 'none'}. In `rush`, with movers as fast as the robot, they come "
+        f"apart: {apart}. There `rl` reaches "
         f"{points(rush['rl'], rush['kalman']):.1f} points more than `kalman` "
         f"(p = {p_value(rush['rl'], rush['kalman'])}) and collides {rush['rl']['outcomes']['collision']} times instead of "
         f"{rush['kalman']['outcomes']['collision']}.",
