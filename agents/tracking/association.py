@@ -1,8 +1,8 @@
 """Which hits are whose: movers claim those at their outlines, then each cluster goes to the track nearest to it.
 
 Near a wall the hits on a mover can't be told from the wall's by their ranges, so a mover takes what lies at its
-predicted outline before the rest is cut into clusters; so does what may be one. Clusters and tracks are paired within a
-gate, the pairs of least Mahalanobis distance first.
+predicted outline before the rest is cut into clusters. Clusters and tracks are paired within a gate, the pairs of least
+Mahalanobis distance first.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import math
 
 from bug_gym.agents.tracking.clusters import extent_of
 from bug_gym.agents.tracking.discs import NEW_SHAPE, fit_disc
-from bug_gym.agents.tracking.evidence import LEAST_SPEED, WHOLE_FOR, significance_of
 from bug_gym.agents.tracking.filter import GATE, mahalanobis
 from bug_gym.agents.tracking.layout import (
     CLUSTER,
@@ -19,7 +18,6 @@ from bug_gym.agents.tracking.layout import (
     FX,
     FY,
     ID,
-    IS_CONFIRMED,
     IS_MOVING,
     MXX,
     MXY,
@@ -34,7 +32,6 @@ from bug_gym.agents.tracking.layout import (
     TRACKS,
     VX,
     VY,
-    WHOLE,
     Clusters,
     Hits,
     Memory,
@@ -50,28 +47,15 @@ WALL_EXTENT = 2.4  # a cluster longer than this is a wall [m]
 NEAR_GATE = 1.5  # no cluster farther than this from a track's place is its next measurement [m]
 OUT_OF_ROUND = 0.1  # how far a hit of one thing lies from its circle [m]
 ENOUGH_HITS = 6  # to tell one disc from two
-SUSPECT = 6.0  # significance of a speed from which on what is not yet known to move claims its hits too
 SAME_COURSE = 0.4  # velocities of two pieces of one thing differ by no more [m/s]
-
-
-@inlined
-def is_followed(s: Floats, n: Integers) -> bool:
-    """Whether a track claims its hits: a mover, and what may turn out to be one, both of whose ends were seen.
-
-    Else it would be lost where it passes something else, the two seen as one cluster.
-    """
-    if n[ID] == 0 or n[IS_MOVING] > 0:
-        return bool(n[ID] > 0)
-    is_known = n[IS_CONFIRMED] > 0 and n[WHOLE] >= WHOLE_FOR and math.hypot(s[VX], s[VY]) > LEAST_SPEED
-    return bool(is_known and significance_of(s) > SUSPECT)
 
 
 @called
 def claim_beams(memory: Memory, scan: Scan) -> None:
-    """Give hits at the predicted outline of a track that is followed to it: near a wall they can't be told by their ranges."""
+    """Give hits at the predicted outline of a mover to it: near a wall its points can't be told by their ranges."""
     state, numbers, owner = memory.state, memory.numbers, scan.owner
     for m in range(TRACKS):
-        if not is_followed(state[m], numbers[m]):
+        if numbers[m, ID] == 0 or numbers[m, IS_MOVING] == 0:
             continue
         s = state[m]
         slack = min(CLAIM + 1.5 * math.sqrt(max(s[PXX], s[PYY])), MOST_CLAIM)

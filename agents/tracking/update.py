@@ -7,14 +7,7 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.agents.tracking.association import (
-    WALL_EXTENT,
-    associate,
-    claim_beams,
-    gather_claimed,
-    is_followed,
-    join_claims,
-)
+from bug_gym.agents.tracking.association import WALL_EXTENT, associate, claim_beams, gather_claimed, join_claims
 from bug_gym.agents.tracking.clusters import cut_clusters, edges_of, extent_of
 from bug_gym.agents.tracking.discs import NEW_RADIUS, NEW_RADIUS_SPREAD, NEW_SHAPE, fit_disc
 from bug_gym.agents.tracking.evidence import keep_scan, weigh_evidence
@@ -34,6 +27,7 @@ from bug_gym.agents.tracking.layout import (
     HIT_X,
     HIT_Y,
     HITS,
+    ID,
     IS_FULL_CIRCLE,
     IS_MOVING,
     LAST_ID,
@@ -134,11 +128,11 @@ def begin_update(memory: Memory, owner: Integers) -> None:
 
 @called
 def follow_movers(memory: Memory, scan: Scan, hits: Hits, fit: Floats) -> None:
-    """Measure each track that has claimed hits by them; those of what is no longer on its course are let go."""
+    """Measure each mover by the hits that it has claimed; those of what is no longer on its course are let go."""
     state, numbers, owner = memory.state, memory.numbers, scan.owner
     px, py, now = scan.pose[POSE_X], scan.pose[POSE_Y], scan.pose[NOW]
     for m in range(TRACKS):
-        if not is_followed(state[m], numbers[m]):
+        if numbers[m, ID] == 0 or numbers[m, IS_MOVING] == 0:
             continue
         count = gather_claimed(owner, m, scan.settings[IS_FULL_CIRCLE] > 0.0, hits.members)
         if count == 0:
@@ -152,9 +146,6 @@ def follow_movers(memory: Memory, scan: Scan, hits: Hits, fit: Floats) -> None:
         numbers[m, CLUSTER] = 0
         refit(state[m], hits, 0, count, fit)
         measure(state[m], numbers[m], fit, memory.history[m], px, py, now)
-        left, right = edges_of(hits, 0, count)
-        if numbers[m, IS_MOVING] == 0 and left == 1 and right == 1:
-            numbers[m, WHOLE] += 1
 
 
 @called
