@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from bug_gym.compiling import inlined, kernel
+from bug_gym.kernels.free_way import nearest_point
 from bug_gym.kernels.layout import Floats
 
 TRIED = math.radians(8.0)
@@ -42,21 +43,18 @@ FACING = math.cos(math.radians(150.0))
 
 
 @inlined
-def is_tight(px: Floats, py: Floats, x: float, y: float, reach: float) -> bool:
+def is_tight(px: Floats, py: Floats, x: float, y: float, nearest: int, reach: float) -> bool:
     """Whether things stand on either side of a place, both within `reach` of it [m]: the nearest one, and one facing it."""
-    nearest, at = reach * reach, -1
-    for i in range(px.size):
-        dx, dy = px[i] - x, py[i] - y
-        square = dx * dx + dy * dy
-        if square < nearest:
-            nearest, at = square, i
-    if at < 0:
+    if nearest < 0:
         return False
-    nx, ny = px[at] - x, py[at] - y
+    nx, ny = px[nearest] - x, py[nearest] - y
+    least = nx * nx + ny * ny
+    if least >= reach * reach:
+        return False
     for i in range(px.size):
         dx, dy = px[i] - x, py[i] - y
         square = dx * dx + dy * dy
-        if square < reach * reach and nx * dx + ny * dy < FACING * math.sqrt(nearest * square):
+        if square < reach * reach and nx * dx + ny * dy < FACING * math.sqrt(least * square):
             return True
     return False
 
@@ -81,18 +79,6 @@ def turn_until_clear(
             else:
                 low = middle
     return high
-
-
-@inlined
-def nearest_to(px: Floats, py: Floats, x: float, y: float) -> int:
-    """Number of the point nearest to a place, -1 without one."""
-    best, at = math.inf, -1
-    for i in range(px.size):
-        dx, dy = px[i] - x, py[i] - y
-        square = dx * dx + dy * dy
-        if square < best:
-            best, at = square, i
-    return at
 
 
 @inlined
@@ -137,7 +123,7 @@ def contour_ahead(
         places: (m, 3) x, y [m] and the heading there [rad].
     """
     x, y, heading = start
-    hand = nearest_to(px, py, x, y)
+    hand = nearest_point(px, py, x, y)
     places[0, 0], places[0, 1], places[0, 2] = x, y, heading
     # Round a point a step turns by so much.
     back = 2.0 * math.asin(min(0.5 * step / clearance, 1.0))
@@ -153,9 +139,9 @@ def contour_ahead(
         if inward > MOST_INWARD:
             return count
         x, y = x + step * math.cos(heading), y + step * math.sin(heading)
-        if is_tight(px, py, x, y, clearance + step):
+        after = nearest_point(px, py, x, y)
+        if is_tight(px, py, x, y, after, clearance + step):
             return count
-        after = nearest_to(px, py, x, y)
         if not are_joined(px, py, hand, after, APART * inner + step, 2.0 * inner):
             return count
         hand = after
