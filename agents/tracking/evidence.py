@@ -81,7 +81,7 @@ ON_OUTLINE = 0.05  # a hit as near as this, and twice the noise, to where a disc
 FAR = 0.5  # two places farther apart have nothing to do with one another [m]
 COMPARED = 0.7  # greatest age of a scan in which a thing is looked for where it was by its speed [s]
 LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
-COMPARISONS = 2  # of these, so many are compared
+COMPARISONS = sum(lag < COMPARED for lag in LAGS)  # in so many of these a thing is looked for
 SCAN_SPACING = 0.09  # least time between scans kept [s]
 
 
