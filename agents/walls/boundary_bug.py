@@ -61,7 +61,8 @@ class BoundaryBug(ScriptedPolicy):
         self.boundary.fresh_starts = self.fresh_starts
         self.room = self.boundary.safe_radius - sensors.radius
         self.side = side_of(own.turn)
-        if own.round_corners and self._follows_course and not sensors.drive.has_inertia:
+        rounds = own.round_corners and self._follows_course and sensors.drive.kinematics == "differential"
+        if rounds and not sensors.drive.has_inertia:
             self.boundary.round_corners()
 
     def without_course(self) -> Self:
