@@ -31,9 +31,12 @@ WIDER = 0.03
 """How much farther from things than where it brakes an arc along a course keeps at first [m]: else the robot comes so near
 to them that it stands."""
 
-GOES_ON = math.radians(120.0)
-"""Heading error [rad] beyond which a robot turns on the spot, and one that turns already does not turn round: both ways round
-are about as long, and to and fro would be the longest."""
+ON_THE_SPOT = math.radians(120.0)
+"""Heading error [rad] beyond which a robot turns on the spot."""
+
+GOES_ON = math.radians(150.0)
+"""Heading error [rad] beyond which one that turns already does not turn round: both ways round are about as long, and to and
+fro would be the longest."""
 
 LEAST_SPEED = 1e-3
 """A velocity below this share of the top speed only says where to turn."""
@@ -122,7 +125,7 @@ def turning_toward(view: View, velocity: Velocity, radius: float, off_line: floa
     speed = min(speed, drive.max_speed)
     if abs(error) <= kinematics.TURN_IN_PLACE:
         return _braked(view, speed * math.cos(error), radius), rate
-    if abs(error) > GOES_ON:
+    if abs(error) > ON_THE_SPOT:
         return 0.0, rate
     # On an arc of radius r it gets r (1 - cos e) off its line.
     speed = min(speed, off_line * abs(rate) / (1.0 - math.cos(error)))

@@ -85,10 +85,18 @@ def test_the_course_is_followed_at_full_speed_through_a_right_angle_where_there_
 
 
 def test_a_robot_that_turns_toward_what_lies_behind_it_does_not_turn_round() -> None:
-    for bearing in np.radians([150.0, 179.0, -179.0, -150.0]):
+    for bearing in np.radians([155.0, 179.0, -179.0, -155.0]):
         velocity = math.cos(bearing), math.sin(bearing)
         assert heading_error(velocity, 1.5) > 0.0 and heading_error(velocity, -1.5) < 0.0
         assert math.cos(heading_error(velocity, 1.5)) == pytest.approx(math.cos(bearing))
+
+
+def test_toward_what_lies_beside_it_a_robot_turns_the_shorter_way() -> None:
+    """Whichever way it turns now: 137 degrees back take less time than 223 on."""
+    for bearing in np.radians([137.0, -137.0]):
+        velocity = math.cos(bearing), math.sin(bearing)
+        for rate in (-1.5, 0.0, 1.5):
+            assert heading_error(velocity, rate) == pytest.approx(bearing)
 
 
 def test_it_looks_as_far_as_a_turn_at_full_speed_needs() -> None:
@@ -139,25 +147,36 @@ def test_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pace(name: str,
     assert np.mean(paces["differential"]) >= 0.9 * np.mean(paces["holonomic"])
 
 
-def test_along_walls_a_differential_robot_keeps_nine_tenths_of_the_holonomic_pace() -> None:
-    """Of Bug2, in rooms; one that doesn't round corners keeps 0.82."""
-    seeds, paces = (0, 1, 3), []
+@pytest.mark.parametrize(("world", "seeds", "share"), [("rooms", (0, 1, 3), 0.9), ("maze", (3, 6), 0.87)])
+def test_along_walls_a_differential_robot_nearly_keeps_the_holonomic_pace(
+    world: str, seeds: tuple[int, ...], share: float
+) -> None:
+    """Of Bug2; one that doesn't round corners keeps 0.82 in rooms, one that rounds none after a spiral 0.82 in mazes."""
+    paces = []
     for kinematics in ("holonomic", "differential"):
-        robot = {"robot.kinematics": kinematics}
-        episodes = [run_episode("bug2", "rooms", robot, seed=seed) for seed in seeds]
+        robot = {"robot.kinematics": kinematics, "time.limit": 600.0}
+        episodes = [run_episode("bug2", world, robot, seed=seed) for seed in seeds]
         assert all(episode.outcome == "success" for episode in episodes)
         paces.append(sum(len(episode.path) - 1 for episode in episodes))
-    assert paces[0] >= 0.9 * paces[1]
+    assert paces[0] >= share * paces[1]
 
 
 @pytest.mark.parametrize(
     ("name", "seed"),
-    [("bug2", 1), ("bug2", 73), ("class1", 26), ("bug2", 5), ("dist_bug", 3), ("dist_bug", 4)],
-    ids=["goal in a corner", "small room with a door", "small disc", "shut", "shut too", "blind gap"],
+    [
+        pytest.param("bug2", 1, id="goal in a corner"),
+        pytest.param("bug2", 73, id="small room with a door"),
+        pytest.param("com1", 93, id="small room that is shut"),
+        pytest.param("class1", 26, id="small disc"),
+        pytest.param("bug2", 5, id="shut"),
+        pytest.param("dist_bug", 3, id="shut too"),
+        pytest.param("dist_bug", 4, id="blind gap"),
+        pytest.param("rev1", 4, id="blind gap twice"),
+    ],
 )
 def test_rounded_corners_hide_no_way_and_make_none(name: str, seed: int) -> None:
-    """In the first a corner that is cut holds the goal, in the second arcs lead past the door, in the third past a gate; the
-    last has a blind gap, out of whose widest place each way is narrower.
+    """In the first a corner that is cut holds the goal, in the next two arcs lead past a door, in the fourth past a gate; the
+    last have a blind gap, out of whose widest place each way is narrower.
     """
     world = problem(seed)
     robot = {"robot.kinematics": "differential"}
@@ -167,10 +186,23 @@ def test_rounded_corners_hide_no_way_and_make_none(name: str, seed: int) -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "seed"), [("bug1", 34), ("bug2", 78), ("alg1", 74), ("dist_bug", 88), ("rev1", 74), ("alg2", 31)]
+    ("name", "seed"),
+    [
+        ("bug1", 34),
+        ("bug2", 78),
+        ("alg1", 74),
+        ("dist_bug", 88),
+        ("rev1", 74),
+        ("alg2", 31),
+        ("com1", 219),
+        ("bug2", 7),
+    ],
 )
 def test_among_cylinders_that_stand_close_together_corners_are_kept_to(name: str, seed: int) -> None:
-    """Rounded, arcs led the hand to another cylinder, across a gap that is hardly one; or back to where none goes straight."""
+    """Rounded, arcs led the hand to another cylinder, across a gap that is hardly one; or back to where none goes straight.
+
+    In the last two a lap proves nothing, and from then on corners are kept to.
+    """
     shut = is_shut(seed)
     world = load(cylinders("holonomic", shut=shut), {"robot.kinematics": "differential"})
     episode = run_episode(name, world, seed=seed, **PARAMETERS["holonomic"])

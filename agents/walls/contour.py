@@ -127,7 +127,7 @@ class Contour:
     backed_from: Point | None = None
     """Where it had none for so long that it backed the way it came, the last time."""
     is_exact: bool = False
-    """Whether corners are no longer rounded."""
+    """Whether corners are not rounded for now."""
     foot: tuple[float, float, float] | None = None
     """Where the contour is nearest to a robot that rounds its corners, odometry frame [m], and its heading there [rad]."""
     course: NDArray[np.float64] | None = None

@@ -20,8 +20,8 @@ LONGEST_ROUNDING = 60
 """The same for a robot that rounds corners, which takes up the contour in an arc."""
 
 WHIRLING = 3.0 * math.pi
-"""Turning without a lap after which a robot that rounds corners keeps to the contour exactly: it may whirl in a small room
-past whose door its arcs lead [rad]."""
+"""Turning without a lap from which on a robot that rounds corners keeps to the contour exactly: it may whirl in a small room
+past whose door its arcs lead; or be deep in a spiral, out of which it turns back [rad]."""
 
 LOST = 8.0 * math.pi
 """Turning after which a gate that was not passed again lies beside the contour [rad], in a nook that the robot enters by chance
@@ -143,8 +143,8 @@ class Laps:
             contour.gate = gate
             contour.lost_gates += 1
             return
-        if contour.foot is not None and abs(contour.turned - contour.gate.turned) > WHIRLING:
-            contour.is_exact = True
+        is_wound = abs(contour.turned - contour.gate.turned) > WHIRLING
+        contour.is_exact = is_wound or contour.vain_laps + contour.crossings + contour.lost_gates > 0
 
     def _is_aligned(self, view: View, contour: Contour, change: float) -> bool:
         """Whether a robot whose course has just changed by an angle [rad] goes along the wall, as it will on each lap."""
