@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from bug_gym.agents.walls.contour import Contour
 from bug_gym.agents.walls.laps import is_proof
-from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
+from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along_until_hit, nearer_crossing
 from bug_gym.agents.walls.turning_round import (
     TurningMemory,
     forget_marks,
@@ -54,12 +54,14 @@ class Alg1(MLineBug):
                 memory.mode = "walking_back"
                 return velocity
         if memory.contour is None:
-            memory.nearest = min(memory.nearest, view.goal_distance)
-            velocity = go_along(boundary, view, line)
+            if memory.landing is None:
+                memory.nearest = min(memory.nearest, view.goal_distance)
+            velocity = go_along_until_hit(boundary, view, memory, self.next_side(memory), line)
             if velocity is not None:
                 memory.mode = "motion_to_goal"
                 return velocity
-            hit_and_trace(boundary, view, memory, self.next_side(memory), view.goal_bearing)
+            contour = hit_and_trace(boundary, view, memory, self.next_side(memory), view.goal_bearing)
+            memory.nearest = min(memory.nearest, contour.hit_distance)
         memory.mode = "boundary_following"
         return boundary.follow(view, memory)
 

@@ -73,7 +73,7 @@ class Alg2(BoundaryBug):
                 memory.mode = "walking_back"
                 return velocity
         if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            velocity = boundary.go_until_hit(view, memory, self.next_side(memory), view.goal_bearing)
             if velocity is not None:
                 memory.mode = "motion_to_goal"
                 return velocity
@@ -83,7 +83,12 @@ class Alg2(BoundaryBug):
 
     def hit(self, view: View, memory: Alg2Memory) -> None:
         """Begin to follow what blocks the way to the goal."""
-        hit_and_trace(self.boundary, view, memory, self.side, view.goal_bearing)
+        contour = hit_and_trace(self.boundary, view, memory, self.next_side(memory), view.goal_bearing)
+        memory.nearest = min(memory.nearest, contour.hit_distance)
+
+    def next_side(self, memory: Alg2Memory) -> int:
+        """Side to turn to at the next hit point."""
+        return self.side
 
     def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""

@@ -26,7 +26,7 @@ class Bug0(BoundaryBug):
         """One decision."""
         boundary = self.boundary
         boundary.advance(view, memory)
-        bearing, distance = view.goal_bearing, view.goal_distance
+        bearing = view.goal_bearing
         contour = memory.contour
         if contour is not None:
             if boundary.may_leave(view, contour, is_nearer=True):
@@ -35,7 +35,7 @@ class Bug0(BoundaryBug):
             elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
-            velocity = boundary.go(view, bearing, distance)
+            velocity = boundary.go_until_hit(view, memory, self.side, bearing)
             if velocity is not None:
                 return velocity
             boundary.hit(view, memory, self.side, bearing)

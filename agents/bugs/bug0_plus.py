@@ -80,7 +80,7 @@ class Bug0Plus(BoundaryBug):
             else:
                 self._watch_saved_hits(memory, contour)
         if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            velocity = boundary.go_until_hit(view, memory, self.side, view.goal_bearing)
             if velocity is not None:
                 return velocity
             self._hit(view, memory)
@@ -100,10 +100,10 @@ class Bug0Plus(BoundaryBug):
     def _hit(self, view: View, memory: Bug0PlusMemory) -> None:
         """Follow what blocks the way to the goal, to a better place at once if the hit point is a saved one."""
         reach = self.boundary.gate_half_width
-        is_known = any(math.dist(hit.place, view.position) <= reach for hit in memory.saved)
+        contour = self.boundary.hit(view, memory, self.side, view.goal_bearing)
+        is_known = any(math.dist(hit.place, contour.hit) <= reach for hit in memory.saved)
         memory.mode = "wall_following_to_better_take_off" if is_known else "boundary_following"
-        self.boundary.hit(view, memory, self.side, view.goal_bearing)
-        memory.saved = [*memory.saved[-1:], SavedHit(view.position, view.goal_distance)]
+        memory.saved = [*memory.saved[-1:], SavedHit(contour.hit, contour.hit_distance)]
         memory.is_free_nearer = False
         if self.boundary.laps.is_looping(memory):
             memory.verdict = "looping"

@@ -116,7 +116,7 @@ class Bug1(BoundaryBug):
         elif contour is not None and memory.mode == "return_along_wall":
             self._come_round(view, memory, contour)
         if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            velocity = boundary.go_until_hit(view, memory, self.side, view.goal_bearing)
             if velocity is not None:
                 return velocity
             self._begin_lap(view, memory)
@@ -124,10 +124,10 @@ class Bug1(BoundaryBug):
 
     def _begin_lap(self, view: View, memory: Bug1Memory) -> None:
         """Hit what blocks the way to the goal."""
-        self.boundary.hit(view, memory, self.side, view.goal_bearing)
+        contour = self.boundary.hit(view, memory, self.side, view.goal_bearing)
         memory.mode = "boundary_following"
         memory.goal = view.goal_position
-        memory.hit_distance = view.goal_distance
+        memory.hit_distance = contour.hit_distance
         memory.gate, memory.trace, memory.closest = None, [], None
 
     def _leave(self, view: View, memory: Bug1Memory) -> None:
@@ -206,8 +206,10 @@ class Bug1(BoundaryBug):
             memory.gate, memory.trace, memory.closest = contour.gate, [], None
 
     def course(self, view: View, memory: Bug1Memory, velocity: Velocity) -> Course | None:
-        """Along walls only: its hit points are those of the straight lines from where it leaves."""
-        return super().course(view, memory, velocity) if memory.mode == "boundary_following" else None
+        """Back to the nearest point it goes as it came."""
+        return (
+            super().course(view, memory, velocity) if memory.mode in ("boundary_following", "motion_to_goal") else None
+        )
 
     def draw(self, memory: Bug1Memory) -> Drawing:
         """Hit and leave points, and the nearest point of the lap."""

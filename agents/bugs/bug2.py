@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from bug_gym.agents.walls.contour import Contour
 from bug_gym.agents.walls.laps import is_proof
-from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along, nearer_crossing
+from bug_gym.agents.walls.m_line import MLine, MLineBug, MLineMemory, go_along_until_hit, nearer_crossing
 from bug_gym.policy import Velocity
 from bug_gym.view import View
 
@@ -47,11 +47,11 @@ class Bug2(MLineBug):
             elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
-            velocity = go_along(boundary, view, line)
+            velocity = go_along_until_hit(boundary, view, memory, self.side, line)
             if velocity is not None:
                 return velocity
-            boundary.hit(view, memory, self.side, view.goal_bearing)
-            memory.hit_distance = min(memory.hit_distance, view.goal_distance)
+            contour = boundary.hit(view, memory, self.side, view.goal_bearing)
+            memory.hit_distance = min(memory.hit_distance, contour.hit_distance)
             memory.mode = "boundary_following"
         return boundary.follow(view, memory)
 

@@ -52,10 +52,11 @@ class Class1(BoundaryBug):
             elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            velocity = boundary.go_until_hit(view, memory, self.side, view.goal_bearing)
             if velocity is not None:
                 return velocity
-            boundary.hit(view, memory, self.side, view.goal_bearing)
+            contour = boundary.hit(view, memory, self.side, view.goal_bearing)
+            memory.least_distance = min(memory.least_distance, contour.hit_distance)
             memory.mode = "boundary_following"
         return boundary.follow(view, memory)
 

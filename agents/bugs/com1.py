@@ -46,24 +46,24 @@ class Com1(BoundaryBug):
         contour = memory.contour
         if contour is not None:
             if math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
-                self._measure(view, memory)
+                self._measure(view, memory, view.goal_distance)
             if self._may_leave(view, memory, contour):
                 boundary.leave(view, memory)
                 memory.mode = "motion_to_goal"
             elif is_proof(contour):
                 memory.verdict = "unreachable"
         if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            velocity = boundary.go_until_hit(view, memory, self.side, view.goal_bearing)
             if velocity is not None:
                 return velocity
-            boundary.hit(view, memory, self.side, view.goal_bearing)
-            self._measure(view, memory)
+            contour = boundary.hit(view, memory, self.side, view.goal_bearing)
+            self._measure(view, memory, contour.hit_distance)
             memory.mode = "boundary_following"
         return boundary.follow(view, memory)
 
-    def _measure(self, view: View, memory: Com1Memory) -> None:
-        """Take the present distance for that of the hit point."""
-        memory.hit_distance = view.goal_distance
+    def _measure(self, view: View, memory: Com1Memory, distance: float) -> None:
+        """Take a distance [m] for that of the hit point."""
+        memory.hit_distance = distance
         memory.goal = view.goal_position
 
     def _may_leave(self, view: View, memory: Com1Memory, contour: Contour) -> bool:

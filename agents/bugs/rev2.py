@@ -22,7 +22,6 @@ from bug_gym.agents.bugs.alg2 import Alg2, Alg2Memory
 from bug_gym.agents.walls.boundary_bug import BoundaryParameters, alternating_side
 from bug_gym.agents.walls.contour import Contour
 from bug_gym.agents.walls.laps import is_proof
-from bug_gym.agents.walls.turning_round import hit_and_trace
 from bug_gym.checks import shortened
 from bug_gym.view import Sensors, View
 
@@ -58,10 +57,14 @@ class Rev2(Alg2):
         self.remembers = variant == "noborio"
 
     def hit(self, view: View, memory: Alg2Memory) -> None:
-        """Begin to follow what blocks the way to the goal, to the other side than last time."""
-        hit_and_trace(self.boundary, view, memory, alternating_side(memory, self.side), view.goal_bearing)
+        """Begin to follow what blocks the way to the goal."""
+        super().hit(view, memory)
         if not self.remembers and self.boundary.laps.is_looping(memory):
             memory.verdict = "looping"
+
+    def next_side(self, memory: Alg2Memory) -> int:
+        """The other side than last time."""
+        return alternating_side(memory, self.side)
 
     def watch(self, view: View, memory: Alg2Memory, contour: Contour) -> None:
         """Leave the boundary, give up, or turn round, where the last step allows it or demands it."""

@@ -95,7 +95,7 @@ class Rev3(BoundaryBug):
         if memory.contour is not None:
             self._watch(view, memory, memory.contour)
         if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            velocity = boundary.go_until_hit(view, memory, alternating_side(memory, self.side), view.goal_bearing)
             if velocity is not None:
                 memory.mode = "motion_to_goal"
                 return velocity

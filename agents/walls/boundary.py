@@ -22,6 +22,7 @@ from bug_gym.agents.walls.rounding import Rounding
 from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import speed_within
 from bug_gym.policy import Drawing, MisfitError, Velocity, braking_radius
+from bug_gym.steering import look_ahead
 from bug_gym.view import Sensors, View
 
 Turn = Literal["left", "right"]
@@ -275,6 +276,37 @@ class Boundary:
         speed = min(ahead / self.sensors.drive.step, speed_within(self.sensors.drive, free))
         return velocity_along(bearing, speed)
 
+    def go_until_hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Velocity | None:
+        """As `go` toward the goal, along a bearing [rad]; but a robot that rounds corners rounds that at the hit point too.
+
+        It sees before it comes to the hit point how the contour leads on from there, to that side. It has landed where another
+        place of the contour is nearer to it than the hit point: None then, and `hit` goes on from there.
+        """
+        landing, memory.landing = memory.landing, None
+        distance = view.goal_distance
+        if self.rounding is None or distance <= self.exact_length:
+            return self.go(view, bearing, distance)
+        if landing is None:
+            free = self.free_way(view, bearing, distance)
+            landing = self._landing(view, side, bearing, free) if free <= look_ahead(self.sensors.drive) else None
+        if landing is None:
+            return self.go(view, bearing, distance)
+        place = self.rounding.land(view, landing)
+        if place is None:
+            return self.go(view, bearing, distance)
+        memory.landing = landing
+        assert landing.foot is not None
+        if math.dist(landing.foot[:2], landing.hit) > 0.5 * self.step:
+            return None
+        return velocity_along(math.atan2(place[1], place[0]), self.pace)
+
+    def _landing(self, view: View, side: int, bearing: float, free: float) -> Contour:
+        """The contour that begins where the free way [m] along a bearing [rad] ends."""
+        contour = self.lay_hand(view, side, bearing)
+        contour.hit = view.to_odometry(*velocity_along(bearing, free))
+        contour.foot = (*contour.hit, bearing + view.heading)
+        return contour
+
     def step_to(self, view: View, place: Point, *, radius: float | None = None) -> Velocity | None:
         """Velocity straight to a place of the odometry frame, at most a few steps away; None where it is blocked.
 
@@ -396,21 +428,27 @@ class Boundary:
 
     def hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Contour:
         """Begin to follow the boundary that blocks a bearing [rad]; records the hit point."""
-        contour = self.lay_hand(view, side, bearing)
-        memory.vain_leaves = memory.vain_leaves + 1 if self._was_left_in_vain(view, memory, side) else 0
+        contour, memory.landing = memory.landing, None
+        if contour is None:
+            contour = self.lay_hand(view, side, bearing)
+            contour.hit_distance = view.goal_distance
+        else:
+            contour.position, contour.goal, contour.sweep = view.position, view.goal_position, 0.0
+            contour.hit_distance = math.dist(contour.hit, contour.goal)
+        memory.vain_leaves = memory.vain_leaves + 1 if self._was_left_in_vain(contour, memory) else 0
         contour.has_no_other = memory.vain_leaves > 1
         memory.contour = contour
-        memory.hits.append(view.position)
+        memory.hits.append(contour.hit)
         contour.been = memory.hits[0]
         memory.hit_sides.append(side)
         memory.hit_odometers.append(memory.odometer)
         return contour
 
-    def _was_left_in_vain(self, view: View, memory: BugMemory, side: int) -> bool:
+    def _was_left_in_vain(self, contour: Contour, memory: BugMemory) -> bool:
         """Whether the last boundary was left with less asked, only to be hit again where it had been."""
-        if not memory.left_for_less or not memory.hits or memory.hit_sides[-1] != side:
+        if not memory.left_for_less or not memory.hits or memory.hit_sides[-1] != contour.side:
             return False
-        return math.dist(memory.hits[-1], view.position) <= self.gate_half_width
+        return math.dist(memory.hits[-1], contour.hit) <= self.gate_half_width
 
     def lay_hand(self, view: View, side: int, bearing: float) -> Contour:
         """A contour along the boundary that blocks a bearing [rad], which begins here."""

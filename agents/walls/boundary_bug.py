@@ -26,8 +26,8 @@ class BoundaryParameters:
     leave_rule: LeaveRule = "front"
     """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
     round_corners: bool = True
-    """Whether a differential robot that has no inertia rounds the corners of walls on arcs, which is faster. Among thin things
-    that stand close together it keeps to contours exactly."""
+    """Whether a differential robot that has no inertia rounds the corners of walls on arcs, and those between them and its way,
+    which is faster. Among thin things that stand close together it keeps to contours exactly."""
 
 
 def alternating_side(memory: BugMemory, first: int) -> int:
@@ -72,10 +72,10 @@ class BoundaryBug(ScriptedPolicy):
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
         """Straight on, taken up in an arc; exactly where the velocity leads along walls, back as it came, and with inertia."""
-        contour = memory.contour
+        contour = memory.landing if memory.contour is None else memory.contour
         if contour is not None and contour.course is not None and self.boundary.rounding is not None:
             return Course(contour.course, self.boundary.rounding.aside, contour.side, self.boundary.rounding.toward)
-        is_bound = contour is not None or memory.mode not in FREE_MODES or self.sensors.drive.has_inertia
+        is_bound = memory.contour is not None or memory.mode not in FREE_MODES or self.sensors.drive.has_inertia
         return None if is_bound else straight_on(self.sensors.drive, velocity)
 
     def draw(self, memory: Any) -> Drawing:

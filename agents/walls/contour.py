@@ -79,6 +79,8 @@ class Contour:
     """Direction in which it came to the hit point, odometry frame [rad]."""
     been: Point | None = None
     """Where it has been long before, at its first hit point, odometry frame [m]; None: nothing is known."""
+    hit_distance: float = math.inf
+    """From the hit point to the goal [m]."""
     before: Point = (0.0, 0.0)
     """Own place at the decision before, odometry frame [m]."""
     heading: float | None = None
@@ -140,6 +142,8 @@ class BugMemory(Memory):
 
     contour: Contour | None = None
     """The boundary that it follows; None while it goes to the goal."""
+    landing: Contour | None = None
+    """The boundary onto which it turns from its straight way on an arc, and will follow then; None elsewhere."""
     hits: list[Point] = field(default_factory=list)
     """Hit points, odometry frame [m]."""
     leaves: list[Point] = field(default_factory=list)

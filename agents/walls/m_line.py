@@ -70,9 +70,18 @@ class MLineMemory(BugMemory):
 
 def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:
     """`Boundary.go` on the M-line: a robot beside it steers back onto it. None at a hit point."""
+    return boundary.go(view, _bearing_along(boundary, view, line), view.goal_distance)
+
+
+def go_along_until_hit(boundary: Boundary, view: View, memory: BugMemory, side: int, line: MLine) -> Velocity | None:
+    """`Boundary.go_until_hit` on the M-line: a robot beside it steers back onto it. None at a hit point."""
+    return boundary.go_until_hit(view, memory, side, _bearing_along(boundary, view, line))
+
+
+def _bearing_along(boundary: Boundary, view: View, line: MLine) -> float:
+    """Where to steer on the M-line, or back onto it [rad]."""
     target = line.ahead(view.position, 5.0 * boundary.step)
-    bearing = math.atan2(*reversed(view.to_robot(*target)))
-    return boundary.go(view, bearing, view.goal_distance)
+    return math.atan2(*reversed(view.to_robot(*target)))
 
 
 def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLine, limit: float) -> float | None:

@@ -57,10 +57,19 @@ class Rounding:
         contour.foot = (*view.position, heading + view.heading)
         self._look(view, contour)
 
+    def land(self, view: View, contour: Contour) -> Point | None:
+        """Where to go next to come from the straight way onto a contour that is not followed yet, robot's frame [m].
+
+        None: it does not lead on plainly, or is blocked.
+        """
+        return self._next_place(view, contour) if self._look(view, contour, lands=True) else None
+
     def go_on(self, view: View, contour: Contour) -> Point | None:
         """Where to go next along the contour, robot's frame [m]; None: the rule of boundary following decides."""
-        if not self._look(view, contour):
-            return None
+        return self._next_place(view, contour) if self._look(view, contour) else None
+
+    def _next_place(self, view: View, contour: Contour) -> Point | None:
+        """The next place of the course, robot's frame [m]; None: it is blocked."""
         assert contour.course is not None
         x, y = contour.course[1].tolist()
         way = math.hypot(x, y)
@@ -69,8 +78,11 @@ class Rounding:
             return None
         return x, y
 
-    def _look(self, view: View, contour: Contour) -> bool:
-        """Bring the foot to where the contour is nearest to the robot, and see how it leads on; whether it does."""
+    def _look(self, view: View, contour: Contour, *, lands: bool = False) -> bool:
+        """Bring the foot to where the contour is nearest to the robot, and see how it leads on; whether it does.
+
+        A robot that lands comes to where the contour begins from as far as it looks ahead.
+        """
         assert contour.foot is not None
         x, y, heading = contour.foot
         contour.foot, contour.course = None, None
@@ -81,7 +93,11 @@ class Rounding:
         count = contour_ahead(*points, start, contour.side, self.step, self.clearance, self.inner, places)
         gaps = np.hypot(places[: min(count, caught_up), 0], places[: min(count, caught_up), 1])
         nearest = int(gaps.argmin())
-        if gaps[nearest] > self.aside + self.step or count - nearest <= LEAST_AHEAD:
+        is_far = gaps[nearest] > self.aside + self.step
+        if is_far and lands:
+            nearest = 0  # it may turn back there, toward a robot that has not come to it yet
+        is_before = lands and nearest == 0
+        if (is_far and not lands) or count - nearest <= LEAST_AHEAD:
             return False
         ahead = places[nearest:count]
         if not self._lay_hand(view, contour, ahead[0]):
@@ -92,7 +108,7 @@ class Rounding:
         # In the end of a narrow wedge, about half a turn, whose sense two directions alone leave open.
         contour.sweep = turn if abs(turn) > 0.5 * math.pi else 0.0
         # From beside the contour back to it at half a right angle.
-        joins = min(1 + int(gaps[nearest] / self.step), len(ahead) - 1)
+        joins = 0 if is_before else min(1 + int(gaps[nearest] / self.step), len(ahead) - 1)
         contour.course = np.concatenate([np.zeros((1, 2)), ahead[joins:, :2]])
         return True
 

@@ -31,7 +31,7 @@ class TurningMemory(BugMemory):
     """Whether it has turned round on this boundary."""
 
 
-def hit_and_trace(boundary: Boundary, view: View, memory: TurningMemory, side: int, bearing: float) -> None:
+def hit_and_trace(boundary: Boundary, view: View, memory: TurningMemory, side: int, bearing: float) -> Contour:
     """`hit`, and begin a trace; the hit point before becomes an earlier one."""
     if memory.start is not None:
         memory.marks.append(memory.start)
@@ -39,6 +39,7 @@ def hit_and_trace(boundary: Boundary, view: View, memory: TurningMemory, side: i
     memory.start = Mark(contour.hit, contour.wall)
     memory.trace = [Mark(view.position, contour.wall)]
     memory.is_turning = memory.has_turned = False
+    return contour
 
 
 def leave_and_mark(boundary: Boundary, view: View, memory: TurningMemory) -> None:

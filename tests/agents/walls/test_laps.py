@@ -121,7 +121,12 @@ def test_a_gate_in_a_nook_that_is_passed_by_later_stands_anew() -> None:
 def test_a_place_left_for_less_that_leads_back_twice_is_no_way_out() -> None:
     memory, none = BugMemory(), np.empty(0)
     view: Any = SimpleNamespace(
-        position=(1.0, 0.0), goal_position=(9.0, 0.0), points=(none, none), heading=0.0, to_odometry=lambda x, y: (x, y)
+        position=(1.0, 0.0),
+        goal_position=(9.0, 0.0),
+        goal_distance=8.0,
+        points=(none, none),
+        heading=0.0,
+        to_odometry=lambda x, y: (x, y),
     )
     for is_known in (False, False, True, True):
         contour = BOUNDARY.hit(view, memory, 1, 0.0)

@@ -1,0 +1,68 @@
+"""How a differential robot that rounds corners comes from its straight way onto a contour."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from episodes import run_episode
+
+
+def facing(**world: object) -> dict[str, object]:
+    """A robot of 0.2 m that faces its goal, 8 m ahead."""
+    bounded = {"family": "explicit", "bounds": [0, 0, 12, 8], "start": [2, 4, 0], "goal": [10, 4], **world}
+    return {
+        "robot": {"kinematics": "differential", "radius": 0.2},
+        "lidar": {"beams": 180},
+        "time": {"limit": 100.0},
+        "world": bounded,
+    }
+
+
+ACROSS = facing(polygons=[[[6, 1], [6.4, 1], [6.4, 7], [6, 7]]])
+
+
+@pytest.mark.parametrize("name", ["bug1", "bug2", "com1", "class1", "alg2", "rev3", "bug0_plus"])
+def test_a_robot_turns_onto_a_wall_on_an_arc_and_takes_the_end_of_its_straight_way_for_the_hit_point(name: str) -> None:
+    """The wall is met at a right angle, which an arc of 2/3 m rounds."""
+    clearance, step = 0.4, 0.1
+    hits, ways, times = [], [], []
+    for rounds in (False, True):
+        episode = run_episode(name, ACROSS, clearance=clearance, round_corners=rounds)
+        assert episode.outcome == "success"
+        hits.append(episode.memory.hits[0])
+        steps = int((abs(episode.path[:, 1] - 4.0) > 1.0).argmax())
+        ways.append(np.hypot(episode.path[:steps, 0] - 5.6, episode.path[:steps, 1] - 4.0).min())
+        times.append(steps * step)
+    # By odometry, from the start.
+    assert hits[0] == pytest.approx((3.6, 0.0), abs=0.02) and hits[1] == pytest.approx((3.6, 0.0), abs=0.02)
+    assert ways[0] <= 0.02 and ways[1] >= 0.15
+    # Straight, a quarter of a turn, straight: 3.6 s, 1.05 s, 1 s; an arc takes 2 (2/3 m) (1 - pi/4) / (1 m/s) less of the way,
+    # and does not stand.
+    quarter = 0.5 * math.pi / 1.5
+    assert times[0] >= 4.6 + quarter - 2.0 * step
+    assert times[1] <= 4.6 + 2.0 * step
+
+
+def test_no_wall_is_hit_where_what_stood_in_the_way_has_gone() -> None:
+    """A disc crosses the way where the robot begins to look for a contour, and is gone before it comes there."""
+    mover = {"shape": {"circle": 0.5}, "at": [6.0, 1.0], "motion": {"law": "bounce", "velocity": [0.0, 2.0]}}
+    episode = run_episode("bug1", facing(movers=[mover]), clearance=0.4)
+    assert episode.outcome == "success" and not episode.memory.hits and episode.memory.landing is None
+
+
+@pytest.mark.parametrize(
+    ("name", "measured"), [("bug1", "hit_distance"), ("bug2", "hit_distance"), ("alg1", "nearest")]
+)
+def test_what_is_measured_at_a_hit_point_is_of_the_point_and_not_of_where_the_arc_ends(
+    name: str, measured: str
+) -> None:
+    """Along a slanting wall the arc comes nearer to the goal than the hit point."""
+    slanting = facing(polygons=[[[5, 3.5], [8, 6.5], [7.8, 6.7], [4.8, 3.7]], [[4.8, 3.7], [5, 3.5], [5, 1], [4.8, 1]]])
+    episode = run_episode(name, slanting, clearance=0.4, max_steps=30)
+    contour = episode.memory.contour
+    assert contour is not None and abs(contour.hit[1]) <= 0.02
+    distance = math.dist(contour.hit, (8.0, 0.0))
+    assert math.dist(contour.position, (8.0, 0.0)) < distance - 0.1
+    assert getattr(episode.memory, measured) == pytest.approx(distance, abs=1e-5)
