@@ -16,15 +16,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
+from bug_gym import kernels
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import FRESH_STARTS, LeaveRule, Turn
 from bug_gym.agents.walls.boundary_bug import BoundaryBug, BoundaryParameters
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.survey import Survey, survey_lap
 from bug_gym.checks import shortened
-from bug_gym.geometry import Point, wrap
+from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
 
@@ -109,7 +111,7 @@ class DistBug(BoundaryBug):
         if memory.contour is not None:
             self._look_for_leave(view, memory, memory.contour)
         if memory.contour is None:
-            velocity = boundary.go(view, view.goal_bearing, view.goal_distance)
+            velocity = boundary.go_until_hit(view, memory, partial(self._turn, view), view.goal_bearing)
             if velocity is not None:
                 return velocity
             self._hit(view, memory)
@@ -125,7 +127,8 @@ class DistBug(BoundaryBug):
 
     def _hit(self, view: View, memory: DistBugMemory) -> None:
         """Begin to follow what blocks the way to the goal."""
-        distance = view.goal_distance
+        contour = self.boundary.hit(view, memory, self._turn(view, 0.0), view.goal_bearing)
+        distance = contour.hit_distance
         if distance > memory.promised + 2.0 * self.boundary.step:
             # The scan promised more than there was: believe it half as far until a hit is nearer than all before.
             memory.trust = 0.5 * min(memory.trust, self.r_max)
@@ -135,14 +138,16 @@ class DistBug(BoundaryBug):
         memory.closest = memory.hit_distance = distance
         memory.survey = Survey()
         memory.mode = "boundary_following"
-        self.boundary.hit(view, memory, self._turn(view), view.goal_bearing)
 
-    def _turn(self, view: View) -> int:
-        """The side to turn to at the wall in front."""
+    def _turn(self, view: View, way: float) -> int:
+        """The side to turn to at the wall in front, when the robot has gone a way [m] toward the goal."""
         if self.parameters.side_rule == "fixed":
             return self.side
-        _, wall = view.nearest(view.goal_bearing, 0.5 * math.pi)
-        angle = wrap(wall - view.goal_bearing)
+        bearing = view.goal_bearing
+        ahead, left = velocity_along(bearing, way)
+        x, y = view.points[0] - ahead, view.points[1] - left
+        nearest = kernels.nearest_within(x, y, math.cos(bearing), math.sin(bearing), math.cos(0.5 * math.pi))
+        angle = wrap(math.atan2(y[nearest], x[nearest]) - bearing) if nearest >= 0 else 0.0
         if abs(angle) < SQUARE:
             return self.side
         return -1 if angle > 0.0 else 1

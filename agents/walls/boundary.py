@@ -32,6 +32,9 @@ SIDES: dict[str, int] = {"left": 1, "right": -1}
 LEAVE_RULES = ("front", "any")
 STANDING: Velocity = (0.0, 0.0)
 
+SideAfter = Callable[[float], int]
+"""The side to turn to at a wall after so much more way [m]."""
+
 FirstHeading = Callable[[View, Contour, float, float], "float | None"]
 """Where to go along a wall [rad], not wrapped, given the bearing of the hand on it and of the travel [rad]; None: boxed
 in."""
@@ -276,7 +279,7 @@ class Boundary:
         speed = min(ahead / self.sensors.drive.step, speed_within(self.sensors.drive, free))
         return velocity_along(bearing, speed)
 
-    def go_until_hit(self, view: View, memory: BugMemory, side: int, bearing: float) -> Velocity | None:
+    def go_until_hit(self, view: View, memory: BugMemory, side: SideAfter | int, bearing: float) -> Velocity | None:
         """As `go` toward the goal, along a bearing [rad]; but a robot that rounds corners rounds that at the hit point too.
 
         It sees before it comes to the hit point how the contour leads on from there, to that side. It has landed where another
@@ -288,7 +291,8 @@ class Boundary:
             return self.go(view, bearing, distance)
         if landing is None:
             free = self.free_way(view, bearing, distance)
-            landing = self._landing(view, side, bearing, free) if free <= look_ahead(self.sensors.drive) else None
+            if free <= look_ahead(self.sensors.drive):
+                landing = self._landing(view, side if isinstance(side, int) else side(free), bearing, free)
         if landing is None:
             return self.go(view, bearing, distance)
         place = self.rounding.land(view, landing)
@@ -440,7 +444,7 @@ class Boundary:
         memory.contour = contour
         memory.hits.append(contour.hit)
         contour.been = memory.hits[0]
-        memory.hit_sides.append(side)
+        memory.hit_sides.append(contour.side)
         memory.hit_odometers.append(memory.odometer)
         return contour
 

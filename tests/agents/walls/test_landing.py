@@ -23,7 +23,7 @@ def facing(**world: object) -> dict[str, object]:
 ACROSS = facing(polygons=[[[6, 1], [6.4, 1], [6.4, 7], [6, 7]]])
 
 
-@pytest.mark.parametrize("name", ["bug1", "bug2", "com1", "class1", "alg2", "rev3", "bug0_plus"])
+@pytest.mark.parametrize("name", ["bug1", "bug2", "com1", "class1", "alg2", "rev3", "bug0_plus", "dist_bug"])
 def test_a_robot_turns_onto_a_wall_on_an_arc_and_takes_the_end_of_its_straight_way_for_the_hit_point(name: str) -> None:
     """The wall is met at a right angle, which an arc of 2/3 m rounds."""
     clearance, step = 0.4, 0.1
@@ -66,3 +66,11 @@ def test_what_is_measured_at_a_hit_point_is_of_the_point_and_not_of_where_the_ar
     distance = math.dist(contour.hit, (8.0, 0.0))
     assert math.dist(contour.position, (8.0, 0.0)) < distance - 0.1
     assert getattr(episode.memory, measured) == pytest.approx(distance, abs=1e-5)
+
+
+def test_the_side_is_chosen_by_the_wall_at_the_hit_point_and_not_by_what_stands_beside_the_way_to_it() -> None:
+    """The wall comes nearer on the right; a post stands on the left, a metre before it."""
+    leaning = [[5.0, 1.0], [5.2, 1.0], [6.7, 7.0], [6.5, 7.0]]
+    episode = run_episode("dist_bug", facing(polygons=[leaning], circles=[[4.6, 4.75, 0.2]]), clearance=0.4)
+    assert episode.outcome == "success" and episode.memory.hit_sides[0] == 1
+    assert np.hypot(episode.path[:, 0] - 5.35, episode.path[:, 1] - 4.0).min() >= 0.1
