@@ -47,7 +47,7 @@ def test_a_robot_turns_onto_a_wall_on_an_arc_and_takes_the_end_of_its_straight_w
 
 def test_no_wall_is_hit_where_what_stood_in_the_way_has_gone() -> None:
     """A disc crosses the way where the robot begins to look for a contour, and is gone before it comes there."""
-    mover = {"shape": {"circle": 0.5}, "at": [6.0, 1.0], "motion": {"law": "bounce", "velocity": [0.0, 2.0]}}
+    mover = {"shape": {"circle": 0.5}, "at": [6.0, 1.4], "motion": {"law": "bounce", "velocity": [0.0, 1.6]}}
     episode = run_episode("bug1", facing(movers=[mover]), clearance=0.4)
     assert episode.outcome == "success" and not episode.memory.hits and episode.memory.landing is None
 
@@ -74,3 +74,23 @@ def test_the_side_is_chosen_by_the_wall_at_the_hit_point_and_not_by_what_stands_
     episode = run_episode("dist_bug", facing(polygons=[leaning], circles=[[4.6, 4.75, 0.2]]), clearance=0.4)
     assert episode.outcome == "success" and episode.memory.hit_sides[0] == 1
     assert np.hypot(episode.path[:, 0] - 5.35, episode.path[:, 1] - 4.0).min() >= 0.1
+
+
+@pytest.mark.parametrize("slope", [20.0, 60.0])
+@pytest.mark.parametrize(("name", "record"), [("alg1", "nearest"), ("alg2", "nearest"), ("class1", "least_distance")])
+def test_the_hit_point_counts_as_visited_and_for_the_m_line_no_place_beside_it(
+    name: str, record: str, slope: float
+) -> None:
+    """Along a wall that leads on to the goal the arc may end nearer to it, and before a steep one farther off."""
+    cos, sin = math.cos(math.radians(slope)), math.sin(math.radians(slope))
+    ends = [(5.0 - cos, 3.5 - sin), (5.0 + 4.0 * cos, 3.5 + 4.0 * sin)]
+    wall = [ends[0], *((x + 0.2 * sin, y - 0.2 * cos) for x, y in ends), ends[1]]
+    scenario = facing(polygons=[wall])
+    for steps in range(20, 60):
+        episode = run_episode(name, scenario, clearance=0.4, max_steps=steps)
+        if episode.memory.contour is not None:
+            break
+    contour = episode.memory.contour
+    assert contour is not None and math.dist(contour.position, contour.hit) > 0.05
+    beyond = getattr(episode.memory, record) - contour.hit_distance
+    assert beyond <= 1e-6 and (name != "alg1" or beyond >= -1e-6)
