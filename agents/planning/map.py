@@ -183,6 +183,19 @@ class PlanningMap:
         discs = np.hypot(*(self.discs[:, :2] - place).T) - self.discs[:, 2]
         return max(float(min([*away, *discs])), 0.0)
 
+    def is_clear(self, places: F64, radius: float) -> bool:
+        """Whether a disc touches nothing along a chain of straight pieces; it begins within the border.
+
+        Args:
+            places: (k, 2) of its centre [m].
+            radius: of the disc [m].
+        """
+        chain = shapely.LineString(places)
+        if len(self._solids_tree.query(chain, predicate="dwithin", distance=radius)):
+            return False
+        away = shapely.distance(chain, self._disc_centres) - self.discs[:, 2]
+        return not (away < radius).any() and self._inside.exterior.distance(chain) >= radius
+
     def free_place_near(self, place: Point, *, radius: float, reach: float) -> Point | None:
         """The nearest place to one where a disc fits; None where there is none within reach.
 
@@ -208,6 +221,14 @@ class PlanningMap:
     def _solids(self) -> NDArray[np.object_]:
         """The polygons as shapely's (n,)."""
         return np.array([shapely.Polygon(shell, holes) for shell, *holes in self.polygons], dtype=object)
+
+    @cached_property
+    def _solids_tree(self) -> shapely.STRtree:
+        return shapely.STRtree(self._solids)
+
+    @cached_property
+    def _disc_centres(self) -> NDArray[np.object_]:
+        return np.asarray(shapely.points(self.discs[:, :2]))
 
     def shortest_path(self, start: Point, goal: Point, *, radius: float) -> ShortestPath:
         """The project's own shortest path of a disc robot, see `bug_gym.shortest_path`, with its errors."""

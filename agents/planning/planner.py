@@ -14,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from bug_gym.agents.parameters import Length
+from bug_gym.agents.planning.clear_step import clear_velocity
 from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower
 from bug_gym.agents.planning.live import LiveMap, Maps, Moving
 from bug_gym.agents.planning.map import PlanningMap
@@ -159,7 +160,22 @@ class MapPlanner(MapPolicy):
                 self.replace_route(scene._replace(moving=near(round_these)), memory)
         if memory.route is None:
             return 0.0, 0.0
-        return self.follower.follow(memory.route, view, scene)
+        velocity = self.follower.follow(memory.route, view, scene)
+        return self.cleared(velocity, view, memory) if self.is_cleared else velocity
+
+    @property
+    def is_cleared(self) -> bool:
+        """Whether velocities are looked at on the map: of one that has it, leaves its way, and does at once what it is told."""
+        return self.privileged and self.follower.avoids_movers and self.sensors.drive.latency == 0
+
+    def cleared(self, velocity: Velocity, view: View, memory: PlannerMemory) -> Velocity:
+        """As much of a velocity as touches nothing that stands; where that is not all, the way is planned anew from here."""
+        live = live_of(memory)
+        radius, drive = self.sensors.radius, self.sensors.drive
+        clear = clear_velocity(live.still, live.pose, view.own_velocity, velocity, drive, radius)
+        if clear != velocity:
+            memory.planned_for = (math.inf, math.inf)
+        return clear
 
     def look(self, view: View, memory: PlannerMemory) -> Scene:
         """Where the robot and its goal are, and what moves."""
