@@ -9,14 +9,15 @@ Where commands act later than they are given, the step that one leads to begins 
 back, will have brought the robot.
 
 What stands between two beams shows only when they are so near together as it is wide. So the robot goes no faster than lets
-it stop from there before a post.
+it stop from there before a post. Where one scan shows less of a thing than another, since beams are few, are lost or scatter,
+those before the last one count as well: a tip that has come to lie between two beams is where it was.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,21 @@ LEAST_ROOM = 0.005
 
 POST = 0.15
 """Width of the thinnest thing that the robot is slow enough to see in time between two beams: a post of BARN's [m]."""
+
+LATELY = 0.3
+"""For how long what scans showed counts beside what the last one shows [s]."""
+
+UNSURE = 0.025
+"""What noise and gaps between the beams hide of what touches the body, from which on that holds of any robot [m]."""
+
+EVASIONS = 16
+"""In how many directions a robot tries to get away that can no longer stop in time."""
+
+LESS = (0.0, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08)
+"""What it keeps less then [m], more and more until a way is left: it may be that things are smaller than they seem."""
+
+TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
+"""How fast a robot turns that has to stop, as shares of how fast it can: the first that lets it stop in time."""
 
 LEAST_PACE = 0.25
 """Share of its top speed below which that is not worth it: so few beams show a post too late at any pace."""
@@ -69,6 +85,26 @@ class Ahead(NamedTuple):
 def needs_care(sensors: Sensors) -> bool:
     """Whether what an algorithm asks for may lead into something: the robot has inertia, or its scan is noisy."""
     return sensors.drive.has_inertia or sensors.range_noise > 0.0
+
+
+def scans_kept(sensors: Sensors) -> int:
+    """How many scans before the last one count: none where each shows all that matters.
+
+    Of a robot that stops at once one step alone can be at fault: the more it takes.
+    """
+    drive, hidden = sensors.drive, 0.5 * sensors.beam_spacing * sensors.radius
+    if drive.has_inertia:
+        is_unsure = sensors.dropout > 0.0 or max(hidden, sensors.range_noise) > LEAST_ROOM
+    else:
+        is_unsure = sensors.range_noise > 0.0 and hidden + sensors.range_noise > UNSURE
+    return max(round(LATELY / drive.step), 1) if is_unsure else 0
+
+
+def shown_points(view: View) -> NDArray[np.float64]:
+    """The points (2, k) that a scan shows, odometry frame [m]."""
+    (x, y, heading), (ahead, left) = view.pose, view.points
+    cos, sin = math.cos(heading), math.sin(heading)
+    return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left])
 
 
 def speed_within(drive: Drive, way: float) -> float:
@@ -125,7 +161,7 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
             asked = share * velocity[0], share * velocity[1]
             if _is_clear(view, ahead, _slide(drive, ahead.velocity, asked), kept):
                 return kinematics.steering(drive, asked)
-        return kinematics.steering(drive, (0.0, 0.0))
+        return kinematics.steering(drive, _evasion(view, ahead, room))
     return kinematics.differential_action(drive, *_stoppable_part(view, kinematics.turning(drive, velocity), room))
 
 
@@ -153,7 +189,39 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
         away = _straight_away(view)
         if _is_clear(view, ahead, _arc(drive, speed, away), 0.0):
             return away
-    return 0.0, 0.0
+    if speed == 0.0 or drive.kinematics == "ackermann":
+        return 0.0, 0.0
+    return _first_clear(view, ahead, [(0.0, turn * drive.max_turn_rate) for turn in TURNS], room)
+
+
+def _evasion(view: View, ahead: Ahead, room: float) -> Velocity:
+    """What a holonomic robot asks for that is to stand: that, or where it cannot stop in time a way past what is seen."""
+    drive, (vx, vy) = view.sensors.drive, ahead.velocity
+    change = drive.max_acceleration * drive.step
+    if not math.isfinite(change):
+        return 0.0, 0.0
+    back = math.atan2(-vy, -vx)
+    turns = sorted((2.0 * math.pi * number / EVASIONS - math.pi for number in range(EVASIONS)), key=abs)
+    ways = [(vx + change * math.cos(back + turn), vy + change * math.sin(back + turn)) for turn in turns]
+    return _first_clear(view, ahead, [(0.0, 0.0), *ways], room)
+
+
+def _first_clear(view: View, ahead: Ahead, asked: Sequence[Velocity], room: float) -> Velocity:
+    """The first of some velocities that keeps clear with all that is to be kept; else with as much as any keeps clear with.
+
+    Of a robot that turns: speeds and turn rates.
+    """
+    drive = view.sensors.drive
+    is_holonomic = drive.kinematics == "holonomic"
+    motions = [
+        _slide(drive, ahead.velocity, one) if is_holonomic else _arc(drive, ahead.velocity[0], one) for one in asked
+    ]
+    x, y, margin, gap = _seen_from(view, ahead, room)
+    for kept, hidden in ((margin, gap), *((LEAST_ROOM - less, 0.0) for less in LESS)):
+        for one, motion in zip(asked, motions, strict=True):
+            if kernels.keeps_clear(x, y, view.sensors.circles, *motion, kept, hidden):
+                return one
+    return asked[0]
 
 
 def _straight_away(view: View) -> Velocity:
@@ -229,7 +297,7 @@ def _is_clear(view: View, ahead: Ahead, motion: Motion, room: float) -> bool:
 
 def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float]:
     """The scan's points x, y (k,) from where the robot will be, what is kept about the body [m] and half a beam's gap [rad]."""
-    x, y = view.points
+    x, y = view.points_of_late
     gap = 0.5 * view.sensors.beam_spacing
     margin = max(room, LEAST_ROOM + view.sensors.range_noise)
     if view.sensors.drive.latency > 0:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
-from bug_gym.inertia import as_it_will_lie, needs_care, stoppable_action
+from bug_gym.inertia import as_it_will_lie, needs_care, scans_kept, shown_points, stoppable_action
 from bug_gym.manoeuvring import arc_action
 from bug_gym.observation import as_flat
 from bug_gym.schema.errors import shortened
@@ -59,6 +59,8 @@ class Memory:
     """One of VERDICTS; once it says something the robot stands."""
     under_way: list[NDArray[np.float32]] = field(default_factory=list, kw_only=True)
     """Actions (2,) of a robot with latency that have yet to act, the first one first."""
+    lately: list[NDArray[np.float64]] = field(default_factory=list, kw_only=True)
+    """Points (2, k) of the scans before this one, odometry frame [m], of a robot that cannot stop before all that one shows."""
 
 
 @dataclass(frozen=True)
@@ -264,11 +266,23 @@ class ScriptedPolicy(ABC):
         return action
 
     def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
-        view = View(flat, self.sensors, memory.under_way)
+        view = View(flat, self.sensors, memory.under_way, memory.lately)
         velocity = checked_velocity(self, self.act(view, memory)) if not memory.verdict else (0.0, 0.0)
         course = self.course(view, memory, velocity) if self._follows_course else None
         arc = self.arc(view, memory) if self._plans_arcs and not memory.verdict else None
-        return action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+        action = action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+        if self._scans_kept:
+            keep_scan(memory, view, self._scans_kept)
+        return action
+
+    @functools.cached_property
+    def _scans_kept(self) -> int:
+        return 0 if self.room is None else scans_kept(self.sensors)
+
+
+def keep_scan(memory: Memory, view: View | None, scans: int) -> None:
+    """Keep what a scan shows, and so many scans at most; nothing of a robot that does not answer."""
+    memory.lately = [*memory.lately, shown_points(view)][-scans:] if view is not None else []
 
 
 def checked_velocity(policy: object, answered: Any) -> Velocity:

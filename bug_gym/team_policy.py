@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from bug_gym import kinematics
 from bug_gym.config import Scenario
 from bug_gym.geometry import Point, wrap
+from bug_gym.inertia import scans_kept
 from bug_gym.log import warn_once
 from bug_gym.observation import width
 from bug_gym.policy import (
@@ -41,6 +42,7 @@ from bug_gym.policy import (
     checked_starts,
     checked_velocity,
     flat_observation,
+    keep_scan,
     source_scenario,
 )
 from bug_gym.view import Sensors, View
@@ -381,14 +383,25 @@ class TeamPolicy(ABC):
         numbers = np.concatenate(told) if told else np.empty(0)
         if np.count_nonzero(np.isfinite(numbers)) < numbers.size:  # .all() takes longer
             raise ValueError("the observation holds a number that is not finite")
-        views = [None if seen is None else View(seen, self.sensors) for seen in observations]
+        views = [
+            None if seen is None else View(seen, self.sensors, lately=memory.lately)
+            for seen, memory in zip(observations, memories, strict=True)
+        ]
         self.listen(views, memories)
         velocities = self.act(views, memories)
         standing = (0.0, 0.0)
-        return [
+        actions = [
             self._action(view, checked_velocity(self, velocity) if view and not memory.verdict else standing)
             for view, velocity, memory in zip(views, velocities, memories, strict=True)
         ]
+        if self._scans_kept:
+            for view, memory in zip(views, memories, strict=True):
+                keep_scan(memory, view, self._scans_kept)
+        return actions
+
+    @functools.cached_property
+    def _scans_kept(self) -> int:
+        return scans_kept(self.sensors)
 
     def _action(self, view: View | None, velocity: Velocity) -> NDArray[Any]:
         """The action for a velocity; of a robot that does not answer, to stand."""

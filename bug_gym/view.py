@@ -122,13 +122,34 @@ class View:
         flat: the observation (D,).
         sensors: of the robot.
         under_way: its actions (2,) that have yet to act, the first one first; None: nobody kept them.
+        lately: points (2, k) that scans before this one showed, odometry frame [m].
     """
 
-    __slots__ = ("sensors", "under_way", "_flat", "ranges", "goal", "pose", "velocity", "_points", "_trig")
+    __slots__ = (
+        "sensors",
+        "under_way",
+        "lately",
+        "_flat",
+        "ranges",
+        "goal",
+        "pose",
+        "velocity",
+        "_points",
+        "_late",
+        "_trig",
+    )
 
-    def __init__(self, flat: F32, sensors: Sensors, under_way: Sequence[NDArray[np.float32]] | None = None) -> None:
+    def __init__(
+        self,
+        flat: F32,
+        sensors: Sensors,
+        under_way: Sequence[NDArray[np.float32]] | None = None,
+        lately: Sequence[NDArray[np.float64]] = (),
+    ) -> None:
         self.sensors = sensors
         self.under_way = under_way
+        self.lately = lately
+        self._late: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._flat = flat
         self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         ranges, rest, goal, pose, velocity = sensors.always_seen
@@ -142,7 +163,8 @@ class View:
     def with_ranges(self, ranges: NDArray[np.float64]) -> View:
         """The same observation with other ranges (B,) [m]."""
         other = View.__new__(View)
-        other.sensors, other.under_way, other._points = self.sensors, self.under_way, None
+        other.sensors, other.under_way, other.lately = self.sensors, self.under_way, self.lately
+        other._points, other._late = None, None
         other.goal, other.pose, other.velocity, other._trig = self.goal, self.pose, self.velocity, self._trig
         other._flat = self._flat
         other.ranges = ranges.astype(np.float32).astype(np.float64)
@@ -215,6 +237,18 @@ class View:
                 count = kernels.scan_points(ranges, directions, reach, places)
             self._points = (places[0, :count], places[1, :count])
         return self._points
+
+    @property
+    def points_of_late(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same with the points that scans before this one showed, as far as they were kept."""
+        if not self.lately:
+            return self.points
+        if self._late is None:
+            cos, sin = self._trig
+            away = np.concatenate(self.lately, axis=1) - np.array([[self.pose[0]], [self.pose[1]]])
+            x, y = np.array([[cos, sin], [-sin, cos]]) @ away
+            self._late = np.concatenate([self.points[0], x]), np.concatenate([self.points[1], y])
+        return self._late
 
     def nearest(self, bearing: float = 0.0, half_width: float = math.pi) -> tuple[float, float]:
         """Distance [m] and bearing [rad] of the nearest scan point within `half_width` of a bearing.
