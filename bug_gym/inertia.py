@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +40,10 @@ LATELY = 0.3
 """For how long what scans showed counts beside what the last one shows [s]."""
 
 UNSURE = 0.025
-"""What noise and gaps between the beams hide of what touches the body, from which on that holds of any robot [m]."""
+"""What noise and gaps between the beams may hide from a robot that stops at once [m]; beyond that it takes care, too."""
+
+CREEP = 0.25
+"""Share of a long step that a robot takes in any case where more may lie between its beams."""
 
 EVASIONS = 16
 """In how many directions a robot tries to get away that can no longer stop in time."""
@@ -83,8 +86,21 @@ class Ahead(NamedTuple):
 
 
 def needs_care(sensors: Sensors) -> bool:
-    """Whether what an algorithm asks for may lead into something: the robot has inertia, or its scan is noisy."""
-    return sensors.drive.has_inertia or sensors.range_noise > 0.0
+    """Whether what an algorithm asks for may lead into something.
+
+    The robot has inertia, its scan is noisy, or in the way of a step much lies between two beams.
+    """
+    return sensors.drive.has_inertia or sensors.range_noise > 0.0 or _steps_wide(sensors)
+
+
+def _steps_wide(sensors: Sensors) -> bool:
+    """Whether at the end of a step much may lie between two beams, where the robot stops at once."""
+    return not sensors.drive.has_inertia and hidden_at(sensors, sensors.radius + sensors.step_length) > UNSURE
+
+
+def hidden_at(sensors: Sensors, distance: float) -> float:
+    """Half of what lies between two beams at a distance [m]."""
+    return 0.5 * sensors.beam_spacing * distance
 
 
 def scans_kept(sensors: Sensors) -> int:
@@ -92,7 +108,7 @@ def scans_kept(sensors: Sensors) -> int:
 
     Of a robot that stops at once one step alone can be at fault: the more it takes.
     """
-    drive, hidden = sensors.drive, 0.5 * sensors.beam_spacing * sensors.radius
+    drive, hidden = sensors.drive, hidden_at(sensors, sensors.radius)
     if drive.has_inertia:
         is_unsure = sensors.dropout > 0.0 or max(hidden, sensors.range_noise) > LEAST_ROOM
     else:
@@ -156,6 +172,13 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
     drive = view.sensors.drive
     velocity = _within(velocity, pace_in_sight(view.sensors))
     if drive.kinematics == "holonomic":
+        if _steps_wide(view.sensors):
+            share = _share_in_sight(
+                view, lambda share: _slide(drive, view.velocity, (share * velocity[0], share * velocity[1]))
+            )
+            velocity = share * velocity[0], share * velocity[1]
+            if view.sensors.range_noise == 0.0:
+                return kinematics.steering(drive, velocity)
         ahead = foreseen(view)
         for kept, share in itertools.product(_rooms(drive, room), _shares()):
             asked = share * velocity[0], share * velocity[1]
@@ -179,6 +202,13 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
     drive, ahead = view.sensors.drive, foreseen(view)
     (fast, rate), keeps_arc, speed = wish, drive.kinematics == "ackermann", ahead.velocity[0]
     body, most, step = view.sensors.circles, drive.max_acceleration, drive.step
+    if _steps_wide(view.sensors):
+        share = _share_in_sight(
+            view, lambda share: _arc(drive, speed, (share * fast, share * rate if keeps_arc else rate))
+        )
+        fast, rate = share * fast, share * rate if keeps_arc else rate
+        if view.sensors.range_noise == 0.0:
+            return fast, rate
     for kept in _rooms(drive, room):
         x, y, margin, gap = _seen_from(view, ahead, kept)
         part = kernels.clear_part(x, y, body, speed, fast, rate, keeps_arc, most, step, margin, gap, SHARES)
@@ -222,6 +252,18 @@ def _first_clear(view: View, ahead: Ahead, asked: Sequence[Velocity], room: floa
             if kernels.keeps_clear(x, y, view.sensors.circles, *motion, kept, hidden):
                 return one
     return asked[0]
+
+
+def _share_in_sight(view: View, motion: Callable[[float], Motion]) -> float:
+    """The share of a step on which nothing lies that the beams may leave out; at least CREEP, after which they show more.
+
+    Things may go on beside a point that a beam meets until the next beam, which misses them.
+    """
+    x, y = view.points_of_late
+    margin, gap = LEAST_ROOM + view.sensors.range_noise, view.sensors.beam_spacing
+    body = view.sensors.circles
+    shares = (share for share in _shares() if share > CREEP)
+    return next((share for share in shares if kernels.keeps_clear(x, y, body, *motion(share), margin, gap)), CREEP)
 
 
 def _straight_away(view: View) -> Velocity:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load
-from bug_gym.inertia import scans_kept, shown_points, stoppable_action
+from bug_gym.inertia import needs_care, scans_kept, shown_points, stoppable_action
 from bug_gym.kinematics import asked_velocity
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.reproductions.still_things import drive as drive_still
@@ -157,6 +157,44 @@ def test_who_cannot_stop_in_time_gets_past(kinematics: str, side: float) -> None
     assert nearest_pass(sensors, 1.0, tip, brakes=False) > RADIUS
 
 
+# -- Long steps --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential", "ackermann"])
+def test_a_long_step_ends_before_what_may_go_on_beside_a_point(kinematics: str) -> None:
+    robot = {"robot__kinematics": kinematics, "robot__max_speed": 2.0, "time__step": 0.2, "lidar__noise": 0.0}
+    sensors = sensors_of(**robot, lidar__beams=32)
+    gap = sensors.beam_spacing
+    (beam,) = np.flatnonzero(np.isclose(sensors.angles % (2.0 * math.pi), 2.0 * math.pi - 3.0 * gap))
+    for way in (0.44, 0.5, 0.6, 0.8, 1.5):
+        ranges = np.full(32, 1e3)
+        ranges[beam] = way
+        view = View(observed(sensors, (0.0, 0.0, 0.0), (0.0, 0.0), ranges), sensors)
+        ahead, left = asked_velocity(sensors.drive, stoppable_action(view, (2.0, 0.0), 0.0))
+        assert left == pytest.approx(0.0, abs=1e-6)
+        point = way * math.cos(3.0 * gap), -way * math.sin(3.0 * gap)
+        kept = sensors.radius + gap * way
+        # The largest eighth whose end keeps off; a quarter at least, after which the beams will show more.
+        eighths = [part / 8 for part in range(8, 2, -1) if passed(part / 8 * 2.0 * 0.2, point) > kept + 0.005]
+        assert ahead / 2.0 == pytest.approx(eighths[0] if eighths else 0.25, abs=1e-6)
+    assert ahead == pytest.approx(2.0)  # far away
+
+
+def passed(way: float, point: tuple[float, float]) -> float:
+    """How near to a point a robot comes on so much way along x [m]."""
+    return math.hypot(point[0] - min(max(point[0], 0.0), way), point[1])
+
+
+def test_robots_of_the_scenarios_step_short_enough() -> None:
+    assert not needs_care(sensors_of(lidar__noise=0.0, lidar__beams=64))
+    assert not needs_care(sensors_of(lidar__noise=0.0, lidar__beams=32, robot__max_speed=0.5))
+    assert needs_care(sensors_of(lidar__noise=0.0, lidar__beams=32))
+    assert needs_care(sensors_of(lidar__noise=0.01, lidar__beams=64))
+
+
+# -- Worlds in which it mattered ---------------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize(
     ("policy", "seed"),
     [
@@ -166,6 +204,7 @@ def test_who_cannot_stop_in_time_gets_past(kinematics: str, side: float) -> None
         ("hd_bug", 366),
         ("velocity_obstacle", 387),
         ("hd_bug", 399),
+        ("hd_bug_map", 727),  # the end of a wall a long step ahead, which the beam beside it misses
     ],
 )
 def test_corners_that_scans_hide_are_not_touched(policy: str, seed: int) -> None:
