@@ -99,8 +99,9 @@ def _steps_wide(sensors: Sensors) -> bool:
 
 
 def hidden_at(sensors: Sensors, distance: float) -> float:
-    """Half of what lies between two beams at a distance [m]."""
-    return 0.5 * sensors.beam_spacing * distance
+    """Half of what lies between two beams at a distance [m], between which one may be lost."""
+    spacing = sensors.beam_spacing * (2.0 if sensors.dropout > 0.0 else 1.0)
+    return 0.5 * spacing * distance
 
 
 def scans_kept(sensors: Sensors) -> int:
@@ -112,7 +113,7 @@ def scans_kept(sensors: Sensors) -> int:
     if drive.has_inertia:
         is_unsure = sensors.dropout > 0.0 or max(hidden, sensors.range_noise) > LEAST_ROOM
     else:
-        is_unsure = sensors.range_noise > 0.0 and hidden + sensors.range_noise > UNSURE
+        is_unsure = max(sensors.range_noise, sensors.dropout) > 0.0 and hidden + sensors.range_noise > UNSURE
     return max(round(LATELY / drive.step), 1) if is_unsure else 0
 
 

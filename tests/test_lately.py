@@ -46,6 +46,8 @@ def observed(
         ({}, 0),  # the robot of the scenarios stops at once
         ({"lidar__noise": 0.01, "lidar__beams": 64}, 0),
         ({"lidar__noise": 0.03, "lidar__beams": 32}, 3),
+        ({"lidar__dropout": 0.05, "lidar__beams": 32}, 3),  # what the lost beam would have met shows in the next scan
+        ({"lidar__dropout": 0.05, "lidar__beams": 180}, 0),
         ({"robot__max_acceleration": 1.0, "lidar__beams": 720}, 0),  # each scan shows all
         ({"robot__max_acceleration": 1.0, "lidar__beams": 32}, 3),
         ({"robot__max_acceleration": 1.0, "lidar__beams": 32, "time__step": 0.05}, 6),
@@ -204,6 +206,8 @@ def test_robots_of_the_scenarios_step_short_enough() -> None:
         ("hd_bug", 366),
         ("velocity_obstacle", 387),
         ("hd_bug", 399),
+        ("vis_bug_21", 1090),  # the same behind a beam that is lost
+        ("class1", 1090),
         ("hd_bug_map", 727),  # the end of a wall a long step ahead, which the beam beside it misses
     ],
 )
