@@ -256,15 +256,17 @@ def _first_clear(view: View, ahead: Ahead, asked: Sequence[Velocity], room: floa
 
 
 def _share_in_sight(view: View, motion: Callable[[float], Motion]) -> float:
-    """The share of a step on which nothing lies that the beams may leave out; at least CREEP, after which they show more.
+    """The share of a step on which nothing lies that the beams may leave out; CREEP, after which they show more, if none does.
 
-    Things may go on beside a point that a beam meets until the next beam, which misses them.
+    Things may go on beside a point that a beam meets until the next beam, which misses them. Half as much is kept of any share.
     """
     x, y = view.points_of_late
     margin, gap = LEAST_ROOM + view.sensors.range_noise, view.sensors.beam_spacing
-    body = view.sensors.circles
-    shares = (share for share in _shares() if share > CREEP)
-    return next((share for share in shares if kernels.keeps_clear(x, y, body, *motion(share), margin, gap)), CREEP)
+    for share in (*_shares(), 0.0):
+        kept = (margin, gap) if share > CREEP else (0.0, 0.5 * gap)
+        if kernels.keeps_clear(x, y, view.sensors.circles, *motion(share), *kept):
+            return share
+    return 0.0
 
 
 def _straight_away(view: View) -> Velocity:

@@ -208,6 +208,7 @@ def test_robots_of_the_scenarios_step_short_enough() -> None:
         ("hd_bug", 399),
         ("vis_bug_21", 1090),  # the same behind a beam that is lost
         ("class1", 1090),
+        ("dwa", 1090),  # it stood beside a wall, and the one beam that showed it was lost
         ("hd_bug_map", 727),  # the end of a wall a long step ahead, which the beam beside it misses
     ],
 )
