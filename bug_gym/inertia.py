@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels, kinematics
 from bug_gym.kinematics import Drive
-from bug_gym.view import Sensors, View
+from bug_gym.view import Sensors, Shown, View
 
 SHARES = 8
 """In how many parts a command is cut."""
@@ -211,8 +211,8 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
         if view.sensors.range_noise == 0.0:
             return fast, rate
     for kept in _rooms(drive, room):
-        x, y, margin, gap = _seen_from(view, ahead, kept)
-        part = kernels.clear_part(x, y, body, speed, fast, rate, keeps_arc, most, step, margin, gap, SHARES)
+        (x, y, wide), margin, gap = _seen_from(view, ahead, kept)
+        part = kernels.clear_part(x, y, body, speed, fast, rate, keeps_arc, most, step, margin, gap, wide, SHARES)
         if part >= 0:
             share = part / SHARES
             return share * fast, share * rate if keeps_arc else rate
@@ -247,10 +247,10 @@ def _first_clear(view: View, ahead: Ahead, asked: Sequence[Velocity], room: floa
     motions = [
         _slide(drive, ahead.velocity, one) if is_holonomic else _arc(drive, ahead.velocity[0], one) for one in asked
     ]
-    x, y, margin, gap = _seen_from(view, ahead, room)
+    (x, y, wide), margin, gap = _seen_from(view, ahead, room)
     for kept, hidden in ((margin, gap), *((LEAST_ROOM - less, 0.0) for less in LESS)):
         for one, motion in zip(asked, motions, strict=True):
-            if kernels.keeps_clear(x, y, view.sensors.circles, *motion, kept, hidden):
+            if kernels.keeps_clear(x, y, view.sensors.circles, *motion, kept, hidden, wide):
                 return one
     return asked[0]
 
@@ -260,11 +260,11 @@ def _share_in_sight(view: View, motion: Callable[[float], Motion]) -> float:
 
     Things may go on beside a point that a beam meets until the next beam, which misses them. Half as much is kept of any share.
     """
-    x, y = view.points_of_late
+    x, y, wide = view.points_of_late
     margin, gap = LEAST_ROOM + view.sensors.range_noise, view.sensors.beam_spacing
     for share in (*_shares(), 0.0):
         kept = (margin, gap) if share > CREEP else (0.0, 0.5 * gap)
-        if kernels.keeps_clear(x, y, view.sensors.circles, *motion(share), *kept):
+        if kernels.keeps_clear(x, y, view.sensors.circles, *motion(share), *kept, wide):
             return share
     return 0.0
 
@@ -336,13 +336,13 @@ def _shares() -> Iterator[float]:
 
 def _is_clear(view: View, ahead: Ahead, motion: Motion, room: float) -> bool:
     """Whether the body keeps clear of what is seen on a motion that begins where it will be."""
-    x, y, margin, gap = _seen_from(view, ahead, room)
-    return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, gap))
+    (x, y, wide), margin, gap = _seen_from(view, ahead, room)
+    return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, gap, wide))
 
 
-def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float]:
-    """The scan's points x, y (k,) from where the robot will be, what is kept about the body [m] and half a beam's gap [rad]."""
-    x, y = view.points_of_late
+def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[Shown, float, float]:
+    """What was seen of late from where the robot will be, what is kept about the body [m] and half a beam's gap [rad]."""
+    x, y, wide = view.points_of_late
     gap = 0.5 * view.sensors.beam_spacing
     margin = max(room, LEAST_ROOM + view.sensors.range_noise)
     if view.sensors.drive.latency > 0:
@@ -350,7 +350,7 @@ def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[NDArray[np.float6
         dx, dy = x - ahead.x, y - ahead.y
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
         margin += gap * math.hypot(ahead.x, ahead.y)  # what is hidden between beams is as wide as it is from here
-    return x, y, margin, gap
+    return Shown(x, y, wide), margin, gap
 
 
 def _slide(drive: Drive, velocity: Velocity, asked: Velocity) -> Motion:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,17 @@ from bug_gym.kinematics import Drive
 from bug_gym.observation import Field, fields, width
 from bug_gym.schema.ranges import most_of
 from bug_gym.world import beam_angles
+
+
+class Shown(NamedTuple):
+    """What scans have shown, in the robot's frame."""
+
+    x: NDArray[np.float64]
+    """Ahead (k,) [m]."""
+    y: NDArray[np.float64]
+    """To the left (k,) [m]."""
+    wide: int
+    """How many of them, the first ones, may go on beside themselves, unseen, as far as half of what lies between two beams."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +160,7 @@ class View:
         self.sensors = sensors
         self.under_way = under_way
         self.lately = lately
-        self._late: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._late: Shown | None = None
         self._flat = flat
         self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         ranges, rest, goal, pose, velocity = sensors.always_seen
@@ -239,16 +250,40 @@ class View:
         return self._points
 
     @property
-    def points_of_late(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The same with the points that scans before this one showed, as far as they were kept."""
-        if not self.lately:
-            return self.points
+    def points_of_late(self) -> Shown:
+        """The same with the points that scans before this one showed, as far as they were kept.
+
+        Between two of them things may go on unseen where the robot needs a way to stand, and where the beam that would show
+        them was lost; else a robot that stops at once would stand beside a wall whose points scatter.
+        """
         if self._late is None:
+            x, y = self.points
+            if not self.lately:
+                self._late = Shown(x, y, x.size)
+                return self._late
             cos, sin = self._trig
             away = np.concatenate(self.lately, axis=1) - np.array([[self.pose[0]], [self.pose[1]]])
-            x, y = np.array([[cos, sin], [-sin, cos]]) @ away
-            self._late = np.concatenate([self.points[0], x]), np.concatenate([self.points[1], y])
+            late = np.array([[cos, sin], [-sin, cos]]) @ away
+            wide = self._go_on_beside(*late)
+            every = np.concatenate([self.points, late[:, wide], late[:, ~wide]], axis=1)
+            self._late = Shown(every[0], every[1], x.size + int(np.count_nonzero(wide)))
         return self._late
+
+    def _go_on_beside(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether what was at a place (k,), in the robot's frame [m], may go on beside it: see `points_of_late`.
+
+        A beam that met nothing may have been lost.
+        """
+        sensors = self.sensors
+        if sensors.drive.has_inertia:
+            return np.ones(x.shape, dtype=np.bool_)
+        if sensors.dropout == 0.0:
+            return np.zeros(x.shape, dtype=np.bool_)
+        turned = (np.arctan2(y, x) - sensors.angles[0] + 0.5 * sensors.beam_spacing) % (2.0 * math.pi)
+        beams = (turned / sensors.beam_spacing).astype(np.intp)
+        lost = np.append(self.ranges >= sensors.range, False)  # and one for where no beam goes
+        is_seen = beams < sensors.angles.size
+        return np.asarray(lost[np.where(is_seen, beams, -1)])
 
     def nearest(self, bearing: float = 0.0, half_width: float = math.pi) -> tuple[float, float]:
         """Distance [m] and bearing [rad] of the nearest scan point within `half_width` of a bearing.

@@ -61,7 +61,7 @@ def test_clear_of_points_is_what_a_swept_disc_says(
 ) -> None:
     radius, margin = 0.3, 0.1
     px, py = np.array([p[0] for p in points]), np.array([p[1] for p in points])
-    told = kernels.keeps_clear(px, py, np.array([[0.0, 0.0, radius]]), x, y, 0.0, wx, wy, margin, 0.0)
+    told = kernels.keeps_clear(px, py, np.array([[0.0, 0.0, radius]]), x, y, 0.0, wx, wy, margin, 0.0, 0)
     apart = [point for point in points if math.hypot(*point) >= radius + margin]
     if len(apart) < len(points) or not points:
         return  # those are another test's
@@ -74,17 +74,27 @@ def test_a_point_that_is_too_near_lets_the_body_go_away_and_along_but_no_nearer(
     px, py = np.array([0.35]), np.array([0.0])
 
     def clear(x: float, y: float) -> bool:
-        return bool(kernels.keeps_clear(px, py, np.array([[0.0, 0.0, 0.3]]), x, y, 0.0, 0.0, 0.0, 0.1, 0.0))
+        return bool(kernels.keeps_clear(px, py, np.array([[0.0, 0.0, 0.3]]), x, y, 0.0, 0.0, 0.0, 0.1, 0.0, 0))
 
     assert clear(-0.2, 0.0) and clear(0.0, 0.2) and clear(0.0, -0.2)
     assert not clear(0.02, 0.0)
 
 
+@pytest.mark.parametrize("step", [9e-4, 1e-4, 1e-6])
+def test_who_creeps_does_not_come_nearer_to_it_either(step: float) -> None:
+    px, py, circles = np.array([0.35]), np.array([0.0]), np.array([[0.0, 0.0, 0.3]])
+    assert not kernels.keeps_clear(px, py, circles, step, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0)
+    assert kernels.keeps_clear(px, py, circles, 0.01 * step, step, 0.0, 0.0, 0.0, 0.1, 0.0, 0)  # along it, nearly
+
+
 def test_what_lies_between_two_beams_is_reckoned_with() -> None:
     px, py = np.array([2.0]), np.array([0.42])
     circles = np.array([[0.0, 0.0, 0.3]])
-    assert kernels.keeps_clear(px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, 0.0)
-    assert not kernels.keeps_clear(px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, math.radians(1.0))
+    assert kernels.keeps_clear(px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, 0.0, 1)
+    assert not kernels.keeps_clear(px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, math.radians(1.0), 1)
+    assert kernels.keeps_clear(
+        px, py, circles, 0.1, 0.0, 0.0, 3.0, 0.0, 0.1, math.radians(1.0), 0
+    )  # known to be there only
 
 
 def integrated(speed: float, asked: Velocity, acceleration: float, step: float, *, keeps_arc: bool) -> list[float]:
@@ -125,12 +135,12 @@ def test_of_a_wish_the_greatest_part_is_driven_that_keeps_clear(
     points: list[tuple[float, float]], speed: float, wished: float, rate: float, keeps_arc: bool, acceleration: float
 ) -> None:
     px, py, circles = np.array([p[0] for p in points]), np.array([p[1] for p in points]), np.array([[0.1, 0.0, 0.3]])
-    part = kernels.clear_part(px, py, circles, speed, wished, rate, keeps_arc, acceleration, 0.1, 0.05, 0.01, 4)
+    part = kernels.clear_part(px, py, circles, speed, wished, rate, keeps_arc, acceleration, 0.1, 0.05, 0.01, 7, 4)
 
     def is_clear(of_four: int) -> bool:
         asked = of_four / 4 * wished, rate * (of_four / 4 if keeps_arc else 1.0)
         motion = kernels.arc_and_stop(speed, *asked, keeps_arc, acceleration, 0.1)
-        return bool(kernels.keeps_clear(px, py, circles, *motion, 0.05, 0.01))
+        return bool(kernels.keeps_clear(px, py, circles, *motion, 0.05, 0.01, 7))
 
     assert part == max((of_four for of_four in range(5) if is_clear(of_four)), default=-1)
 

@@ -75,7 +75,7 @@ def test_a_policy_keeps_as_many_scans_as_count_and_where_their_points_were() -> 
     for kept, shown in zip(state[0].lately, seen[-3:], strict=True):
         np.testing.assert_array_equal(kept, shown)
     view = View(observation, policy.sensors, lately=state[0].lately)
-    x, y = view.points_of_late
+    x, y, _ = view.points_of_late
     own = len(view.points[0])
     places = [view.to_odometry(*place) for place in zip(x[own:].tolist(), y[own:].tolist(), strict=True)]
     np.testing.assert_allclose(places, np.concatenate(state[0].lately, axis=1).T, atol=1e-6)

@@ -14,6 +14,9 @@ from bug_gym.kernels.layout import Floats
 EASED = 1e-3
 """By how much a body may come nearer [m] to a point that is nearer than the margin already."""
 
+EASED_SHARE = 0.05
+"""The same as a share of its way, where that is less: else who creeps comes nearer with every step until it touches."""
+
 
 @kernel
 def stopping_way(speed: float, acceleration: float, step: float) -> float:
@@ -69,12 +72,13 @@ def clear_part(
     step: float,
     margin: float,
     gap: float,
+    wide: int,
     parts: int,
 ) -> int:
     """How many of the equal parts of a wished speed can be driven so that the robot can still stop in time; -1: not even none.
 
     Args:
-        px, py, circles, margin, gap: see `keeps_clear`.
+        px, py, circles, margin, gap, wide: see `keeps_clear`.
         speed, keeps_arc, acceleration, step: see `arc_and_stop`; an arc is cut with the speed, a turn rate is not.
         wished_speed: [m/s].
         wished_rate: the turn rate wished beside it [rad/s].
@@ -84,7 +88,7 @@ def clear_part(
         share = part / parts
         asked_rate = share * wished_rate if keeps_arc else wished_rate
         x, y, turn, wx, wy = arc_and_stop(speed, share * wished_speed, asked_rate, keeps_arc, acceleration, step)
-        if keeps_clear(px, py, circles, x, y, turn, wx, wy, margin, gap):
+        if keeps_clear(px, py, circles, x, y, turn, wx, wy, margin, gap, wide):
             return part
     return -1
 
@@ -101,6 +105,7 @@ def keeps_clear(
     wy: float,
     margin: float,
     gap: float,
+    wide: int,
 ) -> bool:
     """Whether a body stays clear of points on a step to (x, y) with a turn, and on a straight way after it.
 
@@ -112,11 +117,13 @@ def keeps_clear(
         wx, wy: the way after it [m].
         margin: what is kept about the body [m].
         gap: half the angle between two beams [rad]: what a point belongs to may reach so far beside it, unseen.
+        wide: of how many points that holds, the first ones; the others are known to be where they are, no more.
 
     A point that is nearer already than that may not come nearer.
     """
     cos, sin = math.cos(turn), math.sin(turn)
     reach = math.hypot(x, y) + math.hypot(wx, wy)
+    eased = min(EASED, EASED_SHARE * reach)
     for c in range(circles.shape[0]):
         cx, cy, radius = circles[c, 0], circles[c, 1], circles[c, 2]
         # From where the circle's middle is to where the step brings it, and on.
@@ -125,12 +132,13 @@ def keeps_clear(
         for i in range(px.size):
             dx, dy = cx - px[i], cy - py[i]
             square = dx * dx + dy * dy
-            least = radius + margin + gap * math.sqrt(px[i] * px[i] + py[i] * py[i])
+            beside = gap * math.sqrt(px[i] * px[i] + py[i] * py[i]) if i < wide else 0.0
+            least = radius + margin + beside
             far = reach + least + abs(turn) * math.hypot(cx, cy)
             if square > far * far:
                 continue
             if square < least * least:
-                least = math.sqrt(square) - EASED
+                least = math.sqrt(square) - eased
                 if least <= 0.0:
                     continue
             if chord_square(dx, dy, ex, ey, 1.0) < least * least:

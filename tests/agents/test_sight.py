@@ -143,13 +143,15 @@ def test_who_outruns_its_sight_touches_walls(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("name", ["bug2", "tangent_bug", "vis_bug_21"])
-def test_who_has_too_few_beams_touches_things_as_wide_as_itself(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """A disc straight ahead, in the middle between two beams."""
+def test_who_has_too_few_beams_does_not_get_past_things_as_wide_as_itself(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """A disc straight ahead, in the middle between two beams: it is touched, or the robot stands before it."""
     outcomes = {}
     for beams in (6, 16):
         world = {"start": [0, 0, math.pi / beams], "goal": [10, 0], "circles": [[5, 0, 0.2]]}
         outcomes[beams] = driven_anyway(monkeypatch, name, world, lidar={"beams": beams, "range": 8.0}).outcome
-    assert outcomes[6] == "collision" != outcomes[16]
+    assert outcomes[6] in ("collision", "running") and outcomes[16] == "success"
 
 
 @pytest.mark.parametrize(("name", "kinematics", "fov", "world"), [

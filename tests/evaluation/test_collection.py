@@ -25,7 +25,7 @@ from bug_gym.files import released
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
-SHORT = {"lidar.beams": 16, "time.limit": 12.0}
+SHORT = {"lidar.beams": 32, "time.limit": 12.0}
 """What keeps episodes and files small."""
 SEEDS = range(5, 11)
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
