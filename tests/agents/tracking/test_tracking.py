@@ -141,7 +141,7 @@ def test_walls_do_not_move(scenario: str) -> None:
 
 def test_movers_that_are_near_and_in_sight_are_known() -> None:
     known = seen = 0
-    for seed in range(6):
+    for seed in range(24):  # six worlds alone give from 0.970 to 0.989
         before, start = None, None
         since: dict[int, float] = {}
         for simulation, view, tracks in track("crowd", 20.0, seed=seed, policy="bug2"):
@@ -166,7 +166,7 @@ def test_movers_that_are_near_and_in_sight_are_known() -> None:
                 if simulation.world.time[0] - first > 0.5 and away[mover] < 2.5:
                     seen += 1
                     known += bool((np.hypot(*(centres - places[mover]).T) < radii[mover] + 0.3).any())
-    assert seen > 500
+    assert seen > 5000
     assert known >= 0.97 * seen, (known, seen)
 
 
