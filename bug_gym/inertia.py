@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels, kinematics
+from bug_gym.kernels.stopping import FAST
 from bug_gym.kinematics import Drive
 from bug_gym.view import Sensors, Shown, View
 
@@ -95,7 +96,20 @@ def needs_care(sensors: Sensors) -> bool:
 
 def _steps_wide(sensors: Sensors) -> bool:
     """Whether at the end of a step much may lie between two beams, where the robot stops at once."""
-    return not sensors.drive.has_inertia and hidden_at(sensors, sensors.radius + sensors.step_length) > UNSURE
+    return not sensors.drive.has_inertia and _is_sparse(sensors)
+
+
+def _is_sparse(sensors: Sensors) -> bool:
+    """Whether at the end of a step much may lie between two beams."""
+    return hidden_at(sensors, sensors.radius + sensors.step_length) > UNSURE
+
+
+def _fast_gap(sensors: Sensors) -> float:
+    """The gap [rad] that counts where a robot with inertia goes fast: half of the angle between two beams, or all of it.
+
+    What one beam meets may go on up to the next one, which goes past: the tip lies nearer to that one than half a gap.
+    """
+    return (1.0 if sensors.drive.has_inertia and _is_sparse(sensors) else 0.5) * sensors.beam_spacing
 
 
 def hidden_at(sensors: Sensors, distance: float) -> float:
@@ -183,7 +197,7 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
         ahead = foreseen(view)
         for kept, share in itertools.product(_rooms(drive, room), _shares()):
             asked = share * velocity[0], share * velocity[1]
-            if _is_clear(view, ahead, _slide(drive, ahead.velocity, asked), kept):
+            if _is_clear(view, ahead, _slide(drive, ahead.velocity, asked), kept, is_fast=share > FAST):
                 return kinematics.steering(drive, asked)
         return kinematics.steering(drive, _evasion(view, ahead, room))
     return kinematics.differential_action(drive, *_stoppable_part(view, kinematics.turning(drive, velocity), room))
@@ -212,7 +226,8 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
             return fast, rate
     for kept in _rooms(drive, room):
         (x, y, wide), margin, gap = _seen_from(view, ahead, kept)
-        part = kernels.clear_part(x, y, body, speed, fast, rate, keeps_arc, most, step, margin, gap, wide, SHARES)
+        seen, gaps = (x, y, body), (gap, wide, _fast_gap(view.sensors))
+        part = kernels.clear_part(*seen, speed, fast, rate, keeps_arc, most, step, margin, *gaps, SHARES)
         if part >= 0:
             share = part / SHARES
             return share * fast, share * rate if keeps_arc else rate
@@ -334,9 +349,10 @@ def _shares() -> Iterator[float]:
     return (part / SHARES for part in range(SHARES, 0, -1))
 
 
-def _is_clear(view: View, ahead: Ahead, motion: Motion, room: float) -> bool:
+def _is_clear(view: View, ahead: Ahead, motion: Motion, room: float, *, is_fast: bool = False) -> bool:
     """Whether the body keeps clear of what is seen on a motion that begins where it will be."""
     (x, y, wide), margin, gap = _seen_from(view, ahead, room)
+    gap = _fast_gap(view.sensors) if is_fast else gap
     return bool(kernels.keeps_clear(x, y, view.sensors.circles, *motion, margin, gap, wide))
 
 

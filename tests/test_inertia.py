@@ -135,12 +135,14 @@ def test_of_a_wish_the_greatest_part_is_driven_that_keeps_clear(
     points: list[tuple[float, float]], speed: float, wished: float, rate: float, keeps_arc: bool, acceleration: float
 ) -> None:
     px, py, circles = np.array([p[0] for p in points]), np.array([p[1] for p in points]), np.array([[0.1, 0.0, 0.3]])
-    part = kernels.clear_part(px, py, circles, speed, wished, rate, keeps_arc, acceleration, 0.1, 0.05, 0.01, 7, 4)
+    part = kernels.clear_part(
+        px, py, circles, speed, wished, rate, keeps_arc, acceleration, 0.1, 0.05, 0.01, 7, 0.03, 4
+    )
 
     def is_clear(of_four: int) -> bool:
         asked = of_four / 4 * wished, rate * (of_four / 4 if keeps_arc else 1.0)
         motion = kernels.arc_and_stop(speed, *asked, keeps_arc, acceleration, 0.1)
-        return bool(kernels.keeps_clear(px, py, circles, *motion, 0.05, 0.01, 7))
+        return bool(kernels.keeps_clear(px, py, circles, *motion, 0.05, 0.03 if of_four > 2 else 0.01, 7))
 
     assert part == max((of_four for of_four in range(5) if is_clear(of_four)), default=-1)
 

@@ -209,6 +209,11 @@ def test_robots_of_the_scenarios_step_short_enough() -> None:
         ("vis_bug_21", 1090),  # the same behind a beam that is lost
         ("class1", 1090),
         ("dwa", 1090),  # it stood beside a wall, and the one beam that showed it was lost
+        ("dwa", 1436),
+        ("bug1", 1670),  # it came nearer to a corner by less than what was eased, step by step
+        ("dwa", 1883),
+        ("minimum_risk", 1538),  # a corner between a beam that met it and one that went past, of a robot with inertia
+        ("hd_bug_map", 1838),
         ("hd_bug_map", 727),  # the end of a wall a long step ahead, which the beam beside it misses
     ],
 )

@@ -18,6 +18,10 @@ EASED_SHARE = 0.05
 """The same as a share of its way, where that is less: else who creeps comes nearer with every step until it touches."""
 
 
+FAST = 0.5
+"""Share of a wish above which more is to keep clear where few beams show where a thing ends."""
+
+
 @kernel
 def stopping_way(speed: float, acceleration: float, step: float) -> float:
     """Way [m] of a robot that drives a step at `speed` [m/s] and brakes from the next on, that step not counted."""
@@ -73,6 +77,7 @@ def clear_part(
     margin: float,
     gap: float,
     wide: int,
+    fast_gap: float,
     parts: int,
 ) -> int:
     """How many of the equal parts of a wished speed can be driven so that the robot can still stop in time; -1: not even none.
@@ -82,13 +87,14 @@ def clear_part(
         speed, keeps_arc, acceleration, step: see `arc_and_stop`; an arc is cut with the speed, a turn rate is not.
         wished_speed: [m/s].
         wished_rate: the turn rate wished beside it [rad/s].
+        fast_gap: the gap [rad] that counts where more than FAST of the wish is driven.
         parts: of the wish.
     """
     for part in range(parts, -1, -1):
         share = part / parts
         asked_rate = share * wished_rate if keeps_arc else wished_rate
         x, y, turn, wx, wy = arc_and_stop(speed, share * wished_speed, asked_rate, keeps_arc, acceleration, step)
-        if keeps_clear(px, py, circles, x, y, turn, wx, wy, margin, gap, wide):
+        if keeps_clear(px, py, circles, x, y, turn, wx, wy, margin, fast_gap if share > FAST else gap, wide):
             return part
     return -1
 
