@@ -273,13 +273,16 @@ def _first_clear(view: View, ahead: Ahead, asked: Sequence[Velocity], room: floa
 def _share_in_sight(view: View, motion: Callable[[float], Motion]) -> float:
     """The share of a step on which nothing lies that the beams may leave out; CREEP, after which they show more, if none does.
 
-    Things may go on beside a point that a beam meets until the next beam, which misses them. Half as much is kept of any share.
+    Things may go on beside a point that a beam meets until the next beam, which misses them. Half as much is kept of any share,
+    and what a corner needs between two beams that meet its sides.
     """
     x, y, wide = view.points_of_late
-    margin, gap = LEAST_ROOM + view.sensors.range_noise, view.sensors.beam_spacing
+    body, margin, gap = view.sensors.circles, LEAST_ROOM + view.sensors.range_noise, view.sensors.beam_spacing
     for share in (*_shares(), 0.0):
-        kept = (margin, gap) if share > CREEP else (0.0, 0.5 * gap)
-        if kernels.keeps_clear(x, y, view.sensors.circles, *motion(share), *kept, wide):
+        kept, asked = (margin, gap) if share > CREEP else (0.0, 0.5 * gap), motion(share)
+        if not kernels.keeps_clear(x, y, body, *asked, *kept, wide):
+            continue
+        if kernels.passes_corners(*view.points, body, *asked[:3], 2.0 * view.sensors.radius):
             return share
     return 0.0
 

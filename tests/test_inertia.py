@@ -19,6 +19,7 @@ from bug_gym.inertia import LEAST_PACE, POST, needs_care, pace_in_sight, speed_w
 from bug_gym.kinematics import Drive
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.reproductions import still_things
 from bug_gym.view import Sensors, View
 
 SPEEDS, ACCELERATIONS, STEPS = st.floats(0.0, 3.0), st.floats(0.1, 10.0), st.sampled_from([0.05, 0.1, 0.2])
@@ -152,6 +153,37 @@ def test_the_points_of_a_scan_are_those_of_beams_that_saw_something() -> None:
     places = np.empty((2, 4))
     count = kernels.scan_points(ranges, np.stack([np.cos(angles), np.sin(angles)]), 5.0, places)
     assert places[:, :count] == pytest.approx(np.array([[1.0, -2.0, 0.0], [0.0, 0.0, -4.9]]))
+
+
+@settings(max_examples=300)
+@given(st.floats(0.0, 6.28), st.floats(0.05, 1.5), st.floats(0.2, 0.5), st.floats(0.5, 3.1), st.floats(0.0, 0.15))
+def test_a_step_that_passes_corners_touches_none_between_two_points(
+    away: float, share: float, distance: float, along: float, length: float
+) -> None:
+    """A right-angled corner on Thales' circle over two points, at any place of it, against a swept disc."""
+    first = np.array([distance * math.cos(away), distance * math.sin(away)])
+    second = first + 0.09 * np.array([math.cos(away + along), math.sin(away + along)])
+    middle, half = 0.5 * (first + second), 0.5 * (second - first)
+    turned = 2.0 * share
+    corner = middle + np.array(
+        [
+            math.cos(turned) * half[0] - math.sin(turned) * half[1],
+            math.sin(turned) * half[0] + math.cos(turned) * half[1],
+        ]
+    )
+    assert (first - corner) @ (second - corner) == pytest.approx(0.0, abs=1e-12)
+    body, step = np.array([[0.0, 0.0, 0.2]]), (length * math.cos(away), length * math.sin(away))
+    px, py = np.array([first[0], second[0]]), np.array([first[1], second[1]])
+    is_told = bool(kernels.passes_corners(px, py, body, *step, 0.3, 0.4))
+    shape, way = LineString([first, corner, second]), LineString([(0.0, 0.0), step])
+    if is_told and math.hypot(*middle) > 0.2 + 0.045:
+        assert way.distance(shape) >= 0.2 - 1e-9
+    assert kernels.passes_corners(px, py, body, *step, 0.3, 0.08)  # so far apart they are no sides of one thing
+
+
+def test_a_corner_between_few_beams_is_not_touched_by_who_creeps_past_it() -> None:
+    """Found by still-things: the corner of a wall's end, nearer than what both beams beside it met."""
+    assert all(still_things.drive(name, 1670).outcome != "collision" for name in ("rev2", "rev3"))
 
 
 # -- Whatever is asked for ---------------------------------------------------------------------------------------------

@@ -95,7 +95,7 @@ from bug_gym.kernels.step import (
     run_rows,
     steer_rows,
 )
-from bug_gym.kernels.stopping import arc_and_stop, clear_part, keeps_clear, rate_at, stopping_way
+from bug_gym.kernels.stopping import arc_and_stop, clear_part, keeps_clear, passes_corners, rate_at, stopping_way
 
 __all__ = [
     "ATTEMPTS",
@@ -162,6 +162,7 @@ __all__ = [
     "hash64",
     "is_compiled",
     "keeps_clear",
+    "passes_corners",
     "list_room",
     "locate_bodies",
     "nearest_point",

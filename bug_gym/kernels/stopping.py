@@ -152,3 +152,37 @@ def keeps_clear(
             if chord_square(dx + ex, dy + ey, wx, wy, 1.0) < least * least:
                 return False
     return True
+
+
+@kernel
+def passes_corners(px: Floats, py: Floats, circles: Floats, x: float, y: float, turn: float, most: float) -> bool:
+    """Whether a body stays clear, on a step, of corners that may lie unseen between two beams that both meet something.
+
+    A corner of a right angle, or of a blunter one, whose sides meet two points lies in the circle that has them for a
+    diameter (Thales). A body that is in it already may not come nearer.
+
+    Args:
+        px, py: the points (k,) that neighbouring beams meet one after the other, robot's frame [m].
+        circles, x, y, turn: see `keeps_clear`.
+        most: up to how far apart [m] two points are taken for sides of one thing.
+    """
+    cos, sin = math.cos(turn), math.sin(turn)
+    eased = min(EASED, EASED_SHARE * math.hypot(x, y))
+    before = px.size - 1
+    for i in range(px.size):
+        half_x, half_y = 0.5 * (px[i] - px[before]), 0.5 * (py[i] - py[before])
+        middle_x, middle_y = px[before] + half_x, py[before] + half_y
+        half = math.hypot(half_x, half_y)
+        before = i
+        if 2.0 * half > most:
+            continue
+        for c in range(circles.shape[0]):
+            cx, cy = circles[c, 0], circles[c, 1]
+            ex, ey = x + cos * cx - sin * cy - cx, y + sin * cx + cos * cy - cy
+            dx, dy = cx - middle_x, cy - middle_y
+            least = circles[c, 2] + half
+            if dx * dx + dy * dy < least * least:
+                least = math.hypot(dx, dy) - eased
+            if chord_square(dx, dy, ex, ey, 1.0) < least * least:
+                return False
+    return True
