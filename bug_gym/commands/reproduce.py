@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="what to run again (bug-gym list reproductions)")
     parser.add_argument("--seeds", type=at_least_one, help="seeds of each claim (default: all of them)")
     parser.add_argument("--policies", help="NAME,... where a reproduction leaves the choice")
-    parser.add_argument("--data", type=Path, help="somebody else's data that a reproduction needs")
+    parser.add_argument("--data", type=Path, help="data that a reproduction needs; what a long one has found so far")
     add_workers(parser, at_least_one)
     parser.add_argument(
         "--out",

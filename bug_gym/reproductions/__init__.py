@@ -49,7 +49,7 @@ TAKERS: dict[str, frozenset[str]] = {
     "policies": frozenset(REPRODUCTIONS) - {"oni-wang-table-1", "com1-rev3", "hd-bug-targets", "ppo-curve", "tracking"},
     "data": frozenset(
         ["barn", "dynabarn", "operative-critical-points", "hd-bug-real", "offline", "predictors", "tracking"]
-        + ["scripted-and-learned", "d2t-eaco", "price-of-not-knowing"]
+        + ["scripted-and-learned", "d2t-eaco", "price-of-not-knowing", "cylinder-claims", "still-things"]
     ),
 }
 """What of `Settings` not all of them have a use for -> those that do."""

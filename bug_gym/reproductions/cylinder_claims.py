@@ -20,6 +20,7 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.reproductions import bug_no_way
 from bug_gym.reproductions.barn import COMMON, PARAMETERS, ROBOTS, STEPS
 from bug_gym.reproductions.bug_no_way import Answer, as_replayable, counts
+from bug_gym.reproductions.kept import Kept
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
 
@@ -72,15 +73,27 @@ def is_wrong_claim(one: Answer) -> bool:
 
 
 def reproduce(settings: Settings) -> Reproduction:
-    """Drive every policy and both robots through every world, and compare what is said with the configuration space."""
+    """Drive every policy and both robots through every world, and compare what is said with the configuration space.
+
+    `data` is a file of what was found so far: that is not driven again, and what is new is added as it comes.
+    """
     seeds = settings.seeds or SEEDS
     policies = settings.policies or POLICIES
     for policy in policies:
         make_policy(policy, scenario("holonomic", shut=False), **PARAMETERS["holonomic"])  # an unknown one ends it here
-    jobs = [(policy, robot, block) for block in blocks(seeds) for robot in DRIVEN for policy in policies]
+    kept = Kept(settings.data, Answer, lambda one: (one.policy, one.kind, one.seed))
+    asked = [
+        (policy, robot, [seed for seed in block if (policy, robot, seed) not in kept])
+        for block in blocks(seeds)
+        for robot in DRIVEN
+        for policy in policies
+    ]
+    jobs = [(policy, robot, block) for policy, robot, block in asked if block]
     with progress_bar(shown=settings.progress) as track:
         work = each(partial(starred, answers), jobs, settings.workers)
-        found = sorted(answer for chunk in track(work, "blocks of worlds", len(jobs)) for answer in chunk)
+        for chunk in track(work, "blocks of worlds", len(jobs)):
+            kept.add(chunk)
+    found = sorted(one for one in kept.found.values() if one.policy in policies and one.seed < seeds)
     counted = {
         f"{policy} {robot}": numbers([one for one in found if (one.policy, one.kind) == (policy, robot)])
         for policy in policies

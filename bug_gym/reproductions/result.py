@@ -28,7 +28,7 @@ class Settings:
     workers: Workers = 1
     """Processes that share the work, or a cluster."""
     data: Path | None = None
-    """File or folder of somebody else's data that some reproductions need."""
+    """File or folder of somebody else's data that some reproductions need, or file in which a long one keeps what it finds."""
     progress: bool = False
     """Whether to show a progress bar."""
     policies: tuple[str, ...] = ()

@@ -25,6 +25,7 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.policy import MisfitError
 from bug_gym.references import is_reference
+from bug_gym.reproductions.kept import Kept
 from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
@@ -109,17 +110,26 @@ def drive(policy: str, seed: int) -> Drive:
 
 
 def reproduce(settings: Settings) -> Reproduction:
-    """Drive every policy through every seed, and count what is touched."""
+    """Drive every policy through every seed, and count what is touched.
+
+    `data` is a file of what was found so far: that is not driven again, and what is new is added as it comes.
+    """
     seeds = range(settings.seeds or SEEDS)
     policies = settings.policies or POLICIES
     for policy in policies:
         if not is_reference(policy):
             agent(policy)  # an unknown one is found out before the work
     blocks = [seeds[first : first + BLOCK] for first in range(0, len(seeds), BLOCK)]
-    jobs = [(policy, block) for block in blocks for policy in policies]
+    kept = Kept(settings.data, Drive, lambda one: (one.policy, one.seed))
+    asked = [
+        (policy, [seed for seed in block if (policy, seed) not in kept]) for block in blocks for policy in policies
+    ]
+    jobs = [(policy, block) for policy, block in asked if block]
     with progress_bar(shown=settings.progress) as track:
         work = each(partial(starred, drives), jobs, settings.workers)
-        found = sorted(one for chunk in track(work, "blocks of worlds", len(jobs)) for one in chunk)
+        for chunk in track(work, "blocks of worlds", len(jobs)):
+            kept.add(chunk)
+    found = sorted(one for one in kept.found.values() if one.policy in policies and one.seed in seeds)
     touched = [one for one in found if one.outcome == "collision"]
     counted = {policy: counts([one for one in found if one.policy == policy]) for policy in policies}
     shares = {title: by_kind(found, kind) for title, kind in KINDS.items()}
