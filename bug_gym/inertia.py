@@ -46,6 +46,9 @@ UNSURE = 0.025
 CREEP = 0.25
 """Share of a long step that a robot takes in any case where more may lie between its beams."""
 
+NEIGHBOURS = 2.1
+"""How many beams' spacings points may lie apart that are taken for ones of the same thing: between them one may be lost."""
+
 EVASIONS = 16
 """In how many directions a robot tries to get away that can no longer stop in time."""
 
@@ -278,11 +281,13 @@ def _share_in_sight(view: View, motion: Callable[[float], Motion]) -> float:
     """
     x, y, wide = view.points_of_late
     body, margin, gap = view.sensors.circles, LEAST_ROOM + view.sensors.range_noise, view.sensors.beam_spacing
+    is_exact, met, wide_as = view.sensors.range_noise == 0.0, view.points_met, 2.0 * view.sensors.radius
+    apart = NEIGHBOURS * gap
     for share in (*_shares(), 0.0):
         kept, asked = (margin, gap) if share > CREEP else (0.0, 0.5 * gap), motion(share)
         if not kernels.keeps_clear(x, y, body, *asked, *kept, wide):
             continue
-        if kernels.passes_corners(*view.points, body, *asked[:3], 2.0 * view.sensors.radius):
+        if kernels.passes_corners(*met, body, *asked[:3], wide_as, apart, LEAST_ROOM, is_exact):
             return share
     return 0.0
 

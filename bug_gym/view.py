@@ -250,6 +250,16 @@ class View:
         return self._points
 
     @property
+    def points_met(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same without those between which a beam was lost."""
+        if self.sensors.dropout == 0.0:
+            return self.points
+        directions = self.sensors.beam_directions
+        places = np.empty(directions.shape)
+        count = kernels.scan_points(self.ranges, directions, self.sensors.range, places)
+        return places[0, :count], places[1, :count]
+
+    @property
     def points_of_late(self) -> Shown:
         """The same with the points that scans before this one showed, as far as they were kept.
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from shapely import LineString, MultiPoint
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.config import Scenario, load
-from bug_gym.geometry import velocity_along
+from bug_gym.geometry import velocity_along, wrap
 from bug_gym.inertia import LEAST_PACE, POST, needs_care, pace_in_sight, speed_within
 from bug_gym.kinematics import Drive
 from bug_gym.navigation_env import NavigationEnv
@@ -155,35 +158,86 @@ def test_the_points_of_a_scan_are_those_of_beams_that_saw_something() -> None:
     assert places[:, :count] == pytest.approx(np.array([[1.0, -2.0, 0.0], [0.0, 0.0, -4.9]]))
 
 
+SPACING = 2.0 * math.pi / 32
+
+
+def met_by_beams(
+    corner: float, away: float, angle: float, lean: float, phase: float
+) -> list[tuple[NDArray[np.float64], int]]:
+    """What 32 beams meet of a wedge, whose tip lies so far off [m] along a bearing: points, and which side each is of."""
+    tip = np.array(velocity_along(away, corner))
+    met = []
+    for number in range(32):
+        way = np.array(velocity_along(phase + number * SPACING, 1.0))
+        reaches = [math.inf, math.inf]
+        for side, turned in enumerate((-0.5 * angle, 0.5 * angle)):
+            along = np.array(velocity_along(away + lean + turned, 1.0))
+            cross = way[0] * along[1] - way[1] * along[0]
+            reach = (tip[0] * along[1] - tip[1] * along[0]) / cross if abs(cross) > 1e-9 else -1.0
+            if reach > 0.0 and (reach * way - tip) @ along >= 0.0:
+                reaches[side] = reach
+        if min(reaches) < 5.0:
+            met.append((min(reaches) * way, reaches.index(min(reaches))))
+    return met
+
+
+def is_shown(met: Sequence[tuple[NDArray[np.float64], int]], away: float) -> bool:
+    """Whether both sides of a wedge are met near its tip, one of them twice."""
+    in_turn = sorted(met, key=lambda one: wrap(math.atan2(one[0][1], one[0][0]) - away))
+    near = [math.dist(one, other) < 0.4 for (one, _), (other, _) in itertools.pairwise(in_turn)]
+    changes = [number for number, ((_, one), (_, other)) in enumerate(itertools.pairwise(in_turn)) if one != other]
+    if len(changes) != 1 or not near[changes[0]]:
+        return False
+    return any(near[max(changes[0] - 1, 0) : changes[0]]) or any(near[changes[0] + 1 : changes[0] + 2])
+
+
+BEARINGS = st.floats(-3.1, 3.1)
+
+
+@settings(max_examples=500)
+@given(st.floats(0.201, 0.3), BEARINGS, st.floats(0.6, 2.6), st.floats(-0.5, 0.5), BEARINGS, BEARINGS)
+def test_a_step_that_passes_corners_touches_no_tip_of_which_two_beams_meet_a_side(
+    corner: float, away: float, angle: float, lean: float, phase: float, ahead: float
+) -> None:
+    met = met_by_beams(corner, away, angle, lean, phase)
+    px, py = np.array([place for place, _ in met]).reshape(-1, 2).T.copy()
+    body, (x, y) = np.array([[0.0, 0.0, 0.2]]), velocity_along(ahead, 0.03)
+    told = bool(kernels.passes_corners(px, py, body, x, y, 0.3, 0.4, 2.1 * SPACING, 0.0, True))
+    told = told and bool(kernels.keeps_clear(px, py, body, x, y, 0.3, 0.0, 0.0, 0.0, 0.0, 0))
+    tip = np.array(velocity_along(away, corner))
+    nearest = LineString([(0.0, 0.0), (x, y)]).distance(MultiPoint([tip]))
+    if told and is_shown(met, away):
+        assert nearest >= 0.2 - 1e-6
+    if nearest >= corner - 1e-9 and math.cos(ahead - away) < -0.7:
+        assert told  # away from all of it
+
+
 @settings(max_examples=300)
-@given(st.floats(0.0, 6.28), st.floats(0.05, 1.5), st.floats(0.2, 0.5), st.floats(0.5, 3.1), st.floats(0.0, 0.15))
-def test_a_step_that_passes_corners_touches_none_between_two_points(
+@given(BEARINGS, st.floats(0.05, 1.5), st.floats(0.25, 0.5), st.floats(0.5, 2.6), st.floats(0.0, 0.15))
+def test_a_step_that_passes_corners_touches_no_right_angled_one_between_two_points_that_scatter(
     away: float, share: float, distance: float, along: float, length: float
 ) -> None:
-    """A right-angled corner on Thales' circle over two points, at any place of it, against a swept disc."""
-    first = np.array([distance * math.cos(away), distance * math.sin(away)])
-    second = first + 0.09 * np.array([math.cos(away + along), math.sin(away + along)])
-    middle, half = 0.5 * (first + second), 0.5 * (second - first)
-    turned = 2.0 * share
-    corner = middle + np.array(
-        [
-            math.cos(turned) * half[0] - math.sin(turned) * half[1],
-            math.sin(turned) * half[0] + math.cos(turned) * half[1],
-        ]
-    )
+    """Any place of Thales' circle over two points, against a swept disc."""
+    first = np.array(velocity_along(away, distance))
+    second = first + np.array(velocity_along(away + along, 0.09))
+    middle, (x, y) = 0.5 * (first + second), 0.5 * (second - first)
+    cos, sin = math.cos(2.0 * share), math.sin(2.0 * share)
+    corner = middle + np.array([cos * x - sin * y, sin * x + cos * y])
     assert (first - corner) @ (second - corner) == pytest.approx(0.0, abs=1e-12)
-    body, step = np.array([[0.0, 0.0, 0.2]]), (length * math.cos(away), length * math.sin(away))
+    body, step = np.array([[0.0, 0.0, 0.2]]), velocity_along(away, length)
     px, py = np.array([first[0], second[0]]), np.array([first[1], second[1]])
-    is_told = bool(kernels.passes_corners(px, py, body, *step, 0.3, 0.4))
-    shape, way = LineString([first, corner, second]), LineString([(0.0, 0.0), step])
-    if is_told and math.hypot(*middle) > 0.2 + 0.045:
-        assert way.distance(shape) >= 0.2 - 1e-9
-    assert kernels.passes_corners(px, py, body, *step, 0.3, 0.08)  # so far apart they are no sides of one thing
+    told = bool(kernels.passes_corners(px, py, body, *step, 0.3, 0.4, 1.0, 0.0, False))
+    if told and math.hypot(*middle) > 0.2 + 0.045:
+        assert LineString([(0.0, 0.0), step]).distance(LineString([first, corner, second])) >= 0.2 - 1e-9
+    assert kernels.passes_corners(
+        px, py, body, *step, 0.3, 0.08, 1.0, 0.0, False
+    )  # so far apart they are not of one thing
 
 
 def test_a_corner_between_few_beams_is_not_touched_by_who_creeps_past_it() -> None:
-    """Found by still-things: the corner of a wall's end, nearer than what both beams beside it met."""
-    assert all(still_things.drive(name, 1670).outcome != "collision" for name in ("rev2", "rev3"))
+    """Found by still-things: a wall's end (1670), and the tip of a triangle, beside which a beam is lost (416)."""
+    drives = [("rev2", 1670), ("rev3", 1670), ("bug1", 416), ("bug2", 416)]
+    assert [drive for drive in drives if still_things.drive(*drive).outcome == "collision"] == []
 
 
 # -- Whatever is asked for ---------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.compiling import kernel
+from bug_gym.compiling import inlined, kernel
 from bug_gym.kernels.chords import chord_square
 from bug_gym.kernels.layout import Floats
 
@@ -17,6 +17,9 @@ EASED = 1e-3
 EASED_SHARE = 0.05
 """The same as a share of its way, where that is less: else who creeps comes nearer with every step until it touches."""
 
+
+ROUNDING = 1e-9
+"""Slack of lengths [m]."""
 
 FAST = 0.5
 """Share of a wish above which more is to keep clear where few beams show where a thing ends."""
@@ -154,35 +157,79 @@ def keeps_clear(
     return True
 
 
+@inlined
+def meeting(ax: float, ay: float, ux: float, uy: float, bx: float, by: float, vx: float, vy: float) -> float:
+    """How far from a along u, as a share of it, two lines meet that go on from a along u and from b along v; -1: nowhere."""
+    cross = ux * vy - uy * vx
+    first = (bx - ax) * vy - (by - ay) * vx
+    second = (bx - ax) * uy - (by - ay) * ux
+    return first / cross if cross * first > 0.0 and cross * second > 0.0 else -1.0
+
+
+@inlined
+def are_of_one(ax: float, ay: float, bx: float, by: float, most: float, apart: float) -> bool:
+    """Whether the second point, counter-clockwise of the first, is so near to it that both are taken for one thing's."""
+    angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    return math.hypot(bx - ax, by - ay) <= most and 0.0 < angle <= apart
+
+
 @kernel
-def passes_corners(px: Floats, py: Floats, circles: Floats, x: float, y: float, turn: float, most: float) -> bool:
+def passes_corners(
+    px: Floats,
+    py: Floats,
+    circles: Floats,
+    x: float,
+    y: float,
+    turn: float,
+    most: float,
+    apart: float,
+    margin: float,
+    is_exact: bool,
+) -> bool:
     """Whether a body stays clear, on a step, of corners that may lie unseen between two beams that both meet something.
 
-    A corner of a right angle, or of a blunter one, whose sides meet two points lies in the circle that has them for a
-    diameter (Thales). A body that is in it already may not come nearer.
+    Two points of one thing show how a side runs, and it may run on until it meets the other side, or the next beam, which
+    would show it. Where no side is known a corner of a right angle, or of a blunter one, lies in the circle that has the two
+    points for a diameter (Thales). A body that is too near to that already may not come nearer.
 
     Args:
-        px, py: the points (k,) that neighbouring beams meet one after the other, robot's frame [m].
+        px, py: the points (k,) that beams meet one after the other, counter-clockwise, robot's frame [m].
         circles, x, y, turn: see `keeps_clear`.
-        most: up to how far apart [m] two points are taken for sides of one thing.
+        most: up to how far from one another [m] two points are taken for ones of the same thing,
+        apart: and up to what angle, as the robot sees them [rad].
+        margin: what is kept about the body before a corner at the end of a side [m].
+        is_exact: whether points scatter too little to spoil the direction of a side.
     """
     cos, sin = math.cos(turn), math.sin(turn)
-    eased = min(EASED, EASED_SHARE * math.hypot(x, y))
-    before = px.size - 1
-    for i in range(px.size):
-        half_x, half_y = 0.5 * (px[i] - px[before]), 0.5 * (py[i] - py[before])
-        middle_x, middle_y = px[before] + half_x, py[before] + half_y
-        half = math.hypot(half_x, half_y)
-        before = i
-        if 2.0 * half > most:
+    eased = 0.0 if is_exact else min(EASED, EASED_SHARE * math.hypot(x, y))
+    count = px.size
+    for i in range(count):
+        j = (i + 1) % count
+        half_x, half_y = 0.5 * (px[j] - px[i]), 0.5 * (py[j] - py[i])
+        corner_x, corner_y, about = px[i] + half_x, py[i] + half_y, math.hypot(half_x, half_y)
+        before, behind = (i - 1 + count) % count, (j + 1) % count
+        if not are_of_one(px[i], py[i], px[j], py[j], most, apart):
             continue
+        ux, uy = px[i] - px[before], py[i] - py[before]
+        vx, vy = px[j] - px[behind], py[j] - py[behind]
+        is_first = is_exact and are_of_one(px[before], py[before], px[i], py[i], most, apart)
+        is_second = is_exact and are_of_one(px[j], py[j], px[behind], py[behind], most, apart)
+        if is_first or is_second:
+            if not is_first:
+                ux, uy = -px[i], -py[i]  # along the beam, toward the robot
+            if not is_second:
+                vx, vy = -px[j], -py[j]
+            share = meeting(px[i], py[i], ux, uy, px[j], py[j], vx, vy)
+            if share < 0.0:
+                continue  # one side goes on in the other, or they leave a hollow
+            corner_x, corner_y, about = px[i] + share * ux, py[i] + share * uy, margin
         for c in range(circles.shape[0]):
             cx, cy = circles[c, 0], circles[c, 1]
             ex, ey = x + cos * cx - sin * cy - cx, y + sin * cx + cos * cy - cy
-            dx, dy = cx - middle_x, cy - middle_y
-            least = circles[c, 2] + half
+            dx, dy = cx - corner_x, cy - corner_y
+            least = circles[c, 2] + about
             if dx * dx + dy * dy < least * least:
-                least = math.hypot(dx, dy) - eased
+                least = math.hypot(dx, dy) - eased - ROUNDING
             if chord_square(dx, dy, ex, ey, 1.0) < least * least:
                 return False
     return True
