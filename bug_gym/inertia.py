@@ -175,7 +175,10 @@ def pace_in_sight(sensors: Sensors) -> float:
 
 def _within(velocity: Velocity, speed: float) -> Velocity:
     """A velocity cut to a speed [m/s]."""
-    share = min(speed / max(math.hypot(*velocity), speed), 1.0)
+    length = math.hypot(*velocity)
+    if length <= speed:
+        return velocity
+    share = speed / length
     return share * velocity[0], share * velocity[1]
 
 
@@ -234,6 +237,12 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
         if part >= 0:
             share = part / SHARES
             return share * fast, share * rate if keeps_arc else rate
+    return _stopping(view, ahead, wish, room)
+
+
+def _stopping(view: View, ahead: Ahead, wish: Velocity, room: float) -> Velocity:
+    """What a robot asks for of whose wish nothing leaves it a way to stop in time."""
+    drive, speed = view.sensors.drive, ahead.velocity[0]
     if drive.latency > 0 and wish != (0.0, 0.0):
         away = _straight_away(view)
         if _is_clear(view, ahead, _arc(drive, speed, away), 0.0):
@@ -241,6 +250,38 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
     if speed == 0.0 or drive.kinematics == "ackermann":
         return 0.0, 0.0
     return _first_clear(view, ahead, [(0.0, turn * drive.max_turn_rate) for turn in TURNS], room)
+
+
+def are_cut_at_once(sensors: Sensors) -> bool:
+    """Whether `stoppable_actions` serves robots with these sensors: differential, told in time, and one scan shows all."""
+    drive = sensors.drive
+    is_plain = drive.kinematics == "differential" and drive.latency == 0 and not _steps_wide(sensors)
+    return is_plain and scans_kept(sensors) == 0
+
+
+def stoppable_actions(views: Sequence[View], velocities: Sequence[Velocity], room: float) -> list[NDArray[np.float32]]:
+    """`stoppable_action` for each of some robots whose scans, and no others, were read at once; see `are_cut_at_once`."""
+    sensors, scans = views[0].sensors, views[0].scans
+    assert scans is not None
+    drive, pace = sensors.drive, pace_in_sight(sensors)
+    wishes = []
+    for view, velocity in zip(views, velocities, strict=True):
+        wishes.append((view.velocity[0], *kinematics.speed_and_error(_within(velocity, pace))))
+    kept = _margin(sensors, room), 0.5 * sensors.beam_spacing, _fast_gap(sensors), SHARES
+    actions, cut = np.empty((len(wishes), 2), dtype=np.float32), np.empty(len(wishes), dtype=np.int64)
+    known = scans.points, scans.counts, sensors.circles, np.array(wishes), drive.limits
+    kernels.stoppable_levers(*known, *kept, actions, cut)
+    for number, part in enumerate(cut.tolist()):
+        if part < 0:
+            wish = kinematics.turning(drive, _within(velocities[number], pace))
+            told = _stopping(views[number], foreseen(views[number]), wish, room)
+            actions[number] = kinematics.differential_action(drive, *told)
+    return list(actions)
+
+
+def _margin(sensors: Sensors, room: float) -> float:
+    """What is kept about the body of a robot that wants room beside it [m]."""
+    return max(room, LEAST_ROOM + sensors.range_noise)
 
 
 def _evasion(view: View, ahead: Ahead, room: float) -> Velocity:
@@ -368,7 +409,7 @@ def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[Shown, float, flo
     """What was seen of late from where the robot will be, what is kept about the body [m] and half a beam's gap [rad]."""
     x, y, wide = view.points_of_late
     gap = 0.5 * view.sensors.beam_spacing
-    margin = max(room, LEAST_ROOM + view.sensors.range_noise)
+    margin = _margin(view.sensors, room)
     if view.sensors.drive.latency > 0:
         cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
         dx, dy = x - ahead.x, y - ahead.y

@@ -12,11 +12,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-TURN_GAIN = 4.0
-"""Turn rate per radian of heading error [1/s]: the error is gone in about four time constants, one second."""
-
-TURN_IN_PLACE = math.radians(30.0)
-"""Heading error [rad] beyond which a differential robot stands while it turns."""
+from bug_gym import kernels
+from bug_gym.kernels.levers import TURN_GAIN as TURN_GAIN
+from bug_gym.kernels.levers import TURN_IN_PLACE as TURN_IN_PLACE
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,11 @@ class Drive:
         """Whether the robot cannot change its speed at once."""
         return math.isfinite(self.max_acceleration) or self.latency > 0
 
+    @cached_property
+    def limits(self) -> NDArray[np.float64]:
+        """Top speed, top speed back [m/s], greatest turn rate [rad/s] and acceleration [m/s^2], and the step [s]."""
+        return np.array([self.max_speed, self.max_reverse, self.max_turn_rate, self.max_acceleration, self.step])
+
     @property
     def least_bend(self) -> float:
         """Radius of the sharpest arc that it can drive [m]; 0: it turns on the spot, or need not turn."""
@@ -81,20 +84,24 @@ def steering(drive: Drive, velocity: tuple[float, float] | NDArray[np.float64]) 
 
 def turning(drive: Drive, velocity: tuple[float, float]) -> tuple[float, float]:
     """Forward speed [m/s] and turn rate [rad/s] of a robot that turns and desires a velocity, as `steering` says."""
-    speed = math.hypot(*velocity)
-    error = math.atan2(velocity[1], velocity[0]) if speed > 0.0 else 0.0
-    rate = turn_rate(drive, error)
+    speed, error = speed_and_error(velocity)
     if drive.kinematics == "ackermann":
+        rate = turn_rate(drive, error)
         ahead = min(speed, drive.max_speed) * max(math.cos(error), 0.5)
         fastest = ahead / drive.least_bend
         return ahead, min(max(rate, -fastest), fastest)
-    ahead = min(speed, drive.max_speed) * math.cos(error) if abs(error) <= TURN_IN_PLACE else 0.0
-    return ahead, rate
+    return kernels.turning(speed, error, drive.max_speed, drive.step, drive.max_turn_rate)
+
+
+def speed_and_error(velocity: tuple[float, float]) -> tuple[float, float]:
+    """A desired speed [m/s], and how far to turn toward it [rad]."""
+    speed = math.hypot(*velocity)
+    return speed, math.atan2(velocity[1], velocity[0]) if speed > 0.0 else 0.0
 
 
 def turn_rate(drive: Drive, error: float) -> float:
     """How fast a robot turns at a heading error [rad], in rad/s."""
-    return min(max(min(TURN_GAIN, 1.0 / drive.step) * error, -drive.max_turn_rate), drive.max_turn_rate)
+    return kernels.turn_rate(error, drive.step, drive.max_turn_rate)
 
 
 def differential_action(drive: Drive, speed: float, turn_rate: float) -> NDArray[np.float32]:
@@ -102,15 +109,14 @@ def differential_action(drive: Drive, speed: float, turn_rate: float) -> NDArray
 
     An ackermann robot keeps the arc where its speed is cut; one that is to stand holds its wheels straight.
     """
-    fastest, reverse = drive.max_speed, drive.max_reverse
     action = np.empty(2, dtype=np.float32)  # np.array takes twice the time
-    action[0] = 2.0 * (min(max(speed, -reverse), fastest) + reverse) / (fastest + reverse) - 1.0
     if drive.kinematics == "ackermann":
         angle = math.atan(drive.wheelbase * turn_rate / speed) if speed != 0.0 else 0.0
-        turn = angle / drive.max_steering
+        action[0] = kernels.speed_lever(speed, drive.max_speed, drive.max_reverse)
+        action[1] = min(max(angle / drive.max_steering, -1.0), 1.0)
     else:
-        turn = turn_rate / drive.max_turn_rate if drive.max_turn_rate > 0.0 else 0.0
-    action[1] = min(max(turn, -1.0), 1.0)
+        most = drive.max_turn_rate
+        action[0], action[1] = kernels.levers(speed, turn_rate, drive.max_speed, drive.max_reverse, most)
     return action
 
 

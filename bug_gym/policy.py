@@ -426,7 +426,7 @@ def brake(view: View, velocity: Velocity) -> Velocity:
     if len(view.sensors.footprint) > 1 and error < STRAIGHT:
         free = max(free_ahead(view, margin) - margin, 0.0)
     else:
-        free = max(view.free_distance(0.0, radius) - margin, 0.0)
+        free = max(view.free_ahead(radius) - margin, 0.0)
     limit = free / drive.step
     if math.isfinite(drive.max_acceleration):
         limit = min(limit, math.sqrt(2.0 * drive.max_acceleration * free))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from bug_gym import kinematics
 from bug_gym.config import Scenario
 from bug_gym.geometry import Point, wrap
-from bug_gym.inertia import scans_kept
+from bug_gym.inertia import are_cut_at_once, needs_care, scans_kept, stoppable_actions
 from bug_gym.log import warn_once
 from bug_gym.observation import width
 from bug_gym.policy import (
@@ -38,6 +38,8 @@ from bug_gym.policy import (
     ScriptedPolicy,
     Velocity,
     action_of,
+    brake,
+    braking_radius,
     checked_memories,
     checked_starts,
     checked_velocity,
@@ -49,6 +51,8 @@ from bug_gym.view import Sensors, View
 
 TOGETHER = 1e-3
 """Distance below which two robots are at one place, and see no direction to one another [m]."""
+
+STANDING: Velocity = (0.0, 0.0)
 
 START_DISTANCE = 2.0
 """How far apart robots of a team had better start: nearer ones begin by making room (Oni and Wang, section 4.3) [m]."""
@@ -64,6 +68,11 @@ class Frame:
     """Likewise [m]."""
     heading: float = 0.0
     """Direction of its x axis [rad]."""
+
+    @functools.cached_property
+    def lies(self) -> tuple[float, float, float]:
+        """All three."""
+        return self.x, self.y, self.heading
 
     @functools.cached_property
     def direction(self) -> Point:
@@ -87,20 +96,27 @@ class Word(NamedTuple):
 
     place: Point
     """Where it is [m]."""
-    heading: float
-    """Of its body [rad]."""
-    goal_distance: float
-    """How far it has to go in a straight line [m]."""
     view: View
     """What it sees, in its odometry frame."""
     frame: Frame
     """Where that lies."""
 
     @property
+    def heading(self) -> float:
+        """Of its body [rad]."""
+        return wrap(self.view.heading + self.frame.heading)
+
+    @property
+    def goal_distance(self) -> float:
+        """How far it has to go in a straight line [m]."""
+        return self.view.goal_distance
+
+    @property
     def velocity(self) -> Point:
         """How it moves [m/s]."""
         ahead, left = self.view.own_velocity
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        heading = self.heading
+        cos, sin = math.cos(heading), math.sin(heading)
         return cos * ahead - sin * left, sin * ahead + cos * left
 
     @property
@@ -379,43 +395,72 @@ class TeamPolicy(ABC):
         Raises:
             ValueError: a number that is not finite.
         """
-        told = [seen for seen in observations if seen is not None]
-        numbers = np.concatenate(told) if told else np.empty(0)
-        if np.count_nonzero(np.isfinite(numbers)) < numbers.size:  # .all() takes longer
-            raise ValueError("the observation holds a number that is not finite")
-        views = [
-            None if seen is None else View(seen, self.sensors, lately=memory.lately)
-            for seen, memory in zip(observations, memories, strict=True)
-        ]
+        views = self._views(observations, memories)
         self.listen(views, memories)
         velocities = self.act(views, memories)
-        standing = (0.0, 0.0)
-        actions = [
-            self._action(view, checked_velocity(self, velocity) if view and not memory.verdict else standing)
-            for view, velocity, memory in zip(views, velocities, memories, strict=True)
-        ]
+        wishes = []
+        for view, velocity, memory in zip(views, velocities, memories, strict=True):
+            goes = view is not None and not memory.verdict
+            wishes.append(checked_velocity(self, velocity) if goes else STANDING)
+        actions = self._actions(views, wishes)
         if self._scans_kept:
             for view, memory in zip(views, memories, strict=True):
                 keep_scan(memory, view, self._scans_kept)
         return actions
 
+    def _views(
+        self, observations: Sequence[NDArray[np.float32] | None], memories: Sequence[TeamMemory]
+    ) -> list[View | None]:
+        """What each robot sees."""
+        told, lately = [], []
+        for seen, memory in zip(observations, memories, strict=True):
+            if seen is not None:
+                told.append(seen)
+                lately.append(memory.lately)
+        if not told:
+            return [None] * len(memories)
+        rows = np.concatenate(told).reshape(len(told), -1)
+        views = View.of_rows(rows, self.sensors, lately, braking_radius(self.sensors))
+        if len(views) < len(memories):
+            each = iter(views)
+            return [None if seen is None else next(each) for seen in observations]
+        return list(views)
+
     @functools.cached_property
     def _scans_kept(self) -> int:
         return scans_kept(self.sensors)
 
-    def _action(self, view: View | None, velocity: Velocity) -> NDArray[Any]:
-        """The action for a velocity; of a robot that does not answer, to stand."""
-        return action_of(self.sensors, view, velocity, self._velocities, self.room)
+    def _actions(self, views: Sequence[View | None], wishes: Sequence[Velocity]) -> list[NDArray[Any]]:
+        """The actions for velocities; of robots that do not answer, to stand."""
+        if not self._are_cut_at_once:
+            pairs = zip(views, wishes, strict=True)
+            return [action_of(self.sensors, view, wish, self._velocities, self.room) for view, wish in pairs]
+        seen: list[View] = []
+        braked: list[Velocity] = []
+        for view, wish in zip(views, wishes, strict=True):
+            if view is not None:
+                seen.append(view)
+                braked.append(brake(view, wish))
+        actions = stoppable_actions(seen, braked, self.room) if seen else []
+        if len(actions) < len(views):
+            drive, told = self.sensors.drive, iter(actions)
+            return [kinematics.steering(drive, STANDING) if view is None else next(told) for view in views]
+        return actions
+
+    @functools.cached_property
+    def _are_cut_at_once(self) -> bool:
+        """Whether what robots ask for is cut for all at once."""
+        return not self.discrete and needs_care(self.sensors) and are_cut_at_once(self.sensors)
 
     # ---------------------------------------------------------------------------------- what they tell one another
 
     def listen(self, views: Sequence[View | None], memories: Sequence[TeamMemory]) -> None:
         """Let each robot tell where it is, once it knows where its odometry frame lies."""
         for robot, (view, memory) in enumerate(zip(views, memories, strict=True)):
-            memory.is_heard = view is not None
             if view is None:
+                memory.is_heard = False
                 continue
-            memory.view = view
+            memory.is_heard, memory.view = True, view
             if memory.frame is None:
                 memory.frame = self._frame(robot, view, memories)
                 if self.wants_room:
@@ -463,8 +508,7 @@ def peer_slot(robot: int, other: int) -> int:
 
 def word_of(view: View, frame: Frame) -> Word:
     """What a robot tells of what it sees."""
-    x, y, heading = view.pose
-    return Word(frame.to_team((x, y)), wrap(heading + frame.heading), view.goal_distance, view, frame)
+    return Word(frame.to_team(view.position), view, frame)
 
 
 def met(known: Frame, theirs: View, own: View, slot_of_own: int, slot_of_theirs: int) -> Frame:

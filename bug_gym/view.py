@@ -19,6 +19,26 @@ from bug_gym.observation import Field, fields, width
 from bug_gym.schema.ranges import most_of
 from bug_gym.world import beam_angles
 
+Points = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""x (k,), y (k,) [m]; the frame is said where it is used."""
+
+
+class Scans(NamedTuple):
+    """Scans of k robots that were read at once; each view of theirs has a row."""
+
+    ranges: NDArray[np.float64]
+    """(k, B) [m]."""
+    points: NDArray[np.float64]
+    """(k, 2, B), of each the first ones, in its own frame [m]."""
+    counts: NDArray[np.int64]
+    """How many of each (k,)."""
+    disc: float
+    """Radius of the disc that goes straight ahead [m]."""
+
+
+Read = tuple[NDArray[np.float64], list[float], Points, Scans, float]
+"""Of one of them the ranges, the numbers behind them in the observation, the points, all scans, and how far the disc can go."""
+
 
 class Shown(NamedTuple):
     """What scans have shown, in the robot's frame."""
@@ -113,6 +133,11 @@ class Sensors:
         return len(self.angles) * self.beam_spacing >= 2.0 * math.pi - 1e-6
 
     @cached_property
+    def bridged_gap(self) -> float:
+        """How far apart two points are at most between which a lost beam met what they met [m]; 0: no beam is lost."""
+        return 2.0 * self.radius if self.dropout > 0.0 else 0.0
+
+    @cached_property
     def circles(self) -> NDArray[np.float64]:
         """The footprint as an array (c, 3)."""
         return np.array(self.footprint, dtype=np.float64)
@@ -134,7 +159,13 @@ class View:
         sensors: of the robot.
         under_way: its actions (2,) that have yet to act, the first one first; None: nobody kept them.
         lately: points (2, k) that scans before this one showed, odometry frame [m].
+        read: what has been read of it already, together with those of others.
     """
+
+    _points: Points | None
+    scans: Scans | None
+    """The scans of several robots that were read at once, this one among them; None: it was read alone."""
+    _ahead: float
 
     __slots__ = (
         "sensors",
@@ -148,6 +179,8 @@ class View:
         "_points",
         "_late",
         "_trig",
+        "scans",
+        "_ahead",
     )
 
     def __init__(
@@ -156,29 +189,65 @@ class View:
         sensors: Sensors,
         under_way: Sequence[NDArray[np.float32]] | None = None,
         lately: Sequence[NDArray[np.float64]] = (),
+        read: Read | None = None,
     ) -> None:
         self.sensors = sensors
         self.under_way = under_way
         self.lately = lately
         self._late: Shown | None = None
         self._flat = flat
-        self._points: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         ranges, rest, goal, pose, velocity = sensors.always_seen
-        numbers: Any = tuple(flat[rest].tolist())
-        self.ranges: NDArray[np.float64] = flat[ranges].astype(np.float64)
+        told: Any
+        if read is None:
+            self.ranges: NDArray[np.float64] = flat[ranges].astype(np.float64)
+            told, self._points, self.scans = flat[rest].tolist(), None, None
+        else:
+            self.ranges, told, self._points, self.scans, self._ahead = read
+        numbers = tuple(told)
         self.goal: tuple[float, float] = numbers[goal]
         self.pose: tuple[float, float, float] = numbers[pose]
         self.velocity: tuple[float, float] = numbers[velocity]
         self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
 
+    @classmethod
+    def of_rows(
+        cls, rows: F32, sensors: Sensors, lately: Sequence[Sequence[NDArray[np.float64]]], disc: float
+    ) -> list[View]:
+        """Those of several observations of robots alike, each as of its row alone; what is the same for all is done once.
+
+        Args:
+            rows: the observations (k, D).
+            sensors: of each.
+            lately: what scans before these ones showed, one a robot.
+            disc: radius of the one of which `free_ahead` is asked [m].
+
+        Raises:
+            ValueError: a number that is not finite.
+        """
+        count, directions, (places, rest, *_) = len(rows), sensors.beam_directions, sensors.always_seen
+        beams, how = directions.shape[1], (directions, sensors.range, sensors.bridged_gap, sensors.is_full_circle, disc)
+        ranges, points = np.empty((count, beams)), np.empty((count, 2, beams))
+        ahead, counts = np.empty(count), np.empty(count, dtype=np.int64)
+        if not kernels.read_scans(rows, places.start, *how, ranges, points, ahead, counts):
+            raise ValueError("the observation holds a number that is not finite")
+        scans, numbers, views = Scans(ranges, points, counts, disc), rows[:, rest].tolist(), []
+        for row, (shown, free) in enumerate(zip(counts.tolist(), ahead.tolist(), strict=True)):
+            seen = points[row, 0, :shown], points[row, 1, :shown]
+            views.append(cls(rows[row], sensors, None, lately[row], (ranges[row], numbers[row], seen, scans, free)))
+        return views
+
     def with_ranges(self, ranges: NDArray[np.float64]) -> View:
         """The same observation with other ranges (B,) [m]."""
+        return self.showing(ranges.astype(np.float32).astype(np.float64))
+
+    def showing(self, ranges: NDArray[np.float64], points: Points | None = None) -> View:
+        """The same with other ranges (B,) [m], rounded as an observation's are, and their points where those are known."""
         other = View.__new__(View)
         other.sensors, other.under_way, other.lately = self.sensors, self.under_way, self.lately
-        other._points, other._late = None, None
+        other._points, other._late, other.scans = points, None, None
         other.goal, other.pose, other.velocity, other._trig = self.goal, self.pose, self.velocity, self._trig
         other._flat = self._flat
-        other.ranges = ranges.astype(np.float32).astype(np.float64)
+        other.ranges = ranges
         return other
 
     @property
@@ -233,7 +302,7 @@ class View:
         return self.to_odometry(*self.goal)
 
     @property
-    def points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def points(self) -> Points:
         """Scan points x (k,), y (k,) in the robot's frame [m]: the beams that saw something.
 
         Of a scanner that loses beams also where one was lost between two points that the body does not pass between.
@@ -241,9 +310,9 @@ class View:
         if self._points is None:
             sensors, ranges, directions = self.sensors, self.ranges, self.sensors.beam_directions
             reach, places = sensors.range, np.empty(directions.shape)
-            if sensors.dropout > 0.0:
-                width, is_round = 2.0 * sensors.radius, sensors.is_full_circle
-                count = kernels.bridged_points(ranges, directions, reach, width, is_round, places)
+            if sensors.bridged_gap > 0.0:
+                is_round = sensors.is_full_circle
+                count = kernels.bridged_points(ranges, directions, reach, sensors.bridged_gap, is_round, places)
             else:
                 count = kernels.scan_points(ranges, directions, reach, places)
             self._points = (places[0, :count], places[1, :count])
@@ -324,6 +393,12 @@ class View:
         x, y = self.points
         return float(kernels.free_distance(x, y, bearing, radius, self.sensors.range))
 
+    def free_ahead(self, radius: float) -> float:
+        """`free_distance` straight ahead, which is known already of the disc of `scans`."""
+        if self.scans is not None and self.scans.disc == radius:
+            return self._ahead
+        return self.free_distance(0.0, radius)
+
     def free_distances(self, bearings: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
         """`free_distance` for each bearing (m,)."""
         x, y = self.points
@@ -343,3 +418,15 @@ class View:
         cos, sin = self._trig
         dx, dy = x - self.pose[0], y - self.pose[1]
         return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def ranges_together(views: Sequence[View]) -> NDArray[np.float64]:
+    """The ranges (k, B) of some views [m]; they lie as they are to be where the scans were read at once."""
+    scans = views[0].scans
+    if scans is not None and len(scans.ranges) == len(views):
+        for view in views:
+            if view.scans is not scans:
+                break
+        else:
+            return scans.ranges
+    return np.concatenate([view.ranges for view in views]).reshape(len(views), -1)

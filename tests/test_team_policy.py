@@ -13,7 +13,8 @@ import pytest
 
 import bug_gym
 from bug_gym.agents import make_policy
-from bug_gym.policy import MisfitError, Velocity, source_scenario
+from bug_gym.kinematics import steering
+from bug_gym.policy import MisfitError, Velocity, action_of, source_scenario
 from bug_gym.simulation import Simulation
 from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors, View
@@ -53,6 +54,48 @@ def march(source: Any = SCATTERED, **settings: Any) -> Any:
 def both_ways(name: str, source: Any, **settings: Any) -> tuple[Any, Any, Any]:
     env = bug_gym.parallel_env(source, **settings)
     return env, make_policy(name, env), env.reset(seed=1)[0]
+
+
+class Wishes(March):
+    """Robots want what they are told to."""
+
+    wishes: Sequence[Velocity] = ()
+
+    def act(self, views: Sequence[View | None], memories: Sequence[Any]) -> list[Velocity]:
+        return list(self.wishes)
+
+
+ROBOTS: dict[str, dict[str, Any]] = {
+    "differential": {"robot": {"kinematics": "differential"}, "lidar": {"beams": 64, "noise": 0.01}},
+    "with inertia": {"robot": {"kinematics": "differential", "max_acceleration": 1.0}, "lidar": {"beams": 180}},
+    "with few beams": {"robot": {"kinematics": "differential", "max_speed": 2.0}, "lidar": {"beams": 16}},
+    "that sees well": {"robot": {"kinematics": "differential"}, "lidar": {"beams": 180}},
+    "holonomic": {"robot": {"kinematics": "holonomic"}, "lidar": {"beams": 64, "noise": 0.01}},
+}
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_robots_that_are_driven_at_once_do_as_each_would_alone(robot: str) -> None:
+    scenario = source_scenario(SCATTERED | ROBOTS[robot])
+    sensors, rng = Sensors.of(scenario), np.random.default_rng(3)
+    team = Wishes(sensors, agents=[f"robot_{n}" for n in range(scenario.robots.count)])
+    velocity = next(field.begin for field in sensors.fields if field.name == "velocity")
+    drove = 0
+    for _ in range(300):
+        rows = np.zeros((3, sensors.width), dtype=np.float32)
+        rows[:, sensors.always_seen[0]] = rng.uniform(
+            0.2, rng.uniform(0.5, 2.0 * sensors.range), (3, len(sensors.angles))
+        )
+        rows[:, sensors.always_seen[0]] = rows[:, sensors.always_seen[0]].clip(max=sensors.range)
+        rows[:, velocity] = rng.uniform(0.0, sensors.drive.max_speed, 3)
+        seen = [None if rng.random() < 0.2 else row for row in rows]
+        team.wishes = [tuple(wish) for wish in rng.uniform(-2.0, 2.0, (3, 2)).tolist()]
+        for row, wish, action in zip(seen, team.wishes, team.decide(seen, team.started(1)), strict=True):
+            view = None if row is None else View(row, sensors)
+            expected = action_of(sensors, view, wish if view is not None else (0.0, 0.0), None, team.room)
+            np.testing.assert_array_equal(action, expected)
+            drove += not np.array_equal(action, steering(sensors.drive, (0.0, 0.0)))
+    assert drove > 300
 
 
 # ------------------------------------------------------------------------------------------ each robot by itself

@@ -98,3 +98,31 @@ def test_the_point_nearest_to_a_place_is_the_plain_rules(ranges: list[float], ah
     square = (x - ahead) ** 2 + (y - left) ** 2
     expected = (x[square.argmin()], y[square.argmin()]) if len(x) else None
     assert view.point_nearest_to(ahead, left) == expected
+
+
+@given(st.data(), st.sampled_from([0.0, 0.05]), st.sampled_from([2.0 * math.pi, math.radians(270.0)]))
+def test_views_that_are_read_at_once_are_those_of_each_alone(data: st.DataObject, dropout: float, fov: float) -> None:
+    ranges = st.lists(st.one_of(st.just(REACH), st.floats(0.0, 4.9)), min_size=BEAMS, max_size=BEAMS)
+    sensors = view_of([REACH] * BEAMS, dropout=dropout, fov=fov).sensors
+    rows = np.zeros((3, sensors.width), dtype=np.float32)
+    for row in rows:
+        row[sensors.always_seen[1]] = data.draw(st.lists(st.floats(-3.0, 3.0, width=32), min_size=7, max_size=7))
+        row[sensors.always_seen[0]] = data.draw(ranges)
+    lately: list[list[np.ndarray]] = [[], [np.ones((2, 1))], []]
+    for row, late, view in zip(rows, lately, View.of_rows(rows, sensors, lately, RADIUS), strict=True):
+        alone = View(row, sensors, lately=late)
+        assert (view.goal, view.pose, view.velocity, view.lately) == (alone.goal, alone.pose, alone.velocity, late)
+        np.testing.assert_array_equal(view.ranges, alone.ranges)
+        np.testing.assert_array_equal(view.points, alone.points)
+        for radius in (RADIUS, 1.5 * RADIUS):
+            assert view.free_ahead(radius) == alone.free_ahead(radius) == alone.free_distance(0.0, radius)
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf])
+def test_views_are_not_read_where_any_number_is_not_finite(number: float) -> None:
+    sensors = view_of([REACH] * BEAMS, dropout=0.0).sensors
+    for place in (0, BEAMS, sensors.width - 1):
+        rows = np.zeros((2, sensors.width), dtype=np.float32)
+        rows[1, place] = number
+        with pytest.raises(ValueError, match="not finite"):
+            View.of_rows(rows, sensors, [[], []], RADIUS)

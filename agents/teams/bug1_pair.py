@@ -162,7 +162,7 @@ class Bug1Pair(BugTeam):
         """Whether the next step of a robot would bring it too near to the other, which has a velocity already."""
         assert memory.pending is not None
         least = least_gap(self.sensors) - (0.8 * ROOM if memory.is_detouring else 0.0)
-        return closes(memory, memory.pending, other, velocity, least)
+        return closes(memory, memory.pending, other, velocity, gap(memory, other), least)
 
     def _forget_detour(self, memory: Bug1PairMemory) -> None:
         """What a robot finds out while its partner is an obstacle to it proves nothing."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from bug_gym.agents.teams.partners import Seen, without_partners
+from bug_gym.agents.teams.partners import Seen, SeeThrough
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.log import warn_once
@@ -66,6 +66,9 @@ class BugTeam(TeamPolicy):
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
         self.step = sensors.step_length
+        self.goal_sight = sensors.range + sensors.goal_radius
+        """How near a goal is that a scan may show to be free [m]."""
+        self._see_through = SeeThrough(sensors, len(agents))
 
     def draw(self, memory: BugTeamMemory) -> Drawing:
         """What the robot's law shows."""
@@ -77,7 +80,7 @@ class BugTeam(TeamPolicy):
 
     def listen(self, views: Sequence[View | None], memories: Sequence[Any]) -> None:
         """Let each robot tell where it is, and as the episode begins whether they seek one goal."""
-        begins = all(memory.word is None for memory in memories)
+        begins = memories[0].word is None and all(memory.word is None for memory in memories)
         super().listen(views, memories)
         if begins:
             goals = [memory.word.goal for memory in memories if memory.word is not None]
@@ -97,12 +100,18 @@ class BugTeam(TeamPolicy):
 
     def seen(self, robots: Sequence[int], memories: Sequence[BugTeamMemory]) -> dict[int, Seen]:
         """What the laws of robots get to see: no bodies of partners that go on, but for one that goes round them."""
-        heard = [robot for robot, memory in enumerate(memories) if memory.is_heard]
-        looking = set(robots)
-        looks = [robot in looking and not self.goes_round(robot, memories[robot]) for robot in heard]
-        partners = [not memories[robot].own.verdict for robot in heard]
-        seen = without_partners([memories[robot] for robot in heard], looks, partners) if heard else []
-        return {robot: one for robot, one in zip(heard, seen, strict=True) if robot in looking}
+        answering: list[BugTeamMemory] = []
+        heard, looks, partners = [], [], []
+        for robot, memory in enumerate(memories):
+            if memory.is_heard:
+                heard.append(robot)
+                answering.append(memory)
+                looks.append(robot in robots and not self.goes_round(robot, memory))
+                partners.append(not memory.own.verdict)
+        if not heard:
+            return {}
+        seen = zip(heard, self._see_through.seen(answering, looks, partners), strict=True)
+        return {robot: one for robot, one in seen if robot in robots}
 
     def watch(self, robot: int, memory: BugTeamMemory, still: Callable[[], View]) -> None:
         """Look for what moves in place of the law, which would take partners for it; it spoils the law's lap.
@@ -127,6 +136,8 @@ class BugTeam(TeamPolicy):
 
     def unless_stopped(self, wanted: Sequence[Velocity], memories: Sequence[BugTeamMemory]) -> list[Velocity]:
         """The velocities, of robots that have stopped none."""
+        if memories[0].winner is None:  # as of all: they know it together
+            return list(wanted)
         return [STANDING if self.is_stopped(robot, memories) else wish for robot, wish in enumerate(wanted)]
 
     def look_for_winner(self, team: Sequence[int], seen: Mapping[int, Seen], memories: Sequence[BugTeamMemory]) -> None:
@@ -135,22 +146,32 @@ class BugTeam(TeamPolicy):
         if not going or memories[going[0]].has_own_goal:
             return
         winner = memories[going[0]].winner
-        if winner is not None and winner in seen and memories[winner].own.contour is not None:
+        if winner is None:
+            winner = self._first_that_sees_goal(going, seen, memories)
+            if winner is None:
+                return
+        elif winner in seen and memories[winner].own.contour is not None:
             winner = None
-        elif winner is None:
-            distances = {robot: word.goal_distance for robot in going if (word := memories[robot].word) is not None}
-            nearest = min(distances.values()) + SAME_DISTANCE
-            first = (robot for robot, distance in distances.items() if distance <= nearest)
-            winner = next((robot for robot in first if self._sees_goal(robot, seen[robot], memories[robot])), None)
         for robot, memory in enumerate(memories):
             memory.winner = winner
             if winner is not None and robot != winner and not memory.verdict:
                 memory.mode = "stopped"
 
+    def _first_that_sees_goal(
+        self, going: Sequence[int], seen: Mapping[int, Seen], memories: Sequence[BugTeamMemory]
+    ) -> int | None:
+        """Who is nearest to the goal and sees it free; of equals the first."""
+        distances = [seen[robot].view.goal_distance for robot in going]
+        nearest = min(distances)
+        if nearest > self.goal_sight:
+            return None
+        first = (robot for robot, distance in zip(going, distances, strict=True) if distance <= nearest + SAME_DISTANCE)
+        return next((robot for robot in first if self._sees_goal(robot, seen[robot], memories[robot])), None)
+
     def _sees_goal(self, robot: int, seen: Seen, memory: BugTeamMemory) -> bool:
         """Whether a robot goes to the goal, and sees it free."""
         view, distance = seen.view, seen.view.goal_distance
-        if memory.own.contour is not None or distance > self.sensors.range + self.sensors.goal_radius:
+        if memory.own.contour is not None or distance > self.goal_sight:
             return False
         boundary, bearing = self.laws[robot].boundary, view.goal_bearing
         # It leaves a corner that it still has to pass, nearer than it follows walls but not nearer than `inner`. Where it has
@@ -177,7 +198,10 @@ class BugTeam(TeamPolicy):
             memories: one a robot.
             complete: how many robots' laws are complete; they come first.
         """
-        if not any(memory.own.verdict for memory in memories):
+        for memory in memories:
+            if memory.own.verdict:
+                break
+        else:
             return
         heard = [memory for memory in memories if memory.is_heard]
         proven = any(memory.own.verdict == "unreachable" for memory in memories[:complete] if memory.is_heard)

@@ -141,6 +141,8 @@ class Com1Rev3(BugTeam):
             raise ValueError(f"hold_distance must be at most go_distance ({own.go_distance}), got {own.hold_distance}")
         self.leaders = (self.robots + 1) // 2
         """How many robots drive by Com1; they come first."""
+        self.least_gap = least_gap(sensors)
+        """How near to one another the robots' centres may come [m]."""
         self.sight = max(own.go_distance, farthest_blocker(sensors))
         """How near to one another robots are to mind one another [m]."""
         turns = TURNS[own.sides]
@@ -215,7 +217,7 @@ class Com1Rev3(BugTeam):
             memory.aside.pop()
         if memory.aside:
             return self.laws[robot].boundary.step_to(view, memory.aside[-1]) or STANDING
-        back = self._along_trace(robot, view, memory, 1)
+        back = self._along_trace(robot, view, memory, 1) if memory.at < len(memory.trace) - 1 else None
         if back is not None:
             return back
         velocity = self.laws[robot].act(view, memory.own)
@@ -248,8 +250,8 @@ class Com1Rev3(BugTeam):
         """Who holds for whom: from below the one distance on until the other is reached; for no one after a win."""
         own = self.parameters
         for robot in decision.team:
-            memory = decision.memories[robot]
-            gaps = {other: distance for other, distance in decision.near[robot].items() if distance < own.go_distance}
+            memory, near = decision.memories[robot], decision.near[robot]
+            gaps = {other: distance for other, distance in near.items() if distance < own.go_distance} if near else near
             held = memory.holding_for
             if not gaps:
                 memory.waited, memory.is_detouring = 0.0, False
@@ -260,7 +262,9 @@ class Com1Rev3(BugTeam):
                 held.clear()
                 continue
             was_held = bool(held)
-            held |= {other for other, distance in gaps.items() if other < robot and distance < own.hold_distance}
+            for other, distance in gaps.items():
+                if other < robot and distance < own.hold_distance:
+                    held.add(other)
             memory.holds += bool(held) and not was_held
             memory.held += self.sensors.drive.step if held else 0.0
 
@@ -274,23 +278,25 @@ class Com1Rev3(BugTeam):
         near = decision.near[robot]
         if not near or self.parameters.partner_rule == "ghost" or velocity == STANDING:
             return set()
-        memory = decision.memories[robot]
-        least = least_gap(self.sensors)
+        memories, wanted = decision.memories, decision.wanted
+        memory, least = memories[robot], self.least_gap
         if self.goes_round(robot, memory):
             least -= 0.8 * ROOM
-        return {
-            other for other in near if closes(memory, velocity, decision.memories[other], decision.wanted[other], least)
-        }
+        blockers = set()
+        for other, now in near.items():
+            if closes(memory, velocity, memories[other], wanted[other], now, least):
+                blockers.add(other)
+        return blockers
 
     def _asking(self, robot: int, decision: Decision) -> list[int]:
         """Robots that wait for this one, for themselves or for another one that comes before it; the foremost first."""
         memories = decision.memories
-        asking = [
-            other
-            for other in decision.team
-            if robot in memories[other].waiting_for and memories[other].on_behalf < robot and other != robot
-        ]
-        return sorted(asking, key=lambda other: memories[other].on_behalf)
+        asking: list[int] = []
+        for other in decision.team:
+            memory = memories[other]
+            if memory.waiting_for and robot in memory.waiting_for and memory.on_behalf < robot and other != robot:
+                asking.append(other)
+        return sorted(asking, key=lambda other: memories[other].on_behalf) if len(asking) > 1 else asking
 
     def _hold(
         self,

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from bug_gym.compiling import called, inlined, kernel
+from bug_gym.kernels.free_way import found_points
 from bug_gym.kernels.layout import Flags, Floats, Integers
 
-# Columns of a robot: where its odometry frame lies in the team's, origin [m] and direction of the x axis [rad]; and its pose
-# in its odometry frame [m, rad].
-FRAME_X, FRAME_Y, FRAME_HEADING, POSE_X, POSE_Y, POSE_HEADING = range(6)
-ROBOT = 6
+# Columns of a robot: where its odometry frame lies in the team's, origin [m] and direction of the x axis [rad]; its pose in
+# its odometry frame [m, rad]; and whether (1 or 0) it looks, and is a partner, whose body others look through.
+FRAME_X, FRAME_Y, FRAME_HEADING, POSE_X, POSE_Y, POSE_HEADING, LOOKS, IS_PARTNER = range(8)
 
-# Rows of what robots are to one another: whether they look, and whether they are partners, whose bodies others look through;
-# and of what comes of it: whether partners stopped any beam.
-LOOKS, IS_PARTNER, IS_CHANGED = range(3)
-ROLES = 3
+# What holds for all robots: the range that means "nothing seen" [m]; how near to a place a point is of the body there [m]; two
+# neighbouring points are of one wall where they are nearer than so many ranges; and how points are found, see `found_points`.
+FAR, REACH, WIDEST, WIDTH, IS_ROUND = range(5)
+
+# Of each robot: how many beams partners stopped, and how many points are left.
+TAKEN, LEFT = range(2)
 
 ROUNDING = 1e-6
 """What places that were turned from frame to frame may be off [m]."""
@@ -57,17 +61,15 @@ def turn_between(robots: Floats, looker: int, other: int) -> float:
 
 
 @called
-def find_partners(
-    robots: Floats, roles: Flags, looker: int, near: float, who: Integers, bodies: Floats
-) -> tuple[int, int]:
+def find_partners(robots: Floats, looker: int, near: float, who: Integers, bodies: Floats) -> tuple[int, int]:
     """Find the partners of a robot: their numbers `who` and places in its frame, the robot's own behind them.
 
     Returns how many there are, and how many of them, which come first, are not farther away than `near` [m].
     """
-    frame_x, frame_y, frame_heading, pose_x, pose_y, pose_heading = robots[looker]
+    frame_x, frame_y, frame_heading, pose_x, pose_y, pose_heading = robots[looker, :LOOKS]
     count, at_hand = 0, 0
     for other in range(robots.shape[0]):
-        if other == looker or not roles[IS_PARTNER, other]:
+        if other == looker or robots[other, IS_PARTNER] == 0.0:
             continue
         x, y = place_of(robots, other)
         x, y = in_frame(frame_x, frame_y, frame_heading, x, y)
@@ -195,13 +197,12 @@ def range_before(walls: Floats, ux: float, uy: float, nearest: float, bodies: Fl
 def look_through_partners(
     scans: Floats,
     directions: Floats,
-    far: float,
+    limits: Floats,
     robots: Floats,
-    roles: Flags,
-    reach: float,
-    widest: float,
     clean: Floats,
     hidden: Flags,
+    points: Floats,
+    counts: Integers,
     numbers: Integers,
     room: Floats,
 ) -> None:
@@ -212,36 +213,40 @@ def look_through_partners(
     Args:
         scans: what they see (k, B) [m].
         directions: x and y (2, B), in any robot's own frame.
-        far: range that means "nothing seen" [m].
-        robots: (k, ROBOT).
-        roles: (ROLES, k), the last row filled; of who does not look nothing is changed.
-        reach: how near to a place a point is of the body there [m].
-        widest: two neighbouring points are of one wall where they are nearer than so many ranges.
-        clean: the scans once more, changed in place (k, B) [m].
-        hidden: which beams partners stopped (k, B), all False before.
+        limits: what holds for all.
+        robots: (k, 8).
+        clean: filled, of who looks, with what is left (k, B), as an observation rounds it [m].
+        hidden: filled likewise with which beams partners stopped (k, B).
+        points: (k, 2, B) room for the points that are left where partners stopped any beam [m].
+        counts: filled (k, 2).
         numbers: to work in (2, k or B, whichever is more).
         room: to work in (2, k + 1 or B, 4).
     """
     ux, uy, who, beams, places, walls = directions[0], directions[1], numbers[0], numbers[1], room[0], room[1]
-    in_sight = 2.0 * far + ROUNDING
+    far, reach, in_sight = limits[FAR], limits[REACH], 2.0 * limits[FAR] + ROUNDING
     for looker in range(scans.shape[0]):
-        roles[IS_CHANGED, looker] = False
-        if not roles[LOOKS, looker]:
+        counts[looker, TAKEN] = 0
+        if robots[looker, LOOKS] == 0.0:
             continue
-        told, at_hand = find_partners(robots, roles, looker, far + reach + ROUNDING, who, places)
+        told, at_hand = find_partners(robots, looker, far + reach + ROUNDING, who, places)
+        for i in range(ux.size):
+            clean[looker, i], hidden[looker, i] = scans[looker, i], False
         taken = take_out_bodies(clean[looker], ux, uy, far, places[:at_hand], reach, beams)
+        counts[looker, TAKEN] = taken
         if taken == 0:
             continue
-        roles[IS_CHANGED, looker] = True
-        for n in range(taken):
-            hidden[looker, beams[n]] = True
         for p in range(told):
             x, y = places[p, 0], places[p, 1]
             if x * x + y * y > in_sight * in_sight:  # it sees nothing in reach
                 continue
             turn = turn_between(robots, looker, who[p])
-            seen = find_walls(scans[who[p]], ux, uy, far, widest, (x, y, turn), walls)
+            seen = find_walls(scans[who[p]], ux, uy, far, limits[WIDEST], (x, y, turn), walls)
             for n in range(taken):
                 i = beams[n]
                 before = clean[looker, i]
                 clean[looker, i] = range_before(walls[:seen], ux[i], uy[i], before, places[: told + 1], reach)
+        for n in range(taken):
+            hidden[looker, beams[n]] = True
+            clean[looker, beams[n]] = np.float32(clean[looker, beams[n]])
+        width, is_round = limits[WIDTH], limits[IS_ROUND] > 0.0
+        counts[looker, LEFT] = found_points(clean[looker], directions, far, width, is_round, points[looker])

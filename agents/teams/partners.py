@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.teams.hidden import IS_CHANGED, ROUNDING, look_through_partners
+from bug_gym.agents.teams.hidden import ROUNDING, look_through_partners
 from bug_gym.geometry import Point
 from bug_gym.policy import Velocity
 from bug_gym.team_policy import TeamMemory
-from bug_gym.view import Sensors, View
+from bug_gym.view import Sensors, View, ranges_together
 
 BODY_MARGIN = 0.03
 """How far outside a partner's body a scan point may lie and still be of it [m], besides the noise of a range."""
@@ -39,40 +39,52 @@ class Seen(NamedTuple):
 
     def still(self) -> View:
         """The same with a range of nothing where they stood before it: there is no telling what has moved."""
-        return self.view if self.hidden is None else self.view.with_ranges(np.where(self.hidden, 0.0, self.view.ranges))
+        return self.view if self.hidden is None else self.view.showing(np.where(self.hidden, 0.0, self.view.ranges))
 
 
-def without_partners(robots: Sequence[TeamMemory], looks: Sequence[bool], partners: Sequence[bool]) -> list[Seen]:
-    """What robots see without the bodies of partners.
+class SeeThrough:
+    """How robots of a team look through one another's bodies, all at once.
 
     Args:
-        robots: ones that answer.
-        looks: which of them look (k,); the others get to see what their scanners see.
-        partners: whose bodies are to be taken out (k,).
+        sensors: of each.
+        robots: how many they are at most.
     """
-    views = [view for memory in robots if (view := memory.view) is not None]
-    frames = [(frame.x, frame.y, frame.heading) for memory in robots if (frame := memory.frame) is not None]
-    sensors = views[0].sensors
-    scans = np.concatenate([view.ranges for view in views]).reshape(len(views), -1)
-    clean, hidden, most = scans.copy(), np.zeros(scans.shape, dtype=np.bool_), max(scans.shape) + 1
-    roles = np.array([looks, partners, partners])
-    look_through_partners(
-        scans,
-        sensors.beam_directions,
-        sensors.range,
-        np.array([(*frame, *view.pose) for frame, view in zip(frames, views, strict=True)]),
-        roles,
-        sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise,
-        SAME_WALL * 2.0 * math.pi / len(sensors.angles),
-        clean,
-        hidden,
-        np.empty((2, most), dtype=np.int64),
-        np.empty((2, most, 4)),
-    )
-    return [
-        Seen(view.with_ranges(clean[number]), hidden[number]) if is_changed else Seen(view)
-        for number, (view, is_changed) in enumerate(zip(views, roles[IS_CHANGED].tolist(), strict=True))
-    ]
+
+    def __init__(self, sensors: Sensors, robots: int) -> None:
+        beams = len(sensors.angles)
+        reach, widest = sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise, SAME_WALL * 2.0 * math.pi / beams
+        self._limits = np.array([sensors.range, reach, widest, sensors.bridged_gap, sensors.is_full_circle])
+        self._directions = sensors.beam_directions
+        most = max(robots, beams) + 1
+        self._to_work_in = np.empty((2, most), dtype=np.int64), np.empty((2, most, 4))
+
+    def seen(self, robots: Sequence[TeamMemory], looks: Sequence[bool], partners: Sequence[bool]) -> list[Seen]:
+        """What robots see without the bodies of partners.
+
+        Args:
+            robots: ones that answer.
+            looks: which of them look (k,); the others get to see what their scanners see.
+            partners: whose bodies are to be taken out (k,).
+        """
+        views: list[View] = []
+        lie = []
+        for memory, does_look, is_partner in zip(robots, looks, partners, strict=True):
+            assert memory.view is not None and memory.frame is not None
+            views.append(memory.view)
+            lie.append((*memory.frame.lies, *memory.view.pose, does_look, is_partner))
+        count, beams = len(views), self._directions.shape[1]
+        clean, hidden = np.empty((count, beams)), np.empty((count, beams), dtype=np.bool_)
+        points, counts = np.empty((count, 2, beams)), np.empty((count, 2), dtype=np.int64)
+        known = ranges_together(views), self._directions, self._limits, np.array(lie)
+        look_through_partners(*known, clean, hidden, points, counts, *self._to_work_in)
+        seen = []
+        for number, (view, (taken, left)) in enumerate(zip(views, counts.tolist(), strict=True)):
+            if taken > 0:
+                others = points[number, 0, :left], points[number, 1, :left]
+                seen.append(Seen(view.showing(clean[number], others), hidden[number]))
+            else:
+                seen.append(Seen(view))
+        return seen
 
 
 def least_gap(sensors: Sensors) -> float:
@@ -105,20 +117,26 @@ def gap(one: TeamMemory, other: TeamMemory) -> float:
 
 def nearer_than(distance: float, team: Sequence[int], memories: Sequence[TeamMemory]) -> dict[int, dict[int, float]]:
     """For each robot of a team those that are nearer to it than a distance [m], and how near they are [m]."""
-    near: dict[int, dict[int, float]] = {robot: {} for robot in team}
-    places = [(robot, word.place) for robot in team if (word := memories[robot].word) is not None]
-    for count, (robot, place) in enumerate(places):
-        for other, there in places[:count]:
-            apart = math.dist(place, there)
+    near: dict[int, dict[int, float]] = {}
+    places: list[tuple[int, Point]] = []
+    for robot in team:
+        near[robot], word = {}, memories[robot].word
+        if word is None:
+            continue
+        for other, there in places:
+            apart = math.dist(word.place, there)
             if apart < distance:
                 near[robot][other] = near[other][robot] = apart
+        places.append((robot, word.place))
     return near
 
 
-def closes(one: TeamMemory, velocity: Velocity, other: TeamMemory, other_velocity: Velocity, least: float) -> bool:
-    """Whether a step at velocities of their frames lessens the gap between two robots to below `least` [m]."""
+def closes(
+    one: TeamMemory, velocity: Velocity, other: TeamMemory, other_velocity: Velocity, now: float, least: float
+) -> bool:
+    """Whether a step at velocities of their frames lessens the gap `now` between two robots to below `least` [m]."""
     assert one.view is not None
-    now, duration = gap(one, other), one.view.sensors.drive.step
+    duration = one.view.sensors.drive.step
     if now - duration * (math.hypot(*velocity) + math.hypot(*other_velocity)) > least + ROUNDING:
         return False
     distance = math.dist(place_after(one, velocity), place_after(other, other_velocity))

@@ -77,7 +77,8 @@ class Swarm(BugTeam):
     def act(self, views: Sequence[View | None], memories: Sequence[SwarmMemory]) -> list[Velocity]:
         """One decision of all."""
         arrived = next((robot for robot, memory in enumerate(memories) if self.has_arrived(memory)), None)
-        wanted, seen = [STANDING] * len(memories), dict[int, Seen]()
+        wanted = [STANDING] * len(memories)
+        seen: dict[int, Seen] = {}
         for robot, (view, memory) in enumerate(zip(views, memories, strict=True)):
             memory.winner = None if memory.has_own_goal else arrived
             if view is None or self.is_stopped(robot, memories):

@@ -7,7 +7,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
 
     layout  geometry  vectors                          what lies where; plane geometry; LLVM written by hand
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
-    arcs  stopping                                     the way on an arc; whether a robot with inertia can stop
+    levers  arcs  stopping                             what a robot is told; the way on an arc; whether it can stop
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
     generator  free_place  rooms                       NumPy's generator; places where there is room; walls of `rooms`
     neighbours                                         the bodies near the robots, side by side
@@ -32,6 +32,7 @@ from bug_gym.kernels.free_way import (
     free_distances,
     nearest_point,
     nearest_within,
+    read_scans,
     scan_points,
 )
 from bug_gym.kernels.ground import REGION_HEAD
@@ -75,6 +76,7 @@ from bug_gym.kernels.layout import (
     places,
     rounded_up,
 )
+from bug_gym.kernels.levers import levers, speed_lever, turn_rate, turning
 from bug_gym.kernels.manoeuvre import best_arc, free_arc
 from bug_gym.kernels.neighbours import COLUMNS, list_room
 from bug_gym.kernels.observation import OBSERVATION, observation_places
@@ -95,7 +97,15 @@ from bug_gym.kernels.step import (
     run_rows,
     steer_rows,
 )
-from bug_gym.kernels.stopping import arc_and_stop, clear_part, keeps_clear, passes_corners, rate_at, stopping_way
+from bug_gym.kernels.stopping import (
+    arc_and_stop,
+    clear_part,
+    keeps_clear,
+    passes_corners,
+    rate_at,
+    stoppable_levers,
+    stopping_way,
+)
 
 __all__ = [
     "ATTEMPTS",
@@ -133,6 +143,7 @@ __all__ = [
     "Record",
     "SPEC",
     "ALIGNED",
+    "levers",
     "observation_places",
     "places",
     "rounded_up",
@@ -170,15 +181,20 @@ __all__ = [
     "place_fields",
     "point_wall_distance",
     "rate_at",
+    "read_scans",
     "read_status",
     "restart_robots",
     "run_rows",
     "scan_points",
     "scratch_floats",
     "scratch_integers",
+    "speed_lever",
     "steer_rows",
     "steering_floats",
     "step_one",
+    "stoppable_levers",
     "stopping_way",
+    "turn_rate",
+    "turning",
     "uniform",
 ]

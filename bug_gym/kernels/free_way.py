@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from bug_gym.compiling import called, inlined, kernel
-from bug_gym.kernels.layout import Floats
+from bug_gym.kernels.layout import Floats, Integers, Ranges
 
 
 @kernel
@@ -55,6 +55,52 @@ def bridged_points(
             points[0, count], points[1, count] = directions[0, beam] * way, directions[1, beam] * way
             count += 1
     return count
+
+
+@called
+def found_points(ranges: Floats, directions: Floats, reach: float, width: float, is_round: bool, points: Floats) -> int:
+    """`bridged_points` of a scanner that loses beams, `scan_points` of one that does not, whose `width` is 0."""
+    if width > 0.0:
+        return bridged_points(ranges, directions, reach, width, is_round, points)
+    return scan_points(ranges, directions, reach, points)
+
+
+@kernel
+def read_scans(
+    rows: Ranges,
+    begin: int,
+    directions: Floats,
+    reach: float,
+    width: float,
+    is_round: bool,
+    disc: float,
+    ranges: Floats,
+    points: Floats,
+    ahead: Floats,
+    counts: Integers,
+) -> bool:
+    """Read the scans of k robots; False: a number of theirs is not finite.
+
+    Args:
+        rows: their observations (k, D).
+        begin: where the ranges begin in them.
+        directions, reach, width, is_round: see `found_points`.
+        disc: radius of the one that goes straight ahead [m].
+        ranges: (k, B), filled [m].
+        points: (k, 2, B) room for their points.
+        ahead: (k,), filled: how far the disc can go [m].
+        counts: (k,), filled: how many points there are.
+    """
+    is_finite = True
+    for row in range(rows.shape[0]):
+        for column in range(rows.shape[1]):
+            is_finite &= math.isfinite(rows[row, column])
+        for beam in range(ranges.shape[1]):
+            ranges[row, beam] = rows[row, begin + beam]
+        count = found_points(ranges[row], directions, reach, width, is_round, points[row])
+        counts[row] = count
+        ahead[row] = free_distance(points[row, 0, :count], points[row, 1, :count], 0.0, disc, reach)
+    return is_finite
 
 
 @kernel

@@ -9,7 +9,8 @@ import math
 
 from bug_gym.compiling import inlined, kernel
 from bug_gym.kernels.chords import chord_square
-from bug_gym.kernels.layout import Floats
+from bug_gym.kernels.layout import Floats, Integers, Ranges
+from bug_gym.kernels.levers import levers, turning
 
 EASED = 1e-3
 """By how much a body may come nearer [m] to a point that is nearer than the margin already."""
@@ -100,6 +101,42 @@ def clear_part(
         if keeps_clear(px, py, circles, x, y, turn, wx, wy, margin, fast_gap if share > FAST else gap, wide):
             return part
     return -1
+
+
+@kernel
+def stoppable_levers(
+    points: Floats,
+    counts: Integers,
+    circles: Floats,
+    wishes: Floats,
+    limits: Floats,
+    margin: float,
+    gap: float,
+    fast_gap: float,
+    parts: int,
+    actions: Ranges,
+    cut: Integers,
+) -> None:
+    """The actions with which k differential robots that are alike can still stop in time, for what each wishes.
+
+    Args:
+        points: what each sees now (k, 2, B), of each the first ones [m].
+        counts: how many of each (k,).
+        circles, margin, gap, fast_gap, parts: see `clear_part`.
+        wishes: the own speed [m/s], the desired one and its heading error [rad] (k, 3).
+        limits: of each, see `Drive.limits`.
+        actions: filled (k, 2).
+        cut: filled (k,): `clear_part`; where that is -1 the action means nothing.
+    """
+    fastest, reverse, most, acceleration, step = limits
+    for r in range(counts.size):
+        count = counts[r]
+        px, py, speed = points[r, 0, :count], points[r, 1, :count], wishes[r, 0]
+        fast, rate = turning(wishes[r, 1], wishes[r, 2], fastest, step, most)
+        cut[r] = clear_part(
+            px, py, circles, speed, fast, rate, False, acceleration, step, margin, gap, count, fast_gap, parts
+        )
+        actions[r, 0], actions[r, 1] = levers(cut[r] / parts * fast, rate, fastest, reverse, most)
 
 
 @kernel

@@ -15,7 +15,7 @@ from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.teams.com1_rev3 import Com1Rev3
-from bug_gym.agents.teams.partners import without_partners
+from bug_gym.agents.teams.partners import SeeThrough
 from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.team_runs import TeamRun, run_team
@@ -262,7 +262,7 @@ def test_what_a_partner_hides_is_seen_by_it() -> None:
         flat = simulation.reset(seeds=[0])[0]
         _, state = team.predict(flat)
         with_partner = state[0].view.ranges
-        seen = without_partners(state, [True, False], [False, True])[0].view.ranges
+        seen = SeeThrough(team.sensors, 2).seen(state, [True, False], [False, True])[0].view.ranges
         single = Simulation(alone(scenario, 0)).reset(seeds=[0])[0, 0, : len(seen)]
         changed = np.flatnonzero(np.abs(with_partner - single) > 1e-4)
         wrong += (np.abs(seen - single)[changed] > 0.05).tolist()

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bug_gym.agents.teams.partners import BODY_MARGIN, SAME_WALL, without_partners
+from bug_gym.agents.teams.partners import BODY_MARGIN, SAME_WALL, SeeThrough
 from bug_gym.config import load
 from bug_gym.geometry import F64
 from bug_gym.observation import width
@@ -98,7 +98,7 @@ def test_bodies_of_partners_are_taken_out_as_a_slow_plain_loop_does(count: int) 
     for _ in range(60):
         robots = team(count, 3.0, rng)
         looks, partners = rng.random(count) < 0.8, rng.random(count) < 0.8
-        for number, seen in enumerate(without_partners(robots, looks.tolist(), partners.tolist())):
+        for number, seen in enumerate(SeeThrough(SENSORS, count).seen(robots, looks.tolist(), partners.tolist())):
             view = robots[number].view
             assert view is not None
             told = [other for k, other in enumerate(robots) if k != number and partners[k]]
@@ -117,7 +117,25 @@ def test_who_has_no_partner_within_range_of_a_beam_sees_what_its_scanner_sees(di
     rng = np.random.default_rng(1)
     ranges = np.full(BEAMS, FAR - 0.8 * REACH)
     robots = [robot(place, ranges, rng) for place in ((1.0, -2.0), (1.0, -2.0 + distance))]
-    seen = without_partners(robots, [True, True], [True, True])
+    seen = SeeThrough(SENSORS, 2).seen(robots, [True, True], [True, True])
     assert [one.view is memory.view for one, memory in zip(seen, robots, strict=True)] == [is_same, is_same]
     assert all((one.hidden is None) == is_same for one in seen)
     assert not is_same or all(one.still() is one.view for one in seen)
+
+
+def test_scans_that_were_read_at_once_are_looked_through_as_others_are() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        robots = team(4, 2.0, rng)
+        views = [one.view for one in robots if one.view is not None]
+        rows = np.zeros((4, width(SENSORS.fields)), dtype=np.float32)
+        for row, view in zip(rows, views, strict=True):
+            row[SENSORS.always_seen[0]] = view.ranges
+            row[next(field.begin for field in SENSORS.fields if field.name == "pose") :][:3] = view.pose
+        expected = SeeThrough(SENSORS, 4).seen(robots, [True] * 4, [True] * 4)
+        for one, view in zip(robots, View.of_rows(rows, SENSORS, [[]] * 4, 0.3), strict=True):
+            one.view = view
+        for now, alone in zip(SeeThrough(SENSORS, 4).seen(robots, [True] * 4, [True] * 4), expected, strict=True):
+            np.testing.assert_array_equal(now.view.ranges, alone.view.ranges)
+            np.testing.assert_array_equal(now.view.points, alone.view.with_ranges(alone.view.ranges).points)
+            np.testing.assert_equal(now.hidden, alone.hidden)
