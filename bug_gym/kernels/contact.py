@@ -49,10 +49,8 @@ def disc_contacts(
     near = find_near_discs(discs, nx, ny, need, index)
     for j in range(near):
         at = np.uint64(index[np.uint64(NEAR) + j])
-        x, y, m = discs.x[at], discs.y[at], k[np.uint64(s.near_number) + at]
-        mx, my = 0.0, 0.0
-        if m < moving:
-            mx, my = near_motion(f, s, m, at)
+        x, y = discs.x[at], discs.y[at]
+        mx, my = near_motion(f, k, s, 0, moving, at)
         for c in range(s.footprint):
             reach = discs.radius[at] + circle_radius(s, footprint, c)
             if footprint is not None and is_beside(footprint, c):
@@ -141,7 +139,7 @@ def obstacle_contact(
         x, y, mx, my = 0.0, 0.0, 0.0, 0.0  # the walls of a still polygon are kept where they stand
         if number < k[s.moving_polygon_count]:
             x, y = near.polygons.x[at], near.polygons.y[at]
-            mx, my = near_motion(f, s, s.discs + number, np.uint64(s.disc_room) + at)
+            mx, my = near_motion(f, k, s, s.discs, k[s.moving_polygon_count], np.uint64(s.disc_room) + at)
         contact, gap = wall_contacts(
             f, s, footprint, r, k[s.polygon_first + number], k[s.polygon_walls + number], x, y, mx, my, need, end
         )

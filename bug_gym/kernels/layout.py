@@ -103,6 +103,8 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "near_polygons": (1, "row"),
     "moving_goals": (1, "row"),
     "next_body": (1, "row"),  # whose event `next_event` is
+    "border_first": (1, "row"),  # where its walls begin
+    "border_walls": (1, "row"),
     "outcome": (1, "robots"),  # RUNNING and its neighbours
     "goal_body": (1, "robots"),  # number of the body that is the robot's goal
     "near_number": (1, "listed"),  # of the disc or polygon
@@ -115,8 +117,6 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "polygon_first": (1, "polygons"),  # where its walls begin
     "polygon_walls": (1, "polygons"),
     "polygon_side": (1, "polygons"),  # 1 or -1: on which side of its walls the inside lies
-    "border_first": (1, "row"),
-    "border_walls": (1, "row"),
 }
 ALIGNED = 16  # rows and their walls begin at a multiple of so many numbers: processors fetch lines of 64 bytes in pairs
 

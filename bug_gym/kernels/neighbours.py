@@ -196,10 +196,14 @@ def keep_list(f: Floats, k: Integers, s: Record, end: float) -> None:
 
 
 @inlined
-def near_motion(f: Floats, s: Record, b: int, j: np.uint64) -> tuple[float, float]:
-    """The way in this step of the moving body b, which lies at place j of the lists [m]."""
+def near_motion(f: Floats, k: Integers, s: Record, first: int, moving: int, j: np.uint64) -> tuple[float, float]:
+    """The way in this step of the body at place j of the lists [m]: one of those from `first` on, of which so many move.
+
+    Which one it is, is looked up only where bodies have met events: their numbers lie far from the rest.
+    """
     if f[s.listed_turn] == f[s.time]:
-        return body_motion(f, s, b)
+        number = k[np.uint64(s.near_number) + j]
+        return body_motion(f, s, first + number) if number < moving else (0.0, 0.0)
     block = np.uint64(s.near) + (j >> np.uint64(3)) * np.uint64(BLOCK) + (j & np.uint64(7))
     return f[block + np.uint64(2 * LANES)] * s.step, f[block + np.uint64(3 * LANES)] * s.step
 

@@ -139,7 +139,7 @@ def end_mission(k: Integers, s: Record) -> None:
 # Many rows don't stay in the processor's cache, and which walls a step needs is known only when the list of the near
 # polygons has come. So a row is asked for while the one before the last is worked on, and its near walls during the last.
 MANY_WALLS, MANY_ROWS = 128, 16
-FETCHED = 4  # blocks of the list; the processor has seen by then that it goes on
+FETCHED = 4  # blocks of the list, or walls of the border; the processor has seen by then that it goes on
 
 
 @inlined
@@ -149,6 +149,14 @@ def fetch_row(f: Floats, k: Integers, s: Record) -> None:
         prefetch(f, line)
     for line in range(0, s.near_number, 8):
         prefetch(k, line)
+
+
+@inlined
+def fetch_border(f: Floats, k: Integers, s: Record) -> None:
+    """Asks for the walls of the border, which every step looks at: they lie far from the rest."""
+    first = s.wall + 4 * k[s.border_first]
+    for line in range(first, first + 4 * min(k[s.border_walls], FETCHED), 8):
+        prefetch(f, line)
 
 
 @called
@@ -170,7 +178,7 @@ def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
         prefetch(f, line)
     for line in range(s.near_number, s.body_law, 8):
         prefetch(k, line)
-    for line in range(s.polygon_first, s.border_first, 8):
+    for line in range(s.polygon_first, s.polygon_side + s.polygons, 8):
         prefetch(k, line)
 
 
@@ -336,6 +344,7 @@ def run_rows(
             fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, columns, scratch_int)
         if many and 0 <= i + 1 < rows.size:
             g = floats[rows[i + 1]]
+            fetch_border(g, ints[rows[i + 1]], s)
             if g[s.next_event] <= g[s.time] + s.step:
                 fetch_next_body(g, ints[rows[i + 1]], s)
         if i < 0:
