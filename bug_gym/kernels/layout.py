@@ -69,6 +69,7 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "body_vy": (1, "bodies"),
     "body_radius": (1, "bodies"),  # of the disc, or of one that holds the polygon [m]
     "body_event": (1, "bodies"),  # when its velocity changes next [s]
+    "body_quiet": (1, "bodies"),  # until when one whose first event is not planned has none [s]; -1: nobody knows
     "body_turned": (1, "bodies"),  # end of the last step in which it changed [s]; -1: not yet
     "last_x": (1, "bodies"),  # place at the start of that step [m]
     "last_y": (1, "bodies"),

@@ -19,7 +19,7 @@ import numpy as np
 from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import ACKERMANN, BOUNCE, CROWD, Floats, Integers, Record
-from bug_gym.kernels.motion import body_motion, bring_forward, move_looker, quiet_until
+from bug_gym.kernels.motion import UNPLANNED, body_motion, bring_forward, move_looker, quiet_until
 from bug_gym.kernels.rays import Discs
 from bug_gym.kernels.vectors import LANES, move_eight
 
@@ -80,15 +80,22 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
     The first `moving` of them move.
     """
     margin: float = f[s.listed_until] - f[s.closing]
-    is_late = time == 0.0 and margin == math.inf and k[s.steered_count] == 0  # where all are listed most are far off
+    # Among still discs it is soon that one might touch something; where all are listed most are far off.
+    can_wait = k[s.steered_count] == 0 and (margin == math.inf or k[s.disc_count] == k[s.moving_disc_count])
     count = at
     for b in range(first, first + total):
         if f[s.body_wake + b] > f[s.closing]:
             continue
         moves, looks = b - first < moving, k[s.body_law + b] >= CROWD
-        if moves and not looks and time > 0.0:
+        waits = can_wait and moves and k[s.body_law + b] == BOUNCE and f[s.body_event + b] == UNPLANNED
+        if waits and time > 0.0:
+            waits = is_quiet(f, k, s, b, time)
+        if moves and not (looks or waits) and time > 0.0:
             bring_forward(f, k, s, b, time)
         x, y = f[s.body_x + b], f[s.body_y + b]
+        if waits:
+            x += f[s.body_vx + b] * time
+            y += f[s.body_vy + b] * time
         gap = math.inf
         for r in range(s.robots):
             gap = min(gap, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
@@ -97,10 +104,8 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
         if gap > 0.0:
             continue
         k[s.near_number + count] = b - first
-        if is_late and moves and k[s.body_law + b] == BOUNCE:
-            f[s.body_turned + b] = -1.0
-            write_block(f, s, count, x, y, f[s.body_vx + b], f[s.body_vy + b], f[s.body_radius + b])
-            f[s.near_event + count] = quiet_until(f, k, s, b)
+        if waits and is_quiet(f, k, s, b, time):
+            list_waiting(f, s, b, count)
         else:
             if moves and not looks and time == 0.0:
                 bring_forward(f, k, s, b, time)
@@ -132,6 +137,24 @@ def list_body(f: Floats, s: Record, b: int, j: int, moves: bool) -> None:
     else:
         write_block(f, s, j, f[s.body_x + b], f[s.body_y + b], 0.0, 0.0, f[s.body_radius + b])
         f[s.near_event + j] = math.inf
+
+
+@inlined
+def is_quiet(f: Floats, k: Integers, s: Record, b: int, time: float) -> bool:
+    """Whether body b, whose first event is not planned, certainly has none up to a time."""
+    if f[s.body_quiet + b] < 0.0:
+        f[s.body_quiet + b] = quiet_until(f, k, s, b)
+    quiet: bool = f[s.body_quiet + b] > time
+    return quiet
+
+
+@inlined
+def list_waiting(f: Floats, s: Record, b: int, j: int) -> None:
+    """Write body b, which goes on as it was placed until its first event is planned, to place j of the lists."""
+    f[s.body_turned + b] = -1.0
+    x, y, vx, vy = f[s.body_x + b], f[s.body_y + b], f[s.body_vx + b], f[s.body_vy + b]
+    write_block(f, s, j, x, y, vx, vy, f[s.body_radius + b])
+    f[s.near_event + j] = f[s.body_quiet + b]
 
 
 @apart

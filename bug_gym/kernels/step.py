@@ -236,6 +236,7 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
             set_line(f, s, b, 0.0)
         else:
             f[s.body_event + b] = UNPLANNED
+            f[s.body_quiet + b] = -1.0
     f[s.fastest] = fastest
     k[s.steered_count] = steered
     k[s.moving_goals] = 0
