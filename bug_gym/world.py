@@ -605,7 +605,7 @@ PER_BODY = ("body_", "line_", "last_", "leg_", "way_first", "way_count", "way_ne
 MARGIN = 2.0
 """How much farther than they matter bodies are listed [m]: the less, the fewer; the more, the more seldom."""
 
-NEAR_BY = 256
+NEAR_BY = 512
 """So many numbers are copied in less time than another piece of a row is begun."""
 
 OF_MOTION = frozenset(
