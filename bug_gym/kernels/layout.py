@@ -109,6 +109,7 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "outcome": (1, "robots"),  # RUNNING and its neighbours
     "goal_body": (1, "robots"),  # number of the body that is the robot's goal
     "near_number": (1, "listed"),  # of the disc or polygon
+    "near_walls": (1, "listed"),  # of the polygon: see `neighbours.ListedWalls`
     "body_law": (1, "bodies"),  # STILL and its neighbours
     "body_leg": (1, "bodies"),  # how many headings or goals it has drawn
     "way_first": (1, "bodies"),  # where its way-points begin

@@ -38,6 +38,30 @@ class Near(NamedTuple):
     """The discs that hold the polygons."""
 
 
+class ListedWalls(NamedTuple):
+    """The walls of a listed polygon, which are kept side by side in one number each: those of all polygons lie apart."""
+
+    first: int
+    """Where they begin."""
+    total: int
+    side: int
+    """1 or -1: on which side of its walls the inside lies."""
+    moves: bool
+
+
+@inlined
+def pack_walls(walls: ListedWalls) -> int:
+    """One number of 64 bits."""
+    return walls.first << 32 | walls.total << 3 | (walls.side + 1) << 1 | int(walls.moves)
+
+
+@inlined
+def listed_walls(k: Integers, s: Record, at: np.uint64) -> ListedWalls:
+    """Of the polygon at a place of the list of polygons."""
+    packed = k[np.uint64(s.near_walls + s.disc_room) + at]
+    return ListedWalls(packed >> 32, packed >> 3 & 0x1FFFFFFF, (packed >> 1 & 3) - 1, packed & 1 != 0)
+
+
 def list_room(bodies: int) -> int:
     """Length of a list that holds so many, in eights, and eight more."""
     return (bodies // LANES + 2) * LANES
@@ -77,7 +101,7 @@ def close_in(f: Floats, s: Record) -> float:
 def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, total: int, at: int, time: float) -> int:
     """List those of the bodies `first` ... `first + total - 1` that are near, from `at` on; returns how many.
 
-    The first `moving` of them move.
+    Discs are listed from 0 on, polygons behind their room. The first `moving` of them move.
     """
     margin: float = f[s.listed_until] - f[s.closing]
     # Among still discs it is soon that one might touch something; where all are listed most are far off.
@@ -103,7 +127,10 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
         f[s.body_wake + b] = f[s.closing] + max(gap, 0.0)
         if gap > 0.0:
             continue
-        k[s.near_number + count] = b - first
+        k[s.near_number + count] = number = b - first
+        if at > 0:
+            polygon_walls = k[s.polygon_first + number], k[s.polygon_walls + number], k[s.polygon_side + number]
+            k[s.near_walls + count] = pack_walls(ListedWalls(*polygon_walls, moves))
         if waits and is_quiet(f, k, s, b, time):
             list_waiting(f, s, b, count)
         else:

@@ -224,24 +224,22 @@ def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, count: np
         f[sectors + sector] = 0.0
     per_beam = 1.0 / (beams.per_rad * SECTOR)
     begin = (_arc_tangent(origin.sin, origin.cos) + beams.first_angle + 2.0 * TWO_PI) / SECTOR
-    sector = np.uint64(begin)
-    beam = np.uint64(0)
+    number, beam = np.uint64(begin), np.uint64(0)
     while beam < count:
-        end = min(np.uint64((np.float64(sector) + 1.0 - begin) / per_beam) + np.uint64(1), count)
-        place = sectors + (sector & last)
+        end = min(np.uint64((np.float64(number) + 1.0 - begin) / per_beam) + np.uint64(1), count)
+        place = sectors + (number & last)
         longest = f[place]
         for i in range(beam, end):
             distance = f[np.uint64(BEST) + i]
             longest = distance if distance > longest else longest
         f[place] = longest
         beam = max(beam, end)
-        sector += np.uint64(1)
+        number += np.uint64(1)
     farthest = 0.0
     for octant in range(np.uint64(8)):
         longest = 0.0
-        for number in range(np.uint64(4)):
-            sector = (np.uint64(2) * octant + number + last) & last
-            longest = max(longest, f[sectors + sector])
+        for part in range(np.uint64(4)):
+            longest = max(longest, f[sectors + ((np.uint64(2) * octant + part + last) & last)])
         f[at + np.uint64(OCTANTS[octant])] = min(longest + SLACK, reach)
         farthest = max(farthest, longest)
     f[at + np.uint64(8)] = min(farthest + SLACK, reach)
