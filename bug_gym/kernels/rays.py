@@ -2,7 +2,7 @@
 
 Far obstacles are dropped; for each near one the interval of beams that can meet it is estimated, and every beam of the
 interval is tested exactly, eight at a time. Estimates only ever widen the interval, so that they cost time and never
-exactness.
+exactness. Among many discs the nearest go first, and of the others those that they hide are dropped.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from bug_gym.kernels.vectors import (
     TILE,
     append_close,
     append_near,
+    append_seen,
     gather,
     test_disc,
     test_wall,
@@ -30,6 +31,12 @@ from bug_gym.kernels.vectors import (
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
+SLACK = 1e-9  # [m] more than the rounding of a range: what lies farther by this than all ranges shortens none
+CROWDED = 128  # so many discs at hand hide most of one another
+FOREMOST = 48  # of so many the nearest go first, roughly
+SECTORS = 16  # of a full turn, half an octant each
+SECTOR = TWO_PI / SECTORS  # [rad]
+OCTANTS = (0, 4, 5, 1, 3, 7, 6, 2)  # of each octant, counter-clockwise from the x axis, its number in `append_seen`
 TOUCH = 1e-9  # [m] an origin this near to a wall stands in it
 
 
@@ -91,7 +98,7 @@ class Beams(NamedTuple):
 
 def scratch_floats(beams: int) -> int:
     """Length of `scratch_f` that `cast_rays` needs."""
-    return BEST + beams + 2 * LANES
+    return BEST + beams + 2 * LANES + 9 + SECTORS
 
 
 def scratch_integers(obstacles: int) -> int:
@@ -190,6 +197,52 @@ def find_near_discs(discs: Discs, x: float, y: float, reach: float, index: Integ
         end += np.uint64(dx * dx + dy * dy < far * far)
     _fill_up(index, start, end)
     return end - start
+
+
+@inlined
+def _find_farther_discs(
+    discs: Discs, x: float, y: float, low: float, f: Floats, limits: np.uint64, index: Integers
+) -> np.uint64:
+    """Lists in index[NEAR:] the discs beyond `low` that the limits f[limits:] do not rule out; returns how many."""
+    start = np.uint64(NEAR)
+    end: np.uint64 = start
+    for j in range(np.uint64(0), np.uint64(discs.total), np.uint64(LANES)):
+        end = append_seen(index, discs.x, discs.y, discs.radius, j, x, y, low, f, limits, end)
+    _fill_up(index, start, end)
+    return end - start
+
+
+@inlined
+def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, count: np.uint64, at: np.uint64) -> None:
+    """How far the beams go that may meet a disc in an octant about the origin, f[at:] as `append_seen` reads it.
+
+    A disc that isn't wide has no beams farther from its octant than half of one. So an octant's limit is the longest of
+    the ranges f[BEST:] in four of the SECTORS, half an octant each.
+    """
+    sectors, last = at + np.uint64(9), np.uint64(SECTORS - 1)
+    for sector in range(np.uint64(SECTORS)):
+        f[sectors + sector] = 0.0
+    per_beam = 1.0 / (beams.per_rad * SECTOR)
+    begin = (_arc_tangent(origin.sin, origin.cos) + beams.first_angle + 2.0 * TWO_PI) / SECTOR
+    number, beam = np.uint64(begin), np.uint64(0)
+    while beam < count:
+        end = min(np.uint64((np.float64(number) + 1.0 - begin) / per_beam) + np.uint64(1), count)
+        place = sectors + (number & last)
+        longest = f[place]
+        for i in range(beam, end):
+            distance = f[np.uint64(BEST) + i]
+            longest = distance if distance > longest else longest
+        f[place] = longest
+        beam = max(beam, end)
+        number += np.uint64(1)
+    farthest = 0.0
+    for octant in range(np.uint64(8)):
+        longest = 0.0
+        for part in range(np.uint64(4)):
+            longest = max(longest, f[sectors + ((np.uint64(2) * octant + part + last) & last)])
+        f[at + np.uint64(OCTANTS[octant])] = min(longest + SLACK, reach)
+        farthest = max(farthest, longest)
+    f[at + np.uint64(8)] = min(farthest + SLACK, reach)
 
 
 @inlined
@@ -411,9 +464,17 @@ def cast_rays(
     if near > np.uint64(0):
         inside = _cast_walls(walls, origin, beams, near, scratch_f, scratch_i)
         _invert(scratch_f, padded)
-    near = find_near_discs(discs, origin.x, origin.y, reach, scratch_i)
-    if near > np.uint64(0) and not inside:
-        inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
+    # Among many discs the nearest go first: most others lie behind them.
+    crowded = discs.total > CROWDED
+    low = reach * math.sqrt(FOREMOST / discs.total) if crowded else reach
+    near = find_near_discs(discs, origin.x, origin.y, low, scratch_i)
+    for ring in range(2 if crowded else 1):
+        if ring == 1:
+            limits = np.uint64(BEST) + padded
+            _set_limits(scratch_f, beams, origin, reach, count, limits)
+            near = _find_farther_discs(discs, origin.x, origin.y, low, scratch_f, limits, scratch_i)
+        if near > np.uint64(0) and not inside:
+            inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
     for i in range(count):
         distance = scratch_f[i + np.uint64(BEST)]
         # Inverting `reach` twice may end one bit off, which mustn't turn a beam without return into one with.

@@ -20,7 +20,7 @@ from bug_gym.kernels.layout import (
     Ranges,
     Record,
 )
-from bug_gym.kernels.neighbours import NOWHERE, in_eights, listed_discs
+from bug_gym.kernels.neighbours import NOWHERE, in_eights, listed_discs, listed_walls
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
 from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs
@@ -73,18 +73,16 @@ def gather_walls(
         count += 1
     if polygons.total == 0:
         return Walls(x1, y1, x2, y2, count)
-    moving = k[s.moving_polygon_count]
     near = find_near_discs(polygons, x, y, s.reach, index)
     for j in range(near):
         at = np.uint64(index[np.uint64(NEAR) + j])
-        number = k[np.uint64(s.near_number + s.disc_room) + at]
+        walls = listed_walls(k, s, at)
         bx, by, radius = polygons.x[at], polygons.y[at], polygons.radius[at]
         dx, dy = x - bx, y - by
-        side = 0.0 if dx * dx + dy * dy <= radius * radius else np.float64(k[s.polygon_side + number])
-        if number >= moving:
+        side = 0.0 if dx * dx + dy * dy <= radius * radius else np.float64(walls.side)
+        if not walls.moves:
             bx, by = 0.0, 0.0
-        first = k[s.polygon_first + number]
-        for w in range(first, first + k[s.polygon_walls + number]):
+        for w in range(walls.first, walls.first + walls.total):
             ax, ay = f[s.wall + 4 * w] + bx, f[s.wall + 4 * w + 1] + by
             cx, cy = f[s.wall + 4 * w + 2] + bx, f[s.wall + 4 * w + 3] + by
             x1[count] = ax
