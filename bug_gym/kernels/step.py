@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from bug_gym.compiling import called, inlined, is_ready, kernel
 from bug_gym.kernels.contact import settle_robots
 from bug_gym.kernels.drive import apply_motion, clear_pending, drive, exchange_pending
@@ -45,15 +43,14 @@ from bug_gym.kernels.neighbours import (
     in_eights,
     keep_list,
     list_from_here,
-    listed_walls,
     move_list,
     move_lookers,
     near_bodies,
 )
 from bug_gym.kernels.observation import observe
-from bug_gym.kernels.rays import find_near_discs
-from bug_gym.kernels.sensing import clearance_at, look_from
-from bug_gym.kernels.vectors import LANES, NEAR, prefetch
+from bug_gym.kernels.rays import find_near_discs, foremost_reach
+from bug_gym.kernels.sensing import clearance_at, fetch_walls, look_from
+from bug_gym.kernels.vectors import LANES, prefetch
 
 
 def is_compiled(types: tuple[Any, ...]) -> bool:
@@ -147,8 +144,8 @@ def end_mission(k: Integers, s: Record) -> None:
 
 
 # Many rows don't stay in the processor's cache, and which walls a step needs is known only when the list of the near
-# polygons has come, whose length comes with the row. So a row is asked for three steps before its own, what it lists
-# two, and its near walls one.
+# polygons has come, whose length comes with the row. So a row is asked for two steps before its own; one of many walls
+# three, what it lists two, and its near walls one.
 MANY_WALLS, MANY_ROWS = 128, 16
 FETCHED = 4  # blocks of the list, or walls of the border; the processor has seen by then that it goes on
 
@@ -160,13 +157,7 @@ def fetch_row(f: Floats, k: Integers, s: Record) -> None:
         prefetch(f, line)
     for line in range(0, s.near_number, 8):
         prefetch(k, line)
-
-
-@inlined
-def fetch_border(f: Floats, k: Integers, s: Record) -> None:
-    """Asks for the walls of the border, which every step looks at: they lie far from the rest."""
-    first = s.wall + 4 * k[s.border_first]
-    for line in range(first, first + 4 * min(k[s.border_walls], FETCHED), 8):
+    for line in range(s.wall, s.wall + 4 * FETCHED, 8):  # of the border, where there are no polygons
         prefetch(f, line)
 
 
@@ -196,14 +187,13 @@ def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
 
 @called
 def fetch_near_walls(f: Floats, k: Integers, s: Record, columns: Floats, index: Integers) -> None:
-    """Asks for the walls of the polygons near the first robot."""
+    """Asks for the walls of the border, and of the polygons near the first robot: the foremost, where most are hidden."""
+    border = s.wall + 4 * k[s.border_first]
+    for line in range(border, border + 4 * FETCHED, 8):
+        prefetch(f, line)
     polygons = move_list(f, s, s.disc_room, k[s.near_polygons], f[s.time], columns)
-    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], s.reach, index)
-    for j in range(near):
-        walls = listed_walls(k, s, np.uint64(index[np.uint64(NEAR) + j]))
-        first = s.wall + 4 * walls.first
-        for line in range(first, first + 4 * walls.total, 8):
-            prefetch(f, line)
+    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], foremost_reach(polygons.total, s.reach), index)
+    fetch_walls(f, k, s, near, index)
 
 
 @called
@@ -348,16 +338,16 @@ def run_rows(
     columns = scratch[scratch.size - 4 * s.walls - COLUMNS * (s.disc_room + s.polygon_room) :]
     many = rows.size >= MANY_ROWS
     many_walls = many and s.walls >= MANY_WALLS
-    for i in range(-3, rows.size):
-        if many and i + 3 < rows.size:
-            fetch_row(floats[rows[i + 3]], ints[rows[i + 3]], s)
+    ahead = 3 if many_walls else 2
+    for i in range(-ahead, rows.size):
+        if many and i + ahead < rows.size:
+            fetch_row(floats[rows[i + ahead]], ints[rows[i + ahead]], s)
         if many_walls and 0 <= i + 2 < rows.size:
             fetch_polygons(floats[rows[i + 2]], ints[rows[i + 2]], s)
         if many_walls and 0 <= i + 1 < rows.size:
             fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, columns, scratch_int)
         if many and 0 <= i + 1 < rows.size:
             g = floats[rows[i + 1]]
-            fetch_border(g, ints[rows[i + 1]], s)
             if g[s.next_event] <= g[s.time] + s.step:
                 fetch_next_body(g, ints[rows[i + 1]], s)
         if i < 0:
