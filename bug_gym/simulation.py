@@ -259,7 +259,7 @@ class Simulation:
 
     def _place_fields(self, rows: Rows, starts: Starts, record: NDArray[Any]) -> None:
         world = self.world
-        before = world.floats[rows], world.ints[rows]
+        before = [part[rows] for part in world.placed]
         placed = np.zeros(len(rows), dtype=np.int64)
         world.seed[rows], world.episode[rows] = starts
         kernels.place_fields(world.floats, world.ints, world.common, record, rows, placed)
@@ -270,7 +270,8 @@ class Simulation:
         row, count = int(rows[failed[0]]), int(placed[failed[0]])
         where = f"{self.scenario.name}, seed {world.seed[row]}, episode {world.episode[row]}"
         share = scenarios.covered_share(world, row) if count >= 0 else 0.0
-        world.floats[rows], world.ints[rows] = before
+        for part, old in zip(world.placed, before, strict=True):
+            part[rows] = old
         if count < 0:
             raise ValueError(f"{where}: no start and goal with their clearance and separation fit into the bounds")
         raise ValueError(

@@ -226,6 +226,9 @@ class World:
             raise ValueError(f"{what}, expected at most {told_bytes(MEMORY)}: fewer of them, or smaller ones")
         self.floats: F64 = aligned_zeros(self.count, widths[0], np.float64)
         self.ints: NDArray[np.int64] = aligned_zeros(self.count, widths[1], np.int64)
+        self._placed_spans = [
+            self._spans(table, kernels.PLACED) for table in (kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS)
+        ]
         beams = int(self.spec["beams"][0])
         floats = kernels.scratch_floats(beams) + robots + 4 * walls + kernels.COLUMNS * (disc_room + polygon_room)
         steering = kernels.steering_floats(walls, bodies, robots * len(self.footprint)) if capacity.steered else 0
@@ -284,6 +287,21 @@ class World:
         begin, size = self._places[name]
         buffer: NDArray[Any] = self.ints if name in kernels.INT_ARRAYS else self.floats
         return buffer[:, begin : begin + size]
+
+    @property
+    def placed(self) -> list[NDArray[Any]]:
+        """Views (N, size) of what `kernels.place_fields` writes."""
+        floats, ints = self._placed_spans
+        return [self.floats[:, begin:end] for begin, end in floats] + [self.ints[:, begin:end] for begin, end in ints]
+
+    def _spans(self, table: dict[str, tuple[int, str]], names: frozenset[str]) -> list[tuple[int, int]]:
+        """Where in a row these arrays of a table lie: few spans, as what lies NEAR_BY one another is in one."""
+        spans: list[tuple[int, int]] = []
+        for begin, size in (self._places[name] for name in table if name in names):
+            if spans and begin - spans[-1][1] <= NEAR_BY:
+                begin, size = spans[-1][0], begin + size - spans.pop()[0]
+            spans.append((begin, begin + size))
+        return spans
 
     def _pair(self, first: str) -> F64:
         """View (N, n, 2) of two arrays that follow one another, x then y."""
@@ -586,6 +604,9 @@ PER_BODY = ("body_", "line_", "last_", "leg_", "way_first", "way_count", "way_ne
 
 MARGIN = 2.0
 """How much farther than they matter bodies are listed [m]: the less, the fewer; the more, the more seldom."""
+
+NEAR_BY = 512
+"""So many numbers are copied in less time than another piece of a row is begun."""
 
 OF_MOTION = frozenset(
     name

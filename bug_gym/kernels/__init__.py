@@ -81,7 +81,7 @@ from bug_gym.kernels.manoeuvre import best_arc, free_arc
 from bug_gym.kernels.neighbours import COLUMNS, list_room
 from bug_gym.kernels.observation import OBSERVATION, observation_places
 from bug_gym.kernels.one import step_one
-from bug_gym.kernels.placing import ATTEMPTS, place_fields
+from bug_gym.kernels.placing import ATTEMPTS, PLACED, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
 from bug_gym.kernels.rays import beam_table, scratch_floats, scratch_integers
 from bug_gym.kernels.record import SPEC
@@ -123,6 +123,7 @@ __all__ = [
     "EVADE",
     "BEGIN",
     "LOOK",
+    "PLACED",
     "STATUS",
     "STEP",
     "FIELD",

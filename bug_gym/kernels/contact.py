@@ -11,7 +11,7 @@ from bug_gym.kernels.body import NO_WALL, body_circle, circle_radius, is_beside,
 from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Footprint, Integers, Record
-from bug_gym.kernels.neighbours import Near, near_motion
+from bug_gym.kernels.neighbours import Near, listed_walls, near_motion
 from bug_gym.kernels.rays import Discs, find_near_discs
 from bug_gym.kernels.vectors import NEAR
 
@@ -49,10 +49,8 @@ def disc_contacts(
     near = find_near_discs(discs, nx, ny, need, index)
     for j in range(near):
         at = np.uint64(index[np.uint64(NEAR) + j])
-        x, y, m = discs.x[at], discs.y[at], k[np.uint64(s.near_number) + at]
-        mx, my = 0.0, 0.0
-        if m < moving:
-            mx, my = near_motion(f, s, m, at)
+        x, y = discs.x[at], discs.y[at]
+        mx, my = near_motion(f, k, s, 0, moving, at)
         for c in range(s.footprint):
             reach = discs.radius[at] + circle_radius(s, footprint, c)
             if footprint is not None and is_beside(footprint, c):
@@ -137,14 +135,12 @@ def obstacle_contact(
     count = find_near_discs(near.polygons, nx, ny, need, index)
     for j in range(count):
         at = np.uint64(index[np.uint64(NEAR) + j])
-        number = k[np.uint64(s.near_number + s.disc_room) + at]
+        walls = listed_walls(k, s, at)
         x, y, mx, my = 0.0, 0.0, 0.0, 0.0  # the walls of a still polygon are kept where they stand
-        if number < k[s.moving_polygon_count]:
+        if walls.moves:
             x, y = near.polygons.x[at], near.polygons.y[at]
-            mx, my = near_motion(f, s, s.discs + number, np.uint64(s.disc_room) + at)
-        contact, gap = wall_contacts(
-            f, s, footprint, r, k[s.polygon_first + number], k[s.polygon_walls + number], x, y, mx, my, need, end
-        )
+            mx, my = near_motion(f, k, s, s.discs, k[s.moving_polygon_count], np.uint64(s.disc_room) + at)
+        contact, gap = wall_contacts(f, s, footprint, r, walls.first, walls.total, x, y, mx, my, need, end)
         first, clearance = min(first, contact), min(clearance, gap)
     return first, clearance
 

@@ -69,6 +69,7 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "body_vy": (1, "bodies"),
     "body_radius": (1, "bodies"),  # of the disc, or of one that holds the polygon [m]
     "body_event": (1, "bodies"),  # when its velocity changes next [s]
+    "body_quiet": (1, "bodies"),  # until when one whose first event is not planned has none [s]; -1: nobody knows
     "body_turned": (1, "bodies"),  # end of the last step in which it changed [s]; -1: not yet
     "last_x": (1, "bodies"),  # place at the start of that step [m]
     "last_y": (1, "bodies"),
@@ -103,9 +104,12 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "near_polygons": (1, "row"),
     "moving_goals": (1, "row"),
     "next_body": (1, "row"),  # whose event `next_event` is
+    "border_first": (1, "row"),  # where its walls begin
+    "border_walls": (1, "row"),
     "outcome": (1, "robots"),  # RUNNING and its neighbours
     "goal_body": (1, "robots"),  # number of the body that is the robot's goal
     "near_number": (1, "listed"),  # of the disc or polygon
+    "near_walls": (1, "listed"),  # of the polygon: see `neighbours.ListedWalls`
     "body_law": (1, "bodies"),  # STILL and its neighbours
     "body_leg": (1, "bodies"),  # how many headings or goals it has drawn
     "way_first": (1, "bodies"),  # where its way-points begin
@@ -115,8 +119,6 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "polygon_first": (1, "polygons"),  # where its walls begin
     "polygon_walls": (1, "polygons"),
     "polygon_side": (1, "polygons"),  # 1 or -1: on which side of its walls the inside lies
-    "border_first": (1, "row"),
-    "border_walls": (1, "row"),
 }
 ALIGNED = 16  # rows and their walls begin at a multiple of so many numbers: processors fetch lines of 64 bytes in pairs
 

@@ -19,7 +19,7 @@ import numpy as np
 from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import ACKERMANN, BOUNCE, CROWD, Floats, Integers, Record
-from bug_gym.kernels.motion import body_motion, bring_forward, move_looker, quiet_until
+from bug_gym.kernels.motion import UNPLANNED, body_motion, bring_forward, move_looker, quiet_until
 from bug_gym.kernels.rays import Discs
 from bug_gym.kernels.vectors import LANES, move_eight
 
@@ -36,6 +36,30 @@ class Near(NamedTuple):
     """Circular obstacles."""
     polygons: Discs
     """The discs that hold the polygons."""
+
+
+class ListedWalls(NamedTuple):
+    """The walls of a listed polygon, which are kept side by side in one number each: those of all polygons lie apart."""
+
+    first: int
+    """Where they begin."""
+    total: int
+    side: int
+    """1 or -1: on which side of its walls the inside lies."""
+    moves: bool
+
+
+@inlined
+def pack_walls(walls: ListedWalls) -> int:
+    """One number of 64 bits."""
+    return walls.first << 32 | walls.total << 3 | (walls.side + 1) << 1 | int(walls.moves)
+
+
+@inlined
+def listed_walls(k: Integers, s: Record, at: np.uint64) -> ListedWalls:
+    """Of the polygon at a place of the list of polygons."""
+    packed = k[np.uint64(s.near_walls + s.disc_room) + at]
+    return ListedWalls(packed >> 32, packed >> 3 & 0x1FFFFFFF, (packed >> 1 & 3) - 1, packed & 1 != 0)
 
 
 def list_room(bodies: int) -> int:
@@ -77,18 +101,25 @@ def close_in(f: Floats, s: Record) -> float:
 def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, total: int, at: int, time: float) -> int:
     """List those of the bodies `first` ... `first + total - 1` that are near, from `at` on; returns how many.
 
-    The first `moving` of them move.
+    Discs are listed from 0 on, polygons behind their room. The first `moving` of them move.
     """
     margin: float = f[s.listed_until] - f[s.closing]
-    is_late = time == 0.0 and margin == math.inf and k[s.steered_count] == 0  # where all are listed most are far off
+    # Among still discs it is soon that one might touch something; where all are listed most are far off.
+    can_wait = k[s.steered_count] == 0 and (margin == math.inf or k[s.disc_count] == k[s.moving_disc_count])
     count = at
     for b in range(first, first + total):
         if f[s.body_wake + b] > f[s.closing]:
             continue
         moves, looks = b - first < moving, k[s.body_law + b] >= CROWD
-        if moves and not looks and time > 0.0:
+        waits = can_wait and moves and k[s.body_law + b] == BOUNCE and f[s.body_event + b] == UNPLANNED
+        if waits and time > 0.0:
+            waits = is_quiet(f, k, s, b, time)
+        if moves and not (looks or waits) and time > 0.0:
             bring_forward(f, k, s, b, time)
         x, y = f[s.body_x + b], f[s.body_y + b]
+        if waits:
+            x += f[s.body_vx + b] * time
+            y += f[s.body_vy + b] * time
         gap = math.inf
         for r in range(s.robots):
             gap = min(gap, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
@@ -96,11 +127,12 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
         f[s.body_wake + b] = f[s.closing] + max(gap, 0.0)
         if gap > 0.0:
             continue
-        k[s.near_number + count] = b - first
-        if is_late and moves and k[s.body_law + b] == BOUNCE:
-            f[s.body_turned + b] = -1.0
-            write_block(f, s, count, x, y, f[s.body_vx + b], f[s.body_vy + b], f[s.body_radius + b])
-            f[s.near_event + count] = quiet_until(f, k, s, b)
+        k[s.near_number + count] = number = b - first
+        if at > 0:
+            polygon_walls = k[s.polygon_first + number], k[s.polygon_walls + number], k[s.polygon_side + number]
+            k[s.near_walls + count] = pack_walls(ListedWalls(*polygon_walls, moves))
+        if waits and is_quiet(f, k, s, b, time):
+            list_waiting(f, s, b, count)
         else:
             if moves and not looks and time == 0.0:
                 bring_forward(f, k, s, b, time)
@@ -132,6 +164,24 @@ def list_body(f: Floats, s: Record, b: int, j: int, moves: bool) -> None:
     else:
         write_block(f, s, j, f[s.body_x + b], f[s.body_y + b], 0.0, 0.0, f[s.body_radius + b])
         f[s.near_event + j] = math.inf
+
+
+@inlined
+def is_quiet(f: Floats, k: Integers, s: Record, b: int, time: float) -> bool:
+    """Whether body b, whose first event is not planned, certainly has none up to a time."""
+    if f[s.body_quiet + b] < 0.0:
+        f[s.body_quiet + b] = quiet_until(f, k, s, b)
+    quiet: bool = f[s.body_quiet + b] > time
+    return quiet
+
+
+@inlined
+def list_waiting(f: Floats, s: Record, b: int, j: int) -> None:
+    """Write body b, which goes on as it was placed until its first event is planned, to place j of the lists."""
+    f[s.body_turned + b] = -1.0
+    x, y, vx, vy = f[s.body_x + b], f[s.body_y + b], f[s.body_vx + b], f[s.body_vy + b]
+    write_block(f, s, j, x, y, vx, vy, f[s.body_radius + b])
+    f[s.near_event + j] = f[s.body_quiet + b]
 
 
 @apart
@@ -196,10 +246,14 @@ def keep_list(f: Floats, k: Integers, s: Record, end: float) -> None:
 
 
 @inlined
-def near_motion(f: Floats, s: Record, b: int, j: np.uint64) -> tuple[float, float]:
-    """The way in this step of the moving body b, which lies at place j of the lists [m]."""
+def near_motion(f: Floats, k: Integers, s: Record, first: int, moving: int, j: np.uint64) -> tuple[float, float]:
+    """The way in this step of the body at place j of the lists [m]: one of those from `first` on, of which so many move.
+
+    Which one it is, is looked up only where bodies have met events: their numbers lie far from the rest.
+    """
     if f[s.listed_turn] == f[s.time]:
-        return body_motion(f, s, b)
+        number = k[np.uint64(s.near_number) + j]
+        return body_motion(f, s, first + number) if number < moving else (0.0, 0.0)
     block = np.uint64(s.near) + (j >> np.uint64(3)) * np.uint64(BLOCK) + (j & np.uint64(7))
     return f[block + np.uint64(2 * LANES)] * s.step, f[block + np.uint64(3 * LANES)] * s.step
 

@@ -25,6 +25,16 @@ from bug_gym.kernels.randomness import between, hash64, uniform
 
 TRIES = 1000  # for one obstacle
 ATTEMPTS = 20  # at a whole world
+PLACED = frozenset(
+    [
+        *("seed", "episode", "pose", "goal_body", "wall", "border_first", "border_walls"),
+        *("body_x", "body_y", "body_radius", "body_vx", "body_vy", "body_speed", "body_law", "body_leg"),
+        *("leg_min", "leg_max", "body_foresight", "body_calm"),
+        *("polygon_first", "polygon_walls", "polygon_side", "polygon_count", "moving_polygon_count"),
+        *("disc_count", "moving_disc_count", "wall_count", "moving_wall_count"),
+    ]
+)
+"""The arrays of a row that are written here (seed and episode by who asks for a world)."""
 
 
 @called

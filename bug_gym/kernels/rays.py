@@ -2,7 +2,7 @@
 
 Far obstacles are dropped; for each near one the interval of beams that can meet it is estimated, and every beam of the
 interval is tested exactly, eight at a time. Estimates only ever widen the interval, so that they cost time and never
-exactness.
+exactness. Among many discs the nearest go first, and of the others those that they hide are dropped.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bug_gym.compiling import inlined
+from bug_gym.compiling import called, inlined
 from bug_gym.kernels.geometry import HALF_PI, TWO_PI
 from bug_gym.kernels.layout import Floats, Integers, Ranges
 from bug_gym.kernels.vectors import (
@@ -23,6 +23,7 @@ from bug_gym.kernels.vectors import (
     TILE,
     append_close,
     append_near,
+    append_seen,
     gather,
     test_disc,
     test_wall,
@@ -30,6 +31,12 @@ from bug_gym.kernels.vectors import (
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
+SLACK = 1e-6  # [m] more than the rounding of a range: what lies farther by this than all ranges shortens none
+CROWDED = 128  # so many discs at hand hide most of one another
+FOREMOST = 48  # of so many the nearest go first, roughly
+SECTORS = 16  # of a full turn, half an octant each
+SECTOR = TWO_PI / SECTORS  # [rad]
+OCTANTS = (0, 4, 5, 1, 3, 7, 6, 2)  # of each octant, counter-clockwise from the x axis, its number in `append_seen`
 TOUCH = 1e-9  # [m] an origin this near to a wall stands in it
 
 
@@ -91,7 +98,7 @@ class Beams(NamedTuple):
 
 def scratch_floats(beams: int) -> int:
     """Length of `scratch_f` that `cast_rays` needs."""
-    return BEST + beams + 2 * LANES
+    return BEST + beams + 2 * LANES + 9 + SECTORS
 
 
 def scratch_integers(obstacles: int) -> int:
@@ -193,7 +200,72 @@ def find_near_discs(discs: Discs, x: float, y: float, reach: float, index: Integ
 
 
 @inlined
-def _find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Integers) -> np.uint64:
+def foremost_reach(discs: int, reach: float) -> float:
+    """How far bodies go first, of so many at hand: those behind are looked at with `find_unhidden`. `reach`: all go."""
+    return reach * math.sqrt(FOREMOST / discs) if discs > CROWDED else reach
+
+
+@inlined
+def find_unhidden(
+    discs: Discs, origin: Origin, beams: Beams, low: float, reach: float, is_inverse: bool, f: Floats, index: Integers
+) -> np.uint64:
+    """Lists in index[NEAR:] the discs beyond `low` that what stands nearer does not hide for sure; returns how many.
+
+    Of the beams, f[BEST:] has ranges or, where `is_inverse`, inverse ranges so far.
+    """
+    limits = np.uint64(BEST) + padded_beams(beams)
+    _set_limits(f, beams, origin, reach, is_inverse, limits)
+    start = np.uint64(NEAR)
+    end: np.uint64 = start
+    for j in range(np.uint64(0), np.uint64(discs.total), np.uint64(LANES)):
+        end = append_seen(index, discs.x, discs.y, discs.radius, j, origin.x, origin.y, low, f, limits, end)
+    _fill_up(index, start, end)
+    return end - start
+
+
+@called
+def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, is_inverse: bool, at: np.uint64) -> None:
+    """How far the beams go that may meet a disc in an octant about the origin, f[at:] as `append_seen` reads it.
+
+    A disc that isn't wide has no beams farther from its octant than half of one. So an octant's limit is the longest of
+    the ranges in four of the SECTORS, half an octant each. Minus an inverse range is the greater the longer it is, too.
+    """
+    count, sectors, last = np.uint64(beams.last) + np.uint64(1), at + np.uint64(9), np.uint64(SECTORS - 1)
+    sign, none = (-1.0, -math.inf) if is_inverse else (1.0, 0.0)
+    for sector in range(np.uint64(SECTORS)):
+        f[sectors + sector] = none
+    per_beam = 1.0 / (beams.per_rad * SECTOR)
+    begin = (_arc_tangent(origin.sin, origin.cos) + beams.first_angle + 2.0 * TWO_PI) / SECTOR
+    number, beam = np.uint64(begin), np.uint64(0)
+    while beam < count:
+        end = min(np.uint64((np.float64(number) + 1.0 - begin) / per_beam) + np.uint64(1), count)
+        place = sectors + (number & last)
+        longest = f[place]
+        for i in range(beam, end):
+            distance = sign * f[np.uint64(BEST) + i]
+            longest = distance if distance > longest else longest
+        f[place] = longest
+        beam = max(beam, end)
+        number += np.uint64(1)
+    farthest = 0.0
+    for octant in range(np.uint64(8)):
+        longest = none
+        for part in range(np.uint64(4)):
+            longest = max(longest, f[sectors + ((np.uint64(2) * octant + part + last) & last)])
+        longest = -1.0 / longest if is_inverse else longest
+        f[at + np.uint64(OCTANTS[octant])] = min(longest + SLACK, reach)
+        farthest = max(farthest, longest)
+    f[at + np.uint64(8)] = min(farthest + SLACK, reach)
+
+
+@inlined
+def padded_beams(beams: Beams) -> np.uint64:
+    """Numbers of f[BEST:] that are kept for them: a block may start at the last one."""
+    return (np.uint64(beams.last) + np.uint64(1)) // np.uint64(LANES) * np.uint64(LANES) + np.uint64(2 * LANES)
+
+
+@inlined
+def find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Integers) -> np.uint64:
     """Lists in index[NEAR:] the walls near the scan's circle; returns how many.
 
     Near is what has a bounding box within reach: exact for walls along an axis, nearly so for short ones.
@@ -215,12 +287,6 @@ def _find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Inte
 def _padded(count: np.uint64) -> np.uint64:
     """The multiple of eight that holds so many."""
     return (count + np.uint64(LANES - 1)) // np.uint64(LANES) * np.uint64(LANES)
-
-
-@inlined
-def _invert(f: Floats, padded: np.uint64) -> None:
-    for i in range(padded):
-        f[i + np.uint64(BEST)] = 1.0 / f[i + np.uint64(BEST)]
 
 
 @inlined
@@ -330,7 +396,7 @@ def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beam
 
 
 @inlined
-def _cast_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
+def _cast_near_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
     """Lowers the beams' ranges f[BEST:] to those of the near discs; True if one of them holds the robot."""
     tile = np.uint64(TILE)
     for start in range(np.uint64(0), near, tile):
@@ -350,7 +416,7 @@ def _cast_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64, f: 
 
 
 @inlined
-def _cast_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
+def cast_near_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
     """Raises the beams' inverse ranges f[BEST:] to those of the near walls; True if the robot stands in one."""
     tile = np.uint64(TILE)
     for start in range(np.uint64(0), near, tile):
@@ -373,49 +439,38 @@ def _cast_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64, f: 
 
 
 @inlined
-def cast_rays(
-    discs: Discs,
-    walls: Walls,
-    origin: Origin,
-    beams: Beams,
-    reach: float,
-    scratch_f: Floats,
-    scratch_i: Integers,
-    ranges: Ranges,
-) -> None:
-    """Exact ranges from the origin to the nearest disc or wall along each beam.
+def begin_ranges(f: Floats, beams: Beams, value: float) -> None:
+    """All beams have this range, or inverse range, so far."""
+    for i in range(padded_beams(beams)):
+        f[i + np.uint64(BEST)] = value
 
-    A beam without return reads `reach`. All beams read 0 where the origin lies in a disc or on a wall (within TOUCH).
-    A beam beyond one end of the fan comes in again at the other where the turn is full.
 
-    It is copied into each caller: handing over sixty words of array headers costs a third of a small scan. So call it
-    in one place, on rows cut out there.
+@inlined
+def end_walls(f: Floats, beams: Beams) -> None:
+    """Makes ranges of inverse ranges."""
+    for i in range(padded_beams(beams)):
+        f[i + np.uint64(BEST)] = 1.0 / f[i + np.uint64(BEST)]
 
-    Args:
-        discs: Of one world's row.
-        walls: Likewise.
-        origin: Where the robot is.
-        beams: Of its scanner.
-        reach: Largest range [m].
-        scratch_f: (scratch_floats(B),) f8, overwritten; what it held doesn't matter.
-        scratch_i: (scratch_integers(max(M, S)),) i8, likewise.
-        ranges: (B,) f4 [m], the result.
-    """
-    count = np.uint64(ranges.size)
-    padded = (count // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
+
+@inlined
+def cast_discs(discs: Discs, origin: Origin, beams: Beams, reach: float, f: Floats, index: Integers) -> bool:
+    """Lowers the beams' ranges f[BEST:] to those of discs; True if one of them holds the origin."""
+    low = foremost_reach(discs.total, reach)
+    near = find_near_discs(discs, origin.x, origin.y, low, index)
     inside = False
-    near = _find_near_walls(walls, origin.x, origin.y, reach, scratch_i)
-    farthest = 1.0 / reach if near > np.uint64(0) else reach
-    for i in range(padded):
-        scratch_f[i + np.uint64(BEST)] = farthest
-    if near > np.uint64(0):
-        inside = _cast_walls(walls, origin, beams, near, scratch_f, scratch_i)
-        _invert(scratch_f, padded)
-    near = find_near_discs(discs, origin.x, origin.y, reach, scratch_i)
-    if near > np.uint64(0) and not inside:
-        inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
-    for i in range(count):
-        distance = scratch_f[i + np.uint64(BEST)]
+    for ring in range(2 if low < reach else 1):
+        if ring == 1:
+            near = find_unhidden(discs, origin, beams, low, reach, False, f, index)
+        if near > np.uint64(0) and not inside:
+            inside = _cast_near_discs(discs, origin, beams, near, f, index)
+    return inside
+
+
+@inlined
+def read_ranges(f: Floats, reach: float, inside: bool, ranges: Ranges) -> None:
+    """Writes the ranges (B,) of the beams; all read 0 where the origin lies in a disc or on a wall (within TOUCH)."""
+    for i in range(np.uint64(ranges.size)):
+        distance = f[i + np.uint64(BEST)]
         # Inverting `reach` twice may end one bit off, which mustn't turn a beam without return into one with.
         distance = distance if distance < reach * (1.0 - 1e-15) else reach
         ranges[i] = np.float32(0.0 if inside else distance)

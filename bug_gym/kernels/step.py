@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from bug_gym.compiling import called, inlined, is_ready, kernel
 from bug_gym.kernels.contact import settle_robots
 from bug_gym.kernels.drive import apply_motion, clear_pending, drive, exchange_pending
@@ -39,11 +37,20 @@ from bug_gym.kernels.motion import (
     move_goals,
     set_line,
 )
-from bug_gym.kernels.neighbours import BLOCK, COLUMNS, keep_list, list_from_here, move_list, move_lookers, near_bodies
+from bug_gym.kernels.neighbours import (
+    BLOCK,
+    COLUMNS,
+    in_eights,
+    keep_list,
+    list_from_here,
+    move_list,
+    move_lookers,
+    near_bodies,
+)
 from bug_gym.kernels.observation import observe
-from bug_gym.kernels.rays import find_near_discs
-from bug_gym.kernels.sensing import clearance_at, look_from
-from bug_gym.kernels.vectors import NEAR, prefetch
+from bug_gym.kernels.rays import find_near_discs, foremost_reach
+from bug_gym.kernels.sensing import clearance_at, fetch_walls, look_from
+from bug_gym.kernels.vectors import LANES, prefetch
 
 
 def is_compiled(types: tuple[Any, ...]) -> bool:
@@ -137,9 +144,10 @@ def end_mission(k: Integers, s: Record) -> None:
 
 
 # Many rows don't stay in the processor's cache, and which walls a step needs is known only when the list of the near
-# polygons has come. So a row is asked for while the one before the last is worked on, and its near walls during the last.
+# polygons has come, whose length comes with the row. So a row is asked for two steps before its own; one of many walls
+# three, what it lists two, and its near walls one.
 MANY_WALLS, MANY_ROWS = 128, 16
-FETCHED = 4  # blocks of the list; the processor has seen by then that it goes on
+FETCHED = 4  # blocks of the list, or walls of the border; the processor has seen by then that it goes on
 
 
 @inlined
@@ -149,6 +157,8 @@ def fetch_row(f: Floats, k: Integers, s: Record) -> None:
         prefetch(f, line)
     for line in range(0, s.near_number, 8):
         prefetch(k, line)
+    for line in range(s.wall, s.wall + 4 * FETCHED, 8):  # of the border, where there are no polygons
+        prefetch(f, line)
 
 
 @called
@@ -165,25 +175,25 @@ def fetch_next_body(f: Floats, k: Integers, s: Record) -> None:
 
 @called
 def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
-    """Asks for what a step reads of a row of many polygons before it knows which are near."""
-    for line in range(s.near, s.near + s.polygons // 8 * BLOCK, 8):
+    """Asks for the listed polygons of a row whose counts have come."""
+    listed = in_eights(k[s.near_polygons])
+    block = s.near + s.disc_room // LANES * BLOCK
+    for line in range(block, block + listed // LANES * BLOCK, 8):
         prefetch(f, line)
-    for line in range(s.near_number, s.body_law, 8):
-        prefetch(k, line)
-    for line in range(s.polygon_first, s.border_first, 8):
+    walls = s.near_walls + s.disc_room
+    for line in range(walls, walls + listed, 8):
         prefetch(k, line)
 
 
 @called
 def fetch_near_walls(f: Floats, k: Integers, s: Record, columns: Floats, index: Integers) -> None:
-    """Asks for the walls of the polygons near the first robot."""
+    """Asks for the walls of the border, and of the polygons near the first robot: the foremost, where most are hidden."""
+    border = s.wall + 4 * k[s.border_first]
+    for line in range(border, border + 4 * FETCHED, 8):
+        prefetch(f, line)
     polygons = move_list(f, s, s.disc_room, k[s.near_polygons], f[s.time], columns)
-    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], s.reach, index)
-    for j in range(near):
-        number = k[np.uint64(s.near_number + s.disc_room) + np.uint64(index[np.uint64(NEAR) + j])]
-        first = s.wall + 4 * k[s.polygon_first + number]
-        for line in range(first, first + 4 * k[s.polygon_walls + number], 8):
-            prefetch(f, line)
+    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], foremost_reach(polygons.total, s.reach), index)
+    fetch_walls(f, k, s, near, index)
 
 
 @called
@@ -228,6 +238,7 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
             set_line(f, s, b, 0.0)
         else:
             f[s.body_event + b] = UNPLANNED
+            f[s.body_quiet + b] = -1.0
     f[s.fastest] = fastest
     k[s.steered_count] = steered
     k[s.moving_goals] = 0
@@ -327,10 +338,11 @@ def run_rows(
     columns = scratch[scratch.size - 4 * s.walls - COLUMNS * (s.disc_room + s.polygon_room) :]
     many = rows.size >= MANY_ROWS
     many_walls = many and s.walls >= MANY_WALLS
-    for i in range(-2, rows.size):
-        if many and i + 2 < rows.size:
-            fetch_row(floats[rows[i + 2]], ints[rows[i + 2]], s)
-        if many_walls and i + 2 < rows.size:
+    ahead = 3 if many_walls else 2
+    for i in range(-ahead, rows.size):
+        if many and i + ahead < rows.size:
+            fetch_row(floats[rows[i + ahead]], ints[rows[i + ahead]], s)
+        if many_walls and 0 <= i + 2 < rows.size:
             fetch_polygons(floats[rows[i + 2]], ints[rows[i + 2]], s)
         if many_walls and 0 <= i + 1 < rows.size:
             fetch_near_walls(floats[rows[i + 1]], ints[rows[i + 1]], s, columns, scratch_int)

@@ -18,6 +18,7 @@ from bug_gym.compiling import vectors
 
 cgutils: Any = numba_cgutils  # without types upstream
 LANES = 8
+WIDE = 0.38  # a disc's radius as a part of its distance: a bit less than the sine of half an octant
 TILE = 64  # near obstacles prepared together; a column of scratch is this long
 
 # scratch_f: four columns of obstacle data, then the best value of each beam.
@@ -156,6 +157,57 @@ def append_close(
 
     numbers = (types.float64, types.float64, types.float64)
     return types.uint64(index, xs, ys, radii, types.uint64, *numbers, types.uint64), codegen
+
+
+@vectors
+def append_seen(
+    typingctx: Any,
+    index: Any,
+    xs: Any,
+    ys: Any,
+    radii: Any,
+    j: Any,
+    x: Any,
+    y: Any,
+    low: Any,
+    limits: Any,
+    at: Any,
+    end: Any,
+) -> Any:
+    """Likewise, of those that don't reach into the circle of radius `low`, but within the limit of where they lie.
+
+    The limits limits[at ...] are of the octants about (x, y), each of three bits: to the left, below, steep; a ninth one
+    holds for discs that are wide for their distance.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, *columns, j, x, y, low, limits, at, end = arguments
+        data = [_data(context, builder, signature.args[1 + number], column) for number, column in enumerate(columns)]
+        limits = _data(context, builder, signature.args[8], limits)
+        dx = builder.fsub(_load(builder, data[0], j), _splat(builder, x))
+        dy = builder.fsub(_load(builder, data[1], j), _splat(builder, y))
+        radius = _load(builder, data[2], j)
+        along, up = builder.fmul(dx, dx), builder.fmul(dy, dy)
+        square = builder.fadd(along, up)
+        limit = [_splat(builder, builder.load(builder.gep(limits, [builder.add(at, _int64(n))]))) for n in range(9)]
+        for bit in (
+            builder.fcmp_ordered("<", dx, ZEROS),
+            builder.fcmp_ordered("<", dy, ZEROS),
+            builder.fcmp_ordered(">", up, along),
+        ):
+            limit = [builder.select(bit, limit[n + 1], limit[n]) for n in range(0, len(limit) - 1, 2)] + limit[-1:]
+        share = ir.Constant(FLOATS, [WIDE * WIDE] * LANES)
+        wide = builder.fcmp_ordered(">", builder.fmul(radius, radius), builder.fmul(square, share))
+        far = builder.fadd(builder.select(wide, limit[1], limit[0]), radius)
+        near = builder.fadd(_splat(builder, low), radius)
+        lanes = builder.and_(
+            builder.fcmp_ordered("<", square, builder.fmul(far, far)),
+            builder.fcmp_ordered(">=", square, builder.fmul(near, near)),
+        )
+        return _append(context, builder, _data(context, builder, signature.args[0], array), lanes, j, end)
+
+    numbers = (types.float64,) * 3
+    return types.uint64(index, xs, ys, radii, types.uint64, *numbers, limits, types.uint64, types.uint64), codegen
 
 
 @vectors

@@ -51,10 +51,15 @@ def run(scenario: Any, margin: float | None, *, worlds: int = 3, look: bool = Fa
     return {"seen": seen, "places": np.array(places), "listed": listed}
 
 
-@pytest.fixture(scope="module", params=["circles", "mixed"])
+@pytest.fixture(scope="module", params=[("circles", 0.6), ("mixed", 0.6), ("circles", 1.0), ("mixed", 1.0)])
 def whole(request: pytest.FixtureRequest) -> tuple[Any, dict[str, Any]]:
-    """A scenario, and what happens in it where all bodies are always listed."""
-    scenario = crowded(request.param)
+    """A scenario, and what happens in it where all bodies are always listed.
+
+    Where all move, first events are planned late.
+    """
+    shapes, moving = request.param
+    scenario = crowded(shapes)
+    scenario["world"]["moving"] = moving
     return scenario, run(scenario, math.inf)
 
 

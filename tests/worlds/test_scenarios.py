@@ -146,6 +146,20 @@ def test_a_field_that_is_too_full_says_how_full_it_is(gap: float | None) -> None
     assert 100 * placed * math.pi * 0.9**2 / 400 - 1 <= share <= 100 * placed * math.pi / 400 + 1
 
 
+@pytest.mark.parametrize("name", ["circles", "no promise"])
+@pytest.mark.parametrize("extra", [{}, {"laws": ["crowd"], "obstacles": 30}, {"obstacles": 400, "sizes": [0.1, 0.2]}])
+def test_worlds_that_found_no_place_leave_the_rows_as_they_were(name: str, extra: dict[str, Any]) -> None:
+    simulation, _ = field(3, **FIELDS[name] | {"moving": 0.5} | extra)
+    world, record = simulation.world, simulation._field_record
+    simulation.step(np.zeros((3, 1, 2)))
+    before = world.floats.copy(), world.ints.copy()
+    assert record is not None
+    record["gap"], record["size_min"], record["size_max"] = 2.0, 2.0, 6.0
+    with pytest.raises(ValueError, match="found a free place|no start and goal"):
+        simulation.reset(np.array([2, 0]))
+    assert (world.floats == before[0]).all() and (world.ints == before[1]).all()
+
+
 def test_a_field_without_room_for_start_and_goal_says_so() -> None:
     with pytest.raises(ValueError, match="no start and goal with their clearance and separation fit"):
         field(1, separation=27.9)
