@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift, operative_critical_points
 from bug_gym.reproductions.com1_rev3 import ROOMY
-from bug_gym.reproductions.still_things import marked
+from bug_gym.reproductions.still_things import POLICIES, marked
 from bug_gym.reproductions.team_worlds import FIG_6
 from result_pages import Page, Record
 from result_pages.words import code, listed, number, percent, picture, share, table
@@ -273,6 +273,7 @@ def still_things(found: Record) -> Page:
     fewest = min(one["robot"]["lidar.beams"] for one in touched) if touched else 0
     thin = sum(one["world"] == "cellular_automaton" and one["robot"]["lidar.beams"] == fewest for one in touched)
     where = f" {thin} of them with cylinders thinner than the body, which {fewest} beams miss." if touched else ""
+    left_out = [name for name in POLICIES if name not in policies]
     return Page(
         [
             table(
@@ -288,7 +289,8 @@ def still_things(found: Record) -> Page:
         ],
         f"{driven:,} episodes, {len(touched)} contacts{told}{where} An episode ends after a minute, which is short for a maze: "
         "whether a policy arrives is asked elsewhere. Robots that a scripted policy is shown too little to drive, such as "
-        "holonomic ones with a blind side, are refused in one line when it is made.",
+        "holonomic ones with a blind side, are refused in one line when it is made."
+        + (f" Not driven this time: {listed(f'`{name}`' for name in left_out)}." if left_out else ""),
         [("nobody touches what stands still", not touched)],
     )
 
