@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bug_gym.compiling import called, inlined
+from bug_gym.compiling import apart, inlined
 from bug_gym.kernels.geometry import HALF_PI, TWO_PI
 from bug_gym.kernels.layout import Floats, Integers, Ranges
 from bug_gym.kernels.vectors import (
@@ -50,7 +50,7 @@ class Discs(NamedTuple):
     radius: Floats
     """(M,) [m]."""
     total: int
-    """How many of them count."""
+    """How many of them count, a multiple of eight."""
 
 
 class Walls(NamedTuple):
@@ -97,12 +97,12 @@ class Beams(NamedTuple):
 
 
 def scratch_floats(beams: int) -> int:
-    """Length of `scratch_f` that `cast_rays` needs."""
+    """Length of scratch that a scan needs for its beams."""
     return BEST + beams + 2 * LANES + 9 + SECTORS
 
 
 def scratch_integers(obstacles: int) -> int:
-    """Length of `scratch_i` that `cast_rays` needs; `obstacles` is the larger of the numbers of discs and walls."""
+    """Length of the index that a scan needs; `obstacles` is the larger of the numbers of discs and walls."""
     return NEAR + obstacles + 2 * LANES
 
 
@@ -184,17 +184,10 @@ def _fill_up(index: Integers, start: np.uint64, end: np.uint64) -> None:
 @inlined
 def find_near_discs(discs: Discs, x: float, y: float, reach: float, index: Integers) -> np.uint64:
     """Lists in index[NEAR:] the discs that reach into the scan's circle; returns how many."""
-    start, count = np.uint64(NEAR), np.uint64(discs.total)
-    eights = count // np.uint64(LANES) * np.uint64(LANES)
+    start = np.uint64(NEAR)
     end: np.uint64 = start
-    for j in range(np.uint64(0), eights, np.uint64(LANES)):
+    for j in range(np.uint64(0), np.uint64(discs.total), np.uint64(LANES)):
         end = append_close(index, discs.x, discs.y, discs.radius, j, x, y, reach, end)
-    for j in range(eights, count):
-        dx = discs.x[j] - x
-        dy = discs.y[j] - y
-        far = reach + discs.radius[j]
-        index[end] = j
-        end += np.uint64(dx * dx + dy * dy < far * far)
     _fill_up(index, start, end)
     return end - start
 
@@ -205,7 +198,7 @@ def foremost_reach(discs: int, reach: float) -> float:
     return reach * math.sqrt(FOREMOST / discs) if discs > CROWDED else reach
 
 
-@inlined
+@apart
 def find_unhidden(
     discs: Discs, origin: Origin, beams: Beams, low: float, reach: float, is_inverse: bool, f: Floats, index: Integers
 ) -> np.uint64:
@@ -223,7 +216,7 @@ def find_unhidden(
     return end - start
 
 
-@called
+@inlined
 def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, is_inverse: bool, at: np.uint64) -> None:
     """How far the beams go that may meet a disc in an octant about the origin, f[at:] as `append_seen` reads it.
 

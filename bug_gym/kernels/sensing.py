@@ -66,29 +66,37 @@ class Look(NamedTuple):
 
 
 @inlined
-def gather_border(f: Floats, k: Integers, s: Record, walls: Walls) -> int:
-    """Write the walls of the border; returns how many."""
-    count = 0
-    for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
-        walls.x1[count] = f[s.wall + 4 * w]
-        walls.y1[count] = f[s.wall + 4 * w + 1]
-        walls.x2[count] = f[s.wall + 4 * w + 2]
-        walls.y2[count] = f[s.wall + 4 * w + 3]
-        count += 1
-    return count
-
-
-@inlined
 def gather_walls(
-    f: Floats, k: Integers, s: Record, polygons: Discs, near: np.uint64, look: Look, room: Walls, count: int
+    f: Floats,
+    k: Integers,
+    s: Record,
+    polygons: Discs,
+    x: float,
+    y: float,
+    near: np.uint64,
+    with_border: bool,
+    scratch: Floats,
+    index: Integers,
 ) -> Walls:
-    """Write the walls of the polygons listed in index[NEAR:] behind `count` others, where they stand.
+    """Walls of the border, if asked for, and of the polygons listed in index[NEAR:], where they stand.
 
-    From outside a polygon only those are taken that face the robot: the others lie behind them.
+    From outside a polygon only those are taken that face (x, y): the others lie behind them. They are written to the
+    end of `scratch`.
     """
-    x, y, x1, y1, x2, y2 = look.x, look.y, room.x1, room.y1, room.x2, room.y2
+    room = s.walls
+    begin = scratch.size - 4 * room
+    x1, y1 = scratch[begin : begin + room], scratch[begin + room : begin + 2 * room]
+    x2, y2 = scratch[begin + 2 * room : begin + 3 * room], scratch[begin + 3 * room : begin + 4 * room]
+    count = 0
+    border = k[s.border_first]
+    for w in range(border, border + k[s.border_walls] if with_border else border):
+        x1[count] = f[s.wall + 4 * w]
+        y1[count] = f[s.wall + 4 * w + 1]
+        x2[count] = f[s.wall + 4 * w + 2]
+        y2[count] = f[s.wall + 4 * w + 3]
+        count += 1
     for j in range(near):
-        at = np.uint64(look.scratch_int[np.uint64(NEAR) + j])
+        at = np.uint64(index[np.uint64(NEAR) + j])
         walls = listed_walls(k, s, at)
         bx, by, radius = polygons.x[at], polygons.y[at], polygons.radius[at]
         dx, dy = x - bx, y - by
@@ -107,26 +115,12 @@ def gather_walls(
 
 
 @inlined
-def wall_room(s: Record, scratch: Floats) -> Walls:
-    """The end of `scratch`, where the walls that a scan looks at are written."""
-    room = s.walls
-    begin = scratch.size - 4 * room
-    x1, y1 = scratch[begin : begin + room], scratch[begin + room : begin + 2 * room]
-    x2, y2 = scratch[begin + 2 * room : begin + 3 * room], scratch[begin + 3 * room : begin + 4 * room]
-    return Walls(x1, y1, x2, y2, 0)
-
-
-@inlined
 def cast_walls(f: Floats, k: Integers, s: Record, look: Look, origin: Origin, fan: Beams) -> bool:
     """Ranges to the border and the polygons; True if the robot stands in a wall."""
     scratch, index = look.scratch, look.scratch_int
     polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), look.columns)
-    room = wall_room(s, scratch)
-    count = gather_border(f, k, s, room)
     low = foremost_reach(polygons.total, s.reach)
-    near = np.uint64(0)
-    if polygons.total > 0:
-        near = find_near_discs(polygons, look.x, look.y, low, index)
+    near = find_near_discs(polygons, look.x, look.y, low, index)
     inside, is_inverse = False, False
     for ring in range(2 if low < s.reach else 1):
         if ring == 1:
@@ -134,8 +128,7 @@ def cast_walls(f: Floats, k: Integers, s: Record, look: Look, origin: Origin, fa
                 begin_ranges(scratch, fan, s.reach)
             near = find_unhidden(polygons, origin, fan, low, s.reach, is_inverse, scratch, index)
             fetch_walls(f, k, s, near, index)
-            count = 0
-        walls = gather_walls(f, k, s, polygons, near, look, room, count)
+        walls = gather_walls(f, k, s, polygons, look.x, look.y, near, ring == 0, scratch, index)
         near = find_near_walls(walls, look.x, look.y, s.reach, index)
         if near > np.uint64(0) and not inside:
             if not is_inverse:
