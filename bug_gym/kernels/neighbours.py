@@ -104,8 +104,9 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
     Discs are listed from 0 on, polygons behind their room. The first `moving` of them move.
     """
     margin: float = f[s.listed_until] - f[s.closing]
-    # Among still discs it is soon that one might touch something; where all are listed most are far off.
-    can_wait = k[s.steered_count] == 0 and (margin == math.inf or k[s.disc_count] == k[s.moving_disc_count])
+    # Among what stands it is soon that one might touch something; where all are listed most are far off.
+    stand = k[s.disc_count] > k[s.moving_disc_count] or k[s.polygon_count] > k[s.moving_polygon_count]
+    can_wait = k[s.steered_count] == 0 and (margin == math.inf or not stand)
     count = at
     for b in range(first, first + total):
         if f[s.body_wake + b] > f[s.closing]:

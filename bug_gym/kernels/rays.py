@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bug_gym.compiling import apart, inlined
+from bug_gym.compiling import inlined
 from bug_gym.kernels.geometry import HALF_PI, TWO_PI
 from bug_gym.kernels.layout import Floats, Integers, Ranges
 from bug_gym.kernels.vectors import (
@@ -31,7 +31,7 @@ from bug_gym.kernels.vectors import (
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
-SLACK = 1e-6  # [m] more than the rounding of a range: what lies farther by this than all ranges shortens none
+SLACK = 1e-9  # [m] more than the rounding of a range: what lies farther by this than all ranges shortens none
 CROWDED = 128  # so many discs at hand hide most of one another
 FOREMOST = 48  # of so many the nearest go first, roughly
 SECTORS = 16  # of a full turn, half an octant each
@@ -97,12 +97,12 @@ class Beams(NamedTuple):
 
 
 def scratch_floats(beams: int) -> int:
-    """Length of scratch that a scan needs for its beams."""
+    """Length of `scratch_f` that `cast_rays` needs."""
     return BEST + beams + 2 * LANES + 9 + SECTORS
 
 
 def scratch_integers(obstacles: int) -> int:
-    """Length of the index that a scan needs; `obstacles` is the larger of the numbers of discs and walls."""
+    """Length of `scratch_i` that `cast_rays` needs; `obstacles` is the larger of the numbers of discs and walls."""
     return NEAR + obstacles + 2 * LANES
 
 
@@ -193,72 +193,55 @@ def find_near_discs(discs: Discs, x: float, y: float, reach: float, index: Integ
 
 
 @inlined
-def foremost_reach(discs: int, reach: float) -> float:
-    """How far bodies go first, of so many at hand: those behind are looked at with `find_unhidden`. `reach`: all go."""
-    return reach * math.sqrt(FOREMOST / discs) if discs > CROWDED else reach
-
-
-@apart
-def find_unhidden(
-    discs: Discs, origin: Origin, beams: Beams, low: float, reach: float, is_inverse: bool, f: Floats, index: Integers
+def _find_farther_discs(
+    discs: Discs, x: float, y: float, low: float, f: Floats, limits: np.uint64, index: Integers
 ) -> np.uint64:
-    """Lists in index[NEAR:] the discs beyond `low` that what stands nearer does not hide for sure; returns how many.
-
-    Of the beams, f[BEST:] has ranges or, where `is_inverse`, inverse ranges so far.
-    """
-    limits = np.uint64(BEST) + padded_beams(beams)
-    _set_limits(f, beams, origin, reach, is_inverse, limits)
+    """Lists in index[NEAR:] the discs beyond `low` that the limits f[limits:] do not rule out; returns how many."""
     start = np.uint64(NEAR)
     end: np.uint64 = start
     for j in range(np.uint64(0), np.uint64(discs.total), np.uint64(LANES)):
-        end = append_seen(index, discs.x, discs.y, discs.radius, j, origin.x, origin.y, low, f, limits, end)
+        end = append_seen(index, discs.x, discs.y, discs.radius, j, x, y, low, f, limits, end)
     _fill_up(index, start, end)
     return end - start
 
 
 @inlined
-def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, is_inverse: bool, at: np.uint64) -> None:
+def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, count: np.uint64, at: np.uint64) -> None:
     """How far the beams go that may meet a disc in an octant about the origin, f[at:] as `append_seen` reads it.
 
     A disc that isn't wide has no beams farther from its octant than half of one. So an octant's limit is the longest of
-    the ranges in four of the SECTORS, half an octant each. Minus an inverse range is the greater the longer it is, too.
+    the ranges f[BEST:] in four of the SECTORS, half an octant each.
     """
-    count, sectors, last = np.uint64(beams.last) + np.uint64(1), at + np.uint64(9), np.uint64(SECTORS - 1)
-    sign, none = (-1.0, -math.inf) if is_inverse else (1.0, 0.0)
+    sectors, last = at + np.uint64(9), np.uint64(SECTORS - 1)
     for sector in range(np.uint64(SECTORS)):
-        f[sectors + sector] = none
-    per_beam = 1.0 / (beams.per_rad * SECTOR)
+        f[sectors + sector] = 0.0
+    beams_each = SECTOR * beams.per_rad
     begin = (_arc_tangent(origin.sin, origin.cos) + beams.first_angle + 2.0 * TWO_PI) / SECTOR
     number, beam = np.uint64(begin), np.uint64(0)
     while beam < count:
-        end = min(np.uint64((np.float64(number) + 1.0 - begin) / per_beam) + np.uint64(1), count)
+        past = (np.float64(number) + 1.0 - begin) * beams_each
+        end = np.uint64(past) + np.uint64(1) if past < beams.last else count
         place = sectors + (number & last)
         longest = f[place]
         for i in range(beam, end):
-            distance = sign * f[np.uint64(BEST) + i]
+            distance = f[np.uint64(BEST) + i]
             longest = distance if distance > longest else longest
         f[place] = longest
-        beam = max(beam, end)
+        beam = end
         number += np.uint64(1)
     farthest = 0.0
     for octant in range(np.uint64(8)):
-        longest = none
+        longest = 0.0
         for part in range(np.uint64(4)):
-            longest = max(longest, f[sectors + ((np.uint64(2) * octant + part + last) & last)])
-        longest = -1.0 / longest if is_inverse else longest
-        f[at + np.uint64(OCTANTS[octant])] = min(longest + SLACK, reach)
-        farthest = max(farthest, longest)
-    f[at + np.uint64(8)] = min(farthest + SLACK, reach)
+            distance = f[sectors + ((np.uint64(2) * octant + part + last) & last)]
+            longest = distance if distance > longest else longest
+        farthest = longest if longest > farthest else farthest
+        f[at + np.uint64(OCTANTS[octant])] = longest + SLACK if longest + SLACK < reach else reach
+    f[at + np.uint64(8)] = farthest + SLACK if farthest + SLACK < reach else reach
 
 
 @inlined
-def padded_beams(beams: Beams) -> np.uint64:
-    """Numbers of f[BEST:] that are kept for them: a block may start at the last one."""
-    return (np.uint64(beams.last) + np.uint64(1)) // np.uint64(LANES) * np.uint64(LANES) + np.uint64(2 * LANES)
-
-
-@inlined
-def find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Integers) -> np.uint64:
+def _find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Integers) -> np.uint64:
     """Lists in index[NEAR:] the walls near the scan's circle; returns how many.
 
     Near is what has a bounding box within reach: exact for walls along an axis, nearly so for short ones.
@@ -280,6 +263,12 @@ def find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Integ
 def _padded(count: np.uint64) -> np.uint64:
     """The multiple of eight that holds so many."""
     return (count + np.uint64(LANES - 1)) // np.uint64(LANES) * np.uint64(LANES)
+
+
+@inlined
+def _invert(f: Floats, padded: np.uint64) -> None:
+    for i in range(padded):
+        f[i + np.uint64(BEST)] = 1.0 / f[i + np.uint64(BEST)]
 
 
 @inlined
@@ -389,7 +378,7 @@ def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beam
 
 
 @inlined
-def _cast_near_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
+def _cast_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
     """Lowers the beams' ranges f[BEST:] to those of the near discs; True if one of them holds the robot."""
     tile = np.uint64(TILE)
     for start in range(np.uint64(0), near, tile):
@@ -409,7 +398,7 @@ def _cast_near_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64
 
 
 @inlined
-def cast_near_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
+def _cast_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
     """Raises the beams' inverse ranges f[BEST:] to those of the near walls; True if the robot stands in one."""
     tile = np.uint64(TILE)
     for start in range(np.uint64(0), near, tile):
@@ -432,38 +421,57 @@ def cast_near_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64,
 
 
 @inlined
-def begin_ranges(f: Floats, beams: Beams, value: float) -> None:
-    """All beams have this range, or inverse range, so far."""
-    for i in range(padded_beams(beams)):
-        f[i + np.uint64(BEST)] = value
+def cast_rays(
+    discs: Discs,
+    walls: Walls,
+    origin: Origin,
+    beams: Beams,
+    reach: float,
+    scratch_f: Floats,
+    scratch_i: Integers,
+    ranges: Ranges,
+) -> None:
+    """Exact ranges from the origin to the nearest disc or wall along each beam.
 
+    A beam without return reads `reach`. All beams read 0 where the origin lies in a disc or on a wall (within TOUCH).
+    A beam beyond one end of the fan comes in again at the other where the turn is full.
 
-@inlined
-def end_walls(f: Floats, beams: Beams) -> None:
-    """Makes ranges of inverse ranges."""
-    for i in range(padded_beams(beams)):
-        f[i + np.uint64(BEST)] = 1.0 / f[i + np.uint64(BEST)]
+    It is copied into each caller: handing over sixty words of array headers costs a third of a small scan. So call it
+    in one place, on rows cut out there.
 
-
-@inlined
-def cast_discs(discs: Discs, origin: Origin, beams: Beams, reach: float, f: Floats, index: Integers) -> bool:
-    """Lowers the beams' ranges f[BEST:] to those of discs; True if one of them holds the origin."""
-    low = foremost_reach(discs.total, reach)
-    near = find_near_discs(discs, origin.x, origin.y, low, index)
+    Args:
+        discs: Of one world's row.
+        walls: Likewise.
+        origin: Where the robot is.
+        beams: Of its scanner.
+        reach: Largest range [m].
+        scratch_f: (scratch_floats(B),) f8, overwritten; what it held doesn't matter.
+        scratch_i: (scratch_integers(max(M, S)),) i8, likewise.
+        ranges: (B,) f4 [m], the result.
+    """
+    count = np.uint64(ranges.size)
+    padded = (count // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
     inside = False
-    for ring in range(2 if low < reach else 1):
+    near = _find_near_walls(walls, origin.x, origin.y, reach, scratch_i)
+    farthest = 1.0 / reach if near > np.uint64(0) else reach
+    for i in range(padded):
+        scratch_f[i + np.uint64(BEST)] = farthest
+    if near > np.uint64(0):
+        inside = _cast_walls(walls, origin, beams, near, scratch_f, scratch_i)
+        _invert(scratch_f, padded)
+    # Among many discs the nearest go first: most others lie behind them.
+    crowded = discs.total > CROWDED
+    low = reach * math.sqrt(FOREMOST / discs.total) if crowded else reach
+    near = find_near_discs(discs, origin.x, origin.y, low, scratch_i)
+    for ring in range(2 if crowded else 1):
         if ring == 1:
-            near = find_unhidden(discs, origin, beams, low, reach, False, f, index)
+            limits = np.uint64(BEST) + padded
+            _set_limits(scratch_f, beams, origin, reach, count, limits)
+            near = _find_farther_discs(discs, origin.x, origin.y, low, scratch_f, limits, scratch_i)
         if near > np.uint64(0) and not inside:
-            inside = _cast_near_discs(discs, origin, beams, near, f, index)
-    return inside
-
-
-@inlined
-def read_ranges(f: Floats, reach: float, inside: bool, ranges: Ranges) -> None:
-    """Writes the ranges (B,) of the beams; all read 0 where the origin lies in a disc or on a wall (within TOUCH)."""
-    for i in range(np.uint64(ranges.size)):
-        distance = f[i + np.uint64(BEST)]
+            inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
+    for i in range(count):
+        distance = scratch_f[i + np.uint64(BEST)]
         # Inverting `reach` twice may end one bit off, which mustn't turn a beam without return into one with.
         distance = distance if distance < reach * (1.0 - 1e-15) else reach
         ranges[i] = np.float32(0.0 if inside else distance)

@@ -23,22 +23,8 @@ from bug_gym.kernels.layout import (
 from bug_gym.kernels.neighbours import NOWHERE, in_eights, listed_discs, listed_walls
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
-from bug_gym.kernels.rays import (
-    Beams,
-    Discs,
-    Origin,
-    Walls,
-    begin_ranges,
-    cast_discs,
-    cast_near_walls,
-    end_walls,
-    find_near_discs,
-    find_near_walls,
-    find_unhidden,
-    foremost_reach,
-    read_ranges,
-)
-from bug_gym.kernels.vectors import NEAR, prefetch
+from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs
+from bug_gym.kernels.vectors import NEAR
 
 
 class Look(NamedTuple):
@@ -67,18 +53,9 @@ class Look(NamedTuple):
 
 @inlined
 def gather_walls(
-    f: Floats,
-    k: Integers,
-    s: Record,
-    polygons: Discs,
-    x: float,
-    y: float,
-    near: np.uint64,
-    with_border: bool,
-    scratch: Floats,
-    index: Integers,
+    f: Floats, k: Integers, s: Record, polygons: Discs, x: float, y: float, scratch: Floats, index: Integers
 ) -> Walls:
-    """Walls of the border, if asked for, and of the polygons listed in index[NEAR:], where they stand.
+    """Walls of the border and of the polygons that reach into the scan's circle round (x, y), where they stand.
 
     From outside a polygon only those are taken that face (x, y): the others lie behind them. They are written to the
     end of `scratch`.
@@ -88,13 +65,15 @@ def gather_walls(
     x1, y1 = scratch[begin : begin + room], scratch[begin + room : begin + 2 * room]
     x2, y2 = scratch[begin + 2 * room : begin + 3 * room], scratch[begin + 3 * room : begin + 4 * room]
     count = 0
-    border = k[s.border_first]
-    for w in range(border, border + k[s.border_walls] if with_border else border):
+    for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
         x1[count] = f[s.wall + 4 * w]
         y1[count] = f[s.wall + 4 * w + 1]
         x2[count] = f[s.wall + 4 * w + 2]
         y2[count] = f[s.wall + 4 * w + 3]
         count += 1
+    if polygons.total == 0:
+        return Walls(x1, y1, x2, y2, count)
+    near = find_near_discs(polygons, x, y, s.reach, index)
     for j in range(near):
         at = np.uint64(index[np.uint64(NEAR) + j])
         walls = listed_walls(k, s, at)
@@ -112,44 +91,6 @@ def gather_walls(
             y2[count] = cy
             count += int(side * ((ax - x) * (cy - y) - (ay - y) * (cx - x)) <= 0.0)
     return Walls(x1, y1, x2, y2, count)
-
-
-@inlined
-def cast_walls(f: Floats, k: Integers, s: Record, look: Look, origin: Origin, fan: Beams) -> bool:
-    """Ranges to the border and the polygons; True if the robot stands in a wall."""
-    scratch, index = look.scratch, look.scratch_int
-    polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), look.columns)
-    low = foremost_reach(polygons.total, s.reach)
-    near = find_near_discs(polygons, look.x, look.y, low, index)
-    inside, is_inverse = False, False
-    for ring in range(2 if low < s.reach else 1):
-        if ring == 1:
-            if not is_inverse:
-                begin_ranges(scratch, fan, s.reach)
-            near = find_unhidden(polygons, origin, fan, low, s.reach, is_inverse, scratch, index)
-            fetch_walls(f, k, s, near, index)
-        walls = gather_walls(f, k, s, polygons, look.x, look.y, near, ring == 0, scratch, index)
-        near = find_near_walls(walls, look.x, look.y, s.reach, index)
-        if near > np.uint64(0) and not inside:
-            if not is_inverse:
-                begin_ranges(scratch, fan, 1.0 / s.reach)
-            is_inverse = True
-            inside = cast_near_walls(walls, origin, fan, near, scratch, index)
-    if is_inverse:
-        end_walls(scratch, fan)
-    else:
-        begin_ranges(scratch, fan, s.reach)
-    return inside
-
-
-@inlined
-def fetch_walls(f: Floats, k: Integers, s: Record, near: np.uint64, index: Integers) -> None:
-    """Asks for the walls of the polygons listed in index[NEAR:]."""
-    for j in range(near):
-        walls = listed_walls(k, s, np.uint64(index[np.uint64(NEAR) + j]))
-        first = s.wall + 4 * walls.first
-        for line in range(first, first + 4 * walls.total, 8):
-            prefetch(f, line)
 
 
 @inlined
@@ -187,11 +128,10 @@ def scan(f: Floats, k: Integers, s: Record, ranges: Ranges, look: Look, footprin
     """Fill the ranges (B,), with their noise."""
     origin = Origin(look.x, look.y, look.cos, look.sin)
     discs = stand_in(f, k, s, footprint, look.columns, look.robot)
+    polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), look.columns)
+    walls = gather_walls(f, k, s, polygons, look.x, look.y, look.scratch, look.scratch_int)
     fan = Beams(look.beams[0], look.beams[1], s.first_angle, 1.0 / s.angle_step, np.float64(s.beams) - 1.0)
-    inside = cast_walls(f, k, s, look, origin, fan)
-    if not inside:
-        inside = cast_discs(discs, origin, fan, s.reach, look.scratch, look.scratch_int)
-    read_ranges(look.scratch, s.reach, inside, ranges)
+    cast_rays(discs, walls, origin, fan, s.reach, look.scratch, look.scratch_int, ranges)
     if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
         key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + look.robot, STREAM_RANGES)
         add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)

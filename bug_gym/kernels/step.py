@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from bug_gym.compiling import called, inlined, is_ready, kernel
 from bug_gym.kernels.contact import settle_robots
 from bug_gym.kernels.drive import apply_motion, clear_pending, drive, exchange_pending
@@ -43,14 +45,15 @@ from bug_gym.kernels.neighbours import (
     in_eights,
     keep_list,
     list_from_here,
+    listed_walls,
     move_list,
     move_lookers,
     near_bodies,
 )
 from bug_gym.kernels.observation import observe
-from bug_gym.kernels.rays import find_near_discs, foremost_reach
-from bug_gym.kernels.sensing import clearance_at, fetch_walls, look_from
-from bug_gym.kernels.vectors import LANES, prefetch
+from bug_gym.kernels.rays import find_near_discs
+from bug_gym.kernels.sensing import clearance_at, look_from
+from bug_gym.kernels.vectors import LANES, NEAR, prefetch
 
 
 def is_compiled(types: tuple[Any, ...]) -> bool:
@@ -187,13 +190,17 @@ def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
 
 @called
 def fetch_near_walls(f: Floats, k: Integers, s: Record, columns: Floats, index: Integers) -> None:
-    """Asks for the walls of the border, and of the polygons near the first robot: the foremost, where most are hidden."""
+    """Asks for the walls of the border, and of the polygons near the first robot."""
     border = s.wall + 4 * k[s.border_first]
     for line in range(border, border + 4 * FETCHED, 8):
         prefetch(f, line)
     polygons = move_list(f, s, s.disc_room, k[s.near_polygons], f[s.time], columns)
-    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], foremost_reach(polygons.total, s.reach), index)
-    fetch_walls(f, k, s, near, index)
+    near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], s.reach, index)
+    for j in range(near):
+        walls = listed_walls(k, s, np.uint64(index[np.uint64(NEAR) + j]))
+        first = s.wall + 4 * walls.first
+        for line in range(first, first + 4 * walls.total, 8):
+            prefetch(f, line)
 
 
 @called

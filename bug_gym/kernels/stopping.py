@@ -139,6 +139,12 @@ def stoppable_levers(
         actions[r, 0], actions[r, 1] = levers(cut[r] / parts * fast, rate, fastest, reverse, most)
 
 
+@inlined
+def way_of_middle(cx: float, cy: float, x: float, y: float, cos: float, sin: float) -> tuple[float, float]:
+    """From where a circle's middle is to where a step to (x, y) brings it, with a turn of that cosine and sine [m]."""
+    return x + cos * cx - sin * cy - cx, y + sin * cx + cos * cy - cy
+
+
 @kernel
 def keeps_clear(
     px: Floats,
@@ -172,9 +178,7 @@ def keeps_clear(
     eased = min(EASED, EASED_SHARE * reach)
     for c in range(circles.shape[0]):
         cx, cy, radius = circles[c, 0], circles[c, 1], circles[c, 2]
-        # From where the circle's middle is to where the step brings it, and on.
-        mx, my = x + cos * cx - sin * cy, y + sin * cx + cos * cy
-        ex, ey = mx - cx, my - cy
+        ex, ey = way_of_middle(cx, cy, x, y, cos, sin)
         for i in range(px.size):
             dx, dy = cx - px[i], cy - py[i]
             square = dx * dx + dy * dy
@@ -262,7 +266,7 @@ def passes_corners(
             corner_x, corner_y, about = px[i] + share * ux, py[i] + share * uy, margin
         for c in range(circles.shape[0]):
             cx, cy = circles[c, 0], circles[c, 1]
-            ex, ey = x + cos * cx - sin * cy - cx, y + sin * cx + cos * cy - cy
+            ex, ey = way_of_middle(cx, cy, x, y, cos, sin)
             dx, dy = cx - corner_x, cy - corner_y
             least = circles[c, 2] + about
             if dx * dx + dy * dy < least * least:
