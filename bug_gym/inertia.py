@@ -15,6 +15,7 @@ those before the last one count as well: a tip that has come to lie between two 
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -89,6 +90,11 @@ class Ahead(NamedTuple):
     """The velocity of its body then, as it is observed [m/s, and rad/s or m/s]."""
 
 
+remembered = functools.lru_cache(maxsize=64)
+"""What follows from sensors alone is worked out once."""
+
+
+@remembered
 def needs_care(sensors: Sensors) -> bool:
     """Whether what an algorithm asks for may lead into something.
 
@@ -97,6 +103,7 @@ def needs_care(sensors: Sensors) -> bool:
     return sensors.drive.has_inertia or sensors.range_noise > 0.0 or _steps_wide(sensors)
 
 
+@remembered
 def _steps_wide(sensors: Sensors) -> bool:
     """Whether at the end of a step much may lie between two beams, where the robot stops at once."""
     return not sensors.drive.has_inertia and _is_sparse(sensors)
@@ -107,6 +114,7 @@ def _is_sparse(sensors: Sensors) -> bool:
     return hidden_at(sensors, sensors.radius + sensors.step_length) > UNSURE
 
 
+@remembered
 def _fast_gap(sensors: Sensors) -> float:
     """The gap [rad] that counts where a robot with inertia goes fast: half of the angle between two beams, or all of it.
 
@@ -121,6 +129,7 @@ def hidden_at(sensors: Sensors, distance: float) -> float:
     return 0.5 * spacing * distance
 
 
+@remembered
 def scans_kept(sensors: Sensors) -> int:
     """How many scans before the last one count: none where each shows all that matters.
 
@@ -158,6 +167,7 @@ def speed_within(drive: Drive, way: float) -> float:
     return min((way / drive.step + 0.5 * loss * steps * (steps + 1)) / (steps + free), drive.max_speed)
 
 
+@remembered
 def pace_in_sight(sensors: Sensors) -> float:
     """The greatest speed [m/s] at which the robot comes to stand before a post that two beams do not meet until it is near.
 
@@ -252,29 +262,42 @@ def _stopping(view: View, ahead: Ahead, wish: Velocity, room: float) -> Velocity
     return _first_clear(view, ahead, [(0.0, turn * drive.max_turn_rate) for turn in TURNS], room)
 
 
+@remembered
 def are_cut_at_once(sensors: Sensors) -> bool:
-    """Whether `stoppable_actions` serves robots with these sensors: differential, told in time, and one scan shows all."""
+    """Whether `stoppable_actions` serves robots with these sensors.
+
+    They need care, are differential and told in time, and one scan shows all.
+    """
     drive = sensors.drive
     is_plain = drive.kinematics == "differential" and drive.latency == 0 and not _steps_wide(sensors)
-    return is_plain and scans_kept(sensors) == 0
+    return is_plain and needs_care(sensors) and scans_kept(sensors) == 0
 
 
-def stoppable_actions(views: Sequence[View], velocities: Sequence[Velocity], room: float) -> list[NDArray[np.float32]]:
-    """`stoppable_action` for each of some robots whose scans, and no others, were read at once; see `are_cut_at_once`."""
+def stoppable_actions(
+    views: Sequence[View], rows: Sequence[int], velocities: Sequence[Velocity], room: float
+) -> list[NDArray[np.float32]]:
+    """`stoppable_action` for some of several robots whose scans were read at once; see `are_cut_at_once`.
+
+    Args:
+        views: of all of them, in the order in which they were read.
+        rows: which are asked for (k,).
+        velocities: what these want, in their frames [m/s].
+        room: what they keep about the body [m].
+    """
     sensors, scans = views[0].sensors, views[0].scans
     assert scans is not None
     drive, pace = sensors.drive, pace_in_sight(sensors)
     wishes = []
-    for view, velocity in zip(views, velocities, strict=True):
-        wishes.append((view.velocity[0], *kinematics.speed_and_error(_within(velocity, pace))))
+    for row, velocity in zip(rows, velocities, strict=True):
+        wishes.append((views[row].velocity[0], *kinematics.speed_and_error(_within(velocity, pace))))
     kept = _margin(sensors, room), 0.5 * sensors.beam_spacing, _fast_gap(sensors), SHARES
     actions, cut = np.empty((len(wishes), 2), dtype=np.float32), np.empty(len(wishes), dtype=np.int64)
-    known = scans.points, scans.counts, sensors.circles, np.array(wishes), drive.limits
+    known = scans.points, scans.counts, np.array(rows), sensors.circles, np.array(wishes), drive.limits
     kernels.stoppable_levers(*known, *kept, actions, cut)
-    for number, part in enumerate(cut.tolist()):
+    for number, (row, part) in enumerate(zip(rows, cut.tolist(), strict=True)):
         if part < 0:
             wish = kinematics.turning(drive, _within(velocities[number], pace))
-            told = _stopping(views[number], foreseen(views[number]), wish, room)
+            told = _stopping(views[row], foreseen(views[row]), wish, room)
             actions[number] = kinematics.differential_action(drive, *told)
     return list(actions)
 

@@ -21,7 +21,15 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
-from bug_gym.inertia import as_it_will_lie, needs_care, scans_kept, shown_points, stoppable_action
+from bug_gym.inertia import (
+    are_cut_at_once,
+    as_it_will_lie,
+    needs_care,
+    scans_kept,
+    shown_points,
+    stoppable_action,
+    stoppable_actions,
+)
 from bug_gym.manoeuvring import arc_action
 from bug_gym.observation import as_flat
 from bug_gym.schema.errors import shortened
@@ -238,17 +246,21 @@ class ScriptedPolicy(ABC):
         if state is None:
             memories = [self.first_memory(flat.reshape(count, -1), row) for row in range(count)]
         else:
-            memories = self._checked(state, count)
+            memories = self.checked(state, count)
         if episode_start is not None:
             for row, begins in enumerate(checked_starts(episode_start, count).tolist()):
                 if begins:
                     memories[row] = self.first_memory(flat.reshape(count, -1), row)
         if is_one:
-            return self._sent(flat, memories[0])[()], tuple(memories)
-        return np.stack([self._sent(row, memory) for row, memory in zip(flat, memories, strict=True)]), tuple(memories)
+            return self._action(View(flat, self.sensors), memories[0])[()], tuple(memories)
+        return np.array(self.decide(flat, memories)), tuple(memories)
 
-    def _checked(self, state: Any, rows: int) -> list[Memory]:
-        """The memories of a state."""
+    def checked(self, state: Any, rows: int) -> list[Memory]:
+        """The memories of a state, one a row.
+
+        Raises:
+            ValueError: it is none of this policy, or of so many rows.
+        """
         if not isinstance(state, (tuple, list)):
             raise ValueError(f"the state is a tuple of memories, got {type(state).__name__}")
         return checked_memories(state, rows, self._memory_type)
@@ -257,22 +269,63 @@ class ScriptedPolicy(ABC):
     def _memory_type(self) -> type[Memory]:
         return type(self.start())
 
-    def _sent(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
-        """An action, remembered where it acts later."""
-        action = self._action(flat, memory)
-        latency = self.sensors.drive.latency
-        if latency > 0 and not self.discrete:
-            memory.under_way = [*memory.under_way, action.copy()][-latency:]
-        return action
+    def _action(self, view: View, memory: Memory) -> NDArray[Any]:
+        """The action for what one robot sees."""
+        velocity, course, arc = self._decision(view, memory)
+        action = action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+        return self._sent(view, memory, action)
 
-    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
-        view = View(flat, self.sensors, memory.under_way, memory.lately)
+    def decide(self, flat: NDArray[np.float32], memories: Sequence[Memory]) -> list[NDArray[Any]]:
+        """The actions for what several robots see, each as of its row alone.
+
+        Args:
+            flat: observations (n, D).
+            memories: one a row, changed in place.
+
+        Raises:
+            ValueError: a number that is not finite.
+        """
+        views = View.of_rows(flat, self.sensors, braking_radius(self.sensors))
+        actions: list[Any] = [None] * len(views)
+        plain, wishes = [], []
+        for row, (view, memory) in enumerate(zip(views, memories, strict=True)):
+            velocity, course, arc = self._decision(view, memory)
+            if self._are_cut_at_once and (course is None or course.aside <= 0.0):
+                plain.append(row)
+                wishes.append(velocity)
+            else:
+                actions[row] = action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+        if plain and self.room is not None:
+            braked = [brake(views[row], wish) for row, wish in zip(plain, wishes, strict=True)]
+            for row, action in zip(plain, stoppable_actions(views, plain, braked, self.room), strict=True):
+                actions[row] = action
+        return [self._sent(*each) for each in zip(views, memories, actions, strict=True)]
+
+    @functools.cached_property
+    def _are_cut_at_once(self) -> bool:
+        """Whether what several robots ask for is cut for all of them at once, where none rounds a corner."""
+        return not self.discrete and self.room is not None and are_cut_at_once(self.sensors)
+
+    def _decision(self, view: View, memory: Memory) -> tuple[Velocity, Course | None, Velocity | None]:
+        """The velocity that is desired, where it leads on, and the arc of an ackermann robot."""
+        view.under_way, view.lately = memory.under_way, memory.lately
         velocity = checked_velocity(self, self.act(view, memory)) if not memory.verdict else (0.0, 0.0)
         course = self.course(view, memory, velocity) if self._follows_course else None
         arc = self.arc(view, memory) if self._plans_arcs and not memory.verdict else None
-        action = action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+        return velocity, course, arc
+
+    def last_word(self, view: View, memory: Any, action: NDArray[Any]) -> NDArray[Any]:
+        """What is sent in place of the action that the velocity just desired comes to."""
+        return action
+
+    def _sent(self, view: View, memory: Memory, action: NDArray[Any]) -> NDArray[Any]:
+        """An action, remembered where it acts later, and the scan where it counts later."""
         if self._scans_kept:
             keep_scan(memory, view, self._scans_kept)
+        action = self.last_word(view, memory, action)
+        latency = self.sensors.drive.latency
+        if latency > 0 and not self.discrete:
+            memory.under_way = [*memory.under_way, action.copy()][-latency:]
         return action
 
     @functools.cached_property

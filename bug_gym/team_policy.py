@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from bug_gym import kinematics
 from bug_gym.config import Scenario
 from bug_gym.geometry import Point, wrap
-from bug_gym.inertia import are_cut_at_once, needs_care, scans_kept, stoppable_actions
+from bug_gym.inertia import are_cut_at_once, scans_kept, stoppable_actions
 from bug_gym.log import warn_once
 from bug_gym.observation import width
 from bug_gym.policy import (
@@ -195,21 +195,29 @@ class EachAlone:
         if not is_by_agent(observation, self.agents):
             return self.policy.predict(observation, state, episode_start, deterministic)
         states = [None] * len(self.agents) if state is None else list(checked_states(state, len(self.agents)))
+        if isinstance(self.policy, ScriptedPolicy):
+            return self._scripted(self.policy, observation, states)
         actions = {}
         for agent, seen in observation.items():
             number = self.agents.index(agent)
-            actions[agent], after = self.policy.predict(seen, self._state(states[number]), None, deterministic)
-            states[number] = after[0] if self._is_scripted and after is not None else after
+            actions[agent], states[number] = self.policy.predict(seen, states[number], None, deterministic)
         return actions, tuple(states)
 
-    @property
-    def _is_scripted(self) -> bool:
-        """Whether the state of a robot is a memory, which can be shown as one."""
-        return isinstance(self.policy, ScriptedPolicy)
-
-    def _state(self, kept: Any) -> tuple[Any, ...] | None:
-        """The state of the single robot's policy out of what is kept of a robot."""
-        return (kept,) if self._is_scripted and kept is not None else kept
+    def _scripted(
+        self, policy: ScriptedPolicy, observations: Mapping[str, Any], memories: list[Any]
+    ) -> tuple[dict[str, NDArray[Any]], tuple[Any, ...]]:
+        """The same of a policy written by hand, which reads the scans of all at once; a robot's state is its memory."""
+        if not observations:
+            return {}, tuple(memories)
+        rows = np.array([flat_observation(seen, policy.sensors) for seen in observations.values()])
+        known = []
+        for row, agent in enumerate(observations):
+            number = self.agents.index(agent)
+            if memories[number] is None:
+                memories[number] = policy.first_memory(rows[row : row + 1], 0)
+            known.append(memories[number])
+        actions = policy.decide(rows, policy.checked(known, len(known)))
+        return {agent: action[()] for agent, action in zip(observations, actions, strict=True)}, tuple(memories)
 
     def __getattr__(self, name: str) -> Any:
         """Everything else is the single robot's policy's: its sensors, parameters, drawing."""
@@ -412,19 +420,16 @@ class TeamPolicy(ABC):
         self, observations: Sequence[NDArray[np.float32] | None], memories: Sequence[TeamMemory]
     ) -> list[View | None]:
         """What each robot sees."""
-        told, lately = [], []
-        for seen, memory in zip(observations, memories, strict=True):
-            if seen is not None:
-                told.append(seen)
-                lately.append(memory.lately)
+        told = [seen for seen in observations if seen is not None]
         if not told:
             return [None] * len(memories)
         rows = np.concatenate(told).reshape(len(told), -1)
-        views = View.of_rows(rows, self.sensors, lately, braking_radius(self.sensors))
-        if len(views) < len(memories):
-            each = iter(views)
-            return [None if seen is None else next(each) for seen in observations]
-        return list(views)
+        each = iter(View.of_rows(rows, self.sensors, braking_radius(self.sensors)))
+        views = [None if seen is None else next(each) for seen in observations]
+        for view, memory in zip(views, memories, strict=True):
+            if view is not None:
+                view.lately = memory.lately
+        return views
 
     @functools.cached_property
     def _scans_kept(self) -> int:
@@ -435,13 +440,9 @@ class TeamPolicy(ABC):
         if not self._are_cut_at_once:
             pairs = zip(views, wishes, strict=True)
             return [action_of(self.sensors, view, wish, self._velocities, self.room) for view, wish in pairs]
-        seen: list[View] = []
-        braked: list[Velocity] = []
-        for view, wish in zip(views, wishes, strict=True):
-            if view is not None:
-                seen.append(view)
-                braked.append(brake(view, wish))
-        actions = stoppable_actions(seen, braked, self.room) if seen else []
+        seen = [view for view in views if view is not None]
+        braked = [brake(view, wish) for view, wish in zip(views, wishes, strict=True) if view is not None]
+        actions = stoppable_actions(seen, range(len(seen)), braked, self.room) if seen else []
         if len(actions) < len(views):
             drive, told = self.sensors.drive, iter(actions)
             return [kinematics.steering(drive, STANDING) if view is None else next(told) for view in views]
@@ -450,7 +451,7 @@ class TeamPolicy(ABC):
     @functools.cached_property
     def _are_cut_at_once(self) -> bool:
         """Whether what robots ask for is cut for all at once."""
-        return not self.discrete and needs_care(self.sensors) and are_cut_at_once(self.sensors)
+        return not self.discrete and are_cut_at_once(self.sensors)
 
     # ---------------------------------------------------------------------------------- what they tell one another
 

@@ -51,9 +51,12 @@ class Shown(NamedTuple):
     """How many of them, the first ones, may go on beside themselves, unseen, as far as half of what lies between two beams."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sensors:
-    """What a driver of the robot knows about it: body, motion, scanner. Nothing about the world."""
+    """What a driver of the robot knows about it: body, motion, scanner. Nothing about the world.
+
+    One is another one than a second with the same numbers, so that what follows from them can be remembered.
+    """
 
     drive: Drive
     """Kinematics and limits."""
@@ -171,7 +174,7 @@ class View:
         "sensors",
         "under_way",
         "lately",
-        "_flat",
+        "flat",
         "ranges",
         "goal",
         "pose",
@@ -195,7 +198,7 @@ class View:
         self.under_way = under_way
         self.lately = lately
         self._late: Shown | None = None
-        self._flat = flat
+        self.flat = flat
         ranges, rest, goal, pose, velocity = sensors.always_seen
         told: Any
         if read is None:
@@ -210,15 +213,12 @@ class View:
         self._trig = (math.cos(self.pose[2]), math.sin(self.pose[2]))
 
     @classmethod
-    def of_rows(
-        cls, rows: F32, sensors: Sensors, lately: Sequence[Sequence[NDArray[np.float64]]], disc: float
-    ) -> list[View]:
+    def of_rows(cls, rows: F32, sensors: Sensors, disc: float) -> list[View]:
         """Those of several observations of robots alike, each as of its row alone; what is the same for all is done once.
 
         Args:
             rows: the observations (k, D).
             sensors: of each.
-            lately: what scans before these ones showed, one a robot.
             disc: radius of the one of which `free_ahead` is asked [m].
 
         Raises:
@@ -233,7 +233,7 @@ class View:
         scans, numbers, views = Scans(ranges, points, counts, disc), rows[:, rest].tolist(), []
         for row, (shown, free) in enumerate(zip(counts.tolist(), ahead.tolist(), strict=True)):
             seen = points[row, 0, :shown], points[row, 1, :shown]
-            views.append(cls(rows[row], sensors, None, lately[row], (ranges[row], numbers[row], seen, scans, free)))
+            views.append(cls(rows[row], sensors, read=(ranges[row], numbers[row], seen, scans, free)))
         return views
 
     def with_ranges(self, ranges: NDArray[np.float64]) -> View:
@@ -246,7 +246,7 @@ class View:
         other.sensors, other.under_way, other.lately = self.sensors, self.under_way, self.lately
         other._points, other._late, other.scans = points, None, None
         other.goal, other.pose, other.velocity, other._trig = self.goal, self.pose, self.velocity, self._trig
-        other._flat = self._flat
+        other.flat = self.flat
         other.ranges = ranges
         return other
 
@@ -268,7 +268,7 @@ class View:
             return self.ranges.astype(np.float32)
         for field in self.sensors.fields:
             if field.name == name:
-                return self._flat[field.begin : field.end].reshape(field.shape)
+                return self.flat[field.begin : field.end].reshape(field.shape)
         raise KeyError(name)
 
     @property

@@ -18,7 +18,16 @@ from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.config import Scenario, load
 from bug_gym.geometry import velocity_along, wrap
-from bug_gym.inertia import LEAST_PACE, POST, needs_care, pace_in_sight, speed_within
+from bug_gym.inertia import (
+    LEAST_PACE,
+    POST,
+    are_cut_at_once,
+    needs_care,
+    pace_in_sight,
+    speed_within,
+    stoppable_action,
+    stoppable_actions,
+)
 from bug_gym.kinematics import Drive
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
@@ -149,6 +158,27 @@ def test_of_a_wish_the_greatest_part_is_driven_that_keeps_clear(
         return bool(kernels.keeps_clear(px, py, circles, *motion, 0.05, 0.03 if of_four > 2 else 0.01, 7))
 
     assert part == max((of_four for of_four in range(5) if is_clear(of_four)), default=-1)
+
+
+@pytest.mark.parametrize("room", [0.0, 0.1])
+def test_what_some_of_several_robots_ask_for_is_cut_as_of_each_alone(room: float) -> None:
+    robot = {"robot.kinematics": "differential", "robot.max_acceleration": 1.0, "lidar.beams": 360, "lidar.noise": 0.0}
+    sensors, rng, shares = Sensors.of(load("static", robot)), np.random.default_rng(0), []
+    assert are_cut_at_once(sensors)
+    for _ in range(60):
+        rows = np.zeros((5, sensors.width), dtype=np.float32)
+        for row in rows:
+            row[sensors.always_seen[0]] = sensors.range
+            row[sensors.always_seen[0]][rng.integers(360, size=3)] = rng.uniform(0.25, 1.2, 3)
+            row[sensors.always_seen[1]][-2:] = rng.uniform(0.0, 1.0), 0.0
+        views = View.of_rows(rows, sensors, sensors.radius)
+        asked = sorted(rng.choice(5, rng.integers(1, 6), replace=False).tolist())
+        wishes = [velocity_along(rng.uniform(-0.5, 0.5), 1.0) for _ in asked]
+        for row, wish, action in zip(asked, wishes, stoppable_actions(views, asked, wishes, room), strict=True):
+            alone = stoppable_action(View(rows[row], sensors), wish, room)
+            np.testing.assert_array_equal(action, alone)
+            shares.append(float(alone[0]))
+    assert len(set(shares)) > 10
 
 
 def test_the_points_of_a_scan_are_those_of_beams_that_saw_something() -> None:

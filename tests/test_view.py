@@ -108,10 +108,9 @@ def test_views_that_are_read_at_once_are_those_of_each_alone(data: st.DataObject
     for row in rows:
         row[sensors.always_seen[1]] = data.draw(st.lists(st.floats(-3.0, 3.0, width=32), min_size=7, max_size=7))
         row[sensors.always_seen[0]] = data.draw(ranges)
-    lately: list[list[np.ndarray]] = [[], [np.ones((2, 1))], []]
-    for row, late, view in zip(rows, lately, View.of_rows(rows, sensors, lately, RADIUS), strict=True):
-        alone = View(row, sensors, lately=late)
-        assert (view.goal, view.pose, view.velocity, view.lately) == (alone.goal, alone.pose, alone.velocity, late)
+    for row, view in zip(rows, View.of_rows(rows, sensors, RADIUS), strict=True):
+        alone = View(row, sensors)
+        assert (view.goal, view.pose, view.velocity) == (alone.goal, alone.pose, alone.velocity)
         np.testing.assert_array_equal(view.ranges, alone.ranges)
         np.testing.assert_array_equal(view.points, alone.points)
         for radius in (RADIUS, 1.5 * RADIUS):
@@ -125,4 +124,4 @@ def test_views_are_not_read_where_any_number_is_not_finite(number: float) -> Non
         rows = np.zeros((2, sensors.width), dtype=np.float32)
         rows[1, place] = number
         with pytest.raises(ValueError, match="not finite"):
-            View.of_rows(rows, sensors, [[], []], RADIUS)
+            View.of_rows(rows, sensors, RADIUS)

@@ -45,7 +45,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.aim import aim
@@ -184,8 +183,8 @@ class HDBug(ScriptedPolicy):
         memory.chosen = x + memory.reach * math.cos(direction), y + memory.reach * math.sin(direction)
         return direction, max(speed, TURNING)
 
-    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
-        action = super()._action(flat, memory)
+    def last_word(self, view: View, memory: Memory, action: NDArray[Any]) -> NDArray[Any]:
+        """Straight back, where it has to."""
         if isinstance(memory, HDBugMemory) and memory.is_backing and not memory.verdict and not self.discrete:
             return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
         return action

@@ -155,8 +155,8 @@ class HDBugMap(ScriptedPolicy):
             return None
         return Course(places, corner_cut(self.sensors.drive))
 
-    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
-        action = super()._action(flat, memory)
+    def last_word(self, view: View, memory: Memory, action: NDArray[Any]) -> NDArray[Any]:
+        """Straight back, where it has to."""
         if isinstance(memory, HDBugMapMemory) and memory.is_backing and not memory.verdict and not self.discrete:
             return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
         return action

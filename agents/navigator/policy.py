@@ -96,7 +96,7 @@ class Navigator(HDBugMap):
         return scene
 
     def drive(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocity:
-        """Along the way; to stand where the network is to drive, whose action `_action` takes."""
+        """Along the way; to stand where the network is to drive, whose action `last_word` takes."""
         assert isinstance(memory, NavigatorMemory)
         if not memory.switch.is_on:
             return super().drive(scene, memory, way)
@@ -107,14 +107,14 @@ class Navigator(HDBugMap):
         memory.direction = scene.view.heading
         return 0.0, 0.0
 
-    def _action(self, flat: NDArray[np.float32], memory: Memory) -> NDArray[Any]:
+    def last_word(self, view: View, memory: Memory, action: NDArray[Any]) -> NDArray[Any]:
         """The planner's action, or the network's; the network remembers each scan."""
         assert isinstance(memory, NavigatorMemory)
-        action = super()._action(flat, memory)
-        seen, memory.history = self.network.look(flat[None], memory.history)
+        action = super().last_word(view, memory, action)
+        seen, memory.history = self.network.look(view.flat[None], memory.history)
         if memory.mode != "network" or memory.verdict:
             return action
-        return self._network_action(View(flat, self.sensors), seen, memory)
+        return self._network_action(view, seen, memory)
 
     def _network_action(self, view: View, seen: F32, memory: NavigatorMemory) -> NDArray[Any]:
         """What the network does for the next node of the way, never into what is seen."""

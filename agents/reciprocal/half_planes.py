@@ -8,15 +8,11 @@ from __future__ import annotations
 
 import math
 
+from bug_gym.agents.reciprocal.bodies import GAP_SHARE, PX, PY, RADIUS, SHARE, VX, VY
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.avoidance import Disc, add_half_plane, add_reciprocal, least_violation, nearest_velocity
-from bug_gym.kernels.layout import Flags, Floats
+from bug_gym.kernels.layout import Floats
 from bug_gym.kernels.randomness import hash64, uniform
-
-# Columns of a body to be avoided: place and velocity in the robot's frame [m, m/s], its radius [m], the share of the
-# avoidance that is this robot's (0: it counts as a still thing), and the share of the gap that it may close in a step.
-PX, PY, VX, VY, RADIUS, SHARE, GAP_SHARE = range(7)
-BODY = 7
 
 
 @called
@@ -153,51 +149,6 @@ def speed_before_bodies(bodies: Floats, count: int, robot: Floats, direction: fl
             gap = bodies[b, GAP_SHARE] * (distance - radius - bodies[b, RADIUS])
             speed = min(speed, approach_limit(gap, step, deceleration) * distance / closing)
     return speed
-
-
-@kernel
-def share_out(peers: Floats, at_rest: Floats, step: float, slow: float, settled: float) -> None:
-    """What of the avoidance of each of the other robots is this one's; fills SHARE.
-
-    Args:
-        peers: (n, BODY).
-        at_rest: for how long each has been at rest, changed in place (n,) [s].
-        step: time since the last decision [s].
-        slow: slower than this a robot is at rest [m/s].
-        settled: who is at rest for longer is a still thing [s].
-    """
-    for b in range(at_rest.size):
-        is_at_rest = math.hypot(peers[b, VX], peers[b, VY]) < slow
-        at_rest[b] = at_rest[b] + step if is_at_rest else 0.0
-        peers[b, SHARE] = 0.0 if at_rest[b] > settled else 1.0 if is_at_rest else 0.5
-
-
-@kernel
-def outline_reaches(bodies: Floats, robot_margin: float, track_margin: float, noise: float, reaches: Floats) -> None:
-    """How near to a body's place a hit is of the body (n,) [m]; -1: it counts as a still thing, whose hits stay.
-
-    Args:
-        bodies: (n, BODY).
-        robot_margin: how far outside a robot's outline a hit is still of it [m].
-        track_margin: the same of what is tracked [m].
-        noise: what a range may be off beside that [m].
-        reaches: filled.
-    """
-    for b in range(reaches.size):
-        margin = robot_margin if bodies[b, GAP_SHARE] < 1.0 else track_margin
-        reaches[b] = bodies[b, RADIUS] + margin + noise if bodies[b, SHARE] > 0.0 else -1.0
-
-
-@kernel
-def is_among(bodies: Floats, peers: Floats, found: Flags) -> None:
-    """Which bodies (n, BODY) overlap one of the other robots (k, BODY), and so are taken for it; fills `found` (n,)."""
-    for i in range(found.size):
-        found[i] = False
-        for b in range(peers.shape[0]):
-            gap = math.hypot(bodies[i, PX] - peers[b, PX], bodies[i, PY] - peers[b, PY])
-            if gap < bodies[i, RADIUS] + peers[b, RADIUS]:
-                found[i] = True
-                break
 
 
 @kernel

@@ -31,30 +31,10 @@ from bug_gym import kinematics
 from bug_gym.agents.bugs.tangent_bug import TangentBug
 from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.reciprocal.half_planes import (
-    BODY,
-    GAP_SHARE,
-    PX,
-    PY,
-    RADIUS,
-    SHARE,
-    VX,
-    VY,
-    drawn_share,
-    is_among,
-    outline_reaches,
-    reciprocal_velocity,
-    share_out,
-    speed_before_bodies,
-)
-from bug_gym.agents.teams.hidden import take_out_discs
+from bug_gym.agents.reciprocal.bodies import BODY, PX, VY, find_bodies
+from bug_gym.agents.reciprocal.half_planes import drawn_share, reciprocal_velocity, speed_before_bodies
 from bug_gym.agents.teams.partners import BODY_MARGIN
-from bug_gym.agents.tracking.layout import RADIUS as TRACK_RADIUS
-from bug_gym.agents.tracking.layout import TRACKS
-from bug_gym.agents.tracking.layout import VX as TRACK_VX
-from bug_gym.agents.tracking.layout import VY as TRACK_VY
-from bug_gym.agents.tracking.layout import X as TRACK_X
-from bug_gym.agents.tracking.layout import Y as TRACK_Y
+from bug_gym.agents.tracking.layout import MOVER, TRACKS
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
 from bug_gym.checks import shortened
 from bug_gym.geometry import F64, velocity_along
@@ -73,14 +53,13 @@ SIDESTEP_LEG = 1.0
 TRACK_MARGIN = 0.1
 """How far from a tracked mover's edge a hit is still taken for the mover's, beside three times the range noise [m]."""
 
-AT_REST = 0.01
-"""A robot slower than this does nothing to keep clear [m/s]."""
-
-SETTLED = 2.0
-"""A robot at rest for longer is one more still thing, which the bug goes round [s]."""
-
 WALL_STEPS = 2.0
 """How many steps before a wall a robot begins to slow down."""
+
+NONE = np.empty((0, MOVER))
+"""No movers."""
+NO_BODIES = np.empty((0, BODY))
+"""Nor others."""
 
 Way = Literal["goal", "tangent_bug", "hd_bug"]
 
@@ -155,8 +134,10 @@ class Orca(ScriptedPolicy):
         own, drive = self.parameters, sensors.drive
         self.bug = BUGS[own.way](sensors) if own.way in BUGS else None
         self.tracker = Tracker(sensors) if own.sees_movers else None
-        self.peers = next((field.shape[0] for field in sensors.fields if field.name == "peers"), 0)
+        seen = next((field for field in sensors.fields if field.name == "peers"), None)
+        self.peers = seen.shape[0] if seen is not None else 0
         """How many other robots it sees."""
+        self._peers_at = slice(seen.begin, seen.end) if seen is not None else slice(0)
         enlargement = own.enlargement if own.enlargement is not None else off_the_line(sensors)
         self.margin = SKIN + (0.0 if drive.kinematics == "holonomic" else 2.0 * enlargement)
         """Kept between this robot and another body, as far as there is room [m]."""
@@ -172,9 +153,14 @@ class Orca(ScriptedPolicy):
             WALL_STEPS * drive.step,
         )
         self._robot = np.array(numbers)
-        beams = len(sensors.angles)
-        self._lines, self._spare = np.empty((2, 3 * (beams + 2 * (self.peers + TRACKS))))
-        self._cos, self._sin = (np.ascontiguousarray(part) for part in sensors.beam_directions)
+        beams, most = len(sensors.angles), self.peers + TRACKS
+        self._lines, self._spare = np.empty((2, 3 * (beams + 2 * most)))
+        self._bodies = np.empty((most, BODY))
+        self._directions = np.ascontiguousarray(sensors.beam_directions)
+        self._cos, self._sin = self._directions
+        noise = 3.0 * sensors.range_noise
+        scanner = sensors.range, float(np.float32(sensors.range)), BODY_MARGIN + noise, TRACK_MARGIN + noise
+        self._known = np.array((sensors.radius, drive.step, *scanner, sensors.bridged_gap, sensors.is_full_circle))
 
     def start(self) -> OrcaMemory:
         """Memory of a new episode."""
@@ -183,8 +169,7 @@ class Orca(ScriptedPolicy):
 
     def act(self, view: View, memory: OrcaMemory) -> Velocity:
         """One decision."""
-        bodies = self._bodies(view, memory)
-        clean = self.without_bodies(view, bodies)
+        bodies, clean = self.who_is_there(view, memory)
         memory.wish = wish = self._wish(clean, memory)
         memory.bodies, memory.pose = bodies, view.pose
         memory.steps += 1
@@ -196,56 +181,30 @@ class Orca(ScriptedPolicy):
         memory.held_up = 1.0 - share_kept(wish, (x, y)) if is_disturbed else 0.0
         return self._slowed(bodies, (x, y))
 
-    # ------------------------------------------------------------------------------------------------- who is there
+    def who_is_there(self, view: View, memory: OrcaMemory) -> tuple[F64, View]:
+        """The bodies to be avoided, and what the robot would see if no one else were there.
 
-    def _bodies(self, view: View, memory: OrcaMemory) -> F64:
-        """The bodies to be avoided (n, BODY): the other robots, then what else moves."""
-        peers = np.empty((self.peers, BODY))
-        if self.peers:
-            peers[:, PX : VY + 1] = view.field("peers")
-            peers[:, RADIUS], peers[:, GAP_SHARE] = self.sensors.radius, 0.5
-            if memory.at_rest is None:
-                memory.at_rest = np.zeros(self.peers)
-            share_out(peers, memory.at_rest, self.sensors.drive.step, AT_REST, SETTLED)
-            if memory.steps == 0:
-                memory.seed = zlib.crc32(view.field("peers").tobytes())
-        if self.tracker is None or memory.tracker is None:
-            return peers
-        movers = self._movers(view, memory, memory.tracker, peers)
-        return peers if movers is None else np.concatenate([peers, movers])
-
-    def _movers(self, view: View, memory: OrcaMemory, kept: TrackerMemory, peers: F64) -> F64 | None:
-        """What moves in the scan and is no robot, as bodies (n, BODY); None: nothing."""
-        assert self.tracker is not None
-        self.tracker.take_in(kept, view, memory.steps * self.sensors.drive.step)
-        moving = self.tracker.moving(kept)
-        if not len(moving):
-            return None
-        movers, is_robot = np.empty((len(moving), BODY)), np.empty(len(moving), dtype=np.bool_)
-        cos, sin = math.cos(view.heading), math.sin(view.heading)
-        to_robot = np.array([[cos, -sin], [sin, cos]])
-        movers[:, PX : PY + 1] = (moving[:, TRACK_X : TRACK_Y + 1] - view.position) @ to_robot
-        movers[:, RADIUS] = moving[:, TRACK_RADIUS]
-        is_among(movers, peers, is_robot)
-        if is_robot.all():
-            return None
-        movers[:, VX : VY + 1] = moving[:, TRACK_VX : TRACK_VY + 1] @ to_robot
-        movers[:, SHARE], movers[:, GAP_SHARE] = 1.0, 1.0
-        return movers[~is_robot]
-
-    def without_bodies(self, view: View, bodies: F64) -> View:
-        """What the robot would see if no one else were there.
-
-        Args:
-            view: what it sees.
-            bodies: (n, BODY); those that count as still things stay.
+        Returns:
+            (n, BODY): the other robots, then what else moves; and the view without them, but with those of them that count
+            as still things.
         """
-        if not len(bodies):
-            return view
-        ranges, reaches = view.ranges.copy(), np.empty(len(bodies))
-        outline_reaches(bodies, BODY_MARGIN, TRACK_MARGIN, 3.0 * self.sensors.range_noise, reaches)
-        taken = take_out_discs(ranges, self._cos, self._sin, self.sensors.range, bodies, reaches)
-        return view.with_ranges(ranges) if taken else view
+        told = view.flat[self._peers_at]
+        if memory.at_rest is None:
+            memory.at_rest = np.zeros(self.peers)
+        if memory.steps == 0 and self.peers:
+            memory.seed = zlib.crc32(told.tobytes())
+        movers = NONE
+        if self.tracker is not None and memory.tracker is not None:
+            movers = self.tracker.take_in(memory.tracker, view, memory.steps * self.sensors.drive.step)
+        if not self.peers and not len(movers):
+            return NO_BODIES, view
+        ranges, points = np.empty(view.ranges.shape), np.empty(self._directions.shape)
+        seen = view.ranges, self._directions
+        count, taken, shown = find_bodies(
+            told, memory.at_rest, movers, view.pose, self._known, *seen, self._bodies, ranges, points
+        )
+        clean = view.showing(ranges, (points[0, :shown], points[1, :shown])) if taken else view
+        return self._bodies[:count].copy(), clean
 
     # ------------------------------------------------------------------------------------------------------ the wish
 

@@ -96,6 +96,22 @@ def is_joined(px: Floats, py: Floats, piece: Integers, first: int, second: int, 
 
 
 @kernel
+def last_heading(run_of: Integers, run: int, side: int) -> int:
+    """The first heading of a run behind which, to its left (side +1) or right (-1), it does not go on; -1: all round.
+
+    Args:
+        run_of: number of the run that each heading belongs to (m,), counter-clockwise.
+        run: its number.
+        side: which way.
+    """
+    headings = run_of.size
+    for heading in range(headings):
+        if run_of[heading] == run and run_of[(heading + side + headings) % headings] != run:
+            return heading
+    return -1
+
+
+@kernel
 def find_border(
     px: Floats,
     py: Floats,

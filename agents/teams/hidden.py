@@ -110,32 +110,6 @@ def take_out_bodies(
     return count
 
 
-@kernel
-def take_out_discs(ranges: Floats, ux: Floats, uy: Floats, far: float, bodies: Floats, reaches: Floats) -> int:
-    """Take the beams off bodies of several sizes; returns how many, where nobody asks which they were.
-
-    Args:
-        ranges: (B,), changed in place [m].
-        ux: directions' x (B,) in the robot's frame.
-        uy: directions' y (B,).
-        far: range that means "nothing seen" [m].
-        bodies: places (k, 2) in the robot's frame [m]; further columns are left alone.
-        reaches: how near to each place a point is of the body there (k,) [m]; below 0: none is.
-    """
-    count = 0
-    for b in range(reaches.size):
-        x, y, reach = bodies[b, 0], bodies[b, 1], reaches[b]
-        near = far + reach + ROUNDING
-        if reach < 0.0 or x * x + y * y > near * near:
-            continue
-        for i in range(ranges.size):
-            dx, dy = ux[i] * ranges[i] - x, uy[i] * ranges[i] - y
-            if ranges[i] < far and dx * dx + dy * dy <= reach * reach:
-                ranges[i] = far
-                count += 1
-    return count
-
-
 @called
 def find_walls(
     scan: Floats, ux: Floats, uy: Floats, far: float, widest: float, pose: tuple[float, float, float], walls: Floats

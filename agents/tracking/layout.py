@@ -27,6 +27,10 @@ STATE = 22
 ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, STOOD, BEAMS, SHOWN = range(10)
 NUMBERS = 10
 
+# Columns of what is told of a mover: X to VY, as of a track, and the radius of its disc [m].
+DISC = 4
+MOVER = 5
+
 # Columns of a memory's counters: number of the last track, and how many scans were kept.
 LAST_ID, SCANS_KEPT = range(2)
 COUNTERS = 2

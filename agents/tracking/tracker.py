@@ -35,6 +35,7 @@ from bug_gym.agents.tracking.layout import (
     INTEGER_ROWS,
     IS_CONFIRMED,
     IS_MOVING,
+    MOVER,
     NOW,
     NUMBERS,
     PASSED,
@@ -178,6 +179,7 @@ class Tracker:
         self._integers = np.zeros((INTEGER_ROWS, 2 * beams + TRACKS), dtype=np.int64)
         self._flags = np.zeros((FLAG_ROWS, beams), dtype=np.bool_)
         self._owner = np.zeros(beams, dtype=np.int64)
+        self._movers = np.empty((TRACKS, MOVER))
 
     def start(self) -> TrackerMemory:
         """Memory of a new episode."""
@@ -199,8 +201,13 @@ class Tracker:
         self.take_in(memory, view, time)
         return self._tracks(memory, view, time)
 
-    def take_in(self, memory: TrackerMemory, view: View, time: float) -> None:
-        """What `update` does, without making its answer, for who asks for `moving` alone."""
+    def take_in(self, memory: TrackerMemory, view: View, time: float) -> F64:
+        """What `update` does, for who asks for what is there and moves alone.
+
+        Returns:
+            Place and velocity in the odometry frame [m, m/s] and radius [m] of each (M, MOVER), in the order of `update`'s
+            tracks; they hold until the next call.
+        """
         if not time > memory.time:
             raise ValueError(f"tracks go forward in time: got {time} s after {memory.time} s")
         if len(view.ranges) != len(self.angles):
@@ -209,7 +216,7 @@ class Tracker:
         self._pose[POSE_X], self._pose[POSE_Y], self._pose[HEADING] = view.pose
         self._pose[NOW], self._pose[PASSED] = time, passed
         memory.time = time
-        update_tracks(
+        count = update_tracks(
             view.ranges,
             self.angles,
             self._pose,
@@ -220,13 +227,9 @@ class Tracker:
             self._fits,
             self._integers,
             self._flags,
+            self._movers,
         )
-
-    def moving(self, memory: TrackerMemory) -> F64:
-        """Numbers of the things that are there and move (M, STATE), in the order of `update`'s tracks; see layout."""
-        (places,) = memory.numbers[:, IS_MOVING].nonzero()
-        numbers = memory.numbers[places]
-        return memory.state[places[(numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0)]]
+        return self._movers[:count]
 
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""

@@ -18,6 +18,7 @@ from bug_gym.agents.tracking.layout import (
     CHOSEN,
     CLUSTER,
     COUNTS,
+    DISC,
     FR,
     FR_VARIANCE,
     FX,
@@ -28,6 +29,7 @@ from bug_gym.agents.tracking.layout import (
     HIT_Y,
     HITS,
     ID,
+    IS_CONFIRMED,
     IS_FULL_CIRCLE,
     IS_MOVING,
     LAST_ID,
@@ -46,6 +48,7 @@ from bug_gym.agents.tracking.layout import (
     THING_FLAGS,
     TOWARD,
     TRACKS,
+    VY,
     WHOLE,
     Clusters,
     Hits,
@@ -73,8 +76,9 @@ def update_tracks(
     fits: Floats,
     integers: Integers,
     flags: Flags,
-) -> None:
-    """One update of a memory.
+    movers: Floats,
+) -> int:
+    """One update of a memory; how many things are there and move.
 
     Args:
         ranges: the scan (B,) [m].
@@ -85,6 +89,7 @@ def update_tracks(
         memory: the tracks, and past scans.
         floats, fits, integers, flags: working memory (FLOAT_ROWS, B), (B + 1, FIT), (INTEGER_ROWS, 2 B + TRACKS),
             (FLAG_ROWS, B).
+        movers: room for what moves, odometry frame (TRACKS, MOVER).
     """
     members, counts, nearest = integers[MEMBERS], integers[COUNTS], integers[NEAREST]
     hits = Hits(floats[HIT_X], floats[HIT_Y], floats[BEARINGS], ranges, members, settings)
@@ -104,6 +109,21 @@ def update_tracks(
     weigh_evidence(memory, scan, nearest, counts, floats[TOWARD])
     close_update(memory, scan)
     keep_scan(memory, scan)
+    return tell_movers(memory, movers)
+
+
+@inlined
+def tell_movers(memory: Memory, movers: Floats) -> int:
+    """Write what is there and moves; returns how many these are."""
+    count = 0
+    for m in range(TRACKS):
+        n = memory.numbers[m]
+        if n[IS_MOVING] != 0 and n[ID] > 0 and n[IS_CONFIRMED] > 0:
+            for column in range(VY + 1):
+                movers[count, column] = memory.state[m, column]
+            movers[count, DISC] = memory.state[m, RADIUS]
+            count += 1
+    return count
 
 
 @inlined

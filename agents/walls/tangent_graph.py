@@ -149,9 +149,8 @@ class TangentGraph:
 
     def last_heading(self, run: int, side: int) -> int | None:
         """Number of the last heading of a run on its left (+1) or right (-1); None where it goes all round."""
-        inside = self.run_of == run
-        borders = np.flatnonzero(inside & ~np.roll(inside, -side))
-        return int(borders[0]) if run >= 0 and len(borders) else None
+        last = pieces.last_heading(self.run_of, run, side) if run >= 0 else -1
+        return last if last >= 0 else None
 
     def touch(self, heading: int) -> tuple[Point, Point]:
         """Where the disc gets to along a heading, and the contact that stops it there, in the robot's frame [m].

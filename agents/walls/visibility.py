@@ -41,7 +41,7 @@ class Elsewhere(View):
         self.goal = (view.goal[0] - dx, view.goal[1] - dy)
         self.pose = (place[0], place[1], view.heading)
         self.velocity = view.velocity
-        self._flat = view._flat
+        self.flat = view.flat
         self._trig = view._trig
         self._points = (x - dx, y - dy)
 

@@ -107,6 +107,7 @@ def clear_part(
 def stoppable_levers(
     points: Floats,
     counts: Integers,
+    rows: Integers,
     circles: Floats,
     wishes: Floats,
     limits: Floats,
@@ -120,8 +121,9 @@ def stoppable_levers(
     """The actions with which k differential robots that are alike can still stop in time, for what each wishes.
 
     Args:
-        points: what each sees now (k, 2, B), of each the first ones [m].
-        counts: how many of each (k,).
+        points: what each of n robots sees now (n, 2, B), of each the first ones [m].
+        counts: how many of each (n,).
+        rows: which of them are asked for (k,).
         circles, margin, gap, fast_gap, parts: see `clear_part`.
         wishes: the own speed [m/s], the desired one and its heading error [rad] (k, 3).
         limits: of each, see `Drive.limits`.
@@ -129,9 +131,10 @@ def stoppable_levers(
         cut: filled (k,): `clear_part`; where that is -1 the action means nothing.
     """
     fastest, reverse, most, acceleration, step = limits
-    for r in range(counts.size):
-        count = counts[r]
-        px, py, speed = points[r, 0, :count], points[r, 1, :count], wishes[r, 0]
+    for r in range(rows.size):
+        row, speed = rows[r], wishes[r, 0]
+        count = counts[row]
+        px, py = points[row, 0, :count], points[row, 1, :count]
         fast, rate = turning(wishes[r, 1], wishes[r, 2], fastest, step, most)
         cut[r] = clear_part(
             px, py, circles, speed, fast, rate, False, acceleration, step, margin, gap, count, fast_gap, parts

@@ -13,6 +13,7 @@ from episodes import run_episode
 import bug_gym
 from bug_gym import observation
 from bug_gym.agents import AGENTS, make_policy, playable_names, policy_names
+from bug_gym.inertia import are_cut_at_once
 from bug_gym.policy import Drawing, ScriptedPolicy
 from bug_gym.simulation import Simulation
 from bug_gym.team_policy import EachAlone
@@ -54,6 +55,21 @@ def test_a_batch_is_its_rows_one_by_one_in_either_form(name: str) -> None:
         one, single = policy.predict(flat[1], single)
         np.testing.assert_array_equal(actions, named)
         np.testing.assert_array_equal(actions[1], one)
+        flat = simulation.step(actions[:, None]).observation[:, 0]
+
+
+@pytest.mark.parametrize("name", ["tangent_bug", "hd_bug_map", "orca", "apf"])
+def test_rows_of_robots_that_take_care_are_those_one_by_one(name: str) -> None:
+    simulation = Simulation("rooms", 5, overrides={"robot.kinematics": "differential", "robot.max_acceleration": 0.5})
+    flat = simulation.reset(seeds=range(5))[:, 0]
+    policy: Any = make_policy(name, simulation)
+    assert are_cut_at_once(policy.sensors)
+    batch, singles = None, [None] * 5
+    for _ in range(120):
+        actions, batch = policy.predict(flat, batch)
+        for row in range(5):
+            one, singles[row] = policy.predict(flat[row], singles[row])
+            np.testing.assert_array_equal(actions[row], one)
         flat = simulation.step(actions[:, None]).observation[:, 0]
 
 

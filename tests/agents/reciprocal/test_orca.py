@@ -14,16 +14,8 @@ import bug_gym
 from bug_gym import kinematics
 from bug_gym.agents import make_policy
 from bug_gym.agents.reciprocal import orca
-from bug_gym.agents.reciprocal.half_planes import (
-    BODY,
-    GAP_SHARE,
-    RADIUS,
-    SHARE,
-    is_among,
-    reciprocal_velocity,
-    share_out,
-)
-from bug_gym.agents.teams.hidden import take_out_discs
+from bug_gym.agents.reciprocal.bodies import BODY, GAP_SHARE, RADIUS, SHARE, is_among, share_out, take_out_disc
+from bug_gym.agents.reciprocal.half_planes import reciprocal_velocity
 from bug_gym.config import load
 from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
@@ -138,52 +130,76 @@ def test_the_scan_without_the_others_is_that_of_a_world_without_them() -> None:
     alone = Simulation({**settings, "world": world})
     seen, bare = crew.reset(seeds=[0])[0, 0], alone.reset(seeds=[0])[0, 0, :90].astype(float)
     policy: Any = make_policy("orca", crew)
-    bodies = np.zeros((3, BODY))
-    bodies[:, :4], bodies[:, RADIUS], bodies[:, SHARE] = seen[-12:].reshape(3, 4), R, 0.5
-    view = View(seen, policy.sensors)
+    view, memory = View(seen, policy.sensors), policy.start()
     on_body = view.ranges < bare - 1e-6
     assert 8 < on_body.sum() < 60
-    np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, np.where(on_body, 6.0, view.ranges))
-    bodies[:, SHARE] = 0.0  # still things stay
-    np.testing.assert_array_equal(policy.without_bodies(view, bodies).ranges, view.ranges)
+    bodies, clean = policy.who_is_there(view, memory)
+    np.testing.assert_array_equal(bodies[:, :RADIUS], seen[-12:].reshape(3, 4))
+    assert (bodies[:, RADIUS] == R).all() and (bodies[:, GAP_SHARE] == 0.5).all()
+    np.testing.assert_array_equal(clean.ranges, np.where(on_body, 6.0, view.ranges))
+    np.testing.assert_array_equal(clean.points, view.with_ranges(clean.ranges).points)
+    settled = policy.start()
+    settled.at_rest = np.full(3, 100.0)  # still things stay
+    assert policy.who_is_there(view, settled)[1] is view
 
 
-def test_beams_off_bodies_of_several_sizes_are_taken_out_and_no_others() -> None:
+def test_what_moves_is_avoided_where_it_is_and_taken_out_of_the_scan() -> None:
+    start, motion = (0.5, -0.5, 0.7), {"law": "bounce", "velocity": [-0.5, 0.1]}
+    world = {"family": "explicit", "bounds": [-9, -9, 9, 9], "start": start, "goal": [-8, 0]}
+    world["movers"] = [{"shape": {"circle": 0.3}, "at": [2.0, 1.5], "motion": motion}]
+    alone = Simulation({"lidar": {"beams": 180, "range": 6.0, "noise": 0.0}, "world": world})
+    observation = alone.reset(seeds=[0])[0, 0]
+    policy: Any = make_policy("orca", alone)
+    memory = policy.start()
+    for _ in range(16):
+        view = View(observation, policy.sensors)
+        bodies, clean = policy.who_is_there(view, memory)
+        memory.steps += 1
+        now = float(alone.world.time[0])
+        observation = alone.step(np.zeros((1, 1, 2)))[0][0, 0]
+    cos, sin = math.cos(start[2]), math.sin(start[2])
+    dx, dy = 2.0 - 0.5 * now - start[0], 1.5 + 0.1 * now - start[1]
+    expected = (cos * dx + sin * dy, cos * dy - sin * dx, -0.5 * cos + 0.1 * sin, 0.1 * cos + 0.5 * sin)
+    np.testing.assert_allclose(bodies[0, :RADIUS], expected, atol=0.1)
+    assert bodies.shape == (1, BODY) and bodies[0, SHARE] == bodies[0, GAP_SHARE] == 1.0
+    assert (view.ranges < 5.99).sum() >= 5 and not (clean.ranges < 5.99).any()  # nothing else is there
+
+
+def test_beams_off_a_body_are_taken_out_and_no_others() -> None:
     rng = np.random.default_rng(0)
     angles = 2.0 * math.pi * np.arange(120) / 120
-    ux, uy = np.cos(angles), np.sin(angles)
-    for count in (0, 1, 4, 20):
-        ranges = rng.uniform(0.2, 6.0, 120).clip(max=5.0)
-        bodies = np.zeros((count, BODY))
-        bodies[:, :2], reaches = rng.uniform(-4.0, 4.0, (count, 2)), rng.uniform(0.2, 0.8, count)
-        reaches[::3] = -1.0  # those count as still things
-        expected = ranges.copy()
-        for i, (x, y) in enumerate(zip(ux * ranges, uy * ranges, strict=True)):
-            if any(math.hypot(x - bx, y - by) <= reach for (bx, by), reach in zip(bodies[:, :2], reaches, strict=True)):
-                expected[i] = 5.0
-        take_out_discs(ranges, ux, uy, 5.0, bodies, reaches)
+    directions = np.stack([np.cos(angles), np.sin(angles)])
+    taken = 0
+    for _ in range(40):
+        ranges, place = rng.uniform(0.2, 6.0, 120).clip(max=5.0), tuple(rng.uniform(-4.0, 4.0, 2))
+        reach, expected = rng.uniform(0.2, 0.8), ranges.copy()
+        for beam, (x, y) in enumerate((directions * ranges).T):
+            if ranges[beam] < 5.0 and math.hypot(x - place[0], y - place[1]) <= reach:
+                expected[beam] = 4.5
+        count = take_out_disc(ranges, directions, 5.0, 4.5, place, reach)
         np.testing.assert_array_equal(ranges, expected)
-        assert count < 4 or (ranges == 5.0).sum() > 10
+        assert count == (expected == 4.5).sum()
+        taken += count
+    assert taken > 10
 
 
 def test_who_stands_takes_no_share_and_then_is_a_still_thing() -> None:
     peers, at_rest = np.zeros((3, BODY)), np.zeros(3)
     peers[0, 2:4], peers[1, 2:4] = (0.3, -0.4), (0.005, 0.005)  # the third stands
     for step in range(1, 25):
-        share_out(peers, at_rest, 0.125, 0.01, 2.0)
+        share_out(peers, at_rest, 0.125)
         is_settled = step > 16
         assert peers[:, SHARE].tolist() == [0.5, 0.0 if is_settled else 1.0, 0.0 if is_settled else 1.0], step
     peers[2, 3] = 1.0
-    share_out(peers, at_rest, 0.125, 0.01, 2.0)
+    share_out(peers, at_rest, 0.125)
     assert peers[:, SHARE].tolist() == [0.5, 0.0, 0.5] and at_rest[2] == 0.0
 
 
 def test_a_track_that_overlaps_a_robot_is_taken_for_it() -> None:
-    peers, tracks, found = np.zeros((2, BODY)), np.zeros((3, BODY)), np.zeros(3, dtype=np.bool_)
+    peers, tracks = np.zeros((2, BODY)), np.zeros((3, BODY))
     peers[:, 0], peers[:, RADIUS] = (2.0, -2.0), R
     tracks[:, 0], tracks[:, 1], tracks[:, RADIUS] = (2.0, -2.0, 2.0), (0.29, 0.31, -1.0), 0.1
-    is_among(tracks, peers, found)
-    assert found.tolist() == [True, False, False]
+    assert [is_among(track, peers) for track in tracks] == [True, False, False]
 
 
 def test_a_robot_behind_a_wall_is_no_reason_to_turn_aside() -> None:

@@ -133,7 +133,7 @@ def test_scans_that_were_read_at_once_are_looked_through_as_others_are() -> None
             row[SENSORS.always_seen[0]] = view.ranges
             row[next(field.begin for field in SENSORS.fields if field.name == "pose") :][:3] = view.pose
         expected = SeeThrough(SENSORS, 4).seen(robots, [True] * 4, [True] * 4)
-        for one, view in zip(robots, View.of_rows(rows, SENSORS, [[]] * 4, 0.3), strict=True):
+        for one, view in zip(robots, View.of_rows(rows, SENSORS, 0.3), strict=True):
             one.view = view
         for now, alone in zip(SeeThrough(SENSORS, 4).seen(robots, [True] * 4, [True] * 4), expected, strict=True):
             np.testing.assert_array_equal(now.view.ranges, alone.view.ranges)

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from tracked import STEP, disc, last_tracks, track, world_of
 
-from bug_gym.agents.tracking.layout import RADIUS, VX, VY, X, Y
+from bug_gym.agents.tracking.layout import DISC, VX, VY, X, Y
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -316,10 +316,9 @@ def test_what_moves_is_told_alone_as_among_all_tracks() -> None:
     memory, twin, movers = tracker.start(), tracker.start(), 0
     for view, time in steps:
         tracks = tracker.update(memory, view, time)
-        tracker.take_in(twin, view, time)
-        moving = tracker.moving(twin)
+        moving = tracker.take_in(twin, view, time)
         assert np.array_equal(moving[:, X : Y + 1], tracks.position[tracks.moving])
         assert np.array_equal(moving[:, VX : VY + 1], tracks.velocity[tracks.moving])
-        assert np.array_equal(moving[:, RADIUS], tracks.radius[tracks.moving])
+        assert np.array_equal(moving[:, DISC], tracks.radius[tracks.moving])
         movers += len(moving)
     assert movers > 0
