@@ -9,8 +9,9 @@ from __future__ import annotations
 import functools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -38,6 +39,8 @@ from bug_gym.view import Sensors, View
 
 Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
 Velocity = tuple[float, float]
+
+STANDING: Velocity = (0.0, 0.0)
 
 VERDICTS = ("", "unreachable", "looping", "stuck")
 """What a policy may find out about its task; "" while it goes on."""
@@ -201,6 +204,10 @@ class ScriptedPolicy(ABC):
     def act(self, view: View, memory: Any) -> Velocity:
         """Desired velocity in the robot's frame [m/s], x ahead, y left; `memory` is changed in place."""
 
+    def act_each(self, views: Sequence[View], memories: Sequence[Any]) -> Iterable[Velocity]:
+        """What `act` says for each of several robots; who can do a part of it for all of them at once does so here."""
+        return map(self.act, views, memories)
+
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
         """Where the velocity just desired leads on: a differential robot rounds its corners. None: nobody knows."""
         return None
@@ -271,7 +278,9 @@ class ScriptedPolicy(ABC):
 
     def _action(self, view: View, memory: Memory) -> NDArray[Any]:
         """The action for what one robot sees."""
-        velocity, course, arc = self._decision(view, memory)
+        view.under_way, view.lately = memory.under_way, memory.lately
+        velocity = STANDING if memory.verdict else checked_velocity(self, self.act(view, memory))
+        course, arc = self._beside(view, memory, velocity)
         action = action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
         return self._sent(view, memory, action)
 
@@ -286,10 +295,15 @@ class ScriptedPolicy(ABC):
             ValueError: a number that is not finite.
         """
         views = View.of_rows(flat, self.sensors, braking_radius(self.sensors))
+        for view, memory in zip(views, memories, strict=True):
+            view.under_way, view.lately = memory.under_way, memory.lately
+        goes = [not memory.verdict for memory in memories]
+        answers = iter(self.act_each(list(compress(views, goes)), list(compress(memories, goes))))
         actions: list[Any] = [None] * len(views)
         plain, wishes = [], []
         for row, (view, memory) in enumerate(zip(views, memories, strict=True)):
-            velocity, course, arc = self._decision(view, memory)
+            velocity = checked_velocity(self, next(answers)) if goes[row] else STANDING
+            course, arc = self._beside(view, memory, velocity)
             if self._are_cut_at_once and (course is None or course.aside <= 0.0):
                 plain.append(row)
                 wishes.append(velocity)
@@ -306,13 +320,11 @@ class ScriptedPolicy(ABC):
         """Whether what several robots ask for is cut for all of them at once, where none rounds a corner."""
         return not self.discrete and self.room is not None and are_cut_at_once(self.sensors)
 
-    def _decision(self, view: View, memory: Memory) -> tuple[Velocity, Course | None, Velocity | None]:
-        """The velocity that is desired, where it leads on, and the arc of an ackermann robot."""
-        view.under_way, view.lately = memory.under_way, memory.lately
-        velocity = checked_velocity(self, self.act(view, memory)) if not memory.verdict else (0.0, 0.0)
+    def _beside(self, view: View, memory: Memory, velocity: Velocity) -> tuple[Course | None, Velocity | None]:
+        """Where the velocity just desired leads on, and the arc of an ackermann robot."""
         course = self.course(view, memory, velocity) if self._follows_course else None
         arc = self.arc(view, memory) if self._plans_arcs and not memory.verdict else None
-        return velocity, course, arc
+        return course, arc
 
     def last_word(self, view: View, memory: Any, action: NDArray[Any]) -> NDArray[Any]:
         """What is sent in place of the action that the velocity just desired comes to."""

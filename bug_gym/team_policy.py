@@ -30,6 +30,7 @@ from bug_gym.inertia import are_cut_at_once, scans_kept, stoppable_actions
 from bug_gym.log import warn_once
 from bug_gym.observation import width
 from bug_gym.policy import (
+    STANDING,
     Drawing,
     Memory,
     MisfitError,
@@ -51,8 +52,6 @@ from bug_gym.view import Sensors, View
 
 TOGETHER = 1e-3
 """Distance below which two robots are at one place, and see no direction to one another [m]."""
-
-STANDING: Velocity = (0.0, 0.0)
 
 START_DISTANCE = 2.0
 """How far apart robots of a team had better start: nearer ones begin by making room (Oni and Wang, section 4.3) [m]."""

@@ -6,7 +6,7 @@ import math
 
 from bug_gym.compiling import inlined, kernel
 from bug_gym.kernels.free_way import found_points
-from bug_gym.kernels.layout import Floats, Ranges
+from bug_gym.kernels.layout import Floats, Integers, Ranges
 
 # Columns of a body to be avoided: place and velocity in the robot's frame [m, m/s], its radius [m], the share of the
 # avoidance that is this robot's (0: it counts as a still thing), and the share of the gap that it may close in a step.
@@ -18,6 +18,9 @@ BODY = 7
 # of it [m]; and how points are found, see `found_points`.
 OWN_RADIUS, STEP, FAR, BLANK, ROBOT_MARGIN, MOVER_MARGIN, WIDTH, IS_ROUND = range(8)
 KNOWN = 8
+
+# What is found of a robot: how many bodies there are; how many beams were taken off them; and how many points are left then.
+BODIES, TAKEN, LEFT = range(3)
 
 AT_REST = 0.01
 """A robot slower than this does nothing to keep clear [m/s]."""
@@ -34,50 +37,50 @@ def find_bodies(
     told: Ranges,
     at_rest: Floats,
     movers: Floats,
-    pose: tuple[float, float, float],
+    poses: Floats,
     known: Floats,
     ranges: Floats,
     directions: Floats,
     bodies: Floats,
     clean: Floats,
     points: Floats,
-) -> tuple[int, int, int]:
-    """Find who is there, and take the beams off them.
+    found: Integers,
+) -> None:
+    """Find who is there for each of r robots, and take the beams off them.
 
     Args:
-        told: place and velocity of the n other robots in the robot's frame, one after the other (4 n,) [m, m/s].
-        at_rest: for how long each has been at rest, changed in place (n,) [s].
-        movers: place and velocity in the odometry frame, and radius, of what moves (k, 5) [m, m/s].
-        pose: of the robot there [m, rad].
+        told: place and velocity of the n other robots in each one's frame, one after the other (r, 4 n) [m, m/s].
+        at_rest: for how long each of them has been at rest, changed in place (r, n) [s].
+        movers: place and velocity in the odometry frame, and radius, of what moves (r, k, 5) [m, m/s].
+        poses: of the robots there (r, 3) [m, rad].
         known: (KNOWN,).
-        ranges: the scan (B,) [m].
-        directions: of its beams in the robot's frame, unit vectors (2, B).
-        bodies: filled (n + k, BODY): the other robots, then what moves and is none of them.
-        clean: filled (B,): the scan without them; what counts as a still thing stays.
-        points: room for its points (2, B), found where any beam was taken.
-
-    Returns:
-        How many bodies there are, how many beams were taken off, and how many points are left then.
+        ranges: the scans (r, B) [m].
+        directions: of the beams in the robot's frame, unit vectors (2, B).
+        bodies: filled (r, n + k, BODY): the other robots, then what moves and is none of them.
+        clean: filled (r, B): the scans without them; what counts as a still thing stays.
+        points: room for their points (r, 2, B), found where any beam was taken.
+        found: how many movers there are of each; overwritten by BODIES, TAKEN and LEFT (r, 3).
     """
-    others = at_rest.size
-    for b in range(others):
-        for column in range(RADIUS):
-            bodies[b, column] = told[RADIUS * b + column]
-        bodies[b, RADIUS], bodies[b, GAP_SHARE] = known[OWN_RADIUS], 0.5
-    share_out(bodies, at_rest, known[STEP])
-    count = add_movers(movers, pose, bodies, others)
-    for beam in range(ranges.size):
-        clean[beam] = ranges[beam]
-    taken = 0
-    for b in range(count):
-        if bodies[b, SHARE] > 0.0:
-            margin = known[ROBOT_MARGIN] if b < others else known[MOVER_MARGIN]
-            place, reach = (bodies[b, PX], bodies[b, PY]), bodies[b, RADIUS] + margin
-            taken += take_out_disc(clean, directions, known[FAR], known[BLANK], place, reach)
-    shown = 0
-    if taken > 0:
-        shown = found_points(clean, directions, known[FAR], known[WIDTH], known[IS_ROUND] > 0.0, points)
-    return count, taken, shown
+    others = at_rest.shape[1]
+    for r in range(found.shape[0]):
+        for b in range(others):
+            for column in range(RADIUS):
+                bodies[r, b, column] = told[r, RADIUS * b + column]
+            bodies[r, b, RADIUS], bodies[r, b, GAP_SHARE] = known[OWN_RADIUS], 0.5
+        share_out(bodies[r], at_rest[r], known[STEP])
+        count = add_movers(movers[r, : found[r, 0]], poses[r], bodies[r], others)
+        for beam in range(ranges.shape[1]):
+            clean[r, beam] = ranges[r, beam]
+        taken = 0
+        for b in range(count):
+            if bodies[r, b, SHARE] > 0.0:
+                margin = known[ROBOT_MARGIN] if b < others else known[MOVER_MARGIN]
+                place, reach = (bodies[r, b, PX], bodies[r, b, PY]), bodies[r, b, RADIUS] + margin
+                taken += take_out_disc(clean[r], directions, known[FAR], known[BLANK], place, reach)
+        left = 0
+        if taken > 0:
+            left = found_points(clean[r], directions, known[FAR], known[WIDTH], known[IS_ROUND] > 0.0, points[r])
+        found[r, BODIES], found[r, TAKEN], found[r, LEFT] = count, taken, left
 
 
 @kernel
@@ -96,13 +99,13 @@ def share_out(peers: Floats, at_rest: Floats, step: float) -> None:
 
 
 @inlined
-def add_movers(movers: Floats, pose: tuple[float, float, float], bodies: Floats, others: int) -> int:
+def add_movers(movers: Floats, pose: Floats, bodies: Floats, others: int) -> int:
     """Write what moves behind the other robots, whose avoidance is all of this one's; returns how many bodies there are.
 
     What overlaps one of the robots is taken for it.
     """
-    (x, y, heading), count = pose, others
-    cos, sin = math.cos(heading), math.sin(heading)
+    x, y, count = pose[0], pose[1], others
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for m in range(movers.shape[0]):
         dx, dy = movers[m, PX] - x, movers[m, PY] - y
         bodies[count, PX], bodies[count, PY] = cos * dx + sin * dy, cos * dy - sin * dx

@@ -11,8 +11,20 @@ import math
 from bug_gym.agents.reciprocal.bodies import GAP_SHARE, PX, PY, RADIUS, SHARE, VX, VY
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.avoidance import Disc, add_half_plane, add_reciprocal, least_violation, nearest_velocity
-from bug_gym.kernels.layout import Floats
+from bug_gym.kernels.layout import Floats, Integers
+from bug_gym.kernels.levers import TURN_IN_PLACE, turn_rate
 from bug_gym.kernels.randomness import hash64, uniform
+
+# What is known of the robots that choose: radius [m]; what they keep from walls and from bodies beside it [m]; greatest speed
+# [m/s]; horizon, and step [s]; greatest deceleration [m/s^2]; how far before walls they begin to slow down [s]; the greatest
+# turn rate [rad/s], 0 of those that go any way without turning.
+OWN_RADIUS, WALL_MARGIN, MARGIN, SPEED, HORIZON, STEP, DECELERATION, BEFORE_WALLS, TURN_RATE = range(9)
+ROBOT = 9
+
+# Of what each has chosen: the velocity in its frame [m/s]; 1 where bodies change what it would do without them; and that
+# velocity, slower where it must turn toward it first.
+CHOSEN_X, CHOSEN_Y, IS_DISTURBED, SLOW_X, SLOW_Y = range(5)
+CHOSEN = 5
 
 
 @called
@@ -57,7 +69,8 @@ def add_bodies(
 
     Returns how many there are then in each.
     """
-    radius, _, margin, speed, horizon, step, deceleration, _ = robot
+    radius, margin, speed, horizon = robot[OWN_RADIUS], robot[MARGIN], robot[SPEED], robot[HORIZON]
+    step, deceleration = robot[STEP], robot[DECELERATION]
     soft = 0
     for b in range(len(bodies)):
         x, y = bodies[b, PX], bodies[b, PY]
@@ -79,6 +92,56 @@ def add_bodies(
 
 
 @kernel
+def choose_velocities(
+    ranges: Floats,
+    clean: Floats,
+    cos: Floats,
+    sin: Floats,
+    reach: float,
+    bodies: Floats,
+    counts: Integers,
+    robot: Floats,
+    velocities: Floats,
+    wishes: Floats,
+    lines: Floats,
+    spare: Floats,
+    chosen: Floats,
+) -> None:
+    """The velocities of r robots nearest to their wishes that keep clear of walls and bodies.
+
+    Half planes of walls, and those that keep two bodies from touching in this step, hold always; those of ORCA give way
+    by the least where they leave nothing.
+
+    Args:
+        ranges: the scans (r, B) [m].
+        clean: the same without bodies (r, B) [m].
+        cos: directions of the beams, x (B,).
+        sin: y (B,).
+        reach: range that means "nothing seen" [m].
+        bodies: (r, n, BODY).
+        counts: how many of them there are (r,).
+        robot: (ROBOT,).
+        velocities: of the robots in their frames (r, 2) [m/s].
+        wishes: in their frames (r, 2) [m/s].
+        lines: room for B + 2 n half planes.
+        spare: room for as many.
+        chosen: filled (r, CHOSEN).
+    """
+    for r in range(counts.size):
+        there, velocity, wish = (
+            bodies[r, : counts[r]],
+            (velocities[r, 0], velocities[r, 1]),
+            (wishes[r, 0], wishes[r, 1]),
+        )
+        x, y, is_disturbed = reciprocal_velocity(
+            ranges[r], clean[r], cos, sin, reach, there, robot, velocity, wish, lines, spare
+        )
+        chosen[r, CHOSEN_X], chosen[r, CHOSEN_Y], chosen[r, IS_DISTURBED] = x, y, 1.0 if is_disturbed else 0.0
+        share = share_while_turning(there, robot, x, y)
+        chosen[r, SLOW_X], chosen[r, SLOW_Y] = x * share, y * share
+
+
+@called
 def reciprocal_velocity(
     ranges: Floats,
     clean: Floats,
@@ -86,44 +149,22 @@ def reciprocal_velocity(
     sin: Floats,
     reach: float,
     bodies: Floats,
-    count: int,
     robot: Floats,
     velocity: tuple[float, float],
     wish: tuple[float, float],
     lines: Floats,
     spare: Floats,
 ) -> tuple[float, float, bool]:
-    """The velocity nearest to a wish that keeps clear of walls and bodies.
-
-    Half planes of walls, and those that keep two bodies from touching in this step, hold always; those of ORCA give way
-    by the least where they leave nothing.
-
-    Args:
-        ranges: the scan (B,) [m].
-        clean: the same without bodies (B,) [m].
-        cos: directions of the beams, x (B,).
-        sin: y (B,).
-        reach: range that means "nothing seen" [m].
-        bodies: (n, BODY).
-        count: how many of them there are.
-        robot: radius [m], kept from walls beside it [m], kept from bodies beside it [m], greatest speed [m/s], horizon [s],
-            step [s], greatest deceleration [m/s^2], and how far before walls it begins to slow down [s].
-        velocity: of the robot in its frame [m/s].
-        wish: in its frame [m/s].
-        lines: room for B + 2 n half planes.
-        spare: room for as many.
-
-    Returns:
-        vx, vy in the robot's frame [m/s], and whether bodies change what it would do without them.
-    """
-    radius, wall_margin, _, speed, _, step, deceleration, before_walls = robot
-    near = radius + wall_margin + speed * max(before_walls, step)
+    """The velocity of one of them, and whether bodies (n, BODY) change what it would do without them."""
+    speed, step, before_walls = robot[SPEED], robot[STEP], robot[BEFORE_WALLS]
+    near = robot[OWN_RADIUS] + robot[WALL_MARGIN] + speed * max(before_walls, step)
     walls = 0
     for i in range(len(clean)):
         if ranges[i] < near and ranges[i] < reach:
-            limit = approach_limit(ranges[i] - radius - wall_margin, max(before_walls, step), deceleration)
+            gap = ranges[i] - robot[OWN_RADIUS] - robot[WALL_MARGIN]
+            limit = approach_limit(gap, max(before_walls, step), robot[DECELERATION])
             walls = add_half_plane(lines, walls, -cos[i], -sin[i], -limit)
-    hard, soft = add_bodies(clean, cos, sin, reach, bodies[:count], robot, velocity, lines, walls, spare)
+    hard, soft = add_bodies(clean, cos, sin, reach, bodies, robot, velocity, lines, walls, spare)
     vx, vy, failed = nearest_velocity(lines, walls, speed, wish[0], wish[1])
     alone_x, alone_y = vx, vy
     for j in range(3 * soft):
@@ -136,18 +177,28 @@ def reciprocal_velocity(
     return vx, vy, abs(vx - alone_x) + abs(vy - alone_y) > 1e-6 * speed
 
 
-@kernel
-def speed_before_bodies(bodies: Floats, count: int, robot: Floats, direction: float, speed: float) -> float:
+@inlined
+def share_while_turning(bodies: Floats, robot: Floats, x: float, y: float) -> float:
+    """What a robot that goes ahead while it turns toward a velocity [m/s] may drive of it, before bodies (n, BODY)."""
+    speed, error = math.hypot(x, y), math.atan2(y, x)
+    if robot[TURN_RATE] == 0.0 or speed == 0.0 or abs(error) > TURN_IN_PLACE:
+        return 1.0
+    chord = 0.5 * turn_rate(error, robot[STEP], robot[TURN_RATE]) * robot[STEP]
+    # A vanishing speed keeps the direction, so that the robot goes on turning.
+    return max(speed_before_bodies(bodies, robot, chord, speed) / speed, 1e-6)
+
+
+@inlined
+def speed_before_bodies(bodies: Floats, robot: Floats, direction: float, speed: float) -> float:
     """What of a speed [m/s] along a direction of the robot's frame [rad] leaves a gap to each body after this step."""
-    radius, step, deceleration = robot[0], robot[5], robot[6]
     ahead_x, ahead_y = math.cos(direction), math.sin(direction)
-    for b in range(count):
+    for b in range(bodies.shape[0]):
         x, y = bodies[b, PX], bodies[b, PY]
         distance = math.hypot(x, y)
         closing = ahead_x * x + ahead_y * y
         if closing > 0.0:
-            gap = bodies[b, GAP_SHARE] * (distance - radius - bodies[b, RADIUS])
-            speed = min(speed, approach_limit(gap, step, deceleration) * distance / closing)
+            gap = bodies[b, GAP_SHARE] * (distance - robot[OWN_RADIUS] - bodies[b, RADIUS])
+            speed = min(speed, approach_limit(gap, robot[STEP], robot[DECELERATION]) * distance / closing)
     return speed
 
 

@@ -21,24 +21,25 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bug_gym import kinematics
 from bug_gym.agents.bugs.tangent_bug import TangentBug
 from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.reciprocal.bodies import BODY, PX, VY, find_bodies
-from bug_gym.agents.reciprocal.half_planes import drawn_share, reciprocal_velocity, speed_before_bodies
+from bug_gym.agents.reciprocal.bodies import BODIES, BODY, PX, VY, find_bodies
+from bug_gym.agents.reciprocal.half_planes import CHOSEN, choose_velocities, drawn_share
 from bug_gym.agents.teams.partners import BODY_MARGIN
 from bug_gym.agents.tracking.layout import MOVER, TRACKS
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
 from bug_gym.checks import shortened
 from bug_gym.geometry import F64, velocity_along
-from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
+from bug_gym.policy import STANDING, Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
 SKIN = 0.02
@@ -56,10 +57,8 @@ TRACK_MARGIN = 0.1
 WALL_STEPS = 2.0
 """How many steps before a wall a robot begins to slow down."""
 
-NONE = np.empty((0, MOVER))
-"""No movers."""
 NO_BODIES = np.empty((0, BODY))
-"""Nor others."""
+"""Nobody else is there."""
 
 Way = Literal["goal", "tangent_bug", "hd_bug"]
 
@@ -118,6 +117,23 @@ class OrcaParameters:
             raise ValueError(f"way must be one of {['goal', *BUGS]}, got {shortened(self.way)}")
 
 
+class Others(NamedTuple):
+    """Who is there for each of r robots, and what they would see if no one were."""
+
+    ranges: F64
+    """What they see (r, B) [m]."""
+    clean: F64
+    """The same without the others (r, B) [m]."""
+    bodies: F64
+    """(r, n, BODY), of each the first ones."""
+    counts: NDArray[np.int64]
+    """How many (r,)."""
+    of_each: list[F64]
+    """The same one by one: the other robots, then what else moves (k, BODY)."""
+    views: Sequence[View]
+    """Without those who do not count as still things."""
+
+
 class Orca(ScriptedPolicy):
     """Reciprocal avoidance around a bug's way.
 
@@ -151,11 +167,11 @@ class Orca(ScriptedPolicy):
             drive.step,
             drive.max_acceleration,
             WALL_STEPS * drive.step,
+            0.0 if drive.kinematics == "holonomic" else drive.max_turn_rate,
         )
         self._robot = np.array(numbers)
         beams, most = len(sensors.angles), self.peers + TRACKS
         self._lines, self._spare = np.empty((2, 3 * (beams + 2 * most)))
-        self._bodies = np.empty((most, BODY))
         self._directions = np.ascontiguousarray(sensors.beam_directions)
         self._cos, self._sin = self._directions
         noise = 3.0 * sensors.range_noise
@@ -169,42 +185,78 @@ class Orca(ScriptedPolicy):
 
     def act(self, view: View, memory: OrcaMemory) -> Velocity:
         """One decision."""
-        bodies, clean = self.who_is_there(view, memory)
-        memory.wish = wish = self._wish(clean, memory)
-        memory.bodies, memory.pose = bodies, view.pose
-        memory.steps += 1
-        if memory.verdict:
-            return 0.0, 0.0
-        x, y, is_disturbed = self._keep_clear(view, clean, bodies, self._sidestep(wish, memory))
-        memory.mode = "avoid" if is_disturbed else "go"
-        memory.was_disturbed |= is_disturbed
-        memory.held_up = 1.0 - share_kept(wish, (x, y)) if is_disturbed else 0.0
-        return self._slowed(bodies, (x, y))
+        (velocity,) = self.act_each([view], [memory])
+        return velocity
 
-    def who_is_there(self, view: View, memory: OrcaMemory) -> tuple[F64, View]:
-        """The bodies to be avoided, and what the robot would see if no one else were there.
+    def act_each(self, views: Sequence[View], memories: Sequence[OrcaMemory]) -> Sequence[Velocity]:
+        """Decisions of several robots: who is there, and what keeps clear, is worked out for all of them at once."""
+        if not views:
+            return []
+        there = self.who_is_there(views, memories)
+        wishes = []
+        for view, clean, bodies, memory in zip(views, there.views, there.of_each, memories, strict=True):
+            memory.wish = self._wish(clean, memory)
+            memory.bodies, memory.pose = bodies, view.pose
+            memory.steps += 1
+            wishes.append(self._sidestep(memory))
+        chosen, velocities = self._keep_clear(views, there, wishes), []
+        for memory, (x, y, is_disturbed, slow_x, slow_y) in zip(memories, chosen, strict=True):
+            if memory.verdict:
+                velocities.append(STANDING)
+                continue
+            memory.mode = "avoid" if is_disturbed else "go"
+            memory.was_disturbed |= is_disturbed > 0.0
+            memory.held_up = 1.0 - share_kept(memory.wish, (x, y)) if is_disturbed else 0.0
+            velocities.append((slow_x, slow_y))
+        return velocities
 
-        Returns:
-            (n, BODY): the other robots, then what else moves; and the view without them, but with those of them that count
-            as still things.
-        """
-        told = view.flat[self._peers_at]
-        if memory.at_rest is None:
-            memory.at_rest = np.zeros(self.peers)
-        if memory.steps == 0 and self.peers:
-            memory.seed = zlib.crc32(told.tobytes())
-        movers = NONE
-        if self.tracker is not None and memory.tracker is not None:
-            movers = self.tracker.take_in(memory.tracker, view, memory.steps * self.sensors.drive.step)
-        if not self.peers and not len(movers):
-            return NO_BODIES, view
-        ranges, points = np.empty(view.ranges.shape), np.empty(self._directions.shape)
-        seen = view.ranges, self._directions
-        count, taken, shown = find_bodies(
-            told, memory.at_rest, movers, view.pose, self._known, *seen, self._bodies, ranges, points
+    def who_is_there(self, views: Sequence[View], memories: Sequence[OrcaMemory]) -> Others:
+        """The bodies to be avoided, and what the robots would see if no one else were there."""
+        robots, (_, beams) = len(views), self._directions.shape
+        movers, ranges = np.empty((robots, TRACKS, MOVER)), rows_of([view.ranges for view in views])
+        bodies, found = np.empty((robots, self.peers + TRACKS, BODY)), np.zeros((robots, 3), dtype=np.int64)
+        found[:, BODIES] = moving = self._look_for_movers(views, memories, movers)
+        if not self.peers and not any(moving):
+            return Others(ranges, ranges, bodies, found[:, BODIES], [NO_BODIES] * robots, views)
+        told, at_rest = [], []
+        for view, memory in zip(views, memories, strict=True):
+            told.append(seen := view.flat[self._peers_at])
+            if memory.at_rest is None:
+                memory.at_rest, memory.seed = np.zeros(self.peers), zlib.crc32(seen.tobytes()) if self.peers else 0
+            at_rest.append(memory.at_rest)
+        rested, poses = rows_of(at_rest), np.array([view.pose for view in views])
+        clean, points = np.empty((robots, beams)), np.empty((robots, 2, beams))
+        find_bodies(
+            rows_of(told),
+            rested,
+            movers,
+            poses,
+            self._known,
+            ranges,
+            self._directions,
+            bodies,
+            clean,
+            points,
+            found,
         )
-        clean = view.showing(ranges, (points[0, :shown], points[1, :shown])) if taken else view
-        return self._bodies[:count].copy(), clean
+        of_each, without = [], []
+        for robot, (count, taken, left) in enumerate(found.tolist()):
+            view, memories[robot].at_rest = views[robot], rested[robot]
+            of_each.append(bodies[robot, :count])
+            if taken:
+                view = view.showing(clean[robot], (points[robot, 0, :left], points[robot, 1, :left]))
+            without.append(view)
+        return Others(ranges, clean, bodies, found[:, BODIES], of_each, without)
+
+    def _look_for_movers(self, views: Sequence[View], memories: Sequence[OrcaMemory], movers: F64) -> list[int]:
+        """How many things move in each scan; `movers` (r, TRACKS, MOVER) is filled as far as there are any."""
+        if self.tracker is None:
+            return [0] * len(views)
+        moving = []
+        for view, memory, lines in zip(views, memories, movers, strict=True):
+            assert memory.tracker is not None
+            moving.append(self.tracker.take_in(memory.tracker, view, memory.steps * self.sensors.drive.step, lines))
+        return moving
 
     # ------------------------------------------------------------------------------------------------------ the wish
 
@@ -221,49 +273,37 @@ class Orca(ScriptedPolicy):
         memory.verdict = memory.bug.verdict
         return velocity
 
-    def _sidestep(self, wish: Velocity, memory: OrcaMemory) -> Velocity:
+    def _sidestep(self, memory: OrcaMemory) -> Velocity:
         """The wish, turned to the right where others held the robot up."""
         if memory.held_up == 0.0:
-            return wish
+            return memory.wish
         leg = int(memory.steps * self.sensors.drive.step / SIDESTEP_LEG)
         angle = -MAX_SIDESTEP * memory.held_up * float(drawn_share(memory.seed, leg))
         cos, sin = math.cos(angle), math.sin(angle)
-        return cos * wish[0] - sin * wish[1], sin * wish[0] + cos * wish[1]
+        return cos * memory.wish[0] - sin * memory.wish[1], sin * memory.wish[0] + cos * memory.wish[1]
 
     # ------------------------------------------------------------------------------------------------ keeping clear
 
-    def _keep_clear(self, view: View, clean: View, bodies: F64, wish: Velocity) -> tuple[float, float, bool]:
-        """The velocity nearest to the wish that keeps clear, and whether bodies change what it would be."""
-        velocity = view.own_velocity
-        chosen: tuple[float, float, bool] = reciprocal_velocity(
-            view.ranges,
-            clean.ranges,
+    def _keep_clear(self, views: Sequence[View], there: Others, wishes: Sequence[Velocity]) -> list[list[float]]:
+        """The velocities nearest to the wishes that keep clear (r, CHOSEN)."""
+        velocities, chosen = np.array([view.own_velocity for view in views]), np.empty((len(views), CHOSEN))
+        choose_velocities(
+            there.ranges,
+            there.clean,
             self._cos,
             self._sin,
             self.sensors.range,
-            bodies,
-            len(bodies),
+            there.bodies,
+            there.counts,
             self._robot,
-            velocity,
-            wish,
+            velocities,
+            np.array(wishes),
             self._lines,
             self._spare,
+            chosen,
         )
-        return chosen
-
-    def _slowed(self, bodies: F64, velocity: Velocity) -> Velocity:
-        """The velocity, slowed down for a differential robot, which goes ahead while it turns toward it."""
-        drive, speed = self.sensors.drive, math.hypot(*velocity)
-        if drive.kinematics == "holonomic" or speed == 0.0:
-            return velocity
-        error = math.atan2(velocity[1], velocity[0])
-        if abs(error) > kinematics.TURN_IN_PLACE:
-            return velocity
-        chord = 0.5 * kinematics.turn_rate(drive, error) * drive.step
-        slow = speed_before_bodies(bodies, len(bodies), self._robot, chord, speed)
-        # A vanishing speed keeps the direction, so that the robot goes on turning.
-        share = max(slow / speed, 1e-6)
-        return velocity[0] * share, velocity[1] * share
+        numbers: list[list[float]] = chosen.tolist()
+        return numbers
 
     def draw(self, memory: OrcaMemory) -> Drawing:
         """What the bug shows, the bodies that are avoided with their velocities, and the wish."""
@@ -278,6 +318,11 @@ class Orca(ScriptedPolicy):
         for px, py, vx, vy in [] if memory.bodies is None else memory.bodies[:, PX : VY + 1].tolist():
             arrows.append((*place(px, py), *place(px + vx, py + vy), "velocity"))
         return Drawing(shown.points, [*shown.segments, *arrows], shown.areas)
+
+
+def rows_of(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays of one length as rows (r, k)."""
+    return arrays[0].reshape(1, -1) if len(arrays) == 1 else np.array(arrays)
 
 
 def share_kept(wish: Velocity, velocity: Velocity) -> float:

@@ -198,15 +198,19 @@ class Tracker:
         Raises:
             ValueError: a time that is not later, or a scan of another number of beams.
         """
-        self.take_in(memory, view, time)
+        self.take_in(memory, view, time, self._movers)
         return self._tracks(memory, view, time)
 
-    def take_in(self, memory: TrackerMemory, view: View, time: float) -> F64:
+    def take_in(self, memory: TrackerMemory, view: View, time: float, movers: F64) -> int:
         """What `update` does, for who asks for what is there and moves alone.
 
+        Args:
+            memory, view, time: see there.
+            movers: (TRACKS, MOVER), of which the first lines are filled: place and velocity in the odometry frame
+                [m, m/s], and radius [m], in the order of `update`'s tracks.
+
         Returns:
-            Place and velocity in the odometry frame [m, m/s] and radius [m] of each (M, MOVER), in the order of `update`'s
-            tracks; they hold until the next call.
+            How many there are.
         """
         if not time > memory.time:
             raise ValueError(f"tracks go forward in time: got {time} s after {memory.time} s")
@@ -216,7 +220,7 @@ class Tracker:
         self._pose[POSE_X], self._pose[POSE_Y], self._pose[HEADING] = view.pose
         self._pose[NOW], self._pose[PASSED] = time, passed
         memory.time = time
-        count = update_tracks(
+        count: int = update_tracks(
             view.ranges,
             self.angles,
             self._pose,
@@ -227,9 +231,9 @@ class Tracker:
             self._fits,
             self._integers,
             self._flags,
-            self._movers,
+            movers,
         )
-        return self._movers[:count]
+        return count
 
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from typing import Any
@@ -11,11 +12,20 @@ import pytest
 from episodes import run_episode
 
 import bug_gym
-from bug_gym import kinematics
+from bug_gym import kernels, kinematics
 from bug_gym.agents import make_policy
 from bug_gym.agents.reciprocal import orca
-from bug_gym.agents.reciprocal.bodies import BODY, GAP_SHARE, RADIUS, SHARE, is_among, share_out, take_out_disc
-from bug_gym.agents.reciprocal.half_planes import reciprocal_velocity
+from bug_gym.agents.reciprocal.bodies import (
+    BODY,
+    GAP_SHARE,
+    RADIUS,
+    SHARE,
+    find_bodies,
+    is_among,
+    share_out,
+    take_out_disc,
+)
+from bug_gym.agents.reciprocal.half_planes import CHOSEN, choose_velocities
 from bug_gym.config import load
 from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
@@ -39,13 +49,16 @@ def chosen(
     """What a disc robot chooses among bodies [x, y, vx, vy, radius, share, share of the gap]."""
     angles = 2.0 * math.pi * np.arange(len(scan)) / len(scan)
     table = np.array(bodies, dtype=float).reshape(-1, BODY)
-    robot = np.array([R, 0.0, margin, speed, horizon, 0.1, deceleration, 0.2])
+    robot = np.array([R, 0.0, margin, speed, horizon, 0.1, deceleration, 0.2, 0.0])
     lines, spare = np.empty((2, 3 * (len(scan) + 2 * len(table) + 2)))
-    directions = np.cos(angles), np.sin(angles)
-    made: tuple[float, float, bool] = reciprocal_velocity(
-        scan, scan, *directions, 5.0, table, len(table), robot, velocity, wish, lines, spare
+    ranges, made, counts = scan[None], np.empty((1, CHOSEN)), np.array([len(table)])
+    ask = np.array([velocity]), np.array([wish])
+    choose_velocities(
+        ranges, ranges, np.cos(angles), np.sin(angles), 5.0, table[None], counts, robot, *ask, lines, spare, made
     )
-    return made
+    x, y, is_disturbed, slow_x, slow_y = made[0].tolist()
+    assert (slow_x, slow_y) == (x, y)  # it goes any way without turning
+    return x, y, is_disturbed > 0.0
 
 
 def least_gap(place: Any, velocity: Any, horizon: float) -> float:
@@ -133,14 +146,15 @@ def test_the_scan_without_the_others_is_that_of_a_world_without_them() -> None:
     view, memory = View(seen, policy.sensors), policy.start()
     on_body = view.ranges < bare - 1e-6
     assert 8 < on_body.sum() < 60
-    bodies, clean = policy.who_is_there(view, memory)
+    there = policy.who_is_there([view], [memory])
+    (bodies,), (clean,) = there.of_each, there.views
     np.testing.assert_array_equal(bodies[:, :RADIUS], seen[-12:].reshape(3, 4))
     assert (bodies[:, RADIUS] == R).all() and (bodies[:, GAP_SHARE] == 0.5).all()
     np.testing.assert_array_equal(clean.ranges, np.where(on_body, 6.0, view.ranges))
     np.testing.assert_array_equal(clean.points, view.with_ranges(clean.ranges).points)
     settled = policy.start()
     settled.at_rest = np.full(3, 100.0)  # still things stay
-    assert policy.who_is_there(view, settled)[1] is view
+    assert policy.who_is_there([view], [settled]).views[0] is view
 
 
 def test_what_moves_is_avoided_where_it_is_and_taken_out_of_the_scan() -> None:
@@ -153,16 +167,78 @@ def test_what_moves_is_avoided_where_it_is_and_taken_out_of_the_scan() -> None:
     memory = policy.start()
     for _ in range(16):
         view = View(observation, policy.sensors)
-        bodies, clean = policy.who_is_there(view, memory)
+        there = policy.who_is_there([view], [memory])
         memory.steps += 1
         now = float(alone.world.time[0])
         observation = alone.step(np.zeros((1, 1, 2)))[0][0, 0]
+    (bodies,), (clean,) = there.of_each, there.views
     cos, sin = math.cos(start[2]), math.sin(start[2])
     dx, dy = 2.0 - 0.5 * now - start[0], 1.5 + 0.1 * now - start[1]
     expected = (cos * dx + sin * dy, cos * dy - sin * dx, -0.5 * cos + 0.1 * sin, 0.1 * cos + 0.5 * sin)
     np.testing.assert_allclose(bodies[0, :RADIUS], expected, atol=0.1)
     assert bodies.shape == (1, BODY) and bodies[0, SHARE] == bodies[0, GAP_SHARE] == 1.0
     assert (view.ranges < 5.99).sum() >= 5 and not (clean.ranges < 5.99).any()  # nothing else is there
+
+
+def test_what_is_known_less_well_is_taken_out_with_more_about_it() -> None:
+    angles = 2.0 * math.pi * np.arange(8) / 8
+    directions = np.stack([np.cos(angles), np.sin(angles)])
+    known = np.array([R, 0.1, 5.0, 5.0, 0.03, 0.1, 0.0, 1.0])
+    told = np.array([[2.0, 0.0, 0.5, 0.0, 0.0, 2.0, 0.5, 0.0]], dtype=np.float32)
+    # A mover overlaps the second robot, and is it; another one is to the left behind, where the first one's frame lies.
+    movers = np.array([[[1.0, 3.2, 0.5, 0.0, R], [-1.0, 1.0, 0.0, 0.5, R]]])
+    for off, robots_go, mover_goes in ((0.02, True, True), (0.07, False, True), (0.12, False, False)):
+        ranges = np.full((1, 8), 4.0)
+        ranges[0, [0, 2]], ranges[0, 4] = 2.0 - R - off, 2.0 - R - off
+        bodies, clean, points = np.empty((1, 4, BODY)), np.empty((1, 8)), np.empty((1, 2, 8))
+        found = np.array([[2, 0, 0]])
+        scan = known, ranges, directions, bodies, clean, points, found
+        find_bodies(told, np.zeros((1, 2)), movers, np.array([[1.0, 1.0, 0.0]]), *scan)
+        assert found[0].tolist() == [3, 2 * robots_go + mover_goes, 8 - 2 * robots_go - mover_goes if mover_goes else 0]
+        np.testing.assert_allclose(bodies[0, 2], [-2.0, 0.0, 0.0, 0.5, R, 1.0, 1.0], atol=1e-12)
+        assert (clean[0] == 5.0).nonzero()[0].tolist() == ([0, 2] if robots_go else []) + ([4] if mover_goes else [])
+
+
+def test_who_is_there_is_found_for_many_as_for_each_alone() -> None:
+    crew = Simulation("dynamic", 2, overrides={"robots.count": 3, "robot.kinematics": "holonomic"})
+    policy: Any = make_policy("orca", crew)
+    flat, state, movers = crew.reset(seeds=[0, 1]).reshape(6, -1), [policy.start() for _ in range(6)], 0
+    for step in range(60):
+        views, alone = [View(row, policy.sensors) for row in flat], copy.deepcopy(state)
+        there = policy.who_is_there(views, state)
+        for row, memory in enumerate(alone):
+            one = policy.who_is_there([views[row]], [memory])
+            np.testing.assert_array_equal(there.of_each[row], one.of_each[0])
+            np.testing.assert_array_equal(there.views[row].ranges, one.views[0].ranges)
+            np.testing.assert_array_equal(state[row].at_rest, memory.at_rest)
+            state[row].steps += 1
+            movers += len(one.of_each[0]) - 2
+        moves = np.zeros((2, 3, 2))
+        moves[:, 0, 0] = 1.0 if step < 30 else 0.0  # some robots rest for longer than others
+        flat = crew.step(moves)[0].reshape(6, -1)
+    assert movers > 0 and len({float(memory.at_rest[0]) for memory in state}) > 1
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_who_goes_ahead_while_it_turns_closes_no_more_than_its_share_of_a_gap(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    angle, away = rng.uniform(-0.4, 0.4), rng.uniform(0.42, 0.6)
+    bearing = rng.uniform(-0.8, 0.8)
+    body = [away * math.cos(bearing), away * math.sin(bearing), 0.0, 0.0, R, 0.0, 0.5]
+    robot = np.array([R, 0.0, 0.0, 1.0, 3.0, 0.1, math.inf, 0.2, 1.5])
+    scan, made = np.full((1, 8), 5.0), np.empty((1, CHOSEN))
+    ask = np.zeros((1, 2)), np.array([[math.cos(angle), math.sin(angle)]])
+    beams = 2.0 * math.pi * np.arange(8) / 8
+    wall = scan, scan, np.cos(beams), np.sin(beams), 5.0
+    choose_velocities(*wall, np.array([[body]]), np.array([1]), robot, *ask, np.empty(60), np.empty(60), made)
+    x, y, _, slow_x, slow_y = made[0].tolist()
+    speed, slow, error = math.hypot(x, y), math.hypot(slow_x, slow_y), math.atan2(y, x)
+    assert slow <= speed + 1e-12 and math.atan2(slow_y, slow_x) == pytest.approx(error)
+    if abs(error) <= kinematics.TURN_IN_PLACE and speed > 0.0:
+        chord = 0.5 * kernels.turn_rate(error, 0.1, 1.5) * 0.1
+        closing = math.cos(chord - bearing)
+        limit = 0.5 * (away - 2.0 * R) / 0.1 / closing if closing > 0.0 else math.inf
+        assert slow == pytest.approx(max(min(speed, limit), 1e-6 * speed))
 
 
 def test_beams_off_a_body_are_taken_out_and_no_others() -> None:

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from tracked import STEP, disc, last_tracks, track, world_of
 
-from bug_gym.agents.tracking.layout import DISC, VX, VY, X, Y
+from bug_gym.agents.tracking.layout import DISC, MOVER, TRACKS, VX, VY, X, Y
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -313,10 +313,10 @@ def test_a_scan_of_another_scanner_is_refused() -> None:
 def test_what_moves_is_told_alone_as_among_all_tracks() -> None:
     steps = [(view, float(simulation.world.time[0])) for simulation, view, _ in track("rush", 4.0, policy="bug2")]
     tracker = Tracker(steps[0][0].sensors)
-    memory, twin, movers = tracker.start(), tracker.start(), 0
+    memory, twin, movers, room = tracker.start(), tracker.start(), 0, np.empty((TRACKS, MOVER))
     for view, time in steps:
         tracks = tracker.update(memory, view, time)
-        moving = tracker.take_in(twin, view, time)
+        moving = room[: tracker.take_in(twin, view, time, room)]
         assert np.array_equal(moving[:, X : Y + 1], tracks.position[tracks.moving])
         assert np.array_equal(moving[:, VX : VY + 1], tracks.velocity[tracks.moving])
         assert np.array_equal(moving[:, DISC], tracks.radius[tracks.moving])
