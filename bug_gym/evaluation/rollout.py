@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from time import perf_counter
 from typing import Any, Protocol, runtime_checkable
 
@@ -78,6 +79,31 @@ class _OneByOne:
             actions.append(action)
             self._memories[robot] = state
         return (np.stack(actions) if len(actions) > 1 else np.asarray(actions[0])[None]), seconds
+
+
+class _WorldByWorld(_OneByOne):
+    """Asks a policy written by hand for those robots of a world that decide, as a parallel env does."""
+
+    def __init__(self, policy: ScriptedPolicy, worlds: int, robots: int) -> None:
+        super().__init__(policy, worlds * robots)
+        self._scripted = policy
+        self._robots = robots
+
+    def decide(self, observation: F32, robots: NDArray[np.int64]) -> tuple[NDArray[Any], list[float]]:
+        """Actions (k, ...) of some robots and each one's share of the time that its world took [s]."""
+        actions, seconds = [], []
+        for _, group in groupby(robots.tolist(), lambda robot: robot // self._robots):
+            numbers = list(group)
+            rows = observation[numbers]
+            begin = perf_counter()
+            memories: list[Any] = []
+            for row, robot in enumerate(numbers):
+                known = self._memories[robot] or (self._scripted.first_memory(rows[row : row + 1], 0),)
+                self._memories[robot] = known
+                memories += known
+            actions += self._scripted.decide(rows, memories)
+            seconds += [(perf_counter() - begin) / len(numbers)] * len(numbers)
+        return np.array(actions), seconds
 
 
 class _AllAtOnce:
@@ -176,6 +202,8 @@ def prepared(
     if isinstance(policy, TeamPolicy):
         return simulation, policy, _Together(policy, simulation.count)
     one_by_one = getattr(policy, "one_by_one", False) and (isinstance(policy, ScriptedPolicy) or not at_once)
+    if one_by_one and is_told and isinstance(policy, ScriptedPolicy) and simulation.robots > 1:
+        return simulation, policy, _WorldByWorld(policy, simulation.count, simulation.robots)
     if one_by_one and is_told:
         return simulation, policy, _OneByOne(policy, robots)
     return simulation, policy, _AllAtOnce(policy, robots, simulation.fields)
