@@ -260,7 +260,13 @@ class ScriptedPolicy(ABC):
                     memories[row] = self.first_memory(flat.reshape(count, -1), row)
         if is_one:
             return self._action(View(flat, self.sensors), memories[0])[()], tuple(memories)
-        return np.array(self.decide(flat, memories)), tuple(memories)
+        actions = self.decide(flat, memories)
+        return np.array(actions) if actions else self._no_actions, tuple(memories)
+
+    @property
+    def _no_actions(self) -> NDArray[Any]:
+        """Those for a batch of no rows."""
+        return np.empty(0, dtype=np.int64) if self.discrete else np.empty((0, 2), dtype=np.float32)
 
     def checked(self, state: Any, rows: int) -> list[Memory]:
         """The memories of a state, one a row.

@@ -73,6 +73,15 @@ def test_rows_of_robots_that_take_care_are_those_one_by_one(name: str) -> None:
         flat = simulation.step(actions[:, None]).observation[:, 0]
 
 
+@pytest.mark.parametrize("action", ["continuous", "discrete"])
+def test_no_rows_get_no_actions(action: str) -> None:
+    env = gym.make("BugGym/Static-v0", observation="flat", action=action)
+    values, _ = env.reset(seed=0)
+    actions, state = make_policy("bug2", env).predict(values[None][:0])
+    some, _ = make_policy("bug2", env).predict(values[None])
+    assert len(actions) == 0 == len(state or ()) and actions.dtype == some.dtype and actions.shape[1:] == some.shape[1:]
+
+
 @pytest.mark.parametrize("name", DRIVERS)
 def test_episode_start_gives_a_row_a_new_memory(name: str) -> None:
     simulation, flat = first_observations(count=2)
