@@ -42,6 +42,9 @@ Velocity = tuple[float, float]
 
 STANDING: Velocity = (0.0, 0.0)
 
+AT_ONCE = 64
+"""Rows of a batch that are read in one call: what they show stays in a processor's caches until they are decided."""
+
 VERDICTS = ("", "unreachable", "looping", "stuck")
 """What a policy may find out about its task; "" while it goes on."""
 
@@ -260,7 +263,10 @@ class ScriptedPolicy(ABC):
                     memories[row] = self.first_memory(flat.reshape(count, -1), row)
         if is_one:
             return self._action(View(flat, self.sensors), memories[0])[()], tuple(memories)
-        actions = self.decide(flat, memories)
+        actions: list[NDArray[Any]] = []
+        for first in range(0, count, AT_ONCE):
+            rows = slice(first, first + AT_ONCE)
+            actions += self.decide(flat[rows], memories[rows])
         return np.array(actions) if actions else self._no_actions, tuple(memories)
 
     @property

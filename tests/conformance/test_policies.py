@@ -14,7 +14,7 @@ import bug_gym
 from bug_gym import observation
 from bug_gym.agents import AGENTS, make_policy, playable_names, policy_names
 from bug_gym.inertia import are_cut_at_once
-from bug_gym.policy import Drawing, ScriptedPolicy
+from bug_gym.policy import AT_ONCE, Drawing, ScriptedPolicy
 from bug_gym.simulation import Simulation
 from bug_gym.team_policy import EachAlone
 
@@ -68,6 +68,18 @@ def test_rows_of_robots_that_take_care_are_those_one_by_one(name: str) -> None:
     for _ in range(120):
         actions, batch = policy.predict(flat, batch)
         for row in range(5):
+            one, singles[row] = policy.predict(flat[row], singles[row])
+            np.testing.assert_array_equal(actions[row], one)
+        flat = simulation.step(actions[:, None]).observation[:, 0]
+
+
+def test_more_rows_than_are_read_at_once_are_those_one_by_one() -> None:
+    simulation, flat = first_observations(count=AT_ONCE + 3)
+    policy, batch = make_policy("bug2", simulation), None
+    singles: list[Any] = [None] * len(flat)
+    for _ in range(5):
+        actions, batch = policy.predict(flat, batch)
+        for row in range(len(flat)):
             one, singles[row] = policy.predict(flat[row], singles[row])
             np.testing.assert_array_equal(actions[row], one)
         flat = simulation.step(actions[:, None]).observation[:, 0]
