@@ -56,6 +56,9 @@ EVASIONS = 16
 LESS = (0.0, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08)
 """What it keeps less then [m], more and more until a way is left: it may be that things are smaller than they seem."""
 
+SLIDES = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+"""Angles [rad] by which a wish is turned whose least part leads too near to what may lie between beams; positive: away."""
+
 TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
 """How fast a robot turns that has to stop, as shares of how fast it can: the first that lets it stop in time."""
 
@@ -204,10 +207,7 @@ def stoppable_action(view: View, velocity: Velocity, room: float) -> NDArray[np.
     velocity = _within(velocity, pace_in_sight(view.sensors))
     if drive.kinematics == "holonomic":
         if _steps_wide(view.sensors):
-            share = _share_in_sight(
-                view, lambda share: _slide(drive, view.velocity, (share * velocity[0], share * velocity[1]))
-            )
-            velocity = share * velocity[0], share * velocity[1]
+            velocity = _slid_in_sight(view, velocity)
             if view.sensors.range_noise == 0.0:
                 return kinematics.steering(drive, velocity)
         ahead = foreseen(view)
@@ -234,10 +234,7 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
     (fast, rate), keeps_arc, speed = wish, drive.kinematics == "ackermann", ahead.velocity[0]
     body, most, step = view.sensors.circles, drive.max_acceleration, drive.step
     if _steps_wide(view.sensors):
-        share = _share_in_sight(
-            view, lambda share: _arc(drive, speed, (share * fast, share * rate if keeps_arc else rate))
-        )
-        fast, rate = share * fast, share * rate if keeps_arc else rate
+        fast, rate = _arc_in_sight(view, fast, rate)
         if view.sensors.range_noise == 0.0:
             return fast, rate
     for kept in _rooms(drive, room):
@@ -337,16 +334,52 @@ def _first_clear(view: View, ahead: Ahead, asked: Sequence[Velocity], room: floa
     return asked[0]
 
 
+def _slid_in_sight(view: View, velocity: Velocity) -> Velocity:
+    """What of a holonomic robot's wish leads past nothing that the beams may leave out; where nothing does, it slides aside.
+
+    It tries the side away from what is nearest first.
+    """
+    drive, away = view.sensors.drive, _side_away(view)
+    for turn in SLIDES if velocity != (0.0, 0.0) else SLIDES[:1]:
+        cos, sin = math.cos(away * turn), math.sin(away * turn)
+        x, y = cos * velocity[0] - sin * velocity[1], sin * velocity[0] + cos * velocity[1]
+        share = _share_in_sight(view, functools.partial(_part_of_slide, drive, view.velocity, (x, y)))
+        if share > 0.0:
+            return share * x, share * y
+    return 0.0, 0.0
+
+
+def _arc_in_sight(view: View, speed: float, rate: float) -> Velocity:
+    """The same of the speed and turn rate that a robot wishes which turns; where nothing does, it turns away."""
+    drive, now = view.sensors.drive, view.velocity[0]
+    keeps_arc = drive.kinematics == "ackermann"
+    share = _share_in_sight(view, lambda part: _arc(drive, now, (part * speed, part * rate if keeps_arc else rate)))
+    if share > 0.0 or speed == 0.0 or keeps_arc:
+        return share * speed, share * rate if keeps_arc else rate
+    rate = _side_away(view) * drive.max_turn_rate
+    share = _share_in_sight(view, lambda part: _arc(drive, now, (part * speed, rate)))
+    return share * speed, rate
+
+
+def _side_away(view: View) -> float:
+    """1 where what is nearest lies to the right, else -1: the way to turn to get away from it."""
+    return 1.0 if view.nearest()[1] < 0.0 else -1.0
+
+
 def _share_in_sight(view: View, motion: Callable[[float], Motion]) -> float:
     """The share of a step on which nothing lies that the beams may leave out; CREEP, after which they show more, if none does.
 
     Things may go on beside a point that a beam meets until the next beam, which misses them. Half as much is kept of any share,
     and what a corner needs between two beams that meet its sides.
     """
-    x, y, wide = view.points_of_late
     body, margin, gap = view.sensors.circles, LEAST_ROOM + view.sensors.range_noise, view.sensors.beam_spacing
     is_exact, met, wide_as = view.sensors.range_noise == 0.0, view.points_met, 2.0 * view.sensors.radius
     apart = NEIGHBOURS * gap
+    x, y, wide = view.points_of_late
+    if is_exact and view.sensors.dropout == 0.0:
+        kernels.are_between(x, y, wide_as, apart, between := np.empty(x.size, dtype=np.bool_))
+        order = np.argsort(between, kind="stable")
+        x, y, wide = x[order], y[order], int(np.count_nonzero(~between))
     for share in (*_shares(), 0.0):
         kept, asked = (margin, gap) if share > CREEP else (0.0, 0.5 * gap), motion(share)
         if not kernels.keeps_clear(x, y, body, *asked, *kept, wide):
@@ -451,6 +484,11 @@ def _slide(drive: Drive, velocity: Velocity, asked: Velocity) -> Motion:
     speed = math.hypot(vx, vy)
     time = kernels.stopping_way(speed, drive.max_acceleration, drive.step) / speed if speed > 0.0 else 0.0
     return Motion(vx * drive.step, vy * drive.step, 0.0, vx * time, vy * time)
+
+
+def _part_of_slide(drive: Drive, velocity: Velocity, asked: Velocity, part: float) -> Motion:
+    """The same where it asks for a part of that."""
+    return _slide(drive, velocity, (part * asked[0], part * asked[1]))
 
 
 def _arc(drive: Drive, speed: float, asked: Velocity) -> Motion:

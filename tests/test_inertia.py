@@ -17,6 +17,7 @@ from shapely import LineString, MultiPoint
 from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.config import Scenario, load
+from bug_gym.evaluation import evaluate
 from bug_gym.geometry import velocity_along, wrap
 from bug_gym.inertia import (
     LEAST_PACE,
@@ -268,6 +269,27 @@ def test_a_corner_between_few_beams_is_not_touched_by_who_creeps_past_it() -> No
     """Found by still-things: a wall's end (1670), and the tip of a triangle, beside which a beam is lost (416)."""
     drives = [("rev2", 1670), ("rev3", 1670), ("bug1", 416), ("bug2", 416)]
     assert [drive for drive in drives if still_things.drive(*drive).outcome == "collision"] == []
+
+
+@given(st.floats(0.25, 0.6), BEARINGS, st.integers(3, 8))
+def test_what_lies_between_others_of_one_thing_is_no_end_of_it(distance: float, away: float, count: int) -> None:
+    """A straight side, met by some beams in turn: beside its first and its last point it may go on unseen."""
+    bearings = [(number - 0.5 * (count - 1)) * SPACING for number in range(count)]
+    places = [velocity_along(away + bearing, distance / math.cos(bearing)) for bearing in bearings]
+    px, py = np.array(places).T.copy()
+    kernels.are_between(px, py, 0.6, 2.1 * SPACING, between := np.empty(count, dtype=np.bool_))
+    assert between.tolist() == [False, *[True] * (count - 2), False]
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize(
+    ("beams", "names"), [(32, ("bug0", "bug1", "bug2", "hd_bug")), (24, ("dist_bug", "hd_bug_map"))]
+)
+def test_few_beams_stop_nobody_for_ever(kinematics: str, beams: int, names: Sequence[str]) -> None:
+    """Who is too near to a thing to go on along it slides away from it, and goes on."""
+    robot = {"robot.kinematics": kinematics, "lidar.beams": beams}
+    rows = evaluate(list(names), ["static", "u_trap"], episodes=6, overrides=robot)
+    assert [(row.policy, row.scenario, row.seed, row.outcome) for row in rows if not row.success] == []
 
 
 # -- Whatever is asked for ---------------------------------------------------------------------------------------------

@@ -99,6 +99,7 @@ from bug_gym.kernels.step import (
 )
 from bug_gym.kernels.stopping import (
     arc_and_stop,
+    are_between,
     clear_part,
     keeps_clear,
     passes_corners,
@@ -108,6 +109,7 @@ from bug_gym.kernels.stopping import (
 )
 
 __all__ = [
+    "are_between",
     "ATTEMPTS",
     "AWAY",
     "BORDER",

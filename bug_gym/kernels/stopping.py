@@ -9,7 +9,7 @@ import math
 
 from bug_gym.compiling import inlined, kernel
 from bug_gym.kernels.chords import chord_square
-from bug_gym.kernels.layout import Floats, Integers, Ranges
+from bug_gym.kernels.layout import Flags, Floats, Integers, Ranges
 from bug_gym.kernels.levers import levers, turning
 
 EASED = 1e-3
@@ -215,6 +215,19 @@ def are_of_one(ax: float, ay: float, bx: float, by: float, most: float, apart: f
     """Whether the second point, counter-clockwise of the first, is so near to it that both are taken for one thing's."""
     angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
     return math.hypot(bx - ax, by - ay) <= most and 0.0 < angle <= apart
+
+
+@kernel
+def are_between(px: Floats, py: Floats, most: float, apart: float, between: Flags) -> None:
+    """Write of which points (k,) both neighbours are taken for ones of the same thing: so what is beside them shows.
+
+    See `passes_corners`, which asks for what may lie between two such points all the same.
+    """
+    count = px.size
+    for i in range(count):
+        j, before = (i + 1) % count, (i - 1 + count) % count
+        is_first = are_of_one(px[before], py[before], px[i], py[i], most, apart)
+        between[i] = is_first and are_of_one(px[i], py[i], px[j], py[j], most, apart)
 
 
 @kernel
