@@ -51,12 +51,15 @@ def run(sweep: Sweep, policies: Sequence[str], seeds: int, settings: Settings) -
 
 
 def tables(found: Swept) -> list[Table]:
-    """Success with its interval, and path over shortest path, against the value."""
+    """Success with its interval, contacts, and path over shortest path, against the value."""
     sweep = found.sweep
     header = ["policy", *(f"{value:g}" for value in sweep.values)]
     success = [
         [policy, *(f"{100 * s.success:.0f} [{100 * s.success_low:.0f}, {100 * s.success_high:.0f}]" for s in summaries)]
         for policy, summaries in found.summaries.items()
+    ]
+    contacts = [
+        [policy, *(f"{100 * s.collision:.0f}" for s in summaries)] for policy, summaries in found.summaries.items()
     ]
     ratio = [
         [policy, *(f"{s.path_ratio:.2f}" if isfinite(s.path_ratio) else "-" for s in summaries)]
@@ -64,6 +67,7 @@ def tables(found: Swept) -> list[Table]:
     ]
     return [
         Table(f"{sweep.title}: success [%] with its 95 % interval against {sweep.label}", header, success),
+        Table(f"{sweep.title}: runs that end in a contact [%] against {sweep.label}", header, contacts),
         Table(f"{sweep.title}: path over shortest path of the successes against {sweep.label}", header, ratio),
     ]
 
@@ -86,6 +90,7 @@ def numbers(found: Swept) -> dict[str, Any]:
                 "n": s.n,
                 "success": s.success,
                 "success_interval": [s.success_low, s.success_high],
+                "collision": s.collision,
                 "path_ratio": s.path_ratio if isfinite(s.path_ratio) else None,
             }
             for s in summaries
