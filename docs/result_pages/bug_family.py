@@ -450,9 +450,9 @@ def lidar_density(found: Record) -> Page:
         f"{percent(min(before.values()))} % or more; at {most:g} m `{best}` is left with "
         f"{percent(last[best])} %, the others with {percent(min(last.values()))} to "
         f"{percent(max(value for name, value in last.items() if name != best))} %. The clearance is the default one, "
-        "which knows nothing of the noise. Who takes no step that may lead into something comes late at worst: noise ends at most "
-        f"{percent(contacts)} % of a policy's runs in a contact. With up to {max(touching, default=0):g} beams some policies touch "
-        "what lies between two.",
+        "which knows nothing of the noise. Who takes no step that may lead into something comes late at worst: noise ends at "
+        f"most {percent(contacts)} % of a policy's runs in a contact. With up to {max(touching, default=0):g} beams some "
+        "policies touch what lies between two.",
     )
 
 
