@@ -435,6 +435,7 @@ def lidar_density(found: Record) -> Page:
     titles, (beams, noise) = ["LIDAR density", "Range noise"], found["sweeps"]
     touching = [value for value in beams["values"] if max(value_at(beams, value, "collision").values()) > 0.0]
     contacts = max(one["collision"] for row in noise["policies"].values() for one in row)
+    ended = f"at most {percent(contacts)} % of a policy's runs" if contacts > 0.0 else "no run"
     fewest, plenty, slight, most = beams["values"][0], 16, 0.02, noise["values"][-1]
     few, enough = success_at(beams, fewest), success_at(beams, plenty)
     before, last = success_at(noise, slight), success_at(noise, most)
@@ -450,9 +451,9 @@ def lidar_density(found: Record) -> Page:
         f"{percent(min(before.values()))} % or more; at {most:g} m `{best}` is left with "
         f"{percent(last[best])} %, the others with {percent(min(last.values()))} to "
         f"{percent(max(value for name, value in last.items() if name != best))} %. The clearance is the default one, "
-        "which knows nothing of the noise. Who takes no step that may lead into something comes late at worst: noise ends at "
-        f"most {percent(contacts)} % of a policy's runs in a contact. With up to {max(touching, default=0):g} beams some "
-        "policies touch what lies between two.",
+        "which knows nothing of the noise; but nobody takes a step that may lead into something, so who does not arrive is late "
+        f"at worst: noise ends {ended} in a contact. With up to {max(touching, default=0):g} beams some policies touch what "
+        "lies between two.",
     )
 
 
