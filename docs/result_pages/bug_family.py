@@ -452,8 +452,8 @@ def lidar_density(found: Record) -> Page:
         f"{percent(last[best])} %, the others with {percent(min(last.values()))} to "
         f"{percent(max(value for name, value in last.items() if name != best))} %. The clearance is the default one, "
         "which knows nothing of the noise; but nobody takes a step that may lead into something, so who does not arrive is "
-        f"late at worst: noise ends {ended} in a contact. With up to {max(touching, default=0):g} beams some policies touch what "
-        "lies between two.",
+        f"late at worst: noise ends {ended} in a contact. With up to {max(touching, default=0):g} beams some policies touch "
+        "what lies between two.",
     )
 
 
