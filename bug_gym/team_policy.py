@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kinematics
 from bug_gym.config import Scenario
-from bug_gym.geometry import Point, wrap
+from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import are_cut_at_once, scans_kept, stoppable_actions
 from bug_gym.log import warn_once
 from bug_gym.observation import width
@@ -142,6 +142,8 @@ class TeamMemory(Memory):
     """How often it has stopped for a partner to pass."""
     held: float = 0.0
     """How long it has stood so, in all [s]."""
+    sway: Velocity | None = None
+    """Where a robot went whose discrete actions let it not stand, to come back from; robot's frame [m/s]."""
 
 
 def is_by_agent(observation: Any, agents: Sequence[str]) -> bool:
@@ -346,9 +348,11 @@ class TeamPolicy(ABC):
 
         Args:
             observation: by agent, where a missing agent is out of play; or a batch, Dict or flat, whose rows are
-                (world, robot): robot r of world w is row w R + r, and all are in play.
+                (world, robot): robot r of world w is row w R + r.
             state: one memory a row, as the last call returned it; None starts new ones.
-            episode_start: (n,) for a batch; a world begins with all its robots.
+            episode_start: (n,) for a batch, the `dones` of the step before as stable-baselines3 hands them on. A world all of
+                whose rows are marked begins an episode; where some are, these are out of play, as in
+                `make_robots_vec_env(..., restart="world")`. None: all are in play.
             deterministic: ignored, a scripted policy always is.
 
         Returns:
@@ -356,7 +360,7 @@ class TeamPolicy(ABC):
 
         Raises:
             ValueError: observations of other agents or of another size, a number of rows that is no multiple of the
-                robots, a state of another team or policy, or a world that begins with some of its robots only.
+                robots, or a state of another team or policy.
         """
         if is_by_agent(observation, self.agents):
             rows = [observation.get(agent) for agent in self.agents]
@@ -372,18 +376,21 @@ class TeamPolicy(ABC):
     ) -> tuple[NDArray[Any], tuple[TeamMemory, ...]]:
         """Actions for rows of (world, robot)."""
         robots = self.robots
-        if flat.ndim != 2 or len(flat) % robots:
+        if flat.ndim != 2 or not len(flat) or len(flat) % robots:
             raise ValueError(f"got observations of shape {flat.shape}, expected rows of worlds of {robots} robots each")
-        memories = self.started(len(flat) // robots) if state is None else self._checked(state, len(flat))
+        worlds = len(flat) // robots
+        memories = self.started(worlds) if state is None else self._checked(state, len(flat))
+        ended = np.zeros((worlds, robots), dtype=np.bool_)
         if episode_start is not None:
-            starts = checked_starts(episode_start, len(flat)).reshape(-1, robots)
-            if (starts.any(axis=1) != starts.all(axis=1)).any():
-                raise ValueError(f"the {robots} robots of a world begin an episode together, got {starts.tolist()}")
-            for world in np.flatnonzero(starts[:, 0]).tolist():
+            ended = checked_starts(episode_start, len(flat)).reshape(worlds, robots)
+            for world in np.flatnonzero(ended.all(axis=1)).tolist():
                 memories[world * robots : (world + 1) * robots] = self.start(robots)
+                ended[world] = False
         actions = []
-        for first in range(0, len(flat), robots):
-            actions += self.decide(list(flat[first : first + robots]), memories[first : first + robots])
+        for world, out_of_play in enumerate(ended.tolist()):
+            rows = slice(world * robots, (world + 1) * robots)
+            seen = [None if is_out else row for row, is_out in zip(flat[rows], out_of_play, strict=True)]
+            actions += self.decide(seen, memories[rows])
         return np.stack(actions), tuple(memories)
 
     def started(self, worlds: int) -> list[TeamMemory]:
@@ -409,6 +416,9 @@ class TeamPolicy(ABC):
         for view, velocity, memory in zip(views, velocities, memories, strict=True):
             goes = view is not None and not memory.verdict
             wishes.append(checked_velocity(self, velocity) if goes else STANDING)
+        if self._velocities is not None and self.sensors.drive.kinematics != "ackermann":
+            swayed = zip(views, wishes, memories, strict=True)
+            wishes = [self._swaying(view, wish, memory) for view, wish, memory in swayed]
         actions = self._actions(views, wishes)
         if self._scans_kept:
             for view, memory in zip(views, memories, strict=True):
@@ -446,6 +456,27 @@ class TeamPolicy(ABC):
             drive, told = self.sensors.drive, iter(actions)
             return [kinematics.steering(drive, STANDING) if view is None else next(told) for view in views]
         return actions
+
+    def _swaying(self, view: View | None, wish: Velocity, memory: TeamMemory) -> Velocity:
+        """A wish that discrete actions can do: none of them stands, so who is to stand sways, a step there and a step back.
+
+        A differential robot turns to one side and back, a holonomic one goes away from what is nearest, as slowly as it can.
+        """
+        if wish != STANDING or view is None:
+            memory.sway = None
+            return wish
+        if memory.sway is not None:
+            back = -memory.sway[0], -memory.sway[1]
+            memory.sway = None
+            return back
+        assert self._velocities is not None
+        slowest = min(math.hypot(*one) for one in self._velocities.tolist())
+        aside = 0.5 * math.pi if self.sensors.drive.kinematics == "differential" else view.nearest()[1] + math.pi
+        headings = (
+            2.0 * math.pi * number / kinematics.DISCRETE_HEADINGS for number in range(kinematics.DISCRETE_HEADINGS)
+        )
+        memory.sway = velocity_along(min(headings, key=lambda heading: abs(wrap(heading - aside))), slowest)
+        return memory.sway
 
     @functools.cached_property
     def _are_cut_at_once(self) -> bool:

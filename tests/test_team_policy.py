@@ -233,6 +233,20 @@ def test_a_batch_of_a_team_is_its_worlds_one_by_one_and_a_world_begins_anew_as_a
     np.testing.assert_array_equal(actions, again)
 
 
+def test_rows_of_a_world_some_of_which_have_ended_are_those_of_missing_agents() -> None:
+    simulation, team = Simulation(SCATTERED, 2), march()
+    rows = simulation.reset(seeds=[0, 1]).reshape(6, -1)
+    _, state = team.predict(rows)
+    _, by_agent = team.predict(dict(zip(team.agents, rows[:3], strict=True)))
+    actions, state = team.predict(rows, state, np.array([False, True, False] + [False] * 3))
+    named, by_agent = team.predict(
+        {agent: rows[number] for number, agent in enumerate(team.agents) if number != 1}, by_agent
+    )
+    assert [memory.is_heard for memory in state] == [True, False, True, True, True, True]
+    assert [memory.steps for memory in state[:3]] == [memory.steps for memory in by_agent]
+    np.testing.assert_array_equal(actions[[0, 2]], np.stack(list(named.values())))
+
+
 @pytest.mark.parametrize(
     ("observation", "state", "starts", "said"),
     [
@@ -242,7 +256,8 @@ def test_a_batch_of_a_team_is_its_worlds_one_by_one_and_a_world_begins_anew_as_a
         (np.zeros((3, 79), np.float32), (MarchMemory(),) * 2, None, "team of 2, expected 3"),
         (np.zeros((3, 79), np.float32), (TeamMemory(),) * 3, None, "another policy: TeamMemory, expected MarchMemory"),
         (np.zeros((3, 79), np.float32), "state", None, "got str"),
-        (np.zeros((3, 79), np.float32), None, [True, False, True], "begin an episode together"),
+        (np.zeros((3, 79), np.float32), None, [True, False], "3 bools"),
+        (np.zeros((0, 79), np.float32), None, None, "rows of worlds of 3 robots"),
     ],
 )
 def test_what_no_team_of_three_can_use_is_refused_in_a_line(

@@ -29,6 +29,7 @@ from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, STANDING, BugTeam, BugTeamMemory
 from bug_gym.agents.teams.partners import ROOM, Seen, closes, gap, least_gap
 from bug_gym.agents.walls.contour import CLOSER
+from bug_gym.kinematics import TURN_IN_PLACE, speed_and_error
 from bug_gym.policy import MisfitError, Velocity
 from bug_gym.view import Sensors, View
 
@@ -121,7 +122,8 @@ class Bug1Pair(BugTeam):
         if self.is_stopped(robot, memories):
             return STANDING
         distance = gap(memory, other) if len(team) == 2 else math.inf
-        if distance >= BEHIND:
+        stands_there = not other.is_heard and other.word is not None
+        if (gap(memory, other) if stands_there else distance) >= BEHIND:
             memory.waited, memory.is_detouring = 0.0, False
         if memory.is_behind and memory.own.contour is None:
             if distance < BEHIND:
@@ -133,7 +135,7 @@ class Bug1Pair(BugTeam):
         if memory.pending is None:
             memory.pending = self._law(robot, team, memories).act(view, memory.own)
             self._forget_detour(memory)
-        if distance < math.inf and self._is_in_the_way(memory, other, wanted[1 - robot]):
+        if (distance < math.inf or stands_there) and self._is_in_the_way(memory, other, wanted[1 - robot]):
             memory.mode = "waiting"
             memory.waited += self.sensors.drive.step
             if memory.waited > PATIENCE:
@@ -162,6 +164,8 @@ class Bug1Pair(BugTeam):
         """Whether the next step of a robot would bring it too near to the other, which has a velocity already."""
         assert memory.pending is not None
         least = least_gap(self.sensors) - (0.8 * ROOM if memory.is_detouring else 0.0)
+        if self.sensors.drive.kinematics != "holonomic" and abs(speed_and_error(velocity)[1]) > TURN_IN_PLACE:
+            velocity = STANDING  # it has to turn first
         return closes(memory, memory.pending, other, velocity, gap(memory, other), least)
 
     def _forget_detour(self, memory: Bug1PairMemory) -> None:

@@ -37,6 +37,16 @@ ARRIVING = 2.0
 """How many steps from its goal a robot that falls silent has arrived."""
 
 
+def check_distances(hold_distance: float, go_distance: float) -> None:
+    """Refuse distances [m] to hold at and to go on from that no robot can keep.
+
+    Raises:
+        ValueError: one to hold at that is negative, or beyond that to go on from.
+    """
+    if not 0.0 <= hold_distance <= go_distance:
+        raise ValueError(f"hold_distance must be from 0 to go_distance ({go_distance}), got {hold_distance}")
+
+
 @dataclass
 class BugTeamMemory(TeamMemory):
     """Memory of one robot of a team of bugs."""
@@ -73,6 +83,19 @@ class BugTeam(TeamPolicy):
     def draw(self, memory: BugTeamMemory) -> Drawing:
         """What the robot's law shows."""
         return self.laws[0].draw(memory.own)
+
+    def _checked(self, state: Any, rows: int) -> list[TeamMemory]:
+        """The memories of a state.
+
+        Raises:
+            ValueError: memories of another team or policy, or of robots that drive by another law.
+        """
+        memories: list[Any] = super()._checked(state, rows)
+        for number, memory in enumerate(memories):
+            own, kind = memory.own, type(self.laws[number % self.robots].start())
+            if type(own) is not kind:
+                raise ValueError(f"got the memory of another law: {type(own).__name__}, expected {kind.__name__}")
+        return memories
 
     def going(self, memories: Sequence[BugTeamMemory]) -> list[int]:
         """Robots that answer, and have not given up."""

@@ -33,7 +33,7 @@ from typing import Any, Literal, NamedTuple
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import PATIENCE, STANDING, BugTeam, BugTeamMemory
+from bug_gym.agents.teams.bug_team import PATIENCE, STANDING, BugTeam, BugTeamMemory, check_distances
 from bug_gym.agents.teams.partners import (
     ROOM,
     closes,
@@ -85,6 +85,8 @@ class Com1Rev3Memory(BugTeamMemory):
     """+1 while it makes room on along its way, -1 back, 0 while it does not."""
     aside: list[Point] = field(default_factory=list)
     """Places that lead back to its way after it has stepped aside, the next one last, odometry frame [m]."""
+    shut_out: float = 0.0
+    """How long something has stood on the way back to its way [s]."""
     on_behalf: int = 0
     """The foremost robot for which it waits, or makes room."""
 
@@ -127,7 +129,7 @@ class Com1Rev3(BugTeam):
 
     Raises:
         MisfitError: fewer than two robots.
-        ValueError: a distance to hold at beyond that to go on at; and what the laws refuse.
+        ValueError: a distance to hold at that is negative or beyond that to go on from; and what the laws refuse.
     """
 
     Parameters = Com1Rev3Parameters
@@ -137,8 +139,7 @@ class Com1Rev3(BugTeam):
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
         own = self.parameters
-        if not own.hold_distance <= own.go_distance:
-            raise ValueError(f"hold_distance must be at most go_distance ({own.go_distance}), got {own.hold_distance}")
+        check_distances(own.hold_distance, own.go_distance)
         self.leaders = (self.robots + 1) // 2
         """How many robots drive by Com1; they come first."""
         self.least_gap = least_gap(sensors)
@@ -216,7 +217,12 @@ class Com1Rev3(BugTeam):
         while memory.aside and math.dist(memory.aside[-1], view.position) < 0.3 * self.step:
             memory.aside.pop()
         if memory.aside:
-            return self.laws[robot].boundary.step_to(view, memory.aside[-1]) or STANDING
+            way = self.laws[robot].boundary.step_to(view, memory.aside[-1])
+            memory.shut_out = 0.0 if way is not None else memory.shut_out + self.sensors.drive.step
+            if memory.shut_out <= PATIENCE:
+                return way or STANDING
+            memory.aside.clear()  # what stands there stays, such as a partner that has arrived
+            memory.shut_out = 0.0
         back = self._along_trace(robot, view, memory, 1) if memory.at < len(memory.trace) - 1 else None
         if back is not None:
             return back

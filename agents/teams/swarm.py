@@ -21,7 +21,7 @@ from bug_gym.agents.bugs.bug0 import Bug0
 from bug_gym.agents.bugs.bug1 import Bug1
 from bug_gym.agents.bugs.bug2 import Bug2
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import STANDING, BugTeam, BugTeamMemory
+from bug_gym.agents.teams.bug_team import STANDING, BugTeam, BugTeamMemory, check_distances
 from bug_gym.agents.teams.partners import Seen, gap
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.policy import Velocity
@@ -56,6 +56,7 @@ class Swarm(BugTeam):
 
     Raises:
         MisfitError: fewer than two robots.
+        ValueError: a distance to hold at that is negative or beyond that to go on from.
     """
 
     Parameters = SwarmParameters
@@ -64,6 +65,7 @@ class Swarm(BugTeam):
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
+        check_distances(self.parameters.hold_distance, self.parameters.go_distance)
         turns = ("right", "left") if self.parameters.first == "right" else ("left", "right")
         clearance = self.parameters.clearance
         laws = (self.law(sensors, clearance=clearance, turn=turns[robot % 2]) for robot in range(self.robots))

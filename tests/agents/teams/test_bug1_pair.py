@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
 import numpy as np
 import pytest
 
+import bug_gym
 from bug_gym.agents import make_policy
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.com1_rev3 import MEETING, allowed
@@ -119,3 +121,19 @@ def test_it_drives_two_robots_and_no_others() -> None:
     for source in ("static", random_world(0, 4)):
         with pytest.raises(MisfitError, match="2 robots"):
             make_policy("bug1_pair", source)
+
+
+def test_a_partner_that_answers_every_other_step_is_not_driven_into() -> None:
+    env = bug_gym.parallel_env("oni_wang_pair")
+    team: Any = make_policy("bug1_pair", env)
+    seen, _ = env.reset(seed=0)
+    state, outcomes = None, set()
+    for step in itertools.count():
+        told = {agent: seen[agent] for agent in env.agents if agent == "robot_0" or step % 2 == 0}
+        actions, state = team.predict(told, state)
+        still = np.zeros(2, np.float32)
+        seen, _, _, _, infos = env.step({agent: actions.get(agent, still) for agent in env.agents})
+        outcomes |= {info["outcome"] for info in infos.values()}
+        if not env.agents:
+            break
+    assert "success" in outcomes and "collision" not in outcomes

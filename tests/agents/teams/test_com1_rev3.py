@@ -313,7 +313,8 @@ def test_half_of_the_robots_drive_by_com1_and_of_either_half_the_turns_alternate
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"hold_distance": 2.5}, "at most go_distance"),
+        ({"hold_distance": 2.5}, "from 0 to go_distance"),
+        ({"hold_distance": -1.0}, "from 0 to go_distance"),
         ({"sides": "both"}, "sides must be one of"),
         ({"clearance": 0.1}, "clearance"),
         ({"colour": "red"}, "no parameter 'colour'"),

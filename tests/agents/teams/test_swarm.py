@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 from episodes import run_episode
 
+import bug_gym
 from bug_gym.agents import make_policy
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.team_runs import run_team
@@ -44,3 +46,14 @@ def test_the_first_arrival_stops_the_others(name: str) -> None:
 def test_one_robot_is_no_swarm() -> None:
     with pytest.raises(MisfitError, match="2 robots or more"):
         make_policy("swarm_bug2", "static")
+
+
+def test_a_swarm_refuses_distances_that_nobody_can_keep_and_the_memory_of_another_law() -> None:
+    env = bug_gym.parallel_env("oni_wang_pair")
+    for distance in (3.0, -1.0, math.nan):
+        with pytest.raises(ValueError, match="hold_distance"):
+            make_policy("swarm_bug2", env, hold_distance=distance)
+    seen, _ = env.reset(seed=0)
+    _, state = make_policy("swarm_bug1", env).predict(seen)
+    with pytest.raises(ValueError, match="another law: Bug1Memory, expected Bug2Memory"):
+        make_policy("swarm_bug2", env).predict(seen, state)

@@ -130,3 +130,52 @@ def test_who_goes_to_a_goal_of_its_own_gives_up_alone(team: str) -> None:
     }
     shut_in, free = evaluate([team], scenario, episodes=1)
     assert (shut_in.outcome, free.outcome) == ("gave_up", "success")
+
+
+@pytest.mark.parametrize("name", TEAMS)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_who_is_told_by_discrete_actions_touches_nothing_though_none_of_them_stands(name: str, kinematics: str) -> None:
+    for scenario in ("oni_wang_pair", "disc_pair"):
+        env = bug_gym.parallel_env(scenario, action="discrete", overrides={"robot.kinematics": kinematics})
+        outcomes = driven_to_the_end(env, make_policy(name, env), seed=0)
+        assert "success" in outcomes and "collision" not in outcomes
+
+
+def driven_to_the_end(env: Any, team: Any, seed: int) -> list[str]:
+    """How each robot's run ends."""
+    seen, _ = env.reset(seed=seed)
+    state, outcomes = None, list[str]()
+    while env.agents:
+        actions, state = team.predict({agent: seen[agent] for agent in env.agents}, state)
+        seen, _, terminated, truncated, infos = env.step(actions)
+        outcomes += [infos[agent]["outcome"] for agent in infos if terminated[agent] or truncated[agent]]
+    return outcomes
+
+
+@pytest.mark.parametrize("name", ["com1_rev3", "swarm_bug2", "orca"])
+def test_rows_of_an_sb3_env_with_its_dones_end_as_by_agent(name: str) -> None:
+    """A robot that has arrived stands there, an obstacle to the others; its row goes on and says that it is done."""
+    make_robots_vec_env = pytest.importorskip("bug_gym.agents.sb3").make_robots_vec_env
+    env = bug_gym.parallel_env("circle_swap", robots=4)
+    team = make_policy(name, env)
+    by_agent = driven_to_the_end(env, team, seed=0)
+    rows = make_robots_vec_env("circle_swap", 4, 1, seed=0)
+    seen, state, done = rows.reset(), None, np.ones(4, dtype=bool)
+    outcomes: list[str] = []
+    while len(outcomes) < 4:
+        actions, state = team.predict(seen, state, done)
+        seen, _, done, infos = rows.step(actions)
+        outcomes += [info["outcome"] for info in infos if "episode" in info]
+    assert by_agent == outcomes == ["success"] * 4
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize(("scenario", "robots"), [("circle_swap", 2), ("circle_swap", 8), ("corridor_swap", 4)])
+def test_nobody_of_com1_rev3_stands_for_ever_where_robots_have_goals_of_their_own(
+    scenario: str, robots: int, kinematics: str
+) -> None:
+    """Who has stepped aside may find one that has arrived on the way back to its own way."""
+    for seed in range(2):
+        overrides = {"robot.kinematics": kinematics, "time.limit": 300.0}
+        env = bug_gym.parallel_env(scenario, robots=robots, overrides=overrides)
+        assert driven_to_the_end(env, make_policy("com1_rev3", env), seed) == ["success"] * robots
