@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift, operative_critical_points
-from bug_gym.reproductions.com1_rev3 import ROOMY
+from bug_gym.reproductions.com1_rev3 import ROOMY, difference
+from bug_gym.reproductions.com1_rev3 import share as share_of
 from bug_gym.reproductions.still_things import POLICIES, marked
 from bug_gym.reproductions.team_worlds import FIG_6
 from result_pages import Page, Record
@@ -46,6 +47,9 @@ def com1_rev3(found: Record) -> Page:
     crowds = {robots: one for robots, one in found["room"].items() if robots != "holds"}
     quarter = found["formulas"]["(20)"]
     halves = [one["by_half"] == one["both"] for one in worlds.values()]
+    pays = {name: one for name, one in found["pays"].items() if name != "holds"}
+    rarer = [name for name, one in pays.items() if one["arrived"][0] < one["arrived"][1]]
+    beside = f"less often than it in {code(rarer)}" if rarer else "as often as it everywhere"
     return Page(
         [
             com1_rev3_facts(found["facts"]["routes"]),
@@ -54,7 +58,7 @@ def com1_rev3(found: Record) -> Page:
             com1_rev3_room(crowds),
             com1_rev3_maps({name: one for name, one in found["table_2"].items() if name != "holds"}),
             com1_rev3_stops({name: one for name, one in found["fig_6"].items() if name != "holds"}),
-            com1_rev3_pays({name: one for name, one in found["pays"].items() if name != "holds"}),
+            com1_rev3_pays(pays),
         ],
         f"Of worlds and sizes this record has the first {crowds['2']['n']} (`--seeds`); the whole has 500 and 50.\n\n"
         "s*: way of the winner when it is known to win, on the contour with rounded corners. A run is measured against the "
@@ -64,11 +68,16 @@ def com1_rev3(found: Record) -> Page:
         f"{'so in all of these worlds' if all(halves) else 'not so: see the third table'}. A detour is flagged where a "
         "robot waited for more than 10 s; Com1 leaves its solo way in no other world. Effectiveness is the share of routes on "
         "which the goal is reached, and efficiency what the way of all routes is shorter than Bug2's; a route that fails (F) "
-        "leaves no efficiency. The paper has 19.6 % and 1.5 % for Rev3 on its two maps, which are not printed.",
+        "leaves no efficiency. The paper has 19.6 % and 1.5 % for Rev3 on its two maps, which are not printed.\n\n"
+        "The best member is the one that would arrive first alone, which nobody knows beforehand. "
+        f"The team arrives {beside}: who makes room and waits may come too late.",
         [
             ("winner, s*, total, sum and place of the stop are within 1.5 % or three steps", found["facts"]["holds"]),
             ("totals on one obstacle are those of the formulas", found["formulas"]["holds"]),
-            ("no contact, no standstill, and Com1's curve that of its solo way", found["room"]["holds"]),
+            (
+                "in random worlds of rectangles no contact, no standstill, and Com1's curve that of its solo way",
+                found["room"]["holds"],
+            ),
             ("exactly one arrives, and was the nearer one at the stop (Fig. 6)", found["fig_6"]["holds"]),
             ("Rev3 drives about as far as Rev2 wherever that arrives (Table 2)", found["table_2"]["holds"]),
         ],
@@ -101,11 +110,16 @@ def com1_rev3_formulas(kinds: Sequence[Record]) -> str:
 def com1_rev3_claims(worlds: Record) -> str:
     """What the team saves over the pair that goes both ways."""
     rows = [
-        [name, str(one["both"]), percent(one["less"] / one["both"]), percent(one["by_half"] / one["both"])]
-        + [f"{sum(one['saved']) / len(one['saved']):.1f}"]
+        [
+            name,
+            f"{one['both']} of {one['n']}",
+            share_of(one["less"], one["both"]),
+            share_of(one["by_half"], one["both"]),
+        ]
+        + [difference(one["saved"])]
         for name, one in worlds.items()
     ]
-    header = ["worlds", "n", "less [%]", "less by half the obstacle [%]", "saved [m]"]
+    header = ["worlds", "both arrive", "less [%] (95 %)", "less by half the obstacle [%] (95 %)", "saved [m] (95 %)"]
     return table("Both ways together, com1_rev3 against bug1_pair", header, rows)
 
 
@@ -156,11 +170,18 @@ def com1_rev3_stops(figures: Record) -> str:
 def com1_rev3_pays(pays: Record) -> str:
     """Whether two are sooner there than the better one alone."""
     rows = [
-        [name, str(one["n"]), *map(str, one["arrived"])]
-        + [f"{sum(one[key]) / len(one[key]):+.1f}" if one[key] else "–" for key in ("time", "way")]
+        [name, str(one["n"]), *(share_of(count, one["n"]) for count in one["arrived"])]
+        + [difference(one[key]) for key in ("time", "way")]
         for name, one in pays.items()
     ]
-    header = ["world", "n", "team arrives", "member arrives", "time [s]", "way of all [m]"]
+    header = [
+        "world",
+        "n",
+        "team arrives [%] (95 %)",
+        "best member [%] (95 %)",
+        "time [s] (95 %)",
+        "way of all [m] (95 %)",
+    ]
     return table("First arrival of the team beside its better member alone", header, rows)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bug_gym.reproductions import circle_swap as made
 from result_pages import Page, Record
-from result_pages.words import number, p_value, points, share, table
+from result_pages.words import listed, number, p_value, points, share, table
 
 HEADER = ("runs", "reached [%] (95 %)", "contacts", "least gap [m]", "time [s]", "path / shortest")
 
@@ -25,7 +25,7 @@ def circle_swap(found: Record) -> Page:
     """Robots that change places, and beside it each robot alone."""
     circles, crowds = found["circles"], found["crowds"]
     rows = [
-        [kinematics, str(robots), *cells(one), number(one["longest"], 1)]
+        [kinematics, str(robots), *cells(one), number(one["longest"], 1), number(1e6 * one["decision_time_mean"], 0)]
         for kinematics in made.KINEMATICS
         for robots in made.ROBOTS
         if (one := circles[f"{kinematics}, {robots}"])
@@ -48,10 +48,22 @@ def circle_swap(found: Record) -> Page:
     told = " and ".join(
         f"{number(one['path_ratio'], 2)} times the straight way ({kinematics})" for kinematics, one in slowest.items()
     )
+    few, many = made.ROBOTS[1], made.ROBOTS[-1]
+    grows = " and ".join(
+        number(
+            many
+            * circles[f"{one}, {many}"]["decision_time_mean"]
+            / (few * circles[f"{one}, {few}"]["decision_time_mean"]),
+            1,
+        )
+        for one in made.KINEMATICS
+    )
     return Page(
         [
             table(
-                "Changing places across a circle with `orca`", ["kinematics", "robots", *HEADER, "longest [s]"], rows
+                "Changing places across a circle with `orca`",
+                ["kinematics", "robots", *HEADER, "longest [s]", "decision of a robot [us]"],
+                rows,
             ),
             table(
                 "Crowds that cross: robots that know of one another, and each alone",
@@ -62,7 +74,10 @@ def circle_swap(found: Record) -> Page:
         "A contact counts for both robots; the gap is the smallest of a body to anything, walls too. Time and ratio are "
         "means over the runs that arrive.\n\n"
         f"In {runs:,} runs across the circle, and in the crowds, `orca` touched anything {touched} times. With "
-        f"{made.ROBOTS[-1]} robots the way is {told}.",
+        f"{made.ROBOTS[-1]} robots the way is {told}.\n\n"
+        f"To decide for all {many} robots takes {grows} times as long as for {few} ({listed(made.KINEMATICS)}); in proportion "
+        f"to the robots it would be {many / few:.1f}, which is about what the authors of RVO2 report of theirs. A robot here "
+        "reads its scan, too.",
         [
             (
                 "no two robots that run `orca` touch on the circle",
