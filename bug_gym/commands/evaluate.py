@@ -59,8 +59,10 @@ def run(options: argparse.Namespace) -> None:
 
     from bug_gym.evaluation import evaluate  # loads the compiler
     from bug_gym.evaluation.matrix import print_matrix  # loads the compiler
+    from bug_gym.evaluation.report import print_text_table  # loads the compiler
     from bug_gym.evaluation.suites import load_suite  # loads the compiler
     from bug_gym.evaluation.summary import summarise  # loads the compiler
+    from bug_gym.evaluation.teams import team_tables  # loads the compiler
 
     with workers_of(options) as workers:
         rows = evaluate(
@@ -83,21 +85,23 @@ def run(options: argparse.Namespace) -> None:
         )
     console, summaries = Console(), summarise(rows)
     print_matrix(summaries, console)
+    for team in team_tables(rows):
+        print_text_table(*team, console)
     if options.details:
         _print_details(rows, summaries, options.baseline, console)
     _tell_files(options)
 
 
 def _print_details(rows: list[EpisodeRow], summaries: list[Summary], baseline: str | None, console: Console) -> None:
-    """Every table: those of the scenarios, the paired differences, and those of teams."""
+    """Every other table: those of the scenarios, and the paired differences, those of teams too."""
     from bug_gym.evaluation.report import print_differences, print_table, print_text_table  # loads the compiler
     from bug_gym.evaluation.summary import compare, default_baseline  # loads the compiler
-    from bug_gym.evaluation.teams import team_differences, team_tables  # loads the compiler
+    from bug_gym.evaluation.teams import team_differences  # loads the compiler
 
     baseline = baseline or default_baseline(rows)
     print_table(summaries, console)
     print_differences(compare(rows, baseline), console)
-    for table in (*team_tables(rows), *team_differences(rows, baseline)):
+    for table in team_differences(rows, baseline):
         print_text_table(*table, console)
 
 

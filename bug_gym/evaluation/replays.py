@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
-from bug_gym.evaluation.page.recorded import Ended, Key
+from bug_gym.evaluation.page.recorded import Ended, Key, has_failed
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.rollout import Rollout
@@ -138,14 +138,14 @@ def chosen(rows: Sequence[AnyEnded], count: int, *, successes: bool = False) -> 
         count: most episodes.
         successes: whether the first success of each policy and scenario counts as a kind, too.
     """
-    failed = Counter(row.policy for row in rows if not row.success)
+    failed = Counter(row.policy for row in rows if has_failed(row))
     ordered = sorted(rows, key=lambda row: failed[row.policy])
     first: dict[tuple[str, str, str, str], AnyEnded] = {}
     arrived: dict[tuple[str, int], AnyEnded] = {}
     for row in ordered:
         if row.success:
             arrived.setdefault((row.scenario, row.seed), row)
-        if not row.success or successes:
+        if has_failed(row) or (row.success and successes):
             first.setdefault((row.scenario, row.policy, row.outcome, row.verdict), row)
     worlds: dict[Key, AnyEnded] = {}
     for row in _in_turns(list(first.values())):

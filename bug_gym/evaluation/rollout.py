@@ -399,6 +399,7 @@ class Rollout:
                 holds=int(getattr(memory, "holds", 0)),
                 held_time=float(getattr(memory, "held", 0.0)),
                 standing_time=self._standing_time(trace) if self.simulation.robots > 1 else 0.0,
+                mission=self.scenario.scenario.mission,
             )
         )
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 OUTCOMES = ("success", "collision", "timeout", "ended", "gave_up")
+MISSIONS = ("all", "first")
 _MAY_BE_NAN = {"shortest_path_length", "spl", "time_ratio"}
 _MAY_BE_INFINITE = {"shortest_path_length", "time_ratio", "min_clearance", "robots_gap"}
 
@@ -83,6 +84,8 @@ class EpisodeRow:
     """How long it stood so [s]."""
     standing_time: float = 0.0
     """How long it had not moved when its run ended [s]."""
+    mission: str = "all"
+    """Whose arrival the mission asks for: of "all" robots of the world, or of the "first"."""
 
     def __post_init__(self) -> None:
         """Refuse what no episode can have."""
@@ -90,6 +93,8 @@ class EpisodeRow:
             _check_field(name, kind, getattr(self, name))
         if self.outcome not in OUTCOMES:
             raise ValueError(f"outcome must be one of {', '.join(OUTCOMES)}, came {shortened(self.outcome)}")
+        if self.mission not in MISSIONS:
+            raise ValueError(f"mission must be one of {', '.join(MISSIONS)}, came {shortened(self.mission)}")
         if self.success != (self.outcome == "success"):
             raise ValueError(f"success={self.success} contradicts outcome={shortened(self.outcome)}")
         if self.spl > 1.0:

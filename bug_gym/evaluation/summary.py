@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bug_gym.checks import shortened
+from bug_gym.evaluation.missions import Mission, missions
 from bug_gym.evaluation.rows import FIELD_TYPES, EpisodeRow, json_fields
 from bug_gym.intervals import (
     Interval,
@@ -38,20 +39,21 @@ _ON_SUCCESS = {"time", "steps", "path_length", "time_ratio", "min_clearance", "t
 class Summary:
     """What many episodes of one policy say, in one scenario or in all; a mean over nothing is NaN.
 
-    Intervals are of 95 % and take rows as independent: several robots of one world make them too narrow.
+    Success and SPL are of missions, see `missions.Mission`: of worlds, whose robots arrive together or for one another.
+    Everything else is of rows, which are robots. Intervals are of 95 %.
     """
 
     policy: str
     scenario: str
     """Name of the scenario, or OVERALL: all rows of the policy pooled."""
     n: int
-    """Rows."""
+    """Missions: worlds, or rows where each robot is alone."""
     success: float
-    """Share of successes, with its Wilson interval."""
+    """Share of the missions that were accomplished, with its Wilson interval."""
     success_low: float
     success_high: float
     spl_n: int
-    """Rows in which SPL is defined."""
+    """Missions in which SPL is defined."""
     spl: float
     """Mean SPL over those."""
     spl_iqm: float
@@ -137,16 +139,21 @@ def path_ratio(row: EpisodeRow) -> float:
 
 
 def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int, seed: int) -> Summary:
-    n, solved, outcomes = len(rows), [row for row in rows if row.success], Counter(row.outcome for row in rows)
-    success = wilson_interval(len(solved), n)
-    strata = _by_scenario((row.scenario, row.spl) for row in rows)
+    solved, outcomes, together = (
+        [row for row in rows if row.success],
+        Counter(row.outcome for row in rows),
+        missions(rows),
+    )
+    accomplished = sum(mission.success for mission in together)
+    success = wilson_interval(accomplished, len(together))
+    strata = _by_scenario((mission.scenario, mission.spl) for mission in together)
     spls = [value for stratum in strata for value in stratum]
     iqm = _bootstrap(strata, interquartile_means, resamples=resamples, seed=seed)
     return Summary(
         scenario=key[0],
         policy=key[1],
-        n=n,
-        success=len(solved) / n,
+        n=len(together),
+        success=accomplished / len(together),
         success_low=success.low,
         success_high=success.high,
         spl_n=len(spls),
@@ -157,10 +164,10 @@ def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int
         path_ratio=_mean(path_ratio(row) for row in solved),
         time=_mean(row.time for row in solved),
         time_ratio=_mean(row.time_ratio for row in solved),
-        collision=outcomes["collision"] / n,
-        timeout=outcomes["timeout"] / n,
-        ended=outcomes["ended"] / n,
-        gave_up=outcomes["gave_up"] / n,
+        collision=outcomes["collision"] / len(rows),
+        timeout=outcomes["timeout"] / len(rows),
+        ended=outcomes["ended"] / len(rows),
+        gave_up=outcomes["gave_up"] / len(rows),
         verdicts=dict(sorted(Counter(row.verdict for row in rows if row.outcome == "gave_up").items())),
         min_clearance=_mean(row.min_clearance for row in solved),
         decision_time=float(np.median([row.decision_time_mean for row in rows])),
@@ -170,26 +177,37 @@ def _summary(key: tuple[str, str], rows: Sequence[EpisodeRow], *, resamples: int
 def paired_difference(
     rows_a: Sequence[EpisodeRow], rows_b: Sequence[EpisodeRow], field: str, *, resamples: int = 2000, seed: int = 0
 ) -> PairedDifference:
-    """Difference a minus b of a field over the worlds (scenario, seed, robot) that both policies drove in.
+    """Difference a minus b of a field over the worlds (scenario, seed) that both policies drove in.
 
-    Time, path, clearance and turning are compared where both succeeded, and no field where it is NaN or infinite for
-    either: n says in how many pairs it was. The interval is a bootstrap of the pairs within scenarios.
+    Success and SPL are those of missions; of anything else the difference is taken robot by robot and its mean is the
+    world's. Time, path, clearance and turning are compared where both robots succeeded, and no field where it is NaN or
+    infinite for either: n says in how many worlds it was. The interval is a bootstrap of worlds within scenarios.
     """
     comparable = [name for name, kind in FIELD_TYPES.items() if kind is not str and name not in ("seed", "robot")]
     if field not in comparable:
         raise ValueError(f"field must be one of {', '.join(comparable)}, came {shortened(field)}")
     by_world_a, by_world_b = _by_world(rows_a), _by_world(rows_b)
-    pairs = [(row, by_world_b[world]) for world, row in by_world_a.items() if world in by_world_b]
-    if not pairs:
+    common = [world for world in by_world_a if world in by_world_b]
+    if not common:
         raise ValueError("the two policies have no world in common")
-    if field in _ON_SUCCESS:
-        pairs = [(a, b) for a, b in pairs if a.success and b.success]
-    strata = _by_scenario((a.scenario, float(getattr(a, field)) - float(getattr(b, field))) for a, b in pairs)
+    a, b = (missions([rows[world] for world in common]) for rows in (by_world_a, by_world_b))
+    strata = _by_scenario((one.scenario, _gap(one, other, field)) for one, other in zip(a, b, strict=True))
     differences = [value for stratum in strata for value in stratum]
     interval = _bootstrap(strata, means, resamples=resamples, seed=seed)
     p_value = exact_mcnemar(differences.count(1.0), differences.count(-1.0)) if field == "success" else nan
     names = rows_a[0].policy, rows_b[0].policy
     return PairedDifference(*names, field, len(differences), _mean(differences), *interval, p_value)
+
+
+def _gap(one: Mission, other: Mission, field: str) -> float:
+    """Difference of a field between two missions in the same world; NaN where it cannot be compared."""
+    if field in ("success", "spl"):
+        return float(getattr(one, field)) - float(getattr(other, field))
+    pairs = list(zip(one.rows, other.rows, strict=True))
+    if field in _ON_SUCCESS:
+        pairs = [(a, b) for a, b in pairs if a.success and b.success]
+    gaps = [float(getattr(a, field)) - float(getattr(b, field)) for a, b in pairs]
+    return _mean(gap for gap in gaps if isfinite(gap))
 
 
 def compare(
@@ -229,11 +247,11 @@ def default_baseline(rows: Sequence[EpisodeRow]) -> str:
     fair = [policy for policy in by_policy if not policy.endswith(PRIVILEGED)] or list(by_policy)
 
     def merit(policy: str) -> tuple[int, float, float]:
-        mine = by_policy[policy]
-        spl = _mean(row.spl for row in mine)
+        mine = missions(by_policy[policy])
+        spl = _mean(mission.spl for mission in mine)
         return (
-            len({row.scenario for row in mine}),
-            sum(row.success for row in mine) / len(mine),
+            len({mission.scenario for mission in mine}),
+            sum(mission.success for mission in mine) / len(mine),
             0.0 if isnan(spl) else spl,
         )
 

@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bug_gym.evaluation.missions import Mission, missions
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.intervals import means, stratified_bootstrap, wilson_interval
 
 DEADLOCK = 10.0
-"""Robots of which none has moved for so long when the time was up had stopped one another [s]."""
+"""Robots that have not moved for so long when the time was up had stopped for good [s]."""
 
 NOTHING = "–"
 """Stands where nothing was measured."""
@@ -34,12 +35,18 @@ class TeamRow:
     """Seed of the world."""
     robots: int
     """How many robots there are."""
+    mission: str
+    """Whose arrival the mission asks for: of "all" robots, or of the "first"."""
+    success: bool
+    """Whether the mission was accomplished."""
     winner: int
     """Number of the robot that arrived first, -1 where none did."""
     time: float
     """When it arrived [s]; NaN where none did."""
     length: float
     """Length of its way [m]; likewise."""
+    last_time: float
+    """When all had arrived [s]; NaN where not all did."""
     total_length: float
     """Length of the ways of all robots together [m]."""
     arrived: int
@@ -53,41 +60,36 @@ class TeamRow:
     robots_gap: float
     """Smallest distance between two robots, centre to centre [m]."""
     deadlock: bool
-    """Whether none arrived, and none had moved for a while when the time was up."""
-
-    @property
-    def success(self) -> bool:
-        """Whether a robot arrived."""
-        return self.winner >= 0
+    """Whether robots were still under way when the time was up, and none of these had moved for a while."""
 
 
 def team_rows(rows: Sequence[EpisodeRow]) -> list[TeamRow]:
     """The rows of worlds with several robots, one an episode, in order of first appearance."""
-    worlds: dict[tuple[str, str, int], list[EpisodeRow]] = {}
-    for row in rows:
-        worlds.setdefault((row.policy, row.scenario, row.seed), []).append(row)
-    return [_team_row(key, robots) for key, robots in worlds.items() if len(robots) > 1]
+    return [_team_row(mission) for mission in missions(rows) if len(mission.rows) > 1]
 
 
-def _team_row(key: tuple[str, str, int], robots: Sequence[EpisodeRow]) -> TeamRow:
+def _team_row(mission: Mission) -> TeamRow:
+    robots, winner = mission.rows, mission.winner
     arrived = [row for row in robots if row.success]
-    winner = min(arrived, key=lambda row: (row.time, row.robot), default=None)
-    is_over = any(row.outcome == "timeout" for row in robots)
+    late = [row for row in robots if row.outcome == "timeout"]
     return TeamRow(
-        policy=key[0],
-        scenario=key[1],
-        seed=key[2],
+        policy=robots[0].policy,
+        scenario=mission.scenario,
+        seed=robots[0].seed,
         robots=len(robots),
+        mission=robots[0].mission,
+        success=mission.success,
         winner=-1 if winner is None else winner.robot,
         time=math.nan if winner is None else winner.time,
         length=math.nan if winner is None else winner.path_length,
+        last_time=max(row.time for row in robots) if len(arrived) == len(robots) else math.nan,
         total_length=math.fsum(row.path_length for row in robots),
         arrived=len(arrived),
         collided=sum(row.outcome == "collision" for row in robots),
         holds=sum(row.holds for row in robots),
         held_time=math.fsum(row.held_time for row in robots),
         robots_gap=min(row.robots_gap for row in robots),
-        deadlock=winner is None and is_over and all(row.standing_time >= DEADLOCK for row in robots),
+        deadlock=bool(late) and all(row.standing_time >= DEADLOCK for row in late),
     )
 
 
@@ -99,12 +101,17 @@ class TextTable(NamedTuple):
     lines: list[list[str]]
 
 
+MISSIONS = {"first": "the first that arrives ends the mission", "all": "all are to arrive"}
+"""What the missions of `EpisodeRow.mission` are, for the title of a table."""
+
 COLUMNS: dict[str, Callable[[Sequence[TeamRow]], str]] = {
     "policy": lambda rows: rows[0].policy,
-    "arrives [%]": lambda rows: _share([row.success for row in rows]),
-    "time [s]": lambda rows: _mean([row.time for row in rows]),
+    "missions [%]": lambda rows: _share([row.success for row in rows]),
+    "robots [%]": lambda rows: _of_all(rows, f"{100 * np.mean([row.arrived / row.robots for row in rows]):.0f}"),
+    "first [s]": lambda rows: _mean([row.time for row in rows]),
+    "last [s]": lambda rows: _of_all(rows, _mean([row.last_time for row in rows])),
     "winner [m]": lambda rows: _mean([row.length for row in rows]),
-    "all [m]": lambda rows: _mean([row.total_length for row in rows if row.success]),
+    "together [m]": lambda rows: _mean([row.total_length for row in rows if row.success]),
     "wins": lambda rows: _wins(rows),
     "holds": lambda rows: _mean([row.holds for row in rows]),
     "held [s]": lambda rows: _mean([row.held_time for row in rows]),
@@ -112,26 +119,43 @@ COLUMNS: dict[str, Callable[[Sequence[TeamRow]], str]] = {
     "collisions": lambda rows: str(sum(row.collided > 0 for row in rows)),
     "deadlocks": lambda rows: str(sum(row.deadlock for row in rows)),
 }
-"""Columns of the table of teams: means over episodes, of times and ways over those in which a robot arrived."""
+"""Columns of the table of teams: means over worlds, of times and ways over those in which a robot, or all, arrived."""
 
 
 def team_tables(rows: Sequence[EpisodeRow]) -> list[TextTable]:
-    """A table a scenario with several robots: a line a policy."""
+    """A table a scenario with several robots: a line a policy; no column in which nothing was measured."""
     groups: dict[str, dict[str, list[TeamRow]]] = {}
     for row in team_rows(rows):
         groups.setdefault(row.scenario, {}).setdefault(row.policy, []).append(row)
-    return [
-        TextTable(
-            f"{scenario}: the first of {next(iter(policies.values()))[0].robots} robots",
-            list(COLUMNS),
-            [[cell(mine) for cell in COLUMNS.values()] for mine in policies.values()],
-        )
-        for scenario, policies in groups.items()
-    ]
+    tables = []
+    for scenario, policies in groups.items():
+        one = next(iter(policies.values()))[0]
+        filled = [[name, *(cell(mine) for mine in policies.values())] for name, cell in COLUMNS.items()]
+        title = f"{scenario}: {one.robots} robots, {MISSIONS[one.mission]}"
+        tables.append(_table(title, filled))
+    return tables
 
 
-COMPARED = {"arrives": "success", "time [s]": "time", "winner [m]": "length", "all [m]": "total_length"}
-"""Columns of the table of differences, and the fields that they compare; all but the first where both arrived."""
+def _table(title: str, columns: Sequence[Sequence[str]]) -> TextTable:
+    """A table of those columns, each with its header, in which something stands."""
+    measured = [cells for cells in columns if any(cell != NOTHING for cell in cells[1:])]
+    header, *lines = (list(line) for line in zip(*measured, strict=True))
+    return TextTable(title, header, lines)
+
+
+COMPARED = {
+    "missions [%]": "success",
+    "first [s]": "time",
+    "last [s]": "last_time",
+    "winner [m]": "length",
+    "together [m]": "total_length",
+    "holds": "holds",
+    "held [s]": "held_time",
+    "gap [m]": "robots_gap",
+}
+"""Columns of the table of differences, and the fields that they compare: those of EVERYWHERE in all worlds."""
+EVERYWHERE = ("success", "holds", "held_time", "robots_gap")
+"""Fields that say something of every mission; the others do where both were accomplished."""
 
 
 def team_differences(
@@ -150,22 +174,24 @@ def team_differences(
             lines.append([policy, str(len(pairs)), *cells])
     if not lines:
         return []
-    return [TextTable(f"difference to {baseline} in the same worlds", ["policy", "worlds", *COMPARED], lines)]
+    columns = list(zip(["policy", "worlds", *COMPARED], *lines, strict=True))
+    return [_table(f"teams' difference to {baseline} in the same worlds", columns)]
 
 
 def _difference(pairs: Sequence[tuple[TeamRow, TeamRow]], field: str, *, resamples: int, seed: int) -> str:
     """Mean of a field of the first minus that of the second, with its interval."""
     strata: dict[str, list[float]] = {}
     for one, other in pairs:
-        if field == "success" or (one.success and other.success):
-            strata.setdefault(one.scenario, []).append(float(getattr(one, field)) - float(getattr(other, field)))
+        gap = float(getattr(one, field)) - float(getattr(other, field))
+        if math.isfinite(gap) and (field in EVERYWHERE or (one.success and other.success)):
+            strata.setdefault(one.scenario, []).append(100.0 * gap if field == "success" else gap)
     if not strata:
         return NOTHING
     interval = stratified_bootstrap(list(strata.values()), means, resamples=resamples, seed=seed)
     mean = float(np.mean([value for values in strata.values() for value in values]))
-    if math.isnan(interval.low):
-        return f"{mean:+.2f}"
-    return f"{mean:+.2f} [{interval.low:+.2f}, {interval.high:+.2f}]"
+    digits = 0 if field == "success" else 2
+    told, low, high = (f"{value:+.{digits}f}" for value in (mean, interval.low, interval.high))
+    return told if math.isnan(interval.low) else f"{told} [{low}, {high}]"
 
 
 def _share(values: Sequence[bool]) -> str:
@@ -179,6 +205,13 @@ def _mean(values: Sequence[float]) -> str:
     return f"{np.mean(known):.2f}" if known else NOTHING
 
 
+def _of_all(rows: Sequence[TeamRow], told: str) -> str:
+    """What says something of missions that ask for all robots only."""
+    return NOTHING if rows[0].mission == "first" else told
+
+
 def _wins(rows: Sequence[TeamRow]) -> str:
-    """How often each robot arrived first."""
+    """How often each robot arrived first, where that is the mission."""
+    if rows[0].mission == "all":
+        return NOTHING
     return " : ".join(str(sum(row.winner == robot for row in rows)) for robot in range(rows[0].robots))

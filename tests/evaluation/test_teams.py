@@ -13,8 +13,13 @@ import numpy as np
 import pytest
 
 from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.page import page
+from bug_gym.evaluation.page.failures import failed
+from bug_gym.evaluation.replays import chosen
 from bug_gym.evaluation.rows import AMONG_ROBOTS, EpisodeRow
+from bug_gym.evaluation.summary import paired_difference, summarise
 from bug_gym.evaluation.teams import team_differences, team_rows, team_tables
+from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.team_runs import run_team
 from bug_gym.reproductions.team_worlds import random_world, team_scenario
 
@@ -52,9 +57,14 @@ def robots(policy: str, seed: int, *of_each: dict[str, Any]) -> list[EpisodeRow]
     return rows
 
 
+def first_of(policy: str, seed: int, *of_each: dict[str, Any]) -> list[EpisodeRow]:
+    """Rows of the robots of a world whose mission the first arrival ends."""
+    return robots(policy, seed, *({"mission": "first", **values} for values in of_each))
+
+
 def test_a_row_of_a_team_says_who_arrived_first_and_what_all_did() -> None:
     first = {"outcome": "ended", "path_length": 7.0, "holds": 2, "held_time": 3.5, "robots_gap": 0.7}
-    (row,) = team_rows(robots("pair", 3, first, {"time": 11.0, "path_length": 10.0, "holds": 1, "held_time": 0.5}))
+    (row,) = team_rows(first_of("pair", 3, first, {"time": 11.0, "path_length": 10.0, "holds": 1, "held_time": 0.5}))
     assert (row.seed, row.robots, row.winner, row.time, row.length) == (3, 2, 1, 11.0, 10.0)
     assert (row.total_length, row.holds, row.held_time, row.robots_gap) == (17.0, 3, 4.0, 0.7)
     assert (row.arrived, row.collided, row.deadlock, row.success) == (1, 0, False, True)
@@ -69,7 +79,54 @@ def test_robots_that_stand_when_the_time_is_up_have_stopped_one_another() -> Non
     standing = {"outcome": "timeout", "standing_time": 30.0}
     assert team_rows(robots("pair", 0, standing, standing))[0].deadlock
     assert not team_rows(robots("pair", 0, standing, {**standing, "standing_time": 1.0}))[0].deadlock
-    assert not team_rows(robots("pair", 0, standing, {}))[0].deadlock
+    # One that has arrived does not make those that stand for ever go on.
+    assert team_rows(robots("pair", 0, standing, {}))[0].deadlock
+    assert not team_rows(robots("pair", 0, {}, {}))[0].deadlock
+    assert not team_rows(robots("pair", 0, standing, {**standing, "standing_time": 1.0}, {}))[0].deadlock
+
+
+def test_a_mission_is_the_first_arrival_or_everybodys() -> None:
+    late = {"outcome": "timeout"}
+    for mission, done in (("first", True), ("all", False)):
+        (row,) = team_rows(robots("pair", 0, {"mission": mission}, {**late, "mission": mission}))
+        assert row.success == done and row.arrived == 1
+        assert math.isnan(row.last_time)
+    (row,) = team_rows(robots("pair", 0, {"time": 12.0}, {"time": 15.0}))
+    assert row.success and (row.time, row.last_time) == (12.0, 15.0)
+    assert not team_rows(robots("pair", 0, late, {**late, "mission": "all"}))[0].success
+    with pytest.raises(ValueError, match="mission must be one of all, first, came 'last'"):
+        replace(BLANK, mission="last")
+
+
+def test_a_summary_counts_missions_and_its_interval_is_over_worlds() -> None:
+    rows = []
+    for seed in range(5):
+        rows += robots("pair", seed, {"mission": "first"}, {"mission": "first", "outcome": "ended", "spl": 0.0})
+    first = summarise(rows)[0]
+    assert (first.n, first.success, first.spl, first.ended) == (5, 1.0, 0.8, 0.5)
+    assert (first.success_low, first.success_high) == wilson_interval(5, 5)
+    every = summarise([replace(row, mission="all") for row in rows])[0]
+    assert (every.n, every.success, every.spl) == (5, 0.0, 0.4)
+
+
+def test_paired_differences_of_robots_are_of_their_worlds() -> None:
+    one, other = [], []
+    for seed in range(4):
+        one += robots("one", seed, {"time": 12.0}, {"time": 20.0})
+        other += robots("other", seed, {"time": 10.0}, {"outcome": "timeout"} if seed == 0 else {"time": 10.0})
+    success, time = (paired_difference(one, other, field) for field in ("success", "time"))
+    assert (success.n, success.mean) == (4, 0.25)
+    # World 0: of the robot that arrived under both; the others: the mean of both robots.
+    assert (time.n, time.mean) == (4, (2.0 + 3 * 6.0) / 4)
+
+
+def test_a_page_shows_teams_and_counts_no_robot_as_failed_whose_partner_won(tmp_path: Path) -> None:
+    rows = []
+    for seed in range(3):
+        rows += robots("pair", seed, {"mission": "first"}, {"mission": "first", "outcome": "ended"})
+    text = page("teams", rows, summarise(rows))
+    assert "2 robots, the first that arrives ends the mission" in text and "Every episode succeeded." in text
+    assert failed(rows) == {} and chosen(rows, 5) == []
 
 
 def test_robots_alone_are_no_team_and_their_rows_say_nothing_of_others() -> None:
@@ -84,15 +141,17 @@ def test_robots_alone_are_no_team_and_their_rows_say_nothing_of_others() -> None
 def test_differences_are_paired_by_world_and_count_where_both_arrive() -> None:
     rows = []
     for seed, more in enumerate((1.0, 2.0, 3.0)):
-        rows += robots("base", seed, {"time": 10.0}, {"outcome": "ended", "path_length": 5.0})
-        rows += robots("pair", seed, {"time": 10.0 + more}, {"outcome": "ended", "path_length": 5.0 + more})
-    rows += robots("base", 7, {"outcome": "timeout"}, {"outcome": "timeout"})
-    rows += robots("pair", 7, {"time": 99.0}, {"outcome": "ended"})
+        rows += first_of("base", seed, {"time": 10.0}, {"outcome": "ended", "path_length": 5.0})
+        rows += first_of("pair", seed, {"time": 10.0 + more}, {"outcome": "ended", "path_length": 5.0 + more})
+    rows += first_of("base", 7, {"outcome": "timeout"}, {"outcome": "timeout"})
+    rows += first_of("pair", 7, {"time": 99.0, "holds": 2, "robots_gap": 0.8}, {"outcome": "ended"})
     ((title, header, lines),) = team_differences(rows, "base")
     assert "base" in title and header[:2] == ["policy", "worlds"]
-    assert lines[0][:2] == ["pair", "4"]
-    arrives, time, _, everything = (float(cell.split()[0]) for cell in lines[0][2:])
-    assert (arrives, time, everything) == (0.25, 2.0, 2.0)
+    told = dict(zip(header, lines[0], strict=True))
+    assert told["worlds"] == "4" and "last [s]" not in header
+    assert [float(told[name].split()[0]) for name in ("missions [%]", "first [s]", "together [m]")] == [25.0, 2.0, 2.0]
+    # What says something of failures, too, is compared in all worlds.
+    assert [float(told[name].split()[0]) for name in ("holds", "gap [m]")] == [0.5, -0.05]
 
 
 def test_an_evaluation_of_teams_drives_them_as_predict_does(tmp_path: Path) -> None:
@@ -110,7 +169,7 @@ def test_an_evaluation_of_teams_drives_them_as_predict_does(tmp_path: Path) -> N
         lines = list(csv.DictReader(file))
     assert len(lines) == 4 and {line["policy"] for line in lines} == {"pair", "swarm"}
     assert lines[0]["winner"] == str(run.winner)
-    assert "the first of 2 robots" in (tmp_path / "out" / "summary.md").read_text()
+    assert "2 robots, the first that arrives ends the mission" in (tmp_path / "out" / "summary.md").read_text()
     assert evaluate(
         [*policies, ("swarm", "swarm_bug2", {"clearance": 1.0})], scenario, episodes=2, out=tmp_path / "out"
     )

@@ -19,11 +19,12 @@ import bug_gym
 from bug_gym.evaluation.matrix import matrix
 from bug_gym.evaluation.page.distributions import distributions
 from bug_gym.evaluation.page.failures import end, failures
-from bug_gym.evaluation.page.markup import Markup, element, joined
+from bug_gym.evaluation.page.markup import Markup, element, joined, text_table
 from bug_gym.evaluation.page.recorded import Key, Recorded, episodes_of
 from bug_gym.evaluation.page.tables import differences_to_baseline, matrix_table, summaries_by_scenario
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import PairedDifference, Summary, path_ratio
+from bug_gym.evaluation.teams import team_differences, team_tables
 from bug_gym.files import replaced_when_done
 from bug_gym.replay.page import digest, part
 
@@ -125,6 +126,7 @@ def _about_rows(
             "success, not corrected for the number of comparisons.",
             differences_to_baseline(differences),
         ),
+        *_teams(rows, differences),
         Section("Summaries", "Means; path, time and clearance are of successes.", summaries_by_scenario(summaries)),
         Section(
             "Distributions",
@@ -148,6 +150,25 @@ def _about_rows(
             failures(rows, scenarios, policies, recorded.numbers),
         ),
     ]
+
+
+def _teams(rows: Sequence[EpisodeRow], differences: Sequence[PairedDifference]) -> list[Section]:
+    """What robots of one world did together; nothing where each robot is alone."""
+    tables = team_tables(rows)
+    if not tables:
+        return []
+    if differences:
+        tables += team_differences(rows, differences[0].baseline)
+    parts = [
+        element("details", element("summary", title), text_table(header, lines, policy=0), open=True)
+        for title, header, lines in tables
+    ]
+    told = (
+        "Robots that share a world have a mission together, which the share of successes counts. First and last: when the "
+        "first robot arrived, and when all had; together: the ways of all; a deadlock: robots still under way when the time "
+        "was up, and all of them standing."
+    )
+    return [Section("Teams", told, joined(parts))]
 
 
 def _counts(rows: Sequence[EpisodeRow]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from bug_gym.evaluation.page.markup import Cell, Markup, element, table
-from bug_gym.evaluation.page.recorded import Ended, Key, buttons
+from bug_gym.evaluation.page.recorded import Ended, Key, buttons, has_failed
 from bug_gym.evaluation.rows import EpisodeRow
 
 KINDS = {
@@ -32,10 +32,10 @@ def end(row: Ended) -> str:
 
 
 def failed(rows: Sequence[EpisodeRow]) -> dict[tuple[str, str], dict[str, list[EpisodeRow]]]:
-    """Rows without success by (scenario, policy) and kind."""
+    """Rows that failed by (scenario, policy) and kind."""
     found: dict[tuple[str, str], dict[str, list[EpisodeRow]]] = {}
     for row in rows:
-        if not row.success:
+        if has_failed(row):
             found.setdefault((row.scenario, row.policy), {}).setdefault(end(row), []).append(row)
     return found
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from bug_gym.evaluation.page import Section
 from bug_gym.evaluation.page.failures import end
 from bug_gym.evaluation.page.markup import Cell, element, joined, table, text_table
-from bug_gym.evaluation.page.recorded import Ended, Key, Recorded, buttons
+from bug_gym.evaluation.page.recorded import Ended, Key, Recorded, buttons, has_failed
 
 TextTable = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 """Title, header and lines."""
@@ -52,7 +52,7 @@ def watched(episodes: Sequence[Ended], replays: Mapping[Key, str]) -> list[Secti
         return []
     told = (
         "The first failure of each kind, as the tables count failures, and who did better in the same world. "
-        if not all(one.success for one in episodes)
+        if any(has_failed(one) for one in episodes)
         else "Nothing failed: some typical episodes. "
     )
     told += "A button, which bears the seed of the world, plays the episode; another one can be set beside it."

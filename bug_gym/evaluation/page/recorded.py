@@ -39,6 +39,11 @@ class Ended(Protocol):
         """What is said of that, "" where nothing."""
 
 
+def has_failed(row: Ended) -> bool:
+    """Whether an episode is a failure: a robot whose mission another one accomplished is none."""
+    return not row.success and row.outcome != "ended"
+
+
 class Recorded:
     """The episodes of a page, by number."""
 
