@@ -339,11 +339,15 @@ def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> 
     """A single robot's policy; a learned one that knows no peers sees those of several robots as movers only."""
     try:
         policy: Policy = policy_class(sensors, **parameters)
-    except MisfitError:
+    except MisfitError as among_peers:
         alone = without_peers(sensors)
         if alone is sensors:
             raise
-        return PeersAsMovers(policy_class(alone, **parameters), sensors)
+        try:
+            return PeersAsMovers(policy_class(alone, **parameters), sensors)
+        except MisfitError as by_itself:
+            # Of two refusals the one with less to say: what it names has to change in any case.
+            raise min(among_peers, by_itself, key=lambda error: len(str(error))) from None
     return policy
 
 

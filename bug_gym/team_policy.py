@@ -181,8 +181,8 @@ class EachAlone:
         """Actions for the robots of one world, or of many.
 
         Args:
-            observation: by agent, where a missing agent is out of play; or a batch of rows of (world, robot), which
-                goes to the single robot's policy as it is.
+            observation: by agent, where an agent that is missing or None is out of play; or a batch of rows of (world,
+                robot), which goes to the single robot's policy as it is.
             state: as the last call returned it; None begins an episode.
             episode_start: (n,) for a batch, as the single robot's policy takes it.
             deterministic: likewise.
@@ -195,6 +195,7 @@ class EachAlone:
         """
         if not is_by_agent(observation, self.agents):
             return self.policy.predict(observation, state, episode_start, deterministic)
+        observation = {agent: seen for agent, seen in observation.items() if seen is not None}
         states = [None] * len(self.agents) if state is None else list(checked_states(state, len(self.agents)))
         if isinstance(self.policy, ScriptedPolicy):
             return self._scripted(self.policy, observation, states)
@@ -347,8 +348,8 @@ class TeamPolicy(ABC):
         """Actions for the robots of one world, or of many.
 
         Args:
-            observation: by agent, where a missing agent is out of play; or a batch, Dict or flat, whose rows are
-                (world, robot): robot r of world w is row w R + r.
+            observation: by agent, where an agent that is missing or None is out of play; or a batch, Dict or flat, whose
+                rows are (world, robot): robot r of world w is row w R + r.
             state: one memory a row, as the last call returned it; None starts new ones.
             episode_start: (n,) for a batch, the `dones` of the step before as stable-baselines3 hands them on. A world all of
                 whose rows are marked begins an episode; where some are, these are out of play, as in
@@ -368,7 +369,7 @@ class TeamPolicy(ABC):
             memories = self.started(1) if state is None else self._checked(state, self.robots)
             actions = self.decide(flat, memories)
             in_play = zip(self.agents, actions, flat, strict=True)
-            return {agent: action for agent, action, seen in in_play if seen is not None}, tuple(memories)
+            return {agent: action[()] for agent, action, seen in in_play if seen is not None}, tuple(memories)
         return self._predict_rows(flat_observation(observation, self.sensors), state, episode_start)
 
     def _predict_rows(
@@ -514,9 +515,11 @@ class TeamPolicy(ABC):
         for memory in memories[:robot]:
             gap = math.inf if memory.word is None else math.dist(place, memory.word.place)
             if TOGETHER < gap < START_DISTANCE - TOGETHER:
+                name = type(self).__name__
                 warn_once(
-                    f"{type(self).__name__}: robots start {gap:.1f} m apart, expected at least {START_DISTANCE:g} m: "
-                    "nearer than that one of them has to wait before both have set out"
+                    f"{name}: robots start {gap:.4g} m apart, expected at least {START_DISTANCE:g} m: "
+                    "nearer than that one of them has to wait before both have set out",
+                    about=f"where robots of {name} start",
                 )
 
     def _checked(self, state: Any, rows: int) -> list[TeamMemory]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels, observation, task
 from bug_gym.kinematics import Drive, steering
-from bug_gym.log import warn_once
+from bug_gym.log import told
 from bug_gym.simulation import Simulation, announce_compilation
 
 F64 = NDArray[np.float64]
@@ -715,7 +715,7 @@ def test_a_process_tells_once_that_it_compiles_and_not_where_there_is_nothing_to
     is_compiled: bool, lines: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     announce_compilation.cache_clear()
-    warn_once.cache_clear()
+    told.clear()
     monkeypatch.setattr(kernels, "is_compiled", lambda types: is_compiled)
     for _ in range(3):
         make()

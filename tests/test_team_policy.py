@@ -13,6 +13,7 @@ import pytest
 
 import bug_gym
 from bug_gym.agents import make_policy
+from bug_gym.config import load
 from bug_gym.kinematics import steering
 from bug_gym.policy import MisfitError, Velocity, action_of, source_scenario
 from bug_gym.simulation import Simulation
@@ -271,3 +272,37 @@ def test_what_no_team_of_three_can_use_is_refused_in_a_line(
 def test_one_robot_is_no_team() -> None:
     with pytest.raises(MisfitError, match="2 robots or more, the scenario has 1"):
         march("static")
+
+
+def test_an_agent_of_none_is_out_of_play_for_every_kind_of_team() -> None:
+    env = bug_gym.parallel_env("crossing_robots", robots=2)
+    seen, _ = env.reset(seed=0)
+    for name in ("bug2", "com1_rev3", "ppo_dynamic"):
+        actions, _ = make_policy(name, env).predict({"robot_0": None, "robot_1": seen["robot_1"]})
+        assert list(actions) == ["robot_1"]
+
+
+def test_discrete_actions_of_teams_are_numbers_as_those_of_single_robots() -> None:
+    env = bug_gym.parallel_env("crossing_robots", robots=2, action="discrete")
+    seen, _ = env.reset(seed=0)
+    for name in ("bug2", "com1_rev3"):
+        actions, _ = make_policy(name, env).predict(seen)
+        assert all(type(action) is np.int64 for action in actions.values())
+
+
+def test_a_learned_policy_says_what_does_not_fit_among_the_robots_there_are() -> None:
+    four = bug_gym.parallel_env("crossing_robots", robots=4)
+    with pytest.raises(MisfitError, match="peers 1, not 3$"):
+        make_policy("ppo_crossing_robots", four)
+    two = bug_gym.parallel_env(load("crossing_robots", {"robot.kinematics": "holonomic"}), robots=2)
+    for name in ("ppo_crossing_robots", "ppo_dynamic"):
+        with pytest.raises(MisfitError, match="robot: kinematics differential, not holonomic$"):
+            make_policy(name, two)
+    with pytest.raises(MisfitError, match="the navigator drives differential robots, got a holonomic one"):
+        make_policy("navigator", two)
+
+
+def test_robots_side_by_side_that_find_no_room_are_told_how_they_start() -> None:
+    env = bug_gym.parallel_env("rectangle_pair", robots=16)
+    with pytest.raises(ValueError, match=r"robot 0 cannot start at .*16 robots start side by side, 2 m apart"):
+        env.reset(seed=0)

@@ -79,9 +79,9 @@ class Navigator(HDBugMap):
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
-        self.network = LearnedPolicy(sensors, model=self.parameters.model)
         if sensors.drive.kinematics != "differential":
             raise MisfitError(f"the navigator drives differential robots, got a {sensors.drive.kinematics} one")
+        self.network = LearnedPolicy(sensors, model=self.parameters.model)
         self._table = discrete_actions(sensors.drive)
 
     def start(self) -> NavigatorMemory:

@@ -6,7 +6,8 @@ are obstacles to one another. Two that came near would follow each other's bodie
 below 1.5 m and goes on at 2 m, as in `com1_rev3`, and the earlier one goes round it. Sensing assumed: as the law's.
 Told: place by odometry, so that a partner that comes by does not spoil a lap as other movers do; that one has arrived.
 States: those of the law, hold, stopped. Guarantee: where the law is complete some robot arrives, or calls the goal
-unreachable, unless they get in one another's way. Length: each robot's that of the law.
+unreachable, unless they get in one another's way: one whose lap led round a partner that was to go on proves nothing by
+it, and is "stuck". Length: each robot's that of the law.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import STANDING, BugTeam, BugTeamMemory, check_distances
 from bug_gym.agents.teams.partners import Seen, gap
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
+from bug_gym.agents.walls.contour import Contour
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
+
+HAND = 0.1
+"""How far off a partner's body the hand may lie that is on it: its place is of the step before, and noisy [m]."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,10 @@ class SwarmMemory(BugTeamMemory):
 
     is_holding: bool = False
     """Whether it stands for an earlier one to pass."""
+    lap: Contour | None = None
+    """The boundary that its law follows."""
+    went_round: bool = False
+    """Whether its hand has been on a partner there that had not given up."""
 
 
 class Swarm(BugTeam):
@@ -62,6 +71,7 @@ class Swarm(BugTeam):
     Parameters = SwarmParameters
     parameters: SwarmParameters
     law: ClassVar[type[BoundaryBug]]
+    wants_room = True
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
@@ -90,7 +100,10 @@ class Swarm(BugTeam):
                 memory.mode = "hold"
                 continue
             self.watch(robot, memory, partial(self._still, robot, memories, seen))
+            self._note_partners(robot, memories)
             wanted[robot] = self.laws[robot].act(view, memory.own)
+            if memory.own.verdict == "unreachable" and memory.went_round:
+                memory.own.verdict = "stuck"
             memory.mode, memory.verdict = memory.own.mode, memory.own.verdict
             if memory.verdict:  # from now on it is in the way of those that come after it
                 seen.clear()
@@ -101,6 +114,19 @@ class Swarm(BugTeam):
         if robot not in seen:
             seen |= self.seen(range(robot, len(memories)), memories)
         return seen[robot].still()
+
+    def _note_partners(self, robot: int, memories: Sequence[SwarmMemory]) -> None:
+        """Note whether the hand of a robot's law lies on a partner that is still to go on."""
+        memory = memories[robot]
+        contour = memory.own.contour
+        if contour is not memory.lap:
+            memory.lap, memory.went_round = contour, False
+        if contour is None or memory.went_round:
+            return
+        assert memory.frame is not None
+        hand, near = memory.frame.to_team(contour.wall), self.sensors.radius + HAND
+        words = [memories[other].word for other in self.going(memories) if other != robot]
+        memory.went_round = any(word is not None and math.dist(hand, word.place) <= near for word in words)
 
     def _holds(self, robot: int, memories: Sequence[SwarmMemory]) -> bool:
         """Whether a robot stands for an earlier one that is near."""

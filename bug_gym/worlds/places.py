@@ -191,6 +191,13 @@ def check_spacing(crew: Crew) -> None:
         raise ValueError(f"robots that reach {reach:g} m overlap where they start 2 m apart: give each its own place")
 
 
+def _in_a_row(crew: Crew) -> str:
+    """What to say of robots that nobody gave places."""
+    if crew.robots.count == 1 or crew.robots.places:
+        return ""
+    return f" ({crew.robots.count} robots start side by side, 2 m apart; robots.places gives each its own place)"
+
+
 def check_places(crew: Crew, layout: Layout, clear: Clear | None = None) -> None:
     """Raises where a robot starts, or a goal lies, in an obstacle or outside, as `clear` says if it is told."""
     if clear is None:
@@ -199,7 +206,9 @@ def check_places(crew: Crew, layout: Layout, clear: Clear | None = None) -> None
         for x, y, radius in crew.robot.body(tuple(pose)):
             # 1e-9: what touches when it starts is free, whatever the rounding
             if not clear(radius - 1e-9)(x, y):
-                raise ValueError(f"robot {number} cannot start at {pose}: an obstacle or the border is in its way")
+                raise ValueError(
+                    f"robot {number} cannot start at {pose}: an obstacle or the border is in its way{_in_a_row(crew)}"
+                )
     for x, y in layout.goals.tolist():
         if not clear(0.0)(x, y):
             raise ValueError(f"the goal {[x, y]} lies in an obstacle or outside")

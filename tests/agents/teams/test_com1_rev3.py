@@ -11,6 +11,7 @@ from episodes import Ring, run_episode, tolerance
 from numpy.typing import NDArray
 
 import bug_gym
+from bug_gym import log
 from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
@@ -330,8 +331,11 @@ def test_one_robot_is_too_few() -> None:
         make_policy("com1_rev3", "static")
 
 
-def test_starts_nearer_than_two_metres_are_told(caplog: pytest.LogCaptureFixture) -> None:
-    scenario = team_scenario([], [(0.0, 0.0, 0.0), (0.0, 0.6, 0.0)], (8.0, 1.0))
-    simulation = Simulation(scenario)
-    make_policy("com1_rev3", simulation).predict(simulation.reset(seeds=[0])[0])
-    assert "0.6 m apart, expected at least 2 m" in caplog.text
+@pytest.mark.parametrize("name", ["com1_rev3", "swarm_bug2"])
+def test_starts_nearer_than_two_metres_are_told_once(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    log.told.clear()
+    for apart in (1.997, 0.6):
+        scenario = team_scenario([], [(0.0, 0.0, 0.0), (0.0, apart, 0.0)], (8.0, 1.0))
+        simulation = Simulation(scenario)
+        make_policy(name, simulation).predict(simulation.reset(seeds=[0])[0])
+    assert [record.message.count("1.997 m apart, expected at least 2 m") for record in caplog.records] == [1]

@@ -11,6 +11,7 @@ from episodes import run_episode
 
 import bug_gym
 from bug_gym.agents import make_policy
+from bug_gym.evaluation import evaluate
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.team_runs import run_team
 from bug_gym.reproductions.team_worlds import Across, team_scenario
@@ -57,3 +58,14 @@ def test_a_swarm_refuses_distances_that_nobody_can_keep_and_the_memory_of_anothe
     _, state = make_policy("swarm_bug1", env).predict(seen)
     with pytest.raises(ValueError, match="another law: Bug1Memory, expected Bug2Memory"):
         make_policy("swarm_bug2", env).predict(seen, state)
+
+
+def test_a_lap_round_a_partner_that_is_to_go_on_is_no_proof_that_there_is_no_way() -> None:
+    """Robots on a circle start on one another's goals, and stand for those before them."""
+    overrides = {"robots.count": 16, "robot.kinematics": "holonomic"}
+    rows = evaluate(["swarm_bug2"], "circle_swap", episodes=2, seed=3, overrides=overrides)
+    assert {row.verdict for row in rows} == {"", "stuck"}
+    walls = [[[9, -3], [15, -3], [15, -2.5], [9, -2.5]], [[9, 3], [15, 3], [15, 3.5], [9, 3.5]]]
+    walls += [[[9, -2.5], [9.5, -2.5], [9.5, 3], [9, 3]], [[14.5, -2.5], [15, -2.5], [15, 3], [14.5, 3]]]
+    shut = team_scenario(walls, [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], (12.0, 0.0), limit=400.0)
+    assert "unreachable" in [row.verdict for row in evaluate(["swarm_bug2"], shut, episodes=1)]

@@ -14,7 +14,7 @@ from bug_gym.agents import AGENTS, TEAMS, make_policy, team_names
 from bug_gym.agents.parameters import parameters_of
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.evaluation import evaluate
-from bug_gym.log import warn_once
+from bug_gym.log import told
 from bug_gym.policy import Drawing
 from bug_gym.reproductions.team_worlds import random_world
 from bug_gym.simulation import Simulation
@@ -112,7 +112,7 @@ def test_robots_with_goals_of_their_own_stop_for_nobody(team: str, scenario: str
 
 
 def test_a_pair_that_compares_places_near_one_goal_says_where_there_are_two(caplog: pytest.LogCaptureFixture) -> None:
-    warn_once.cache_clear()
+    told.clear()
     evaluate(["bug1_pair"], "crossing_robots", episodes=1)
     assert "robots have goals of their own, expected one" in caplog.text
 
