@@ -183,6 +183,7 @@ class Canvas:
         trail: bool = True,
         scan: bool = True,
         note: str = "",
+        states: Sequence[str] = (),
     ) -> Frame:
         """The row as it is now.
 
@@ -191,6 +192,7 @@ class Canvas:
             trail: whether to draw the path so far.
             scan: whether to draw the LIDAR's scan.
             note: put behind the outcome, such as a policy's verdict.
+            states: written beside robots that are under way, one a robot, such as the state of its policy.
 
         Returns:
             RGB pixels (H, W, 3) uint8, a fresh array.
@@ -229,7 +231,7 @@ class Canvas:
         paint_goals(brush, world, row)
         for robot in range(world.robots):
             paint_robot(brush, world, row, robot)
-        return self._finish(brush.surface, samples_of(drawings.values()), note)
+        return self._finish(brush.surface, samples_of(drawings.values()), note, states)
 
     def _drawings(self, drawing: Drawing | Sequence[Drawing | None] | None) -> dict[int, Drawing]:
         """Drawings by robot."""
@@ -297,10 +299,11 @@ class Canvas:
 
     # ------------------------------------------------------------------------------------------ text
 
-    def _finish(self, large: pygame.Surface, samples: Sequence[Sample], note: str) -> Frame:
+    def _finish(self, large: pygame.Surface, samples: Sequence[Sample], note: str, states: Sequence[str] = ()) -> Frame:
         """Average the large surface down, write around it and read the pixels."""
         small = load_pygame().Surface((self.width, self.height), 0, 32)
         pixels.halve(packed(large), packed(small))
+        self._write_states(small, states)
         self._write_caption(small, note)
         self._write_legend(small, samples)
         frame = np.empty((self.height, self.width, 3), dtype=np.uint8)
@@ -327,6 +330,34 @@ class Canvas:
         top = 0.5 * (self.margin - left.get_height())
         small.blit(left, (self.margin, top), (0, 0, free, left.get_height()))
         small.blit(right, (self.margin + room - right.get_width(), top))
+
+    def _write_states(self, small: pygame.Surface, states: Sequence[str]) -> None:
+        """Beside each robot that is under way: the first place around it where no other one's text is."""
+        game, world = load_pygame(), self.simulation.world
+        written: list[pygame.Rect] = []
+        inner = game.Rect(self.margin, self.margin, self.width - 2.0 * self.margin, self.height - 2.0 * self.margin)
+        off = max(world.own(self.row, "body_reach") * self.view.scale, 4.0 * self.unit) + 5.0 * self.unit
+        for robot, state in enumerate(states):
+            if not state or OUTCOMES[int(world.outcome[self.row, robot])] != "running":
+                continue
+            x, y = self.view.pixel(*world.pose[self.row, robot, :2].tolist())
+            text = self._text(state, mixed(ROBOTS[robot % len(ROBOTS)], INK, 0.5))
+            wide, high = text.get_size()
+            middles = [
+                (x + off + 0.5 * wide, y),
+                (x - off - 0.5 * wide, y),
+                (x, y - off - 0.5 * high),
+                (x, y + off + 0.5 * high),
+            ]
+            places = [game.Rect(left - 0.5 * wide, top - 0.5 * high, wide, high) for left, top in middles]
+            free = (one for one in places if inner.contains(one) and one.collidelist(written) < 0)
+            if (place := next(free, None)) is not None:
+                written.append(place)
+                behind = game.Surface(place.size)
+                behind.fill(PAGE)
+                behind.set_alpha(170)
+                small.blit(behind, place)
+                small.blit(text, place)
 
     def _write_legend(self, small: pygame.Surface, samples: Sequence[Sample]) -> None:
         """Below the world: a bar for scale on the right, and the labels of a drawing for which there is room left."""

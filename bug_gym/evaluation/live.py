@@ -127,7 +127,12 @@ class Show:
     def frame(self) -> Frame:
         """What is to be seen now, RGB pixels (H, W, 3) uint8."""
         scenes = zip(self.rollouts, self.canvases, strict=True)
-        return grid([canvas.draw(rollout.drawings(), note=rollout.note()) for rollout, canvas in scenes])
+        return grid(
+            [
+                canvas.draw(rollout.drawings(), note=rollout.verdict(), states=rollout.states())
+                for rollout, canvas in scenes
+            ]
+        )
 
     def caption(self) -> str:
         """A line that says where it is."""

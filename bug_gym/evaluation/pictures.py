@@ -27,7 +27,7 @@ def portrait(rollout: Rollout, canvas: Canvas) -> Frame:
     while not rollout.is_over:
         rollout.advance()
         canvas.record()
-    return canvas.draw(rollout.drawings(), scan=False, note=rollout.note())
+    return canvas.draw(rollout.drawings(), scan=False, note=rollout.verdict(), states=rollout.states())
 
 
 def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True) -> Iterator[Frame]:
@@ -44,14 +44,14 @@ def film(rollout: Rollout, canvas: Canvas, *, every: int = 1, scan: bool = True)
     """
     if every < 1:
         raise ValueError(f"every must be at least 1, got {every}")
-    yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
+    yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict(), states=rollout.states())
     while not rollout.is_over:
         for _ in range(every):
             rollout.advance()
             canvas.record()
             if rollout.is_over:
                 break
-        yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.note())
+        yield canvas.draw(rollout.drawings(), scan=scan, note=rollout.verdict(), states=rollout.states())
 
 
 class _Picture(NamedTuple):

@@ -285,10 +285,11 @@ class Rollout:
         verdicts = [getattr(self.memory(robot), "verdict", "") for robot in range(self.simulation.robots)]
         return ", ".join(dict.fromkeys(filter(None, verdicts)))
 
-    def note(self) -> str:
-        """What a picture says of the first row: the verdict, or the states of robots that share a world."""
-        modes = [getattr(self.memory(robot), "mode", "") for robot in range(self.simulation.robots)]
-        return self.verdict() or (" / ".join(mode.replace("_", " ") for mode in modes) if len(modes) > 1 else "")
+    def states(self) -> list[str]:
+        """What a picture writes beside the first row's robots where they share their world: the states of their policies."""
+        robots = self.simulation.robots
+        modes = [str(getattr(self.memory(robot), "mode", "")) for robot in range(robots)]
+        return [mode.replace("_", " ") for mode in modes] if robots > 1 else []
 
     def state(self) -> str:
         """What a replay says of the first row: the verdict, or the states of its robots."""

@@ -24,6 +24,7 @@ from bug_gym.drawing.clips import Frame
 from bug_gym.drawing.window import Window
 from bug_gym.policy import Drawing
 from bug_gym.simulation import Simulation
+from bug_gym.task import OUTCOMES
 
 WORLD: dict[str, Any] = {
     "name": "yard",
@@ -616,3 +617,23 @@ def test_pictures_are_averaged_down_and_read_colour_by_colour() -> None:
     pixels.unpack(small, rgb)
     means = colors.reshape(7, 2, 11, 2, 3).mean(axis=(1, 3))
     assert (rgb == np.floor(means + 0.5)).all()
+
+
+def test_states_stand_beside_robots_that_are_under_way_and_not_upon_one_another() -> None:
+    """At one place two texts stand on either side of it; of a robot that has arrived there is none."""
+    places = [{"start": [0.0, 0.0, 0.0]}, {"start": [0.0, 3.0, 0.0]}]
+    world = {"family": "empty", "bounds": [-10, -10, 10, 10], "start": [0, 0, 0], "goal": [8, 0]}
+    simulation = Simulation({"world": world, "robots": places})
+    simulation.reset(seeds=[0])
+    canvas = Canvas(simulation)
+
+    def changed(*states: str) -> set[tuple[int, int]]:
+        differs = (canvas.draw(states=states) != canvas.draw()).any(axis=2)
+        return {(int(y), int(x)) for y, x in np.argwhere(differs)}
+
+    first, second, both = changed("hold", ""), changed("", "hold"), changed("hold", "hold")
+    assert first and second and not first & second and both == first | second
+    simulation.world.pose[0, 1] = simulation.world.pose[0, 0]
+    assert len(changed("hold", "hold")) > 1.7 * len(changed("hold", ""))
+    simulation.world.outcome[0, 0] = OUTCOMES.index("success")
+    assert not changed("hold", "")
