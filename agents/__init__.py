@@ -24,13 +24,14 @@ from bug_gym.agents.outside import (
     imported_class,
     is_object,
     require_constructor,
+    require_memory,
     required_policy,
 )
 from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_names, parameters_of
 from bug_gym.agents.sight import require_sight
 from bug_gym.checks import shortened
 from bug_gym.naming import nearest_hint
-from bug_gym.policy import MisfitError, Policy, ScriptedPolicy, is_discrete, source_scenario
+from bug_gym.policy import MisfitError, Policy, ScriptedPolicy, is_discrete, require_own_spaces, source_scenario
 from bug_gym.references import from_anywhere, is_reference, reference_of
 from bug_gym.team_policy import EachAlone, PeersAsMovers, TeamPolicy, agents_of, without_peers
 from bug_gym.view import Sensors
@@ -281,6 +282,7 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
     told = f"policy {_told(spec.name)!r}"
     _require_known(parameters, [key for key in parameter_names(policy_class) if key not in fixed], told)
     scenario = source_scenario(source)
+    require_own_spaces(source, told)
     sensors, agents = Sensors.of(scenario), agents_of(source)
     _require_turning(policy_class, sensors, told)
     own = checked_parameters(policy_class, parameters, f"{told}: ")
@@ -295,6 +297,8 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
 
             fixed = {**fixed, "maps": Maps.of(source, _told(spec.name))}
         policy = _for_robot(policy_class, sensors, discrete=is_discrete(source), **fixed, **own)
+        if isinstance(spec.name, type) or outside_reference(str(spec.name)):
+            require_memory(policy, told)
     if _must_see(spec.name, policy):
         require_sight(scenario, told)  # after what the algorithm itself refuses, which knows more
     return EachAlone(policy, agents) if agents and not is_team else policy
@@ -395,6 +399,9 @@ def _entry(name: Any) -> tuple[type[Any], dict[str, Any]]:
     if text.endswith(".zip"):
         return _imported("learning.play:ZipPolicy"), {"path": Path(name).expanduser()}
     if reference := outside_reference(text):
+        place, colon, option = text.partition(":")
+        if colon and place in known_agents():
+            raise ValueError(f"policy {place!r}: got the parameter {option!r} without a value, expected {option}=VALUE")
         return imported_class(reference), {}
     if text.endswith(".py"):
         raise ValueError(f"got {shortened(text)} as a policy, expected its class, too, such as {text}:MyBug")

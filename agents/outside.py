@@ -12,7 +12,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bug_gym.assignments import name_and_options
+from bug_gym.checks import shortened
+from bug_gym.policy import Memory, ScriptedPolicy
 from bug_gym.references import imported
+
+TAKEN = {"start": (), "act": ("view", "memory")}
+"""What the package hands to a policy's methods."""
 
 GROUP = "bug_gym.policies"
 """Group of entry points by which an installed package offers policies: name = "module:Class"."""
@@ -77,7 +82,22 @@ def required_policy(found: Any, told: str) -> type[Any]:
         raise ValueError(f"{told} is no policy: got {came}, expected {expected}")
     if missing := sorted(getattr(found, "__abstractmethods__", ())):
         raise ValueError(f"{told} is no whole policy: it lacks {', '.join(missing)}")
+    for name, takes in TAKEN.items() if issubclass(found, ScriptedPolicy) else ():
+        try:
+            inspect.signature(getattr(found, name)).bind(*["self", *takes])
+        except TypeError as error:
+            raise ValueError(f"{told}: {name} takes ({', '.join(['self', *takes])}): {error}") from None
     return found
+
+
+def require_memory(policy: Any, told: str) -> None:
+    """Refuse a policy whose episodes begin with something else than a Memory.
+
+    Raises:
+        ValueError: `start` answers with anything else.
+    """
+    if isinstance(policy, ScriptedPolicy) and not isinstance(memory := policy.start(), Memory):
+        raise ValueError(f"{told}: start answered {shortened(memory)}, expected a bug_gym.policy.Memory")
 
 
 def require_constructor(policy_class: type[Any], told: str, keywords: Iterable[str]) -> None:

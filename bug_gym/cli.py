@@ -20,6 +20,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO, cast
 
@@ -99,7 +100,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         if error is getattr(sys.stdout, "failure", None):
             _drop_output()
             return _complain(UNWRITTEN, f"error: standard output: {getattr(error, 'strerror', error)}")
-        return _complain(BAD_INPUT, f"error: {_told(error)}")
+        return _complain(BAD_INPUT, f"error: {_told(error)}{_raised_in(error)}")
     except KeyboardInterrupt as error:
         out = getattr(options, "out", None)
         goes_on = out and COMMANDS[options.command].goes_on
@@ -126,6 +127,24 @@ def _told(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return str(error)
+
+
+def _raised_in(error: Exception) -> str:
+    """Where a caller's own code, which the command runs, raised an error; "" where the package or a library found a fault.
+
+    The package refuses what a caller's code answers in words of its own; here the code itself has failed.
+    """
+    import sysconfig  # only where something has failed, likewise
+    import traceback
+
+    frames = [one for one in traceback.extract_tb(error.__traceback__) if not one.filename.startswith("<")]
+    if not frames:
+        return ""
+    package, last = Path(__file__).resolve().parent, frames[-1]
+    known = [package, (package / "agents").resolve()]
+    known += [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")]
+    is_known = any(Path(last.filename).resolve().is_relative_to(folder) for folder in known)
+    return "" if is_known else f" ({last.filename}, line {last.lineno})"
 
 
 def _complain(code: int, message: str) -> int:

@@ -105,15 +105,47 @@ def source_scenario(source: Any) -> Scenario:
     return scenario
 
 
-def is_discrete(source: Any) -> bool:
-    """Whether the env behind `source` takes discrete actions."""
-    for name in ("single_action_space", "action_space"):
+def space_of(source: Any, kind: str) -> gym.Space[Any] | None:
+    """The space of an env of any face for one robot, `kind` "observation" or "action"; None where it has none."""
+    for name in (f"single_{kind}_space", f"{kind}_space"):
         space = getattr(source, name, None)
         if agents := getattr(source, "possible_agents", ()):
-            space = source.action_space(agents[0])  # PettingZoo's, each robot has its own
+            space = getattr(source, f"{kind}_space")(agents[0])  # PettingZoo's, each robot has its own
         if isinstance(space, gym.Space):
-            return isinstance(space, gym.spaces.Discrete)
-    return False
+            return space
+    return None
+
+
+def is_discrete(source: Any) -> bool:
+    """Whether the env behind `source` takes discrete actions."""
+    return isinstance(space_of(source, "action"), gym.spaces.Discrete)
+
+
+def require_own_spaces(source: Any, told: str) -> None:
+    """Refuse an env in whose wrappers observations or actions become others: a policy would take one number for another.
+
+    Args:
+        source: an env of any face, or what has no spaces.
+        told: what an error calls the policy.
+
+    Raises:
+        ValueError: the spaces of the env and of the one that it wraps differ, or observations are normalised.
+    """
+    own = getattr(source, "unwrapped", source)
+    for kind in ("observation", "action"):
+        shown, had = space_of(source, kind), space_of(own, kind)
+        if shown is not had and shown != had:
+            raise ValueError(
+                f"{told} reads the env's own {kind}s: got {shortened(shown)} of a wrapper, expected {shortened(had)}; "
+                "make it for env.unwrapped and hand on what that env says (observation='flat' shows one array)"
+            )
+    layer = source
+    while layer is not None and layer is not own:
+        if vars(layer).get("norm_obs"):  # stable-baselines3's, which leaves the space as it is
+            raise ValueError(
+                f"{told} reads the env's own observations: got ones that {type(layer).__name__} normalises"
+            )
+        layer = getattr(layer, "venv", None)
 
 
 class MisfitError(ValueError):

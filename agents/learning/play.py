@@ -162,13 +162,13 @@ class ZipPolicy:
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         self.parameters = ZipParameters(**parameters)
         path = self.parameters.path
+        if not path.is_file():
+            raise ValueError(f"no file {path}")
         if self.parameters.trust is not True:
             raise ValueError(
                 f"{path} is a pickle, which can run any code when it is read: "
-                "pass trust=True if you know where it comes from"
+                f"pass trust=True (on the command line {path}:trust=true) if you know where it comes from"
             )
-        if not path.is_file():
-            raise ValueError(f"no file {path}")
         with needed_from("train", "a zip of stable-baselines3"):
             from bug_gym.agents.learning.models import load_zip  # torch, of the extra `train`
 

@@ -396,4 +396,4 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
             )
         source = TRAIN_FOLDER / f"{source}.yaml"
     path = expanded(source)
-    return path.name, read_yaml(path)
+    return path.name, read_yaml(path, training_names())

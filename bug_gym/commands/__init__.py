@@ -25,7 +25,7 @@ class Command(NamedTuple):
 COMMANDS: dict[str, Command] = {
     "list": Command(
         "bug_gym.commands.list",
-        "Names of scenarios, policies and suites, each with what it is.",
+        "Names of scenarios, policies, suites, trainings, sweeps and reproductions, each with what it is.",
         "bug-gym list policies",
     ),
     "show": Command(

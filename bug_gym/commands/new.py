@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import keyword
 import os
 import re
@@ -218,6 +219,10 @@ def run(options: argparse.Namespace) -> None:
     for path in files:
         if os.path.lexists(path):
             raise ValueError(f"{path} exists already: choose another name or --folder")
+    if importlib.util.find_spec(name) is not None:
+        raise ValueError(
+            f"the name {shortened(name)} is that of a module, which the file would hide: choose another one"
+        )
     options.folder.mkdir(parents=True, exist_ok=True)
     for path, text in files.items():
         with replaced_when_done(path) as partial:

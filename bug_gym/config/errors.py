@@ -37,6 +37,9 @@ EXPECTED = {
 }
 """What is allowed, by pydantic's name of the error."""
 
+PLAIN = ("constrained-float", "constrained-int", "constrained-str", "float", "int", "str", "bool")
+"""What pydantic calls the branches of a value that may be of one plain type or another."""
+
 LONGEST_KEY = 80
 """Characters of a key that are shown: an unknown one may be of any length."""
 
@@ -52,20 +55,20 @@ def checked(model: type[P], data: object, label: str) -> P:
 
 
 def explain(error: ValidationError, label: str) -> str:
-    """One line a fault: file, key, what came, what is allowed.
+    """One line a fault: file, key, what came, what is allowed; of a value that may be one thing or another, each.
 
     A list that is too short because its entries are faulty is not told again: pydantic counts the good ones only.
     """
     details = error.errors()
     faulty = {detail["loc"][:depth] for detail in details for depth in range(len(detail["loc"]))}
     told = [one for one in details if not (one["type"] == "too_short" and one["loc"] in faulty)]
-    return "\n".join(f"{label}: {_explain_one(detail)}" for detail in told)
-
-
-def _explain_one(detail: ErrorDetails) -> str:
-    """Key and fault, as one text."""
-    place, reason = fault(detail)
-    return f"{place}: {reason}" if place else reason
+    faults: dict[tuple[str, str], list[str]] = {}
+    for place, reason in map(fault, told):
+        came, expected, allowed = reason.partition(", expected ")
+        faults.setdefault((place, came + expected), []).append(allowed)
+    return "\n".join(
+        f"{label}: {place}{': ' * bool(place)}{came}{' or '.join(ways)}" for (place, came), ways in faults.items()
+    )
 
 
 def fault(detail: ErrorDetails) -> tuple[str, str]:
@@ -92,6 +95,8 @@ def fault(detail: ErrorDetails) -> tuple[str, str]:
 def _keys(location: tuple[int | str, ...]) -> list[str]:
     """The keys a reader sees: without the names of branches, which pydantic puts after the key of a union."""
     unions = ("world", "motion", "target_motion")
+    if len(location) > 1 and location[-1] in PLAIN:
+        location = location[:-1]
     pairs = zip(("", *location), location, strict=False)
     shown = [str(item) for before, item in pairs if before not in unions and not str(item).startswith("<")]
     return [_cut(key) for key in shown]

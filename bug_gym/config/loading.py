@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +129,7 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[
                 f"no scenario {shortened(source, 300)}{nearest_hint(source, scenario_names())} (known: {known})"
             )
         return f"{source}.yaml", read_yaml(SCENARIO_FOLDER / f"{source}.yaml")
-    return str(source), read_yaml(expanded(source))
+    return str(source), read_yaml(expanded(source), scenario_names())
 
 
 def expanded(source: str | Path) -> Path:
@@ -147,10 +147,11 @@ def expanded(source: str | Path) -> Path:
     return path
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path, names: Sequence[str] = ()) -> dict[str, Any]:
     """The mapping in a YAML file, paths in it starting from its folder and `name` its stem where it gives none.
 
-    The YAML of a map as ROS's map_server has it means a world with that map.
+    The YAML of a map as ROS's map_server has it means a world with that map. Of some known `names` the one that is given
+    with the ending of a file is offered where there is no such file.
 
     Raises:
         ScenarioError: no such file, or no mapping in it.
@@ -168,7 +169,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: not a YAML file: {error}") from None
     except OSError as error:
-        known = [*(file.name for file in path.parent.glob("*.y*ml")), *scenario_names()]
+        known = [*(file.name for file in path.parent.glob("*.y*ml")), *({path.stem} & set(names))]
         raise ScenarioError(f"{path}: {error.strerror}{nearest_hint(path.name, known)}") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{path}: got {shortened(data)}, expected a mapping such as `world: {{family: empty}}`")

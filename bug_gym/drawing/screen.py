@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING, Any
 from bug_gym.by_hand import Hands
 from bug_gym.drawing.brush import load_pygame
 from bug_gym.drawing.clips import Frame
-from bug_gym.drawing.window import open_screen
+from bug_gym.drawing.window import UNSEEN, open_screen
 
 if TYPE_CHECKING:
     import pygame
-
-UNSEEN = {"dummy", "offscreen"}
-"""Drivers of SDL that show nothing to anybody."""
 
 
 class Screen:

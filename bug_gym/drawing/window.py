@@ -13,6 +13,9 @@ from bug_gym.policy import Drawing
 if TYPE_CHECKING:
     import pygame
 
+UNSEEN = {"dummy", "offscreen"}
+"""Drivers of SDL that show nothing to anybody."""
+
 
 class Window:
     """Shows a Canvas on the screen, at most `fps` frames a second; without a screen it shows nothing and goes on.
@@ -62,12 +65,17 @@ class Window:
 def open_screen(size: tuple[int, int]) -> pygame.Surface:
     """A window of this size, on SDL's dummy driver where there is no screen."""
     module = load_pygame()
+    asked = os.environ.get("SDL_VIDEODRIVER")
     try:
         module.display.init()
+        driver = module.display.get_driver()
+        reason = f"SDL chose its driver {driver!r}" if driver in UNSEEN and driver != asked else ""
     except module.error as error:
-        logger.warning("no screen to draw on (%s): the window stays invisible", error)
         os.environ["SDL_VIDEODRIVER"] = "dummy"
         module.display.init()
+        reason = str(error)
+    if reason:
+        logger.warning("no screen to draw on (%s): the window stays invisible", reason)
     module.display.set_caption("bug_gym")
     screen: pygame.Surface = module.display.set_mode(size)
     return screen

@@ -81,8 +81,9 @@ def evaluate(
         ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
     """
     workers, replays = checked_workers(workers), checked_count("replays", replays, least=0)
-    if repair and out is None:
-        raise ValueError("got nothing to repair, expected a folder `out`")
+    into = {"repair": repair, "pictures": pictures, "replay_successes": replay_successes}
+    if out is None and (asked := [name for name, is_asked in into.items() if is_asked]):
+        raise ValueError(f"got {asked[0]} and no folder, expected one in `out` (--out FOLDER), for what it is about")
     plan = make_plan(
         policies,
         scenario_or_suite,

@@ -128,7 +128,8 @@ def make_plan(
         seeds = item.seeds or suite.seeds
         first, count = seeds.first if seed is None else seed, seeds.count if episodes is None else episodes
         if not all(isinstance(number, (int, np.integer)) for number in (first, count)) or first < 0 or count < 1:
-            raise ValueError(f"expected a seed from 0 on and at least one episode, got {first} and {count}")
+            came = f"{shortened(first)} and {shortened(count)}"
+            raise ValueError(f"expected a seed from 0 on and at least one episode, whole numbers, got {came}")
         first, count = int(first), int(count)
         if first + count > 2**63:
             raise ValueError(f"expected seeds below 2**63, got {count} from {first} on")
@@ -170,7 +171,7 @@ def _require_room(scenarios: Sequence[ScenarioEntry], policies: int) -> None:
 def _require_distinct(what: str, labels: Sequence[str]) -> None:
     twice = sorted({label for label in labels if labels.count(label) > 1})
     if twice:
-        raise ValueError(f"two {what} are called {shortened(twice[0])}: give them labels")
+        raise ValueError(f"two {what} are called {shortened(twice[0])}: leave one out, or give them labels")
 
 
 def _try_out(

@@ -136,7 +136,10 @@ class _AllAtOnce:
             raise ValueError(f"the policy's predict answered {shortened(answer)}, expected actions and a state")
         actions, self._state = np.asarray(answer[0]), answer[1]
         if actions.shape[:1] != (len(observation),):
-            raise ValueError(f"the policy answered for {shortened(answer[0])}, expected {len(observation)} actions")
+            rows = len(observation)
+            raise ValueError(
+                f"the policy answered with shape {actions.shape} for a batch of {rows}, expected ({rows}, ...)"
+            )
         self._starts[:] = False
         return actions[robots], [share] * len(robots)
 

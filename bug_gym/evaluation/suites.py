@@ -108,7 +108,7 @@ class Suite(Part):
             ValueError: no path where data is needed, or one where none is.
         """
         if self.data is None and data is not None:
-            raise ValueError(f"suite {self.name!r} needs no data, got {str(data)!r}")
+            raise ValueError(f"got data {str(data)!r}, expected none: only some suites need any, such as barn")
         if self.data is not None and data is None:
             raise ValueError(f"suite {self.name!r} needs data that is not part of this package: {self.data.what}")
         return {} if self.data is None else {self.data.key: str(Path(str(data)).expanduser().absolute())}

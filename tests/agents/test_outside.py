@@ -182,7 +182,7 @@ def test_options_stand_in_lists_as_on_the_command_line() -> None:
 def test_a_path_is_a_folder_of_a_model() -> None:
     with pytest.raises(ValueError, match="no_model"):
         make_policy(Path("no_model"), "static")
-    with pytest.raises(ValueError, match="pickle"):
+    with pytest.raises(ValueError, match="no file no_model.zip"):
         make_policy(Path("no_model.zip"), "static")
 
 

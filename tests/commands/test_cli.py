@@ -254,7 +254,7 @@ def test_benchmark_measures_something_everywhere(
         ("gallery --gif a.png", "expected a name that ends in .gif"),
         ("reproduce oni-wang-table-1 --out a.txt", "expected a name that ends in .json"),
         ("benchmark --out ..", ".. is a folder"),
-        ("evaluate --scenario static --repair", "got nothing to repair, expected a folder"),
+        ("evaluate --scenario static --repair", "got repair and no folder"),
         ("render bug2 static --out film.avi", "ends in .html, .gif, .mp4 or .png"),
         ("render bug2 static --out nowhere/film.gif", "no folder nowhere"),
         ("render bug2 static --every 0 --out film.gif", "got '0', expected a whole number from 1 to"),

@@ -443,4 +443,4 @@ def test_the_command_mends_a_folder_with_rows_twice(tmp_path: Path, capsys: pyte
     assert (out / ROWS).read_bytes() == whole
     assert len(json.loads((out / "summary.json").read_bytes())["rows"]) == 2
     assert main([*COMMAND, "--repair"]) == 2
-    assert "nothing to repair" in capsys.readouterr().err
+    assert "got repair and no folder" in capsys.readouterr().err

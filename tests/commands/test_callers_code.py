@@ -1,0 +1,90 @@
+"""A caller's own code, run by a command: what is wrong with it is told in a line, with its place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bug_gym.cli import main
+
+POLICIES = """
+from bug_gym.policy import Memory, ScriptedPolicy
+
+
+class Bug(ScriptedPolicy):
+    def start(self):
+        return Memory()
+
+    def act(self, view, memory):
+        return (0.0, 0.0)
+
+
+class Raises(Bug):
+    def act(self, view, memory):
+        raise ValueError("no idea")
+
+
+class Forgets(Bug):
+    def start(self):
+        return None
+
+
+class Short(Bug):
+    def act(self, view):
+        return (0.0, 0.0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("policy", "told"),
+    [
+        ("mine.py:Raises", "error: no idea (FOLDER/mine.py, line 15)"),
+        ("mine.py:Forgets", "policy 'FOLDER/mine.py:Forgets': start answered None, expected a bug_gym.policy.Memory"),
+        ("mine.py:Short", "FOLDER/mine.py:Short: act takes (self, view, memory): too many positional arguments"),
+        ("lost.py:Bug", "error: No module named 'nowhere_to_be_found' (FOLDER/lost.py, line 1)"),
+        ("bug2:turn", "policy 'bug2': got the parameter 'turn' without a value, expected turn=VALUE"),
+        ("model.zip", "error: no file model.zip"),
+        ("bug2,bug2", "two policies are called 'bug2': leave one out, or give them labels"),
+    ],
+)
+def test_what_is_wrong_is_told_in_a_line_with_its_place(
+    policy: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(POLICIES)
+    (tmp_path / "lost.py").write_text("import nowhere_to_be_found\n")
+    assert main(["evaluate", "--scenario", "static", "--policies", policy, "--episodes", "1"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.endswith(told.replace("FOLDER", str(tmp_path))) and "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--data", "x"], "got data 'x', expected none: only some suites need any, such as barn"),
+        (["--pictures"], "got pictures and no folder, expected one in `out` (--out FOLDER)"),
+        (["--replay-successes"], "got replay_successes and no folder"),
+        (["--repair"], "got repair and no folder"),
+    ],
+)
+def test_what_an_evaluation_has_no_use_for_is_refused(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["evaluate", "--scenario", "static", "--policies", "bug2", "--episodes", "1", *arguments]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_name_that_would_hide_a_module_is_no_name_of_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("numpy", "json"):
+        assert main(["new", "policy", name]) == 2
+        assert f"the name '{name}' is that of a module" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_value_of_two_kinds_is_told_once_with_both(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["train", "ppo_dynamic", "--set", "learning_rate=-1", "--out", "unused"]) == 2
+    assert "ppo_dynamic.yaml: learning_rate: got -1, expected a number above 0 or text\n" in capsys.readouterr().err
