@@ -100,7 +100,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         if error is getattr(sys.stdout, "failure", None):
             _drop_output()
             return _complain(UNWRITTEN, f"error: standard output: {getattr(error, 'strerror', error)}")
-        return _complain(BAD_INPUT, f"error: {_told(error)}{_raised_in(error)}")
+        notes = "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
+        return _complain(BAD_INPUT, f"error: {_told(error)}{_raised_in(error)}{notes}")
     except KeyboardInterrupt as error:
         out = getattr(options, "out", None)
         goes_on = out and COMMANDS[options.command].goes_on

@@ -116,7 +116,8 @@ class ResultFolder:
         checked(Manifest, there, f"{path} is damaged")
         changes = list(differences(there, manifest))
         if changes:
-            raise ValueError(f"{self.path} holds another run: {'; '.join(changes[:3])}")
+            told = "; ".join(changes[:3])
+            raise ValueError(f"{self.path} holds another run: {told}; name another folder, or remove this one")
         objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
             raise ValueError(f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object")
