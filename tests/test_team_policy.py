@@ -286,7 +286,8 @@ def test_discrete_actions_of_teams_are_numbers_as_those_of_single_robots() -> No
     env = bug_gym.parallel_env("crossing_robots", robots=2, action="discrete")
     seen, _ = env.reset(seed=0)
     for name in ("bug2", "com1_rev3"):
-        actions, _ = make_policy(name, env).predict(seen)
+        policy: Any = make_policy(name, env)
+        actions, _ = policy.predict(seen)
         assert all(type(action) is np.int64 for action in actions.values())
 
 
