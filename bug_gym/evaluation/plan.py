@@ -29,6 +29,8 @@ from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.policy import MisfitError
 from bug_gym.references import code_digest
 from bug_gym.schema.own import OWN_PARTS, required_function
+from bug_gym.simulation import Simulation
+from bug_gym.worlds.layout import Layout
 from bug_gym.worlds.own import OwnFamily, required_trust
 
 logger = logging.getLogger("bug_gym")
@@ -174,6 +176,24 @@ def _require_distinct(what: str, labels: Sequence[str]) -> None:
         raise ValueError(f"two {what} are called {shortened(twice[0])}: leave one out, or give them labels")
 
 
+def is_one_world(scenario: Scenario) -> bool:
+    """Whether every seed has the same still world and robot, as far as two seeds show: episodes then differ by noise alone."""
+    simulation = Simulation(scenario, 2)
+    simulation.reset(seeds=[0, 1])
+    one, other = (simulation.world.layout(row) for row in range(2))
+    is_still = not one.movers and one.target is None
+    return is_still and simulation.drawn(0) == simulation.drawn(1) and _are_alike(one, other)
+
+
+def _are_alike(one: Layout, other: Layout) -> bool:
+    """Whether two layouts have the same places and still obstacles."""
+    told = [
+        [layout.border, layout.starts, layout.goals, layout.circles, *itertools.chain.from_iterable(layout.polygons)]
+        for layout in (one, other)
+    ]
+    return len(told[0]) == len(told[1]) and all(map(np.array_equal, *told))
+
+
 def _try_out(
     entries: Sequence[PolicyEntry], scenarios: Sequence[ScenarioEntry]
 ) -> tuple[list[PolicyEntry], dict[tuple[str, str], str]]:
@@ -185,6 +205,8 @@ def _try_out(
     labelled = list(entries)
     left_out = {}
     for scenario in scenarios:
+        if len(scenario.seeds) > 1 and is_one_world(scenario.scenario):
+            logger.warning("%s: every seed has the same world, episodes differ by noise alone", scenario.label)
         for number, entry in enumerate(entries):
             try:
                 rollout = Rollout(entry, scenario, scenario.seeds[:1])

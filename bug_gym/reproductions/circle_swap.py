@@ -27,7 +27,7 @@ KINEMATICS = ("holonomic", "differential")
 RUNS = 500
 """Runs of robots for each line of the first part, at least."""
 CROWDS: dict[str, tuple[str, int, int]] = {
-    "crossing_robots, 4": ("crossing_robots", 4, 25),
+    "random_crossings, 4": ("random_crossings", 4, 25),
     "circle_swap, 8": ("circle_swap", 8, 12),
     "warehouse_team, 8": ("warehouse_team", 8, 6),
 }
@@ -126,4 +126,5 @@ NOTES = [
     "Each robot's start lies within 0.1 m of its place on the circle, which is turned at random.",
     "least gap: the smallest distance of a body to anything, robots and walls; a contact counts for both robots.",
     "way over straight: over the shortest path of the robot alone.",
+    "Intervals count each robot of a world by itself, those of the last column whole worlds.",
 ]

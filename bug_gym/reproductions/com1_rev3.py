@@ -25,6 +25,7 @@ from bug_gym.evaluation.teams import team_rows
 from bug_gym.intervals import means, stratified_bootstrap, wilson_interval
 from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.reproductions.sweep import TURNED
 from bug_gym.reproductions.team_runs import TeamRun, run_team
 from bug_gym.reproductions.team_worlds import (
     CLEARANCE,
@@ -483,6 +484,7 @@ def figure_world(figure: str, label: str) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------- does a team pay?
 
 MAZES = ("maze", "rooms", "u_trap", "static")
+"""Where it is asked whether a team pays; the trap is turned as each seed says."""
 PAIR = {"robots.count": 2, "mission": "first"}
 """What is changed in them for a team."""
 ENDS = {
@@ -502,7 +504,8 @@ def pays(settings: Settings) -> Part:
         found = list(each(_paying, [(name, seed) for seed in range(worlds)], settings.workers, in_order=True))
         episodes += [
             shown(
-                "com1_rev3", name, seed, ENDS[one["team"].success, one["team"].collided > 0], name, {}, overrides=PAIR
+                *("com1_rev3", name, seed, ENDS[one["team"].success, one["team"].collided > 0], name, {}),
+                overrides=PAIR | TURNED.get(name, {}),
             )
             for seed, one in enumerate(found)
         ]
@@ -531,12 +534,13 @@ def difference(values: Sequence[float]) -> str:
 def _paying(job: tuple[str, int]) -> dict[str, Any]:
     """One world: the team, and the member that arrives first where it is alone."""
     name, seed = job
-    pair = load(name, PAIR)
+    turned = TURNED.get(name, {})
+    pair = load(name, PAIR | turned)
     team = _rows("com1_rev3", {}, pair, seed)
     members = [
         row
         for law, turn in (("com1", "right"), ("rev3", "left"))
-        for row in _rows(law, {"turn": turn}, load(name), seed)
+        for row in _rows(law, {"turn": turn}, load(name, turned), seed)
         if row.success
     ]
     return {"team": team_rows(team)[0], "best": min(members, key=lambda one: one.time, default=None)}

@@ -37,7 +37,10 @@ def reproduce(settings: Settings) -> Reproduction:
     return Reproduction(
         "lidar-density",
         [table for one in found for table in sweep.tables(one)],
-        [f"{seeds} worlds each of {' and '.join(SCENARIOS)}; the default clearance, which knows nothing of the noise."],
+        [
+            f"{seeds} worlds each of {' and '.join(SCENARIOS)}, traps turned at random.",
+            "The default clearance, which knows nothing of the noise.",
+        ],
         {"sweeps": [sweep.numbers(one) for one in found]},
         curves=[sweep.curves(one) for one in found],
         episodes=[episode for one in found for episode in one.episodes],

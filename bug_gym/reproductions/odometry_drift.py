@@ -55,7 +55,8 @@ def reproduce(settings: Settings) -> Reproduction:
     policies, seeds = settings.policies or POLICIES, settings.seeds or SEEDS
     found = [sweep.run(one, policies, seeds, settings) for one in SWEEPS]
     notes = [
-        f"{seeds} worlds each of {' and '.join(SCENARIOS)}; rotation noise {TURN_SHARE:g} rad/sqrt(m) a m/sqrt(m)."
+        f"{seeds} worlds each of {' and '.join(SCENARIOS)}, traps turned at random.",
+        f"Rotation noise: {TURN_SHARE:g} rad/sqrt(m) a m/sqrt(m).",
     ]
     for one in found:
         names = [name for name, row in one.summaries.items() if row[-1].success >= SURVIVES]

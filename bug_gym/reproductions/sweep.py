@@ -12,6 +12,9 @@ from bug_gym.evaluation.summary import Summary, summarise
 from bug_gym.reproductions.replayable import Replayable, replayable
 from bug_gym.reproductions.result import Curves, Settings, Table
 
+TURNED: dict[str, dict[str, Any]] = dict.fromkeys(("u_trap", "hook"), {"world.rotation": "random"})
+"""Scenarios that draw nothing by themselves, and what has them draw."""
+
 
 @dataclass(frozen=True)
 class Sweep:
@@ -24,7 +27,7 @@ class Sweep:
     overrides: Sequence[Mapping[str, Any]]
     """What each value means for the scenario."""
     scenarios: Sequence[str]
-    """Scenarios that are pooled for each value."""
+    """Scenarios that are pooled for each value, traps turned as each seed says: else all seeds would have one world."""
 
 
 class Swept(NamedTuple):
@@ -40,7 +43,9 @@ def run(sweep: Sweep, policies: Sequence[str], seeds: int, settings: Settings) -
     """Drive all policies with each value."""
     found = Swept(sweep, {policy: [] for policy in policies}, [])
     for value, overrides in zip(sweep.values, sweep.overrides, strict=True):
-        scenarios: list[dict[str, Any]] = [{"scenario": name, "overrides": dict(overrides)} for name in sweep.scenarios]
+        scenarios: list[dict[str, Any]] = [
+            {"scenario": name, "overrides": {**TURNED.get(name, {}), **overrides}} for name in sweep.scenarios
+        ]
         suite = {"name": f"sweep-{value:g}", "scenarios": scenarios, "seeds": {"count": seeds}}
         rows = evaluate(list(policies), suite, workers=settings.workers, progress=settings.progress)
         # One stratum a scenario; the last summaries are those over all of them.

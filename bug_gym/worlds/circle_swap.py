@@ -20,9 +20,10 @@ from bug_gym.worlds.places import finish_crew, written_or_drawn
 
 
 class CircleSwapWorld(Family):
-    """Robots evenly spaced on a circle about the middle of the bounds, each facing its goal on the other side.
+    """Robots on a circle about the middle of the bounds, each facing its goal on the other side.
 
-    All straight ways meet in the middle.
+    Evenly spaced, all straight ways meet in the middle; else neighbours are at least half as far apart, and ways cross about
+    the middle at any angle.
     """
 
     has_own_goals: ClassVar[bool] = True
@@ -34,6 +35,8 @@ class CircleSwapWorld(Family):
     """Each start is drawn from the disc of this radius about its place [m]; its goal lies opposite to where it starts."""
     rotation: Rotation = 0.0
     """Angle at which the first robot stands, seen from the middle [rad], or `random`."""
+    evenly: bool = True
+    """Whether all neighbours on the circle are as far apart; else angles are drawn, and goals from discs of their own."""
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -55,18 +58,26 @@ class CircleSwapWorld(Family):
             ValueError: neighbours on the circle would overlap.
         """
         robots, reach = crew.robots.count, crew.robot.reach
-        spacing = 2.0 * self.radius * math.sin(math.pi / max(robots, 2)) - 2.0 * self.jitter
+        nearest = (1.0 if self.evenly else 0.5) * math.pi / max(robots, 2)
+        spacing = 2.0 * self.radius * math.sin(nearest) - 2.0 * self.jitter
         if robots > 1 and spacing < 2.0 * reach:
             raise ValueError(f"{robots} robots that reach {reach:g} m overlap on a circle of {self.radius:g} m")
-        away = self._starts(robots, rng)
-        starts = np.column_stack([self.middle + away, np.arctan2(-away[:, 1], -away[:, 0])])
-        return finish_crew(crew, self, *written_or_drawn(crew, starts, self.middle - away))
-
-    def _starts(self, robots: int, rng: Rng) -> F64:
-        """Where the robots start (R, 2), seen from the middle [m]."""
         first = float(rng.uniform(-math.pi, math.pi)) if self.rotation == "random" else float(self.rotation)
-        angles = first + 2.0 * math.pi * np.arange(robots) / robots
-        aside, share = rng.uniform(-math.pi, math.pi, robots), np.sqrt(rng.random(robots))
+        angles = first + (2.0 * math.pi * np.arange(robots) / robots if self.evenly else self._angles(robots, rng))
+        away = self._places(angles, rng)
+        beyond = away if self.evenly else self._places(angles, rng)
+        ahead = -beyond - away
+        starts = np.column_stack([self.middle + away, np.arctan2(ahead[:, 1], ahead[:, 0])])
+        return finish_crew(crew, self, *written_or_drawn(crew, starts, self.middle - beyond))
+
+    def _angles(self, robots: int, rng: Rng) -> F64:
+        """Angles (R,) from that of the first robot on, neighbours at least half as far apart as if evenly spaced [rad]."""
+        cuts = np.sort(rng.random(robots - 1))
+        return np.append(0.0, math.pi * (np.arange(1, robots) / robots + cuts))
+
+    def _places(self, angles: F64, rng: Rng) -> F64:
+        """Places (R, 2) drawn about these on the circle, seen from the middle [m]."""
+        aside, share = rng.uniform(-math.pi, math.pi, len(angles)), np.sqrt(rng.random(len(angles)))
         drawn = self.jitter * share * np.array([np.cos(aside), np.sin(aside)])
-        away: F64 = (self.radius * np.array([np.cos(angles), np.sin(angles)]) + drawn).T
-        return away
+        places: F64 = (self.radius * np.array([np.cos(angles), np.sin(angles)]) + drawn).T
+        return places

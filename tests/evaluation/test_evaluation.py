@@ -601,3 +601,27 @@ def test_the_typical_episode_is_the_success_with_the_median_path() -> None:
 def test_where_nothing_succeeded_the_first_episode_is_typical() -> None:
     failed = [replace(ROW, seed=seed, outcome="timeout", success=False, path_length=9.0 - seed) for seed in (3, 4)]
     assert typical(failed).seed == 3
+
+
+@pytest.mark.parametrize(
+    ("scenario", "overrides", "expected"),
+    [
+        ("oni_wang_pair", {}, True),
+        ("crossing_robots", {}, True),  # the scanner's noise alone differs
+        ("u_trap", {}, True),
+        ("u_trap", {"world.rotation": "random"}, False),
+        ("u_trap", {"robot.max_speed": {"uniform": [0.8, 1.0]}}, False),
+        ("random_crossings", {}, False),
+        ("static", {}, False),
+        ("moving_target", {}, False),
+        ("crowd", {}, False),
+    ],
+)
+def test_who_evaluates_one_world_many_times_is_told(
+    scenario: str, overrides: dict[str, Any], expected: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    make_plan("go_to_goal", scenario, episodes=2, overrides=overrides)
+    assert ("every seed has the same world" in caplog.text) == expected
+    caplog.clear()
+    make_plan("go_to_goal", scenario, episodes=1, overrides=overrides)
+    assert "every seed" not in caplog.text

@@ -20,6 +20,7 @@ TEAM_SCENARIOS = (
     "crossing_robots",
     "oni_wang_pair",
     "circle_swap",
+    "random_crossings",
     "corridor_swap",
     "warehouse_team",
     "rectangle_pair",
@@ -60,6 +61,26 @@ def test_robots_of_a_circle_swap_stand_evenly_and_face_their_goals_opposite(robo
     np.testing.assert_allclose(layout.goals, -layout.starts[:, :2], atol=1e-12)
     headings = np.exp(1j * layout.starts[:, 2])
     np.testing.assert_allclose(headings, -np.exp(1j * expected), atol=1e-12)
+
+
+@pytest.mark.parametrize("robots", [1, 2, 3, 5])
+def test_ways_of_random_crossings_cross_about_the_middle_at_any_angle(robots: int) -> None:
+    nearest, farthest, aside = [], [], []
+    for layout in layouts("random_crossings", 200, robots__count=robots):
+        starts, goals = layout.starts[:, :2], layout.goals
+        np.testing.assert_allclose(layout.starts[:, 2], np.arctan2(*(goals - starts).T[::-1]))
+        assert (np.abs(np.hypot(*starts.T) - 5.0) <= 1.0).all() and (np.abs(np.hypot(*goals.T) - 5.0) <= 1.0).all()
+        ahead = np.column_stack([np.cos(layout.starts[:, 2]), np.sin(layout.starts[:, 2])])
+        aside += np.abs(starts[:, 0] * ahead[:, 1] - starts[:, 1] * ahead[:, 0]).tolist()
+        angles = np.sort(np.arctan2(starts[:, 1], starts[:, 0]))
+        gaps = np.append(np.diff(angles), angles[0] + 2.0 * math.pi - angles[-1])
+        nearest.append(gaps.min())
+        farthest.append(gaps.max())
+    # A start is drawn from a disc of 1 m, which is seen from the middle at asin(1 / 5) to either side of its place.
+    assert min(nearest) >= math.pi / robots - 2.0 * math.asin(0.2)
+    assert np.mean(aside) > 0.2 and max(aside) <= 1.0 + 1e-9
+    if robots > 1:
+        assert min(nearest) < 1.2 * math.pi / robots and max(farthest) > 2.6 * math.pi / robots
 
 
 def test_a_circle_swap_draws_its_rotation_and_each_start() -> None:
