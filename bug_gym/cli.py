@@ -88,7 +88,10 @@ def _end_without_looking_through_memory() -> None:
 def _run(arguments: Sequence[str] | None) -> int:
     options = argparse.Namespace()
     try:
-        options = make_parser().parse_args(_without_gaps(sys.argv[1:] if arguments is None else arguments))
+        parser = make_parser()
+        options, unknown = parser.parse_known_args(_without_gaps(sys.argv[1:] if arguments is None else arguments))
+        if unknown:
+            options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         with _ended_by_signals():
             options.run(options)
     except BrokenPipeError as error:
@@ -268,5 +271,5 @@ def make_parser() -> Parser:
         )
         module = import_module(command.module)
         module.add_arguments(added)
-        added.set_defaults(command=name, run=module.run)
+        added.set_defaults(command=name, run=module.run, parser=added)
     return parser

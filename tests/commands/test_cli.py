@@ -231,6 +231,8 @@ def test_benchmark_measures_something_everywhere(
     [
         ("evaluate --scenario statik", "did you mean 'static'"),
         ("evaluate --suite smok", "did you mean 'smoke'"),
+        ("list policies extra", "unrecognized arguments: extra (see bug-gym list --help)"),
+        ("sweep ppo_dynamic --sett x=1", "unrecognized arguments: --sett x=1 (see bug-gym sweep --help)"),
         ("evaluate --scenario static --policies bug_2", "'bug2'"),
         ("evaluate --scenario static --policies bug2:trun=left", "did you mean 'turn'"),
         ("evaluate --scenario static --policies bug2:turn=up", "'up'"),
