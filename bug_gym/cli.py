@@ -134,21 +134,21 @@ def _told(error: Exception) -> str:
 
 
 def _raised_in(error: Exception) -> str:
-    """Where a caller's own code, which the command runs, raised an error; "" where the package or a library found a fault.
+    """Where in a caller's own code, which the command runs, an error arose; "" where the package found a fault by itself.
 
     The package refuses what a caller's code answers in words of its own; here the code itself has failed.
     """
     import sysconfig  # only where something has failed, likewise
     import traceback
 
-    frames = [one for one in traceback.extract_tb(error.__traceback__) if not one.filename.startswith("<")]
-    if not frames:
-        return ""
-    package, last = Path(__file__).resolve().parent, frames[-1]
+    package = Path(__file__).resolve().parent
     known = [package, (package / "agents").resolve()]
     known += [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")]
-    is_known = any(Path(last.filename).resolve().is_relative_to(folder) for folder in known)
-    return "" if is_known else f" ({last.filename}, line {last.lineno})"
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        place = Path(frame.filename)
+        if place.is_file() and not any(place.resolve().is_relative_to(folder) for folder in known):
+            return f" ({place}, line {frame.lineno})"
+    return ""
 
 
 def _complain(code: int, message: str) -> int:

@@ -9,6 +9,7 @@ import pytest
 from bug_gym.cli import main
 
 POLICIES = """
+from bug_gym.config import load
 from bug_gym.policy import Memory, ScriptedPolicy
 
 
@@ -25,6 +26,11 @@ class Raises(Bug):
         raise ValueError("no idea")
 
 
+class Asks(Bug):
+    def act(self, view, memory):
+        return load("nothing of the kind")
+
+
 class Forgets(Bug):
     def start(self):
         return None
@@ -39,7 +45,8 @@ class Short(Bug):
 @pytest.mark.parametrize(
     ("policy", "told"),
     [
-        ("mine.py:Raises", "error: no idea (FOLDER/mine.py, line 15)"),
+        ("mine.py:Raises", "error: no idea (FOLDER/mine.py, line 16)"),
+        ("mine.py:Asks", "(FOLDER/mine.py, line 21)"),
         ("mine.py:Forgets", "policy 'FOLDER/mine.py:Forgets': start answered None, expected a bug_gym.policy.Memory"),
         ("mine.py:Short", "FOLDER/mine.py:Short: act takes (self, view, memory): too many positional arguments"),
         ("lost.py:Bug", "error: No module named 'nowhere_to_be_found' (FOLDER/lost.py, line 1)"),
