@@ -58,6 +58,9 @@ AHEAD = 1.0
 HEADINGS = 16
 """How many headings a robot tries that steps aside."""
 
+NO_NEARER = 0.01
+"""Who has come nearer by less, as a robot does that is held up by what stands beside its way, has not [m]."""
+
 TURNS: dict[str, tuple[tuple[str, str], tuple[str, str]]] = {
     "right_left": (("right", "left"), ("left", "right")),
     "left_right": (("left", "right"), ("right", "left")),
@@ -86,7 +89,9 @@ class Com1Rev3Memory(BugTeamMemory):
     aside: list[Point] = field(default_factory=list)
     """Places that lead back to its way after it has stepped aside, the next one last, odometry frame [m]."""
     shut_out: float = 0.0
-    """How long something has stood on the way back to its way [s]."""
+    """How long it has not come nearer to its way, back to which it is going [s]."""
+    came_within: float = math.inf
+    """Nearer than this is nearer than it has come to the next place on that way [m]."""
     on_behalf: int = 0
     """The foremost robot for which it waits, or makes room."""
 
@@ -203,7 +208,9 @@ class Com1Rev3(BugTeam):
         if blockers:
             memory.pending, memory.mode = velocity, "waiting"
             memory.waited += self.sensors.drive.step
-            if memory.waited > PATIENCE:
+            if memory.is_detouring and memory.waited > 2.0 * PATIENCE:
+                self._give_up_detour(memory)  # nobody makes room for one that goes round: now they may again
+            elif memory.waited > PATIENCE:
                 memory.is_detouring = memory.detoured = True
                 memory.pending = None
             return STANDING
@@ -216,13 +223,16 @@ class Com1Rev3(BugTeam):
             return memory.pending
         while memory.aside and math.dist(memory.aside[-1], view.position) < 0.3 * self.step:
             memory.aside.pop()
+            memory.came_within = math.inf
         if memory.aside:
-            way = self.laws[robot].boundary.step_to(view, memory.aside[-1])
-            memory.shut_out = 0.0 if way is not None else memory.shut_out + self.sensors.drive.step
+            gap = math.dist(memory.aside[-1], view.position)
+            memory.shut_out = 0.0 if gap < memory.came_within else memory.shut_out + self.sensors.drive.step
+            if memory.shut_out == 0.0:
+                memory.came_within = gap - NO_NEARER
             if memory.shut_out <= PATIENCE:
-                return way or STANDING
+                return self.laws[robot].boundary.step_to(view, memory.aside[-1]) or STANDING
             memory.aside.clear()  # what stands there stays, such as a partner that has arrived
-            memory.shut_out = 0.0
+            memory.shut_out, memory.came_within = 0.0, math.inf
         back = self._along_trace(robot, view, memory, 1) if memory.at < len(memory.trace) - 1 else None
         if back is not None:
             return back
@@ -314,7 +324,8 @@ class Com1Rev3(BugTeam):
         memories, memory = decision.memories, decision.memories[robot]
         memory.waiting_for, memory.mode, memory.on_behalf = set(), "hold", robot
         asking = self._asking(robot, decision)
-        if self.parameters.partner_rule != "solo" or any(memories[other].is_detouring for other in decision.team):
+        going_round = (memories[other] for other in decision.team if memories[other].is_detouring)
+        if self.parameters.partner_rule != "solo" or any(not one.holding_for for one in going_round):
             memory.room = 0
             return STANDING
         if asking:
@@ -373,6 +384,7 @@ class Com1Rev3(BugTeam):
             is_free = view.free_distance(bearing, safe) >= self.step
             if is_free and self._has_room(robot, velocity, decision):
                 memory.aside.append(view.position)
+                memory.came_within = math.inf
                 memory.mode, memory.pending = "making_room", None
                 return velocity
         return STANDING

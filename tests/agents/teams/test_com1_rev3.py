@@ -18,6 +18,7 @@ from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.teams.com1_rev3 import Com1Rev3
 from bug_gym.agents.teams.partners import SeeThrough
 from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON
+from bug_gym.evaluation import evaluate
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.team_runs import TeamRun, run_team
 from bug_gym.reproductions.team_worlds import Across, alone, random_world, team_scenario
@@ -339,3 +340,11 @@ def test_starts_nearer_than_two_metres_are_told_once(name: str, caplog: pytest.L
         simulation = Simulation(scenario)
         make_policy(name, simulation).predict(simulation.reset(seeds=[0])[0])
     assert [record.message.count("1.997 m apart, expected at least 2 m") for record in caplog.records] == [1]
+
+
+@pytest.mark.parametrize("seed", [1, 4, 5])
+def test_sixteen_robots_that_change_places_do_not_lock_one_another_in(seed: int) -> None:
+    """One that goes round others and holds keeps nobody from making room; who is held up beside its way back leaves it."""
+    overrides = {"robots.count": 16, "robot.kinematics": "differential", "time.limit": 240.0}
+    rows = evaluate(["com1_rev3"], "circle_swap", episodes=1, seed=seed, overrides=overrides)
+    assert {row.outcome for row in rows} == {"success"}, [(row.robot, row.outcome) for row in rows if not row.success]
