@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, NamedTuple
 
 from bug_gym.agents.bugs.com1 import Com1
@@ -44,6 +44,7 @@ from bug_gym.agents.teams.partners import (
     place_after,
 )
 from bug_gym.agents.walls.boundary import LeaveRule
+from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.geometry import Point, velocity_along
 from bug_gym.policy import Velocity
 from bug_gym.team_policy import TeamMemory
@@ -90,6 +91,10 @@ class Com1Rev3Memory(BugTeamMemory):
     """Places that lead back to its way after it has stepped aside, the next one last, odometry frame [m]."""
     shut_out: float = 0.0
     """How long it has not come nearer to its way, back to which it is going [s]."""
+    before: Any = None
+    """The memory of its law as it began to go round its partners."""
+    contour_before: Contour | None = None
+    """The boundary that it followed then."""
     came_within: float = math.inf
     """Nearer than this is nearer than it has come to the next place on that way [m]."""
     on_behalf: int = 0
@@ -211,6 +216,8 @@ class Com1Rev3(BugTeam):
             if memory.is_detouring and memory.waited > 2.0 * PATIENCE:
                 self._give_up_detour(memory)  # nobody makes room for one that goes round: now they may again
             elif memory.waited > PATIENCE:
+                if not memory.is_detouring:
+                    memory.before, memory.contour_before = kept(memory.own), memory.own.contour
                 memory.is_detouring = memory.detoured = True
                 memory.pending = None
             return STANDING
@@ -247,9 +254,19 @@ class Com1Rev3(BugTeam):
     def _give_up_detour(self, memory: Com1Rev3Memory) -> None:
         """What a robot finds out while its partner is an obstacle to it proves nothing: it waits again."""
         memory.own.verdict = ""
-        memory.is_detouring, memory.waited = False, 0.0
+        self._end_detour(memory)
+        memory.waited = 0.0
         if memory.own.contour is not None:
             memory.own.contour.waited = 0.0
+
+    def _end_detour(self, memory: Com1Rev3Memory) -> None:
+        """A boundary that it met while its partners were obstacles is none: they go on, and the hand would slip off them."""
+        memory.is_detouring = False
+        if memory.own.contour is None or memory.own.contour is memory.contour_before:
+            return
+        if memory.contour_before is None:
+            memory.own = kept(memory.before)
+        memory.own.contour, memory.own.mode = None, "motion_to_goal"
 
     def _along_trace(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
         """Velocity to the next place of the trace, on (+1) or back (-1); None at its end, or where something stands."""
@@ -270,7 +287,9 @@ class Com1Rev3(BugTeam):
             gaps = {other: distance for other, distance in near.items() if distance < own.go_distance} if near else near
             held = memory.holding_for
             if not gaps:
-                memory.waited, memory.is_detouring = 0.0, False
+                memory.waited = 0.0
+                if memory.is_detouring:
+                    self._end_detour(memory)
                 held.clear()
                 continue
             held.intersection_update(gaps)
@@ -415,3 +434,11 @@ class Com1Rev3(BugTeam):
             heading = contour.heading
         x, y = velocity_along(heading, left)
         return place[0] + x, place[1] + y
+
+
+def kept(memory: BugMemory) -> BugMemory:
+    """A law's memory as it is now, whatever becomes of its lists."""
+    lists: dict[str, Any] = {
+        one.name: list(value) for one in fields(memory) if isinstance(value := getattr(memory, one.name), list)
+    }
+    return replace(memory, **lists)
