@@ -10,7 +10,6 @@ import pytest
 from gymnasium import wrappers
 from gymnasium.wrappers import vector
 
-import bug_gym  # noqa: F401  # registers the envs
 from bug_gym.agents import make_policy
 
 CHANGED: dict[str, Any] = {
