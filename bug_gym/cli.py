@@ -138,7 +138,7 @@ def _raised_in(error: Exception) -> str:
 
     The package refuses what a caller's code answers in words of its own; here the code itself has failed.
     """
-    import sysconfig  # only where something has failed, likewise
+    import sysconfig  # only where something has failed
     import traceback
 
     package = Path(__file__).resolve().parent

@@ -44,7 +44,7 @@ from bug_gym.agents.teams.partners import (
     place_after,
 )
 from bug_gym.agents.walls.boundary import LeaveRule
-from bug_gym.agents.walls.contour import BugMemory, Contour
+from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.geometry import Point, velocity_along
 from bug_gym.policy import Velocity
 from bug_gym.team_policy import TeamMemory
@@ -91,10 +91,8 @@ class Com1Rev3Memory(BugTeamMemory):
     """Places that lead back to its way after it has stepped aside, the next one last, odometry frame [m]."""
     shut_out: float = 0.0
     """How long it has not come nearer to its way, back to which it is going [s]."""
-    before: Any = None
+    before: BugMemory | None = None
     """The memory of its law as it began to go round its partners."""
-    contour_before: Contour | None = None
-    """The boundary that it followed then."""
     came_within: float = math.inf
     """Nearer than this is nearer than it has come to the next place on that way [m]."""
     on_behalf: int = 0
@@ -217,7 +215,7 @@ class Com1Rev3(BugTeam):
                 self._give_up_detour(memory)  # nobody makes room for one that goes round: now they may again
             elif memory.waited > PATIENCE:
                 if not memory.is_detouring:
-                    memory.before, memory.contour_before = kept(memory.own), memory.own.contour
+                    memory.before = kept(memory.own)
                 memory.is_detouring = memory.detoured = True
                 memory.pending = None
             return STANDING
@@ -262,10 +260,11 @@ class Com1Rev3(BugTeam):
     def _end_detour(self, memory: Com1Rev3Memory) -> None:
         """A boundary that it met while its partners were obstacles is none: they go on, and the hand would slip off them."""
         memory.is_detouring = False
-        if memory.own.contour is None or memory.own.contour is memory.contour_before:
+        assert memory.before is not None
+        if memory.own.contour is None or memory.own.contour is memory.before.contour:
             return
-        if memory.contour_before is None:
-            memory.own = kept(memory.before)
+        if memory.before.contour is None:
+            memory.own = memory.before
         memory.own.contour, memory.own.mode = None, "motion_to_goal"
 
     def _along_trace(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:

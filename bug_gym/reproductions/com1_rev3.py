@@ -504,7 +504,12 @@ def pays(settings: Settings) -> Part:
         found = list(each(_paying, [(name, seed) for seed in range(worlds)], settings.workers, in_order=True))
         episodes += [
             shown(
-                *("com1_rev3", name, seed, ENDS[one["team"].success, one["team"].collided > 0], name, {}),
+                "com1_rev3",
+                name,
+                seed,
+                ENDS[one["team"].success, one["team"].collided > 0],
+                name,
+                {},
                 overrides=PAIR | TURNED.get(name, {}),
             )
             for seed, one in enumerate(found)

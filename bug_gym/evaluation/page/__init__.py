@@ -19,7 +19,7 @@ import bug_gym
 from bug_gym.evaluation.matrix import matrix
 from bug_gym.evaluation.page.distributions import distributions
 from bug_gym.evaluation.page.failures import end, failures
-from bug_gym.evaluation.page.markup import Markup, element, joined, text_table
+from bug_gym.evaluation.page.markup import Markup, element, joined, open_table
 from bug_gym.evaluation.page.recorded import Key, Recorded, episodes_of
 from bug_gym.evaluation.page.tables import differences_to_baseline, matrix_table, summaries_by_scenario
 from bug_gym.evaluation.rows import EpisodeRow
@@ -159,16 +159,12 @@ def _teams(rows: Sequence[EpisodeRow], differences: Sequence[PairedDifference]) 
         return []
     if differences:
         tables += team_differences(rows, differences[0].baseline)
-    parts = [
-        element("details", element("summary", title), text_table(header, lines, policy=0), open=True)
-        for title, header, lines in tables
-    ]
     told = (
         "Robots that share a world have a mission together, which the share of successes counts. First and last: when the "
         "first robot arrived, and when all had; together: the ways of all; a deadlock: robots still under way when the time "
         "was up, and all of them standing."
     )
-    return [Section("Teams", told, joined(parts))]
+    return [Section("Teams", told, joined(open_table(*one) for one in tables))]
 
 
 def _counts(rows: Sequence[EpisodeRow]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from bug_gym.evaluation.page import Section
 from bug_gym.evaluation.page.failures import end
-from bug_gym.evaluation.page.markup import Cell, element, joined, table, text_table
+from bug_gym.evaluation.page.markup import Cell, element, joined, open_table, table
 from bug_gym.evaluation.page.recorded import Ended, Key, Recorded, buttons, has_failed
 
 TextTable = tuple[str, Sequence[str], Sequence[Sequence[str]]]
@@ -22,12 +22,7 @@ def results(tables: Sequence[TextTable], notes: Sequence[str], holds: bool | Non
         holds: whether every claim that was checked holds; None: it claims nothing.
     """
     told = "" if holds is None else "Every claim that is checked holds." if holds else "NOT every claim holds."
-    parts = [
-        element(
-            "details", element("summary", title), text_table(header, lines, policy=_policy_column(header)), open=True
-        )
-        for title, header, lines in tables
-    ]
+    parts = [open_table(*one, policy=_policy_column(one[1])) for one in tables]
     told_beside = element("ul", *(element("li", note) for note in notes), class_="told")
     return Section("Results", told, joined([*parts, *([told_beside] if notes else [])]))
 
