@@ -21,7 +21,7 @@ from bug_gym.drawing import canvas as rendering
 from bug_gym.drawing import parts as painting
 from bug_gym.drawing.canvas import Canvas, episode_picture
 from bug_gym.drawing.clips import Frame
-from bug_gym.drawing.window import Window
+from bug_gym.drawing.window import UNSEEN, Window, open_screen
 from bug_gym.policy import Drawing
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
@@ -637,3 +637,20 @@ def test_states_stand_beside_robots_that_are_under_way_and_not_upon_one_another(
     assert len(changed("hold", "hold")) > 1.7 * len(changed("hold", ""))
     simulation.world.outcome[0, 0] = OUTCOMES.index("success")
     assert not changed("hold", "")
+
+
+def test_who_opens_a_window_where_nobody_sees_it_is_told(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """SDL takes a driver without a screen by itself, and says nothing; who asks for one knows."""
+    display = brush.load_pygame().display
+    for asked in (None, "dummy"):
+        display.quit()
+        monkeypatch.delenv("SDL_VIDEODRIVER", raising=False) if asked is None else monkeypatch.setenv(
+            "SDL_VIDEODRIVER", asked
+        )
+        caplog.clear()
+        open_screen((64, 48))
+        is_unseen = asked is None and display.get_driver() in UNSEEN
+        assert ("the window stays invisible" in caplog.text) == is_unseen
+    display.quit()
