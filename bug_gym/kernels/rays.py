@@ -142,6 +142,22 @@ def _clamp(value: float, low: float, high: float) -> float:
     return value if value < high else high
 
 
+# 32 bits hold a beam's number, and processors turn several numbers at once into integers of 32 bits, not into those of 64.
+
+
+@inlined
+def _first_beam(number: float, last: float) -> np.int32:
+    """The first beam from a real number of a beam on."""
+    return np.int32(_clamp(number, -1.0, last) + 1.0)
+
+
+@inlined
+def _blocks(first: np.int32, past: np.int32) -> np.int32:
+    """How many blocks of eight hold the beams from the first to before `past`."""
+    beams = np.int32(past - first)
+    return np.int32(np.int32(beams + LANES - 1) >> 3) if beams > 0 else np.int32(0)
+
+
 @inlined
 def _store_blocks(index: Integers, k: int, low: float, high: float, period: float, last: float) -> None:
     """Beams within [low, high] (real numbers of beams) as first beam and number of blocks of eight, in two pieces.
@@ -149,14 +165,11 @@ def _store_blocks(index: Integers, k: int, low: float, high: float, period: floa
     The second piece is what lies beyond the end of the fan and comes in again at its other side.
     """
     shift = period if low < 0.0 else -period
-    first = np.int64(_clamp(low, -1.0, last) + 1.0)
-    first_2 = np.int64(_clamp(low + shift, -1.0, last) + 1.0)
-    count = np.int64(_clamp(high, -1.0, last) + 1.0) - first
-    count_2 = np.int64(_clamp(high + shift, -1.0, last) + 1.0) - first_2
+    first, first_2 = _first_beam(low, last), _first_beam(low + shift, last)
     index[k] = first
-    index[k + np.uint64(TILE)] = (count + 7) >> 3 if count > 0 else 0
+    index[k + np.uint64(TILE)] = _blocks(first, _first_beam(high, last))
     index[k + np.uint64(2 * TILE)] = first_2
-    index[k + np.uint64(3 * TILE)] = (count_2 + 7) >> 3 if count_2 > 0 else 0
+    index[k + np.uint64(3 * TILE)] = _blocks(first_2, _first_beam(high + shift, last))
 
 
 @inlined
