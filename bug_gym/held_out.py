@@ -45,6 +45,8 @@ class Played(NamedTuple):
     """Times (n, R) [s]."""
     path_length: NDArray[np.float64]
     """Lengths (n, R) of the paths [m]."""
+    first_ends: bool = False
+    """Whether the first arrival accomplishes the mission of a world; else all of its robots have to arrive."""
 
     def ended(self, outcome: str) -> NDArray[np.bool_]:
         """Which runs (n, R) ended with an outcome of task.OUTCOMES."""
@@ -52,15 +54,21 @@ class Played(NamedTuple):
         return which
 
     def summary(self) -> dict[str, Any]:
-        """Number of runs, shares of the outcomes, the Wilson interval of success, and the mean time of one [s]."""
-        won = self.ended("success")
+        """Number of worlds, shares of how their missions ended, the Wilson interval of success, and the time of an arrival [s].
+
+        Robots of a world are not independent of one another, so an interval of their own successes would be too narrow.
+        A mission that is not accomplished is a collision where a robot had one, else it ran out of time.
+        """
+        arrived, hit = self.ended("success"), self.ended("collision").any(axis=1)
+        won = arrived.any(axis=1) if self.first_ends else arrived.all(axis=1)
+        shares = dict(zip(ENDS, (won, hit & ~won, ~hit & ~won), strict=True))
         interval = wilson_interval(int(won.sum()), won.size)
         return {
             "n": won.size,
-            **{outcome: round(float(self.ended(outcome).mean()), 6) for outcome in ENDS},
+            **{end: round(float(share.mean()), 6) for end, share in shares.items()},
             "low": round(interval.low, 6),
             "high": round(interval.high, 6),
-            "time": round(float(self.time[won].mean()), 3) if won.any() else None,
+            "time": round(float(self.time[arrived].mean()), 3) if arrived.any() else None,
         }
 
 
@@ -77,7 +85,7 @@ def play(policy: Policy, scenario: Scenario, seeds: Sequence[int], *, slots: int
     table = discrete_actions(Sensors.of(scenario).drive)
     count, robots, world = simulation.count, simulation.robots, simulation.world
     shape = (len(seeds), robots)
-    played = Played(np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape))
+    played = Played(np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), scenario.mission == "first")
     episodes, starts, state = Episodes(simulation, seeds), np.ones((count, robots), dtype=bool), None
     episodes.begin(simulation.all_rows)
     while not episodes.are_over:

@@ -72,6 +72,21 @@ def test_a_summary_counts_what_ended_how() -> None:
     assert Played(outcome[3:], np.ones((2, 1)), np.ones((2, 1))).summary()["time"] is None
 
 
+@pytest.mark.parametrize("first_ends, won", [(False, 1), (True, 3)])
+def test_a_summary_of_several_robots_counts_missions(first_ends: bool, won: int) -> None:
+    ends = [("success", "success"), ("success", "collision"), ("timeout", "success"), ("timeout", "collision")]
+    outcome = np.array([[OUTCOMES.index(end) for end in robots] for robots in ends])
+    time = np.array([[2.0, 4.0], [6.0, 1.0], [9.0, 8.0], [9.0, 1.0]])
+    summary = Played(outcome, time, np.zeros((4, 2)), first_ends).summary()
+    low, high = wilson_interval(won, 4)
+    assert summary["n"] == 4
+    assert (summary["low"], summary["high"]) == (pytest.approx(low, abs=1e-6), pytest.approx(high, abs=1e-6))
+    shares = {"success": 0.75, "collision": 0.25, "timeout": 0.0}
+    shares = shares if first_ends else {"success": 0.25, "collision": 0.5, "timeout": 0.25}
+    assert {end: summary[end] for end in ENDS} == shares
+    assert summary["time"] == 5.0
+
+
 @pytest.mark.parametrize("name", suite_names())
 def test_no_suite_has_a_seed_of_training_or_validation(name: str) -> None:
     suite = load_suite(name)
