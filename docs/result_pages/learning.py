@@ -63,9 +63,9 @@ def learned(found: Record) -> Page:
         "first table is the same measure of all three, made by torch when they were trained; it and the second table "
         "come from the records in `agents/trained`.\n\n"
         f"The two numbers of the shipped seed of `ppo_rush`, {percent(card)} and {percent(ours)} %, are one model, played "
-        "by torch for its record and by onnxruntime here. Their actions agree but for rounding; among twenty fast movers "
-        "such a difference grows to another episode within seconds, and so many worlds tell success to no better than a "
-        "point.",
+        "by torch for its record and by onnxruntime here. Their actions agree but for rounding, which differs from one kind of "
+        "processor to the next too; among twenty fast movers such a difference grows to another episode within seconds, and "
+        "so many worlds tell success to no better than a point or two.",
         [
             (f"`{name}` reaches at least {percent(asked)} % of `{scenario}`", held["success"] >= asked)
             for name, asked in found["targets"].items()
