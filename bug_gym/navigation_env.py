@@ -14,6 +14,7 @@ from bug_gym.by_hand import keys_to_action
 from bug_gym.checks import checked_options
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
+from bug_gym.log import warn_once
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
     ActionForm,
@@ -149,6 +150,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         self.metadata = {**self.metadata, "render_fps": int(fps) if fps.is_integer() else fps}
         self._pictures = Pictures(self.simulation, render_mode)
         self._is_numeric = is_numeric(info)
+        self._is_over = False
         self._spec: EnvSpec | None = None
 
     @property
@@ -174,6 +176,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         """
         wanted = checked_options(options)
         flat = self.simulation.reset(seeds=None if seed is None else [seed])
+        self._is_over = False
         super().reset(seed=None if seed is None else int(seed))  # which refuses NumPy's integers
         info = self.simulation.robot_step().info
         if wanted.get("shortest_path"):
@@ -184,9 +187,12 @@ class NavigationEnv(gym.Env[Any, Any]):
         return self.spaces.present(flat[0, 0]), numeric_info(info) if self._is_numeric else info
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for one step."""
+        """Drive for one step; after the end of an episode the robot stands until the next reset, which the log says once."""
         first, second = self.spaces.velocity(action)
         flat, reward, terminated, truncated, info = self.simulation.step_one(first, second)
+        if self._is_over and (terminated or truncated):
+            warn_once("step() after the end of an episode: call reset(), until then the robot stands with reward 0")
+        self._is_over = terminated or truncated
         if self.render_mode is not None:
             self._pictures.record()
         if self._is_numeric:

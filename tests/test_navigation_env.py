@@ -24,6 +24,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 import bug_gym
 from bug_gym.config import load, scenario_names
 from bug_gym.kinematics import discrete_actions
+from bug_gym.log import told
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import ActionBox
@@ -161,6 +162,20 @@ def test_a_copy_goes_on_like_the_original_and_apart_from_it(env: NavigationEnv, 
     first = [env.step(AHEAD) for _ in range(20)]
     assert data_equivalence(tuple(first), tuple(twin.step(AHEAD) for _ in range(20)), exact=True)
     assert data_equivalence(env.reset(), twin.reset(), exact=True)
+
+
+def test_a_step_after_the_end_is_told_once(env: NavigationEnv, caplog: pytest.LogCaptureFixture) -> None:
+    told.clear()
+    for _ in range(2):
+        env.reset(seed=5)
+        ended = False
+        while not ended:
+            _seen, _reward, terminated, truncated, _info = env.step(AHEAD)
+            ended = terminated or truncated
+    assert "after the end" not in caplog.text
+    for _ in range(2):
+        assert env.step(AHEAD)[1] == 0.0
+    assert caplog.text.count("after the end") == 1
 
 
 ROOM = Capacity(discs=40, polygons=30, walls=400, ways=50, steered=1)
