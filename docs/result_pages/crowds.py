@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from bug_gym.reproductions import circle_swap as made
 from result_pages import Page, Record
-from result_pages.words import listed, number, p_value, points, share, table
+from result_pages.words import between, listed, number, p_value, percent, points, table
 
-HEADER = ("runs", "reached [%] (95 %)", "contacts", "least gap [m]", "time [s]", "path / shortest")
+HEADER = ("runs", "reached [%]", "all arrive [%] (95 %)", "contacts", "least gap [m]", "time [s]", "path / shortest")
 
 
 def cells(one: Record) -> list[str]:
     """The cells of HEADER of the runs of one policy's robots."""
     return [
         str(one["n"]),
-        share(one),
+        percent(one["success"]),
+        f"{percent(one['all_arrive'])} ({between(*one['all_arrive_interval'])})",
         str(one["contacts"]),
         number(one["least_gap"], 3),
         number(one["time"], 1),
@@ -72,7 +73,7 @@ def circle_swap(found: Record) -> Page:
             ),
         ],
         "A contact counts for both robots; the gap is the smallest of a body to anything, walls too. Time and ratio are "
-        "means over the runs that arrive.\n\n"
+        "means over the runs that arrive. Intervals count worlds, since robots that share one are not independent.\n\n"
         f"In {runs:,} runs across the circle, and in the crowds, `orca` touched anything {touched} times. With "
         f"{made.ROBOTS[-1]} robots the way is {told}.\n\n"
         f"To decide for all {many} robots takes {grows} times as long as for {few} ({listed(made.KINEMATICS)}); in proportion "
