@@ -257,8 +257,8 @@ def _load_block(context: Any, builder: Any, signature: Any, arguments: Any, coun
     cos = _load(builder, _data(context, builder, signature.args[3], beam_cos), beam)
     sin = _load(builder, _data(context, builder, signature.args[4], beam_sin), beam)
     place = builder.add(beam, _int64(BEST))
-    # Best values are positive. A store of "the better one of what lies there" would become one with a mask, which takes
-    # some processors twenty cycles.
+    # Best values are positive. A store of "the better one of what lies there" would become one with a mask, which some
+    # processors do slowly.
     kind = ir.FunctionType(FLOATS, [FLOATS])
     magnitude = cgutils.get_or_insert_function(builder.module, kind, f"llvm.fabs.v{LANES}f64")
     return data, columns, cos, sin, builder.call(magnitude, [_load(builder, data, place)]), place
