@@ -8,7 +8,7 @@ SOAK_MINUTES ?= 60
 BIN := .venv/bin
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt
 
-.PHONY: help run test lint docs soak clean
+.PHONY: help run test kernels lint docs soak clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
@@ -16,10 +16,13 @@ help:  ## list the targets
 run: .venv/run.stamp  ## set up once, then evaluate every policy on the quick suite into results/
 	$(BIN)/bug-gym evaluate --suite quick --workers 2 --out $(OUT)
 
-test: lint  ## set up once, then lint and test
+test: .venv/test.stamp  ## set up once, then lint and test
+	@$(MAKE) --no-print-directory -j 2 lint kernels
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+kernels: .venv/test.stamp
 	# One process compiles the kernels first: several that do so together can spoil numba's cache.
 	$(BIN)/bug-gym evaluate --suite smoke > /dev/null
-	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: .venv/test.stamp  ## ruff and mypy --strict
 	$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""How fast it is on this machine: environments, new worlds, imports and the decisions of policies.
+"""How fast it is on this machine: environments, new worlds, imports, plans and the decisions of policies.
 
 Worlds of 20 m x 20 m in which everything moves, a LIDAR of 5 m, random actions, one thread. Each speed is measured
 several times over: the median counts, the least and the greatest say how quiet the machine was.
@@ -18,7 +18,7 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -27,10 +27,16 @@ from gymnasium.utils.performance import benchmark_step
 
 import bug_gym
 from bug_gym.agents import make_policy, playable_names
+from bug_gym.agents.planning.a_star import a_star
+from bug_gym.agents.planning.ants import Colony, eaco
+from bug_gym.agents.planning.grid import grid_of
+from bug_gym.agents.planning.triangulated import Manner, find_way
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.files import machine, replaced_when_done
+from bug_gym.reproductions import d2t_worlds
+from bug_gym.reproductions.d2t_tables import map_of
 from bug_gym.simulation import Simulation
 
 WORLDS = 1024
@@ -110,6 +116,7 @@ def run_benchmark(
         *speed_tasks(worlds, seconds),
         *part_tasks(worlds, seconds),
         *start_tasks(),
+        *plan_tasks(),
         *decision_tasks(worlds, seconds),
     ]
     with progress_bar(shown=True) as track:
@@ -392,6 +399,31 @@ def compilation_time() -> float:
     """Time until a first environment has made its first step where numba has kept nothing [s]."""
     with TemporaryDirectory() as empty:
         return fresh_time(COMPILE, NUMBA_CACHE_DIR=empty)
+
+
+def plan_tasks() -> Iterator[Task]:
+    """Milliseconds of a plan on a known map."""
+    wide = d2t_worlds.field(9, 600, 100.0, 100.0, sizes=(0.3, 1.2))
+    plan = map_of(wide)
+    grid = grid_of(plan, 0.1, wide.radius)
+    start, goal = (grid.lattice.node_at(place) for place in (wide.start, wide.goal))
+    short = find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("funnel", facets=1))
+    assert short is not None and short.sleeve is not None
+    plans: dict[str, Callable[[], Any]] = {
+        "plan among 600 obstacles: Delaunay triangles and funnel": partial(find_way, wide, Manner("funnel", facets=1)),
+        "plan among 600 obstacles: exactly": partial(plan.shortest_path, wide.start, wide.goal, radius=wide.radius),
+        "plan among 600 obstacles: A* over cells of 10 cm": partial(a_star, grid, start, goal),
+        "50 iterations of ants through a sleeve of up to 20 edges": partial(eaco, short.sleeve, Colony(patience=50)),
+    }
+    for title, way in plans.items():
+        yield Task(title, "ms", partial(plan_time, way))
+
+
+def plan_time(plan: Callable[[], Any]) -> float:
+    """Time of the processor that a plan takes [ms]."""
+    begin = process_time()
+    plan()
+    return 1000.0 * (process_time() - begin)
 
 
 def decision_tasks(worlds: int, seconds: float) -> Iterator[Task]:

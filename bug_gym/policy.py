@@ -241,7 +241,11 @@ class ScriptedPolicy(ABC):
 
     def act_each(self, views: Sequence[View], memories: Sequence[Any]) -> Iterable[Velocity]:
         """What `act` says for each of several robots; who can do a part of it for all of them at once does so here."""
-        return map(self.act, views, memories)
+        return (self.driver(memory).act(view, memory) for view, memory in zip(views, memories, strict=True))
+
+    def driver(self, memory: Any) -> ScriptedPolicy:
+        """Who drives a robot with this memory: the policy itself, or one that differs in what the memory asks for."""
+        return self
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
         """Where the velocity just desired leads on: a differential robot rounds its corners. None: nobody knows."""
@@ -323,9 +327,10 @@ class ScriptedPolicy(ABC):
     def _action(self, view: View, memory: Memory) -> NDArray[Any]:
         """The action for what one robot sees."""
         view.under_way, view.lately = memory.under_way, memory.lately
-        velocity = STANDING if memory.verdict else checked_velocity(self, self.act(view, memory))
-        course, arc = self._beside(view, memory, velocity)
-        action = action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+        driver = self.driver(memory)
+        velocity = STANDING if memory.verdict else checked_velocity(self, driver.act(view, memory))
+        course, arc = driver._beside(view, memory, velocity)
+        action = action_of(self.sensors, view, velocity, self._velocities, driver.room, course, arc)
         return self._sent(view, memory, action)
 
     def decide(self, flat: NDArray[np.float32], memories: Sequence[Memory]) -> list[NDArray[Any]]:
@@ -342,17 +347,19 @@ class ScriptedPolicy(ABC):
         for view, memory in zip(views, memories, strict=True):
             view.under_way, view.lately = memory.under_way, memory.lately
         goes = [not memory.verdict for memory in memories]
+        drivers = [self.driver(memory) for memory in memories]  # as the decision begins
         answers = iter(self.act_each(list(compress(views, goes)), list(compress(memories, goes))))
         actions: list[Any] = [None] * len(views)
         plain, wishes = [], []
         for row, (view, memory) in enumerate(zip(views, memories, strict=True)):
             velocity = checked_velocity(self, next(answers)) if goes[row] else STANDING
-            course, arc = self._beside(view, memory, velocity)
-            if self._are_cut_at_once and (course is None or course.aside <= 0.0):
+            driver = drivers[row]
+            course, arc = driver._beside(view, memory, velocity)
+            if self._are_cut_at_once and driver is self and (course is None or course.aside <= 0.0):
                 plain.append(row)
                 wishes.append(velocity)
             else:
-                actions[row] = action_of(self.sensors, view, velocity, self._velocities, self.room, course, arc)
+                actions[row] = action_of(self.sensors, view, velocity, self._velocities, driver.room, course, arc)
         if plain and self.room is not None:
             braked = [brake(views[row], wish) for row, wish in zip(plain, wishes, strict=True)]
             for row, action in zip(plain, stoppable_actions(views, plain, braked, self.room), strict=True):
@@ -501,7 +508,12 @@ def braking_radius(sensors: Sensors) -> float:
     """Radius of the disc that must not meet anything ahead [m]: the body, and what the scan may hide."""
     if sensors.drive.kinematics == "holonomic":
         return sensors.radius
-    return sensors.radius + 2.0 * sensors.range_noise + 0.02
+    return sensors.radius + hidden_gap(sensors)
+
+
+def hidden_gap(sensors: Sensors) -> float:
+    """How much nearer a thing may be than the scan shows it [m]."""
+    return 2.0 * sensors.range_noise + 0.02
 
 
 STRAIGHT = math.radians(5.0)

@@ -48,6 +48,15 @@ GLANCE = 0.5
 GLANCES = 4
 """How many glances earlier: after 2 s a mover at 0.1 m/s has left the noise behind."""
 
+SLACK = 0.1
+"""By how much a gap may be narrower than the clearance on both sides, in clearances."""
+
+HIT_SLACKS = 1.5
+"""By how much the disc that goes straight to the goal is smaller than that of the clearance, in such slacks."""
+
+SAFE_SHARE = 0.3
+"""How much of what a robot keeps from walls the body needs where it comes nearer to them."""
+
 SHORT = 0.01
 """How far short of its contour a wall must not make a robot stand [m]."""
 
@@ -138,12 +147,12 @@ class Boundary:
         margin = clearance - radius
         # The contour is kept at `clearance`, but a gap counts as one down to `inner`: a disc of exactly the gap's
         # width would pass it or not by the noise of a range.
-        slack = min(0.1 * clearance, 0.5 * margin)
+        slack = min(SLACK * clearance, 0.5 * margin)
         self.inner = clearance - slack
         """Radius of the disc that must pass for a gap to be one [m]."""
-        self.hit_radius = clearance - 1.5 * slack if 1.5 * slack < margin else self.inner
+        self.hit_radius = clearance - HIT_SLACKS * slack if HIT_SLACKS * slack < margin else self.inner
         """Radius of the disc that must not touch anything on the way to the goal [m]."""
-        self.safe_radius = radius + 0.3 * margin
+        self.safe_radius = radius + SAFE_SHARE * margin
         """Radius of the disc that the body needs where it comes nearer to walls than the contour [m]."""
         self.body_radius = radius + 0.1 * margin
         """Radius of the disc that the body needs where it has been, among things that stand still [m]."""
@@ -282,8 +291,8 @@ class Boundary:
     def go_until_hit(self, view: View, memory: BugMemory, side: SideAfter | int, bearing: float) -> Velocity | None:
         """As `go` toward the goal, along a bearing [rad]; but a robot that rounds corners rounds that at the hit point too.
 
-        It sees before it comes to the hit point how the contour leads on from there, to that side. It has landed where another
-        place of the contour is nearer to it than the hit point: None then, and `hit` goes on from there.
+        It sees before it comes to the hit point how the contour leads on from there, to that side. It has landed at the hit
+        point, or where another place of the contour is nearer to it: None then, and `hit` goes on from there.
         """
         landing, memory.landing = memory.landing, None
         distance = view.goal_distance
@@ -300,7 +309,7 @@ class Boundary:
             return self.go(view, bearing, distance)
         memory.landing = landing
         assert landing.foot is not None
-        if math.dist(landing.foot[:2], landing.hit) > 0.5 * self.step:
+        if math.dist(landing.foot[:2], landing.hit) > 0.5 * self.step or math.hypot(*place) <= self.touch:
             return None
         return velocity_along(math.atan2(place[1], place[0]), self.pace)
 
@@ -491,11 +500,15 @@ class Boundary:
         if contour.vain_laps > 1:
             self._end_vain_laps(memory)
             return STANDING
-        rounding = None if contour.is_exact or view.goal_distance <= self.exact_length else self.rounding
+        is_exact = (
+            contour.is_exact or contour.asked_for > self.turn_decisions or view.goal_distance <= self.exact_length
+        )
+        rounding = None if is_exact else self.rounding
         if rounding is not None and contour.foot is not None:
             place = rounding.go_on(view, contour)
             if place is not None:
                 contour.waited = 0.0
+                contour.asked_for += 1
                 return velocity_along(math.atan2(place[1], place[0]), self.pace)
         contour.foot = None
         bearing = self._wall_bearing(view, contour)
@@ -520,8 +533,8 @@ class Boundary:
             # A robot that turns on the spot asks again and again before it moves, its hand on one wall after another.
             since = travel if contour.asked is None else contour.asked - view.heading
             contour.sweep += swept(since, bearing, heading, contour.side)
-            contour.asked = heading + view.heading
-            contour.asked_for += 1
+        contour.asked = heading + view.heading
+        contour.asked_for += 1
         self._move_hand(view, contour, heading)
         if rounding is not None and first_heading is None:
             rounding.begin(view, contour, heading)

@@ -9,7 +9,8 @@ from bug_gym.agents.parameters import Length
 from bug_gym.agents.walls.boundary import Boundary, LeaveRule, Turn, side_of
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.agents.walls.course import straight_on
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.agents.walls.thinning import ThinningPolicy
+from bug_gym.policy import Drawing, Velocity
 from bug_gym.steering import Course
 from bug_gym.view import Sensors, View
 
@@ -39,7 +40,7 @@ FREE_MODES = ("motion_to_goal", "leaving", "leaving_straight")
 """Modes in which a bug that follows no wall goes straight to a place farther away."""
 
 
-class BoundaryBug(ScriptedPolicy):
+class BoundaryBug(ThinningPolicy):
     """What bugs that follow walls with a hand share.
 
     Raises:
@@ -64,6 +65,11 @@ class BoundaryBug(ScriptedPolicy):
         rounds = own.round_corners and self._follows_course and sensors.drive.kinematics == "differential"
         if rounds and not sensors.drive.has_inertia:
             self.boundary.round_corners()
+
+    @property
+    def kept(self) -> Boundary:
+        """How it keeps to walls."""
+        return self.boundary
 
     def without_course(self) -> Self:
         """Itself, for who drives by its velocities alone: it keeps to contours exactly."""

@@ -105,8 +105,11 @@ class Contour:
     """Steps in a row on the contour without turning away from the wall."""
     gate: Gate | None = None
     """Door where the lap began; None until the robot goes along the wall."""
+    check: Gate | None = None
+    """Another one, set anew where the robot is each time it has come twice as far (Brent 1980): a way that has left the gate
+    behind and goes round without a full turn leads through this one again."""
     lost_gates: int = 0
-    """Doors that were not passed again for so long that another was placed."""
+    """Gates that the way no longer led through, so that another was placed."""
     is_lap_closed: bool = False
     """Whether the last step passed the gate, after a lap among still obstacles."""
     is_disturbed: bool = False

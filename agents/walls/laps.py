@@ -23,10 +23,6 @@ WHIRLING = 3.0 * math.pi
 """Turning without a lap from which on a robot that rounds corners keeps to the contour exactly: it may whirl in a small room
 past whose door its arcs lead; or be deep in a spiral, out of which it turns back [rad]."""
 
-LOST = 8.0 * math.pi
-"""Turning after which a gate that was not passed again lies beside the contour [rad], in a nook that the robot enters by chance
-only, and stands anew where it is; each time as much more, as walls may wind as a spiral does."""
-
 MOST_CROSSINGS = 2
 """How often a robot may pass its gate without a full turn before it is taken to go round in vain."""
 
@@ -131,18 +127,22 @@ class Laps:
         is_closed = not has_target_moved and self.closes(contour, contour.gate)
         if has_target_moved or (is_closed and contour.is_disturbed):
             contour.goal = view.goal_position
-            contour.gate = gate
+            contour.gate, contour.check = gate, None
             contour.is_disturbed = False
             return
         contour.is_lap_closed = is_closed
-        if not (is_closed or contour.is_disturbed) and self._crosses(contour, contour.gate):
+        if not (is_closed or contour.is_disturbed) and any(self._crosses(contour, one) for one in self._gates(contour)):
             contour.crossings, contour.crossed = contour.crossings + 1, contour.odometer
             if contour.crossings > MOST_CROSSINGS:
                 contour.vain_laps = max(contour.vain_laps, 2)
-        if not is_closed and abs(contour.turned - contour.gate.turned) > LOST * (1 + contour.lost_gates):
-            contour.gate = gate
+        if not is_closed and contour.check is not None and self.closes(contour, contour.check):
+            contour.gate, contour.check = gate, None
             contour.lost_gates += 1
             return
+        if is_closed:
+            contour.check = None  # the next step sets it beyond the gate
+        elif contour.check is None or contour.odometer > 2.0 * contour.check.odometer:
+            contour.check = gate
         is_wound = abs(contour.turned - contour.gate.turned) > WHIRLING
         contour.is_exact = is_wound or contour.vain_laps + contour.crossings + contour.lost_gates > 0
 
@@ -167,6 +167,10 @@ class Laps:
         if contour.odometer - contour.crossed <= self.arming_length or abs(contour.turned - gate.turned) >= math.pi:
             return False
         return self._passes(contour, gate)
+
+    def _gates(self, contour: Contour) -> list[Gate]:
+        """Where a way that crosses itself is seen: the lap's gate, and a younger one."""
+        return [gate for gate in (contour.gate, contour.check) if gate is not None]
 
     def _passes(self, contour: Contour, gate: Gate) -> bool:
         """Whether the last step passed a gate in its direction, far enough from where it was placed."""

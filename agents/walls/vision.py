@@ -24,9 +24,10 @@ from bug_gym.agents.walls.m_line import (
     go_along,
     nearer_crossing,
 )
+from bug_gym.agents.walls.thinning import ThinningPolicy
 from bug_gym.agents.walls.visibility import NEAR, Scan
 from bug_gym.geometry import Point
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import Drawing, Velocity
 from bug_gym.view import Sensors, View
 
 MOST_STEPS = 200
@@ -367,7 +368,7 @@ class Vision:
         return Drawing(points=[*drawing.points, (*target, "target")], segments=segments)
 
 
-class VisBug(ScriptedPolicy):
+class VisBug(ThinningPolicy):
     """VisBug but for the places on the M-line that it takes in step 4.
 
     Raises:
@@ -381,6 +382,15 @@ class VisBug(ScriptedPolicy):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         self.vision = Vision(sensors, self.parameters)
+
+    @property
+    def kept(self) -> Boundary:
+        """How the scout keeps to walls."""
+        return self.vision.boundary
+
+    def starts(self, memory: VisionMemory) -> int:
+        """How often the scout has begun anew."""
+        return memory.scout.fresh_starts if memory.trail else 0
 
     def start(self) -> VisionMemory:
         """Memory of a new episode."""

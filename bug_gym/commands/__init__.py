@@ -99,7 +99,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "benchmark": Command(
         "bug_gym.commands.benchmark",
-        "Measure speeds on this machine: environments, new worlds, imports, decisions of policies.",
+        "Measure speeds on this machine: environments, new worlds, imports, plans, decisions of policies.",
         "bug-gym benchmark --out benchmark.json",
     ),
 }

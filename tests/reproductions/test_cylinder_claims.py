@@ -99,10 +99,29 @@ def test_nor_is_what_only_one_of_them_told_wrongly(policy: str, robot: str, seed
     assert answer.is_right
 
 
-@pytest.mark.parametrize("policy", ["vis_bug_21", "vis_bug_22"])
-def test_who_came_into_a_nook_does_not_say_that_it_is_shut_in(policy: str) -> None:
-    (answer,) = cylinder_claims.answers(policy, "holonomic", [1893])
-    assert answer.has_way and not cylinder_claims.is_wrong_claim(answer)
+NOOKS = (("holonomic", 1893), ("jackal", 223), ("jackal", 1659))
+
+ENDED_WRONGLY_ONCE = {
+    "standing at the end of an arc onto a wall": [
+        *(("alg1", "jackal", 859), ("bug2", "jackal", 859), ("rev1", "jackal", 1961)),
+    ],
+    "turning to and fro between an arc and the contour": [("bug1", "jackal", 521)],
+    "a cycle that leads past its gate": [("alg2", "jackal", 683), ("com1", "jackal", 1707), ("rev1", "jackal", 1051)],
+    "in a nook whose mouth is a gap from outside only": [
+        *(("bug1", "jackal", 31), ("dist_bug", "jackal", 31), ("dist_bug", "jackal", 1023)),
+        *(("class1", "jackal", 1632), ("com1", "jackal", 1632), ("alg2", "holonomic", 1656)),
+        *((f"vis_bug_{kind}", *world) for kind in (21, 22) for world in NOOKS),
+    ],
+}
+"""Policy, robot and seed, by what was in the way of the right end."""
+
+
+@pytest.mark.parametrize("name", ENDED_WRONGLY_ONCE)
+def test_nor_do_complete_bugs_end_without_an_answer(name: str) -> None:
+    wrong = [
+        one for one in ENDED_WRONGLY_ONCE[name] if not cylinder_claims.answers(one[0], one[1], [one[2]])[0].is_right
+    ]
+    assert wrong == []
 
 
 def test_seeds_are_driven_once_each() -> None:

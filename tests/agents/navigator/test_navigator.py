@@ -252,9 +252,9 @@ def test_it_arrives_in_every_kind_of_world(scenario: str, seed: int) -> None:
 
 
 def test_it_arrives_in_most_worlds_of_rush() -> None:
-    """Where nobody arrives always: the network that drives there does in 92 of 100."""
-    outcomes = [run_episode("navigator", "rush", ROBOT, seed=seed).outcome for seed in range(12)]
-    assert outcomes.count("success") >= 10
+    """Where nobody arrives always: in 92 of 100, so in fewer than 17 of 24 once in 2,600 processors, as each rounds differently."""
+    outcomes = [run_episode("navigator", "rush", ROBOT, seed=seed).outcome for seed in range(24)]
+    assert outcomes.count("success") >= 17
 
 
 # ------------------------------------------------------------------------------------------------------ what is refused

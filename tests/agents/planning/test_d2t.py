@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -246,38 +245,22 @@ def test_an_edge_too_short_to_be_clipped_is_closed() -> None:
         assert found is not None and found.by == by
 
 
-def test_a_plan_among_600_obstacles_takes_50_ms_and_one_by_ants_half_a_second() -> None:
-    task = d2t_worlds.field(9, 600, 100.0, 100.0, sizes=(0.3, 1.2))
-    times = []
-    for _ in range(5):
-        began = time.process_time()
-        found = find_way(task, Manner("funnel", facets=1))
-        times.append(time.process_time() - began)
+def test_among_600_obstacles_a_way_is_found_in_clusters() -> None:
+    # `bug-gym benchmark` says how long it takes.
+    found = find_way(d2t_worlds.field(9, 600, 100.0, 100.0, sizes=(0.3, 1.2)), Manner("funnel", facets=1))
     assert found is not None and found.by == "clusters"
-    assert min(times) <= 0.05
+
+
+def test_patient_ants_go_on_to_their_last_iteration() -> None:
     way = find_way(d2t_worlds.field(3, 30, goal=(20.0, 12.0)), Manner("funnel", facets=1))
     assert way is not None and way.sleeve is not None and 8 < len(way.sleeve.left) <= 20
-    began = time.process_time()
-    ants = eaco(way.sleeve, Colony(patience=50))
-    assert time.process_time() - began <= 0.5 and len(ants.curve) == 50
+    assert len(eaco(way.sleeve, Colony(patience=50)).curve) == 50
 
 
-def test_among_600_obstacles_the_exact_way_takes_two_seconds_and_a_star_over_cells_of_10_cm_a_fifth() -> None:
+def test_among_600_obstacles_a_star_over_cells_of_10_cm_finds_nearly_the_exact_way() -> None:
     task, growth = d2t_worlds.field(9, 600, 100.0, 100.0, sizes=(0.3, 1.2)), 0.3
     plan = map_of(task)
-
-    def over_cells() -> float:
-        grid = grid_of(plan, 0.1, growth)
-        ends = [grid.lattice.node_at(place) for place in (task.start, task.goal)]
-        return 0.1 * a_star(grid, *ends).length
-
-    def exactly() -> float:
-        return plan.shortest_path(task.start, task.goal, radius=growth).length
-
-    lengths = []
-    for way, most in ((exactly, 2.0), (over_cells, 0.2)):
-        way()  # compiles
-        began = time.process_time()
-        lengths.append(way())
-        assert time.process_time() - began <= most
+    grid = grid_of(plan, 0.1, growth)
+    ends = [grid.lattice.node_at(place) for place in (task.start, task.goal)]
+    lengths = plan.shortest_path(task.start, task.goal, radius=growth).length, 0.1 * a_star(grid, *ends).length
     assert lengths[0] <= lengths[1] <= 1.09 * lengths[0]

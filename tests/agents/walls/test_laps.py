@@ -6,7 +6,6 @@ import math
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
 from bug_gym.agents import make_policy
@@ -110,29 +109,36 @@ def test_who_closes_two_laps_that_do_not_part_it_from_the_goal_is_looping() -> N
     assert BOUNDARY.follow(unseen, memory) == (0.0, 0.0) and memory.verdict == "looping"
 
 
-def test_a_gate_in_a_nook_that_is_passed_by_later_stands_anew() -> None:
-    """After four turns; five laps are enough for another one to be closed."""
-    contour, proofs = walked((0.0, 0.0), 1, -1, laps=3, nook=1.0)
-    assert contour.gate is not None and math.hypot(*contour.gate.place) > 2.5 and not any(proofs)
-    contour, proofs = walked((0.0, 0.0), 1, -1, laps=6, nook=1.0)
+@pytest.mark.parametrize("nook", [0.5, 1.0, 2.0])
+def test_a_gate_in_a_nook_that_is_passed_by_later_stands_anew(nook: float) -> None:
+    """A younger one is passed before the third lap ends, so that the fourth is closed."""
+    contour, proofs = walked((0.0, 0.0), 1, -1, laps=1, nook=nook)
+    assert contour.gate is not None and math.hypot(*contour.gate.place) > 2.3 and not any(proofs)
+    contour, proofs = walked((0.0, 0.0), 1, -1, laps=4, nook=nook)
     assert contour.lost_gates == 1 and any(proofs)
+    assert math.hypot(*contour.gate.place) == pytest.approx(2.0) if contour.gate else False
 
 
-def test_a_place_left_for_less_that_leads_back_twice_is_no_way_out() -> None:
-    memory, none = BugMemory(), np.empty(0)
-    view: Any = SimpleNamespace(
-        position=(1.0, 0.0),
-        goal_position=(9.0, 0.0),
-        goal_distance=8.0,
-        points=(none, none),
-        heading=0.0,
-        to_odometry=lambda x, y: (x, y),
-    )
-    for is_known in (False, False, True, True):
-        contour = BOUNDARY.hit(view, memory, 1, 0.0)
-        assert contour.has_no_other == is_known
-        contour.takes_less = True
-        BOUNDARY.leave(view, memory)
+@pytest.mark.parametrize("lead", [3.0, 11.0, 40.0])
+def test_a_way_that_goes_round_without_a_turn_is_found_out_wherever_its_gate_is(lead: float) -> None:
+    """From a straight way of so many metres, on which the gate is, it comes to a figure of eight that does not lead there."""
+    contour = Contour(1, (-lead, 0.0), (0.0, -1.0), (-lead, 0.0), (90.0, 0.0), 0.0)
+    straight, angle, eight = round(lead / STEP), STEP / 2.0, round(8.0 * math.pi / STEP)
+    for step in range(1, straight + 20 * eight):
+        along = max(step - straight, 0) * angle
+        turn = 1.0 if along % (4.0 * math.pi) < 2.0 * math.pi else -1.0
+        place = (2.0 * math.sin(along), turn * 2.0 * (1.0 - math.cos(along)))
+        if step < straight:
+            place = ((step - straight) * STEP, 0.0)
+        view: Any = SimpleNamespace(
+            position=place, goal_position=(90.0, 0.0), nearest=lambda: (BOUNDARY.clearance, 0.0)
+        )
+        BOUNDARY.laps.advance(view, contour)
+        assert not contour.is_lap_closed
+        if contour.vain_laps > 1:
+            break
+    # A gate is set where it has come twice as far: within two rounds and the way before; then it is passed three times.
+    assert contour.vain_laps == 2 and contour.odometer <= 2.0 * (lead + 8.0 * math.pi) + 4.0 * 8.0 * math.pi
 
 
 @pytest.mark.parametrize("is_known", [True, False])
