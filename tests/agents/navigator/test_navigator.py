@@ -252,7 +252,7 @@ def test_it_arrives_in_every_kind_of_world(scenario: str, seed: int) -> None:
 
 
 def test_it_arrives_in_most_worlds_of_rush() -> None:
-    """Where nobody arrives always: in 92 of 100, so in fewer than 17 of 24 once in 2,600 processors, as each rounds differently."""
+    """Where nobody arrives always: in 92 of 100, so fewer than 17 of 24 once in 2,600 processors (each rounds otherwise)."""
     outcomes = [run_episode("navigator", "rush", ROBOT, seed=seed).outcome for seed in range(24)]
     assert outcomes.count("success") >= 17
 
