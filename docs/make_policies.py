@@ -42,7 +42,8 @@ that are privileged: they read the map of a live env as an episode begins, and w
 and twice the clearance. An algorithm that finds its goal shut in says so (`memory.verdict`: "unreachable"), one that finds
 itself going in circles too ("looping", "stuck"). A lap in which something near was seen to move proves nothing: then
 another one begins. Among gaps that are hardly one the hand may come to another wall: a bug that arrives always and has gone
-round twice in vain begins anew from there, at most three times.
+round twice in vain begins anew from there, at most three times: as a thinner robot, for which such a gap is one from both
+sides. Each time it keeps two thirds of what it kept beside its body before, and no less than its brake and noise need.
 
 Common parameters: `clearance` (centre to wall [m]), `turn` ("left", "right"), `leave_rule` ("front": a heading is free only
 within 90 degrees of the direction of travel; "any").

@@ -107,7 +107,7 @@ ENDED_WRONGLY_ONCE = {
     ],
     "turning to and fro between an arc and the contour": [("bug1", "jackal", 521)],
     "a cycle that leads past its gate": [("alg2", "jackal", 683), ("com1", "jackal", 1707), ("rev1", "jackal", 1051)],
-    "in a nook whose mouth is a gap from outside only": [
+    "in vain round the same, as in a nook whose mouth is a gap from outside only": [
         *(("bug1", "jackal", 31), ("dist_bug", "jackal", 31), ("dist_bug", "jackal", 1023)),
         *(("class1", "jackal", 1632), ("com1", "jackal", 1632), ("alg2", "holonomic", 1656)),
         *((f"vis_bug_{kind}", *world) for kind in (21, 22) for world in NOOKS),
