@@ -64,17 +64,16 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("ending", [".nbi", ".nbc"])
-def test_a_damaged_file_is_thrown_away_and_its_code_compiled_again(ending: str, damage: str, tmp_path: Path) -> None:
+def test_a_damaged_file_is_thrown_away_and_its_code_compiled_again(ending: str, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     assert told(tmp_path, NUMBA_CACHE_DIR=str(cache)) == ("False 42 6 0", [])
-    assert told(tmp_path, NUMBA_CACHE_DIR=str(cache)) == ("True 42 6 1", [])
-    (file,) = [path for path in cache.rglob(f"*{ending}") if path.name.startswith("double.double")]
-    file.write_bytes(DAMAGES[damage](file.read_bytes()))
-    said, lines = told(tmp_path, NUMBA_CACHE_DIR=str(cache))
-    assert said == "False 42 6 0", "it is not ready, and not found on disk"
-    assert lines == [f"{file} is damaged: thrown away, and compiled again"]
+    for damage in DAMAGES.values():
+        (file,) = [path for path in cache.rglob(f"*{ending}") if path.name.startswith("double.double")]
+        file.write_bytes(damage(file.read_bytes()))
+        said, lines = told(tmp_path, NUMBA_CACHE_DIR=str(cache))
+        assert said == "False 42 6 0", "it is not ready, and not found on disk"
+        assert lines == [f"{file} is damaged: thrown away, and compiled again"]
     assert told(tmp_path, NUMBA_CACHE_DIR=str(cache)) == ("True 42 6 1", [])
 
 

@@ -533,8 +533,8 @@ class Boundary:
             # A robot that turns on the spot asks again and again before it moves, its hand on one wall after another.
             since = travel if contour.asked is None else contour.asked - view.heading
             contour.sweep += swept(since, bearing, heading, contour.side)
-        contour.asked = heading + view.heading
-        contour.asked_for += 1
+            contour.asked = heading + view.heading
+            contour.asked_for += 1
         self._move_hand(view, contour, heading)
         if rounding is not None and first_heading is None:
             rounding.begin(view, contour, heading)

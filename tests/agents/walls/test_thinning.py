@@ -18,12 +18,19 @@ from bug_gym.simulation import Simulation
 BEGINNING_ANEW = ("bug1", "bug2", "com1", "class1", "alg1", "alg2", "rev1", "dist_bug", "tangent_bug", "vis_bug_21")
 
 
+def begin_anew(memory: Any, starts: int = 1) -> None:
+    """As if it had begun anew so often."""
+    counts = memory
+    if isinstance(memory, VisionMemory):
+        memory.trail = memory.trail or [Scout()]
+        counts = memory.scout
+    counts.fresh_starts = starts
+
+
 def after(policy: Any, starts: int) -> Any:
     """Who drives after so many fresh starts."""
     memory = policy.start()
-    if isinstance(memory, VisionMemory):
-        memory.trail = [Scout(fresh_starts=starts)]
-    memory.fresh_starts = starts
+    begin_anew(memory, starts)
     return policy.driver(memory)
 
 
@@ -79,3 +86,28 @@ def test_thin_rows_of_a_batch_do_what_they_do_alone(name: str, robot: str, seed:
         began = began or policy.driver(state[0]) is not policy
         flat = many.step(actions[:, None]).observation[:, 0]
     assert began
+
+
+@pytest.mark.parametrize("name", ["com1", "vis_bug_21"])
+def test_so_do_those_that_brake_for_what_a_thinner_robot_keeps(name: str) -> None:
+    inert = {
+        "robot.kinematics": "differential",
+        "robot.max_acceleration": 1.0,
+        "robot.max_speed": 2.0,
+        "lidar.range": 10.0,
+    }
+    many, alone = (Simulation("disc", rows, overrides=inert) for rows in (2, 1))
+    policy: Any = make_policy(name, many)
+    flat, one = many.reset(seeds=[0, 0])[:, 0], alone.reset(seeds=[0])[0, 0]
+    state, own = (policy.start(), policy.start()), (policy.start(),)
+    differ = False
+    for step in range(150):
+        if step == 1:
+            for memory in (state[0], own[0]):
+                begin_anew(memory)
+        actions, state = policy.predict(flat, state)
+        action, own = policy.predict(one, own)
+        np.testing.assert_array_equal(action, actions[0])
+        differ = differ or bool((actions[0] != actions[1]).any())
+        flat, one = many.step(actions[:, None]).observation[:, 0], alone.step(action[None, None]).observation[0, 0]
+    assert differ
