@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from episodes import run_episode
+
+from bug_gym.agents import make_policy
+from bug_gym.agents.walls.contour import Contour
+from bug_gym.config import load
+from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 
 def facing(**world: object) -> dict[str, object]:
@@ -94,3 +101,33 @@ def test_the_hit_point_counts_as_visited_and_for_the_m_line_no_place_beside_it(
     assert contour is not None and math.dist(contour.position, contour.hit) > 0.05
     beyond = getattr(episode.memory, record) - contour.hit_distance
     assert beyond <= 1e-6 and (name != "alg1" or beyond >= -1e-6)
+
+
+class Flickering:
+    """Rounding that leads on at every other look, and then elsewhere than the rule: as one that stands sees other beams."""
+
+    def __init__(self) -> None:
+        self.looks = 0
+
+    def go_on(self, view: View, contour: Contour) -> tuple[float, float] | None:
+        self.looks += 1
+        return (-0.1, -0.1) if self.looks % 2 else None
+
+    def begin(self, view: View, contour: Contour, heading: float) -> None:
+        contour.foot = (*view.position, heading + view.heading)
+
+
+def test_who_turns_to_and_fro_between_an_arc_and_the_contour_takes_the_contour() -> None:
+    """Once it has stood for as long as half a turn takes."""
+    simulation = Simulation(load(ACROSS), 1)
+    policy: Any = make_policy("com1", simulation, clearance=0.4)
+    flat, state = simulation.reset(seeds=[0])[:, 0], (policy.start(),)
+    while state[0].contour is None or state[0].contour.heading is None:
+        action, state = policy.predict(flat, state)
+        flat = simulation.step(action[:, None]).observation[:, 0]
+    view, memory, boundary = View(flat[0], policy.sensors), state[0], policy.boundary
+    boundary.rounding = Flickering()
+    memory.contour.foot = (*view.position, view.heading)
+    asked = [boundary.follow(view, memory) for _ in range(4 * boundary.turn_decisions)]
+    assert len(set(asked[: boundary.turn_decisions])) == 2
+    assert len(set(asked[2 * boundary.turn_decisions :])) == 1
