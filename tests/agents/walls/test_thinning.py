@@ -10,10 +10,11 @@ import pytest
 from bug_gym.agents import make_policy
 from bug_gym.agents.walls.vision import Scout, VisionMemory
 from bug_gym.config import load
-from bug_gym.policy import hidden_gap
+from bug_gym.policy import Memory, ScriptedPolicy, Velocity, hidden_gap
 from bug_gym.reproductions import cylinder_claims
 from bug_gym.reproductions.barn import PARAMETERS
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 BEGINNING_ANEW = ("bug1", "bug2", "com1", "class1", "alg1", "alg2", "rev1", "dist_bug", "tangent_bug", "vis_bug_21")
 
@@ -88,26 +89,38 @@ def test_thin_rows_of_a_batch_do_what_they_do_alone(name: str, robot: str, seed:
     assert began
 
 
-@pytest.mark.parametrize("name", ["com1", "vis_bug_21"])
-def test_so_do_those_that_brake_for_what_a_thinner_robot_keeps(name: str) -> None:
-    inert = {
-        "robot.kinematics": "differential",
-        "robot.max_acceleration": 1.0,
-        "robot.max_speed": 2.0,
-        "lidar.range": 10.0,
-    }
-    many, alone = (Simulation("disc", rows, overrides=inert) for rows in (2, 1))
-    policy: Any = make_policy(name, many)
+class Ahead(ScriptedPolicy):
+    """Goes ahead and keeps 0.5 m about its body, or 0.1 m where its memory says so."""
+
+    room = 0.5
+
+    def start(self) -> Memory:
+        return Memory(mode="")
+
+    def act(self, view: View, memory: Memory) -> Velocity:
+        return view.sensors.drive.max_speed, 0.0
+
+    def driver(self, memory: Memory) -> ScriptedPolicy:
+        other = Ahead(self.sensors)
+        other.room = 0.1
+        return other if memory.mode == "near" else self
+
+
+def test_a_driver_keeps_its_own_room_in_a_batch_as_alone() -> None:
+    world = {"family": "explicit", "bounds": [0, 0, 8, 4], "start": [1, 2, 0], "goal": [7, 2]}
+    wall = {"polygons": [[[5, 0], [5.5, 0], [5.5, 4], [5, 4]]]}
+    robot = {"kinematics": "differential", "radius": 0.2, "max_acceleration": 1.0}
+    scenario = load({"world": {**world, **wall}, "robot": robot, "lidar": {"beams": 180}, "time": {"limit": 30.0}})
+    many, alone = Simulation(scenario, 2), Simulation(scenario, 1)
+    policy = Ahead(Sensors.of(scenario))
     flat, one = many.reset(seeds=[0, 0])[:, 0], alone.reset(seeds=[0])[0, 0]
-    state, own = (policy.start(), policy.start()), (policy.start(),)
-    differ = False
-    for step in range(150):
-        if step == 1:
-            for memory in (state[0], own[0]):
-                begin_anew(memory)
+    state: tuple[Memory, ...] = (Memory(mode="near"), policy.start())
+    own: tuple[Memory, ...] = (Memory(mode="near"),)
+    for _ in range(150):
         actions, state = policy.predict(flat, state)
         action, own = policy.predict(one, own)
         np.testing.assert_array_equal(action, actions[0])
-        differ = differ or bool((actions[0] != actions[1]).any())
         flat, one = many.step(actions[:, None]).observation[:, 0], alone.step(action[None, None]).observation[0, 0]
-    assert differ
+    # The wall is 3.8 m before the body's front.
+    near, far = (many.world.pose[:, 0, 0] - 1.0).tolist()
+    assert far < 3.8 - 0.5 + 0.01 and 3.8 - 0.5 < near < 3.8 - 0.1 + 0.01
