@@ -16,8 +16,8 @@ from bug_gym import benchmark
 from bug_gym.agents import AGENTS, policy_names
 from bug_gym.cli import main, make_parser
 from bug_gym.commands import show
-from bug_gym.config import scenario_names
-from bug_gym.evaluation import gallery
+from bug_gym.config import load, scenario_names
+from bug_gym.evaluation import evaluate, gallery
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.suites import suite_names
 from bug_gym.simulation import Simulation
@@ -212,6 +212,11 @@ def test_benchmark_measures_something_everywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(benchmark, "CASES", ((5, 8),))
+    # Two seconds of an episode are enough to decide in.
+    short = {"time.limit": 2.0}
+    monkeypatch.setattr(
+        benchmark, "evaluate", lambda names, where, episodes: evaluate(names, load(where, short), episodes=1)
+    )
     out = tmp_path / "benchmark.json"
     assert main(["benchmark", "--repeats", "1", "--seconds", "0.01", "--worlds", "4", "--out", str(out)]) == 0
     data = json.loads(out.read_text())
