@@ -1,9 +1,9 @@
 """Beginning anew as a thinner robot, where a bug has gone round in vain.
 
-A gap about as wide as the robot with its clearance may let it in because it came straight, or on an arc, and be none to the hand
-that follows the wall: within, every lap is in vain, and a bug that begins anew there goes the same way again. So it keeps less from
-walls each time, as one who squeezes through, as far as brake and noise allow. What proves that there is no way for a thinner
-robot proves it for one that keeps more.
+A gap about as wide as the robot with its clearance may let it in because it came straight, or on an arc, and be none to the
+hand that follows the wall: within, every lap is in vain, and a bug that begins anew there goes the same way again. So it keeps
+less from walls each time, as one who squeezes through, as far as brake and noise allow. What proves that there is no way for a
+thinner robot proves it for one that keeps more.
 """
 
 from __future__ import annotations
