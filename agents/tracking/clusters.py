@@ -9,6 +9,10 @@ from bug_gym.compiling import called, inlined
 from bug_gym.kernels.layout import Flags, Floats, Integers
 
 JUMP = 0.1  # ranges that differ by more, for their noise and spacing, are of two surfaces [m]
+CUSP, CUSP_NOISES = 0.05, 2.0  # so far behind its neighbours, and noises of a range, lies where two things meet [m]
+NEIGHBOURS = 0.4  # which these are: as far as this from it [m]
+BULGE = 0.03  # by how much of its length a round thing stands out toward the scanner
+LEAST_PIECE = 3  # hits
 OPEN_END = 0.3  # a cluster that ends this near to the end of what is in range may go on there [m]
 
 
@@ -84,6 +88,69 @@ def cut_clusters(scan: Scan, members: Integers, begins: Integers) -> int:
         clusters += 1
         begins[clusters] = filled
     return clusters
+
+
+@inlined
+def behind(hits: Hits, first: int, k: int, last: int) -> float:
+    """How far hit k lies behind the line from hit `first` to hit `last`, as the scanner sees it [m]; before it: below 0."""
+    x, y, members = hits.x, hits.y, hits.members
+    ax, ay = x[members[first]], y[members[first]]
+    dx, dy = x[members[last]] - ax, y[members[last]] - ay
+    length = math.hypot(dx, dy)
+    if length < 1e-6:
+        return 0.0
+    aside = (dx * (y[members[k]] - ay) - dy * (x[members[k]] - ax)) / length
+    scanner = (dy * ax - dx * ay) / length
+    return -aside if scanner > 0.0 else aside
+
+
+@inlined
+def is_round(hits: Hits, begin: int, end: int) -> bool:
+    """Whether hits bulge toward the scanner, as those on a round thing do."""
+    x, y, members = hits.x, hits.y, hits.members
+    first, last = members[begin], members[end - 1]
+    length = math.hypot(x[last] - x[first], y[last] - y[first])
+    total = 0.0
+    for k in range(begin + 1, end - 1):
+        total -= behind(hits, begin, k, end - 1)
+    return total / max(end - begin - 2, 1) >= BULGE * length
+
+
+@inlined
+def cusp_of(hits: Hits, begin: int, end: int) -> int:
+    """Where two round things meet in a cluster: the hit that lies farthest behind its neighbours; -1: nowhere."""
+    x, y, members = hits.x, hits.y, hits.members
+    deepest, place = CUSP + CUSP_NOISES * hits.settings[NOISE], -1
+    first, last = begin, begin
+    for k in range(begin + LEAST_PIECE - 1, end - LEAST_PIECE + 1):
+        px, py = x[members[k]], y[members[k]]
+        while first < k - 1 and math.hypot(x[members[first + 1]] - px, y[members[first + 1]] - py) >= NEIGHBOURS:
+            first += 1
+        last = max(last, k + 1)
+        while last < end - 1 and math.hypot(x[members[last]] - px, y[members[last]] - py) < NEIGHBOURS:
+            last += 1
+        depth = behind(hits, first, k, last)
+        if depth > deepest:
+            deepest, place = depth, k
+    if place >= 0 and is_round(hits, begin, place + 1) and is_round(hits, place, end):
+        return place
+    return -1
+
+
+@called
+def split_clusters(hits: Hits, begins: Integers, count: int) -> int:
+    """Cut clusters of several round things that touch where these meet; returns how many there are now."""
+    c = 0
+    while c < count:
+        place = cusp_of(hits, begins[c], begins[c + 1])
+        if place < 0:
+            c += 1
+            continue
+        for k in range(count, c, -1):
+            begins[k + 1] = begins[k]
+        begins[c + 1] = place
+        count += 1
+    return count
 
 
 @inlined

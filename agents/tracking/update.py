@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from bug_gym.agents.tracking.association import WALL_EXTENT, associate, claim_beams, gather_claimed, join_claims
-from bug_gym.agents.tracking.clusters import cut_clusters, edges_of, extent_of
+from bug_gym.agents.tracking.clusters import cut_clusters, edges_of, extent_of, split_clusters
 from bug_gym.agents.tracking.discs import NEW_RADIUS, NEW_RADIUS_SPREAD, NEW_SHAPE, fit_disc
 from bug_gym.agents.tracking.evidence import keep_scan, weigh_evidence
 from bug_gym.agents.tracking.filter import GATE, departure, measure, predict_tracks, refit
@@ -102,7 +102,7 @@ def update_tracks(
     claim_beams(memory, scan)
     join_claims(memory, hits, clusters.begins, count, owner, counts, fits[0])
     follow_movers(memory, scan, hits, fits[0])
-    count = cut_clusters(scan, members, clusters.begins)
+    count = split_clusters(hits, clusters.begins, cut_clusters(scan, members, clusters.begins))
     fit_things(hits, clusters, count)
     associate(memory, clusters, count, pose)
     take_things(memory, scan, hits, clusters, count)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tracked import disc, track, world_of
+from tracked import disc, last_tracks, track, world_of
 
 from bug_gym.agents.tracking.tracker import Tracker
 from bug_gym.reproductions.tracking import VARIANTS, mover_numbers, watch
@@ -129,6 +129,38 @@ def test_clusters_that_merge_at_64_beams_come_apart_again() -> None:
         near = int(np.hypot(*(places - place).T).argmin())
         assert math.dist(places[near], place) < 0.3
         assert velocities[near, 1] * speed > 0.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("beams", [120, 360])
+@pytest.mark.parametrize(
+    "places", [[(3.0, -0.5), (3.0, 0.45)], [(2.5, 0.6), (2.9, -0.3)], [(3.0, 1.0), (3.0, 0.0), (3.0, -1.0)]]
+)
+def test_discs_that_go_along_side_by_side_are_as_many_movers(
+    places: list[tuple[float, float]], beams: int, noise: float
+) -> None:
+    """They touch or overlap, so that no range jumps where one ends and the next begins."""
+    velocity = (-0.3, 0.4)
+    movers = [disc(place, velocity, 0.5) for place in places]
+    tracks = last_tracks(world_of(movers, beams=beams, noise=noise), 1.5)
+    found = tracks.position[tracks.moving & (tracks.unseen == 0.0)]
+    assert len(found) == len(places)
+    for x, y in places:
+        assert np.hypot(*(found - (x + 1.5 * velocity[0], y + 1.5 * velocity[1])).T).min() < 0.2
+
+
+@pytest.mark.parametrize("beams", [120, 360])
+@pytest.mark.parametrize(
+    "polygon",
+    [
+        [[2.8, -0.9], [3.3, 0.0], [2.8, 0.9], [3.6, 0.0]],
+        [[2.5, -0.6], [3.5, -0.6], [3.5, 0.6], [2.5, 0.6]],
+    ],
+    ids=["a corner seen from within", "a box"],
+)
+def test_one_thing_with_flat_sides_stays_one(polygon: list[list[float]], beams: int) -> None:
+    tracks = last_tracks(world_of([], beams=beams, noise=0.01, polygons=[polygon]), 1.0)
+    assert len(tracks.id) == 1
 
 
 def test_the_judge_counts_what_it_is_shown() -> None:
