@@ -101,7 +101,7 @@ def behind(hits: Hits, first: int, k: int, last: int) -> float:
         return 0.0
     aside = (dx * (y[members[k]] - ay) - dy * (x[members[k]] - ax)) / length
     scanner = (dy * ax - dx * ay) / length
-    return -aside if scanner > 0.0 else aside
+    return float(-aside if scanner > 0.0 else aside)
 
 
 @inlined
