@@ -107,7 +107,7 @@ class Contour:
     """Door where the lap began; None until the robot goes along the wall."""
     check: Gate | None = None
     """Another one, set anew where the robot is each time it has come twice as far (Brent 1980): a way that has left the gate
-    behind and goes round without a full turn leads through this one again."""
+    behind and goes round elsewhere, with a full turn or without, leads through this one again."""
     lost_gates: int = 0
     """Gates that the way no longer led through, so that another was placed."""
     is_lap_closed: bool = False

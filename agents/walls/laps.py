@@ -2,6 +2,8 @@
 
 A lap begins at a gate across the contour, once the robot goes along the wall, and is closed where that gate is passed
 again after a full turn. A lap in which something moved proves nothing, and begins anew.
+Where the way no longer leads through the gate, a younger one tells (`Contour.check`): after a full turn a lap begins there,
+without one the robot goes round in vain.
 """
 
 from __future__ import annotations
