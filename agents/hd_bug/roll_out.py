@@ -61,7 +61,9 @@ class RollOut(NamedTuple):
     contact: F64
     """Time until it meets something predicted (m,) [s]; infinite where it doesn't within the horizon."""
     nearness: F64
-    """Penalty for passing nearer than the margin (m,): the squared shortfall as a share, fading with time."""
+    """Penalty for passing nearer than the margin (m,): the squared shortfall as a share, fading with time.
+
+    Above 1, and no longer squared, within what is predicted, so that the way out is cheapest for who is there already."""
     end: F64
     """Where it is after the time to be compared at (m, 2) [m]."""
 
@@ -149,13 +151,10 @@ def _roll_out(
                 square = dx * dx + dy * dy
                 if square >= (reach + margin) ** 2:
                     continue
-                if square < reach * reach:
-                    if contact[i] == np.inf:
-                        contact[i] = times[k]
-                    nearness[i] = max(nearness[i], fade)
-                else:
-                    short = 1.0 - (math.sqrt(square) - reach) / margin
-                    nearness[i] = max(nearness[i], short * short * fade)
+                if square < reach * reach and contact[i] == np.inf:
+                    contact[i] = times[k]
+                short = 1.0 - (math.sqrt(square) - reach) / margin
+                nearness[i] = max(nearness[i], min(short, short * short) * fade)
             if k == compare:
                 ox, oy = px, py
         end[i, 0], end[i, 1] = ox, oy

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, Measures
 from bug_gym.agents.hd_bug_map.perceive import Scene
 from bug_gym.agents.hd_bug_map.poses import TURNING
+from bug_gym.agents.hd_bug_map.sudden_turns import Turning, turn_risks, turning
 from bug_gym.agents.mapping.way import Way
 from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.geometry import F64
@@ -27,6 +29,18 @@ SHADOW_RISK, SHADOW_SPEED, SHADOW_STEPS = 0.5, 0.3, 10
 
 RISK, HABIT, CONTACT = 6.0, 0.1, 2.0
 """Weights of a near miss [m], of a turn [m/rad], and of a contact, for each second that it comes sooner [m/s]."""
+
+TURN_RISK = 12.0
+"""Weight of the chance to be hit by a mover that turns [m]."""
+
+
+class Near(NamedTuple):
+    """The movers that could be met within the horizon."""
+
+    movers: Movers
+    """Where they are predicted."""
+    turning: Turning
+    """Where they may turn."""
 
 
 class Avoidance:
@@ -52,8 +66,8 @@ class Avoidance:
         self.speeds: F64 = np.tile(measures.top * np.arange(1, RINGS + 1) / RINGS, len(HEADINGS))
         """Speed of each candidate that goes on [m/s]."""
 
-    def near_movers(self, scene: Scene, predictor: Predictor) -> Movers | None:
-        """The movers that could be met within the horizon, where they are predicted; None: there are none."""
+    def near_movers(self, scene: Scene, predictor: Predictor) -> Near | None:
+        """The movers that could be met within the horizon; None: there are none."""
         tracks, parameters = scene.tracks, self.parameters
         if not tracks.moving.any():
             return None
@@ -64,14 +78,18 @@ class Avoidance:
             return None
         chosen = tracks.select(near)
         radii = chosen.radius[:, None] + parameters.spread * self.times[None, :]
-        return Movers(predictor.predict(chosen, self.times).places, radii, parameters.margin)
+        places, speeds = predictor.predict(chosen, self.times).places, np.hypot(*chosen.velocity.T)
+        may_turn = turning(chosen.position, chosen.radius, speeds, places, self.spacing, parameters.mover_turns)
+        return Near(Movers(places, radii, parameters.margin), may_turn)
 
-    def avoid(self, scene: Scene, memory: HDBugMapMemory, way: Way, movers: Movers) -> tuple[float, float]:
+    def avoid(self, scene: Scene, memory: HDBugMapMemory, way: Way, near: Near) -> tuple[float, float]:
         """Direction [rad] and speed [m/s] of the candidate velocity that costs least among movers."""
-        memory.mode, memory.forecast = "avoidance", movers.places
+        memory.mode, memory.forecast = "avoidance", near.movers.places
         behind = self._back_out(scene)
-        velocities, result = self._roll_out(scene, memory, way, movers, behind)
+        velocities, result = self._roll_out(scene, memory, way, near.movers, behind)
         cost = self._costs(scene, memory, way, velocities, result)
+        if self.parameters.mover_turns > 0.0:
+            cost += self.parameters.beta * TURN_RISK * self._turn_risks(scene, velocities, behind, near.turning)
         best = int(cost.argmin())
         memory.is_backing = behind is not None and best == len(cost) - 1
         memory.candidates, memory.costs = result.end, cost
@@ -96,6 +114,14 @@ class Avoidance:
             Velocities(*map(np.concatenate, zip(velocities, behind, strict=True))),
             RollOut(*map(np.concatenate, zip(result, back, strict=True))),
         )
+
+    def _turn_risks(self, scene: Scene, velocities: Velocities, behind: Velocities | None, turning: Turning) -> F64:
+        """Chance (m,) to be hit by a mover that turns; the last candidate is the one straight back, if there is one."""
+        pose, radius = scene.view.pose, self.measures.radius
+        risks = turn_risks(self.drive, pose, radius, velocities, turning)
+        if behind is not None:
+            risks[-1:] = turn_risks(self.backward, pose, radius, behind, turning)
+        return risks
 
     def _velocity_candidates(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocities:
         """The candidates among movers: headings about the next node at each speed, and to stand."""

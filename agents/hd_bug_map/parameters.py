@@ -36,6 +36,8 @@ class HDBugMapParameters:
     """Passing a mover nearer than this is risky [m]."""
     spread: Length = 0.08
     """How fast the predicted discs of movers grow [m/s]: they don't keep their course."""
+    mover_turns: Weight = 1.0
+    """How often a mover is feared to turn to wherever it likes [1/s]; 0: never."""
     patience: Annotated[int, AtMost(1e6)] = 20
     """Decisions in a row without any way before the goal counts as unreachable."""
     lead: bool = True
@@ -51,7 +53,7 @@ class HDBugMapParameters:
         require_numbers(
             self,
             positive=("r_base", "alpha", "v_max", "v_turning", "horizon", "margin"),
-            not_negative=("beta", "spread"),
+            not_negative=("beta", "spread", "mover_turns"),
             shares=("v_max", "v_turning"),
         )
         if self.patience < 1:

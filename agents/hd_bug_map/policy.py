@@ -16,9 +16,10 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
 2. No way. The goal is unreachable when the remembered points close it off, at the least clearance the body allows, for
    `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved.
 3. Movers. Each candidate is a velocity (32 headings, four speeds, to stand, to back out), rolled out with the robot's
-   kinematics against the predicted tracks; what is left to go, near misses and contacts cost. While movers are near, the
-   edges of shadows within the detection radius r' count as near misses too: another may come out of them. r' climbs and
-   descends a ladder (hd_bug/ladder.py); the ends of candidates are compared after the time in which r' is crossed.
+   kinematics against the predicted tracks; what is left to go, near misses and contacts cost, and the chance to be hit
+   by a mover that turns at once or within a second or so, to wherever it likes (sudden_turns). While movers are near,
+   the edges of shadows within the detection radius r' count as near misses too: another may come out of them. r' climbs
+   and descends a ladder (hd_bug/ladder.py); the ends of candidates are compared after the time in which r' is crossed.
 4. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by
    no longer than its velocity has foretold where it went. The goal radius grows with what it moves in a step.
 5. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for
@@ -115,9 +116,9 @@ class HDBugMap(ScriptedPolicy):
 
     def drive(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocity:
         """Along the way, or among movers what costs least."""
-        movers = self.avoidance.near_movers(scene, self.predictor)
-        if movers is not None:
-            direction, speed = self.avoidance.avoid(scene, memory, way, movers)
+        near = self.avoidance.near_movers(scene, self.predictor)
+        if near is not None:
+            direction, speed = self.avoidance.avoid(scene, memory, way, near)
         else:
             direction, speed = follow_way(scene, memory, way, self.measures)
         memory.direction = direction
@@ -125,22 +126,22 @@ class HDBugMap(ScriptedPolicy):
 
     def _turn(self, scene: Scene, memory: HDBugMapMemory, velocity: Velocity) -> Velocity:
         """On with the poses of a long body, or out of the way of what moves."""
-        movers = self.avoidance.near_movers(scene, self.predictor)
-        if movers is None or memory.turns is None:
+        near = self.avoidance.near_movers(scene, self.predictor)
+        if near is None or memory.turns is None:
             return velocity
-        return give_way(scene, memory, memory.turns, velocity, movers, self.avoidance.times, self.measures)
+        return give_way(scene, memory, memory.turns, velocity, near.movers, self.avoidance.times, self.measures)
 
     def _wait(self, scene: Scene, memory: HDBugMapMemory) -> Velocity:
         """Stand, but for movers that come near: there is no way now."""
         if memory.verdict:
             return 0.0, 0.0
-        movers = self.avoidance.near_movers(scene, self.predictor)
-        if movers is None:
+        near = self.avoidance.near_movers(scene, self.predictor)
+        if near is None:
             return 0.0, 0.0
         view = scene.view
         gap = math.dist(view.position, memory.goal)
         straight = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
-        direction, speed = self.avoidance.avoid(scene, memory, straight, movers)
+        direction, speed = self.avoidance.avoid(scene, memory, straight, near)
         memory.mode = "waiting"
         return velocity_along(direction - view.heading, speed)
 

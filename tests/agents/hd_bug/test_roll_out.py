@@ -85,13 +85,21 @@ def test_a_near_miss_costs_the_squared_shortfall_and_fades_with_time() -> None:
     assert costs[1] == pytest.approx(0.25, rel=0.05)
 
 
+def test_within_what_is_predicted_the_way_out_is_cheapest() -> None:
+    places = moving((0.3, 0.0), (0.0, 0.0))
+    result = rolled([math.pi, math.pi / 2, 0.0, 0.0], [0.5, 0.5, 0.5, 0.0], places=places, times=TIMES)
+    assert (result.contact == TIMES[0]).all()
+    away, aside, into, standing = result.nearness
+    assert 1.0 < away < aside < standing < into
+
+
 def plain(direction: float, speed: float, free: float, places: F64, radii: F64) -> tuple[float, float, F64]:
     """Contact, nearness and places (K, 2) of a holonomic robot, from their definitions."""
     at = np.minimum(speed * TIMES, free)[:, None] * np.array([math.cos(direction), math.sin(direction)])
     gaps = np.hypot(*(places - at).transpose(2, 0, 1)) - RADIUS - radii
     met = np.flatnonzero((gaps < 0.0).any(axis=0))
-    short = np.clip(1.0 - np.maximum(gaps, 0.0) / MARGIN, 0.0, 1.0)
-    nearness = (short**2 * np.exp(-TIMES / FADING)).max(initial=0.0)
+    short = np.maximum(1.0 - gaps / MARGIN, 0.0)
+    nearness = (np.minimum(short**2, short) * np.exp(-TIMES / FADING)).max(initial=0.0)
     return (float(TIMES[met[0]]) if len(met) else math.inf), float(nearness), at
 
 

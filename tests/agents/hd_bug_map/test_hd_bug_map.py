@@ -216,6 +216,27 @@ def test_most_worlds_of_movers_are_crossed() -> None:
     assert outcomes.count("success") >= 18
 
 
+def least_gap(mover_turns: float, kinematics: str) -> float:
+    """How near a mover that comes the other way passes a robot 1.2 m beside it, between the bodies [m]."""
+    motion = {"law": "bounce", "velocity": [-0.8, 0.0]}
+    world = {
+        "family": "explicit",
+        "bounds": [-20, -20, 20, 20],
+        "start": [-8, 0, 0],
+        "goal": [8, 0],
+        "movers": [{"shape": {"circle": 0.3}, "at": [8, 1.2], "motion": motion}],
+    }
+    scenario = {"world": world, "robot": {"kinematics": kinematics}}
+    episode = run_episode("hd_bug_map", scenario, mover_turns=mover_turns)
+    assert episode.outcome == "success"
+    return episode.min_clearance
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_who_fears_turns_leaves_movers_more_room(kinematics: str) -> None:
+    assert least_gap(1.0, kinematics) > least_gap(0.0, kinematics) + 0.1
+
+
 def chase(policy: str, velocity: tuple[float, float], kinematics: str) -> float:
     """Time that a policy takes to a target that starts at (10, 0) and keeps its velocity [s]."""
     motion = {"law": "bounce", "velocity": list(velocity)}
