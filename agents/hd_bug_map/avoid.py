@@ -10,12 +10,12 @@ import numpy as np
 
 from bug_gym.agents.hd_bug.frames import direction_to, in_odometry
 from bug_gym.agents.hd_bug.roll_out import Movers, RollOut, Velocities, roll_out
+from bug_gym.agents.hd_bug.sudden_turns import Turning, turn_risks, turning
 from bug_gym.agents.hd_bug_map.follow_way import HEADINGS
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, Measures
 from bug_gym.agents.hd_bug_map.perceive import Scene
 from bug_gym.agents.hd_bug_map.poses import TURNING
-from bug_gym.agents.hd_bug_map.sudden_turns import Turning, turn_risks, turning
 from bug_gym.agents.mapping.way import Way
 from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.geometry import F64

@@ -17,7 +17,7 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
    `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved.
 3. Movers. Each candidate is a velocity (32 headings, four speeds, to stand, to back out), rolled out with the robot's
    kinematics against the predicted tracks; what is left to go, near misses and contacts cost, and the chance to be hit
-   by a mover that turns at once or within a second or so, to wherever it likes (sudden_turns). While movers are near,
+   by a mover that turns at once or within a second or so, to wherever it likes (hd_bug/sudden_turns.py). While movers are near,
    the edges of shadows within the detection radius r' count as near misses too: another may come out of them. r' climbs
    and descends a ladder (hd_bug/ladder.py); the ends of candidates are compared after the time in which r' is crossed.
 4. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by

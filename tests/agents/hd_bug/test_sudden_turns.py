@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.roll_out import Velocities
-from bug_gym.agents.hd_bug_map.sudden_turns import AHEAD, FADING, Turning, turn_risks, turning
+from bug_gym.agents.hd_bug.sudden_turns import AHEAD, FADING, Turning, turn_risks, turning
 from bug_gym.kinematics import Drive
 
 F64 = NDArray[np.float64]
