@@ -53,7 +53,7 @@ def turning(positions: F64, radii: F64, speeds: F64, predicted: F64, spacing: fl
     """
     count = min(max(round(AHEAD / (2.0 * spacing)), 1), predicted.shape[1] // 2)
     places = np.concatenate([positions[:, None], predicted[:, 1 : 2 * count - 2 : 2]], axis=1)
-    return Turning(places, radii, speeds, 2.0 * spacing, rate)
+    return Turning(places, radii, speeds, 2.0 * spacing, float(rate))
 
 
 def turn_risks(
