@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -114,6 +114,10 @@ def is_learning(module: str) -> bool:
     return module not in PLAYING and any(f"{module}.".startswith(f"{name}.") for name in LEARNING)
 
 
+BELOW_THE_AGENTS = [name for name in CORE if layer_of(name) in CORE_LAYERS]
+NOT_LEARNING = [name for name in MODULES if not is_learning(name)]
+
+
 @cache
 def source_of(module: str) -> str:
     """The text of one of our modules."""
@@ -125,9 +129,15 @@ def package_of(module: str) -> str:
     return ".".join(("bug_gym", *FILES[module].relative_to(PACKAGE).parent.parts))
 
 
+@cache
+def parsed(source: str) -> ast.Module:
+    """A module's text as a tree that nobody changes."""
+    return ast.parse(source)
+
+
 def imports_of(source: str, package: str = "bug_gym") -> Iterator[Import]:
     """Each name imported anywhere in a module of `package`."""
-    return _imports_below(ast.parse(source), package, is_lazy=False, is_for_types=False)
+    return _imports_below(parsed(source), package, is_lazy=False, is_for_types=False)
 
 
 def _imports_below(node: ast.AST, package: str, *, is_lazy: bool, is_for_types: bool) -> Iterator[Import]:
@@ -151,6 +161,12 @@ def imports_in(module: str) -> list[Import]:
     return list(imports_of(source_of(module), package_of(module)))
 
 
+def packages_in(module: str, *, early: bool = False) -> set[str]:
+    """The packages that a module of ours imports; early: but for those imported in functions or for types only."""
+    items = [item for item in imports_in(module) if not (early and (item.is_lazy or item.is_for_types))]
+    return {item.name.split(".")[0] for item in items}
+
+
 def project_module(name: str) -> str | None:
     """The module of ours that a dotted name lies in, None for others' names."""
     parts = name.split(".")
@@ -168,7 +184,7 @@ def named_modules(source: str, package: str) -> set[str]:
     In a table of modules (the source of a folder's __init__.py) a name of the folder's is enough.
     """
     found = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             match = re.fullmatch(r"\.?([A-Za-z_][\w.]*)(:\w+)?", node.value)
             name = match[1] if match else ""
@@ -204,17 +220,17 @@ def algorithms() -> set[str]:
 
 def global_generators(source: str) -> list[str]:
     """Uses of a random generator that belongs to the process: `np.random.rand`, `random.random` and their like."""
-    used = [item.name for item in imports_of(source) if item.name.split(".")[0] == "random"]
-    used += [item.name for item in imports_of(source) if re.match(r"numpy\.random\.\w", item.name)]
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Attribute) and re.fullmatch(r"(np|numpy)\.random\.\w+", ast.unparse(node)):
-            used.append(ast.unparse(node))
+    used = [item.name for item in imports_of(source) if re.match(r"random\b|numpy\.random\.\w", item.name)]
+    for node in ast.walk(parsed(source)):
+        match node:
+            case ast.Attribute(ast.Attribute(ast.Name("np" | "numpy"), "random"), name):
+                used.append(name)
     return [name for name in used if name.split(".")[-1] not in OWN_GENERATORS]
 
 
 def foreign_names(source: str, package: str) -> list[str]:
     """What compiled functions use that is neither of their folder nor of the kernels, nor of math or numpy."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     imported: dict[str, str] = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
@@ -255,7 +271,7 @@ def names_in(statements: list[ast.stmt]) -> Iterator[str]:
 
 def functions_in(source: str) -> Iterator[tuple[str, str]]:
     """Name and text of the functions of a module, the text without docstring and comments."""
-    for node in ast.parse(source).body:
+    for node in parsed(source).body:
         if isinstance(node, ast.FunctionDef):
             body = node.body[1:] if ast.get_docstring(node) is not None else node.body
             yield node.name, "\n".join([ast.unparse(node.args), *map(ast.unparse, body)])
@@ -268,9 +284,13 @@ def uncommented_lazy_imports(source: str, package: str = "bug_gym") -> list[str]
     return sorted({f"line {item.line}: {item.name}" for item in lazy if " # " not in lines[item.line - 1]})
 
 
-@pytest.mark.parametrize("module", CORE)
-def test_every_core_module_has_a_layer(module: str) -> None:
-    assert layer_of(module) in range(len(LAYERS))
+def faults(modules: Iterable[str], found_in: Callable[[str], Iterable[object]]) -> dict[str, list[object]]:
+    """What is found in each of some modules, but for those in which there is nothing."""
+    return {module: found for module in modules if (found := list(found_in(module)))}
+
+
+def test_every_core_module_has_a_layer() -> None:
+    assert {layer_of(module) for module in CORE} <= set(range(len(LAYERS)))
 
 
 def test_every_name_in_the_layers_is_that_of_a_module_or_folder() -> None:
@@ -283,15 +303,15 @@ def test_a_module_without_a_layer_is_told_where_to_add_it() -> None:
         layer_of("no_such_module")
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_imports_go_down_the_layers(module: str) -> None:
-    upward = [
-        f"line {item.line}: {item.name}"
-        for item in imports_in(module)
-        if (target := project_module(item.name)) not in (None, "__init__") and layer_of(target) > layer_of(module)
-    ]
-    upward += [name for name in modules_named_in(module) if layer_of(name) > layer_of(module)]
-    assert not upward
+def test_imports_go_down_the_layers() -> None:
+    def upward(module: str) -> Iterator[str]:
+        for item in imports_in(module):
+            target = project_module(item.name)
+            if target not in (None, "__init__") and layer_of(target) > layer_of(module):
+                yield f"line {item.line}: {item.name}"
+        yield from (name for name in modules_named_in(module) if layer_of(name) > layer_of(module))
+
+    assert not faults(MODULES, upward)
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
@@ -303,25 +323,23 @@ def test_no_modules_import_or_name_each_other_in_a_circle() -> None:
     TopologicalSorter(graph).prepare()
 
 
-@pytest.mark.parametrize("module", [module for module in CORE if LAYER.get(module.split(".")[0]) in CORE_LAYERS])
-def test_nothing_below_the_agents_knows_them(module: str) -> None:
-    known = modules_imported_by(module) | modules_named_in(module)
-    assert not [name for name in known if name.split(".")[0] == "agents"]
+def test_nothing_below_the_agents_knows_them() -> None:
+    def known(module: str) -> set[str]:
+        return {name for name in modules_imported_by(module) | modules_named_in(module) if name.startswith("agents")}
+
+    assert not faults(BELOW_THE_AGENTS, known)
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_imports_are_absolute(module: str) -> None:
-    assert not [item.name for item in imports_in(module) if item.is_relative]
+def test_imports_are_absolute() -> None:
+    assert not faults(MODULES, lambda module: [item.name for item in imports_in(module) if item.is_relative])
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_an_import_of_our_own_in_a_function_says_why(module: str) -> None:
-    assert not uncommented_lazy_imports(source_of(module), package_of(module))
+def test_an_import_of_our_own_in_a_function_says_why() -> None:
+    assert not faults(MODULES, lambda module: uncommented_lazy_imports(source_of(module), package_of(module)))
 
 
-@pytest.mark.parametrize("module", AGENTS)
-def test_no_agent_imports_an_algorithm(module: str) -> None:
-    assert module in COMPOSED or not modules_imported_by(module) & algorithms()
+def test_no_agent_imports_an_algorithm() -> None:
+    assert not faults(set(AGENTS) - COMPOSED, lambda module: modules_imported_by(module) & algorithms())
 
 
 def test_the_table_of_agents_names_algorithms_and_not_toolboxes() -> None:
@@ -342,15 +360,12 @@ def test_modules_that_tables_name_are_seen() -> None:
     assert modules_named_in("__init__") >= {"agents.prediction.env", "navigation_env"}
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_compiled_code_stays_in_the_kernels(module: str) -> None:
-    uses_numba = any(item.name.split(".")[0] == "numba" for item in imports_in(module))
-    assert module in NUMBA or not uses_numba
+def test_compiled_code_stays_in_the_kernels() -> None:
+    assert not faults(set(MODULES) - NUMBA, lambda module: packages_in(module) & {"numba"})
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_compiled_code_calls_its_own_folder_and_the_kernels_only(module: str) -> None:
-    assert not foreign_names(source_of(module), package_of(module))
+def test_compiled_code_calls_its_own_folder_and_the_kernels_only() -> None:
+    assert not faults(MODULES, lambda module: foreign_names(source_of(module), package_of(module)))
 
 
 def test_no_two_modules_define_the_same_function() -> None:
@@ -361,31 +376,27 @@ def test_no_two_modules_define_the_same_function() -> None:
     assert not {name: modules for (name, _), modules in where.items() if len(modules) > 1}
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_extras_are_imported_where_they_are_needed(module: str) -> None:
-    early = {item.name.split(".")[0] for item in imports_in(module) if not item.is_lazy and not item.is_for_types}
-    assert not early & (EXTRAS - TORCH - {"safetensors"} if is_learning(module) else EXTRAS)
+def test_extras_are_imported_where_they_are_needed() -> None:
+    def early(module: str) -> set[str]:
+        return packages_in(module, early=True) & (EXTRAS - TORCH - {"safetensors"} if is_learning(module) else EXTRAS)
+
+    assert not faults(MODULES, early)
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_only_the_learning_files_know_torch(module: str) -> None:
-    imported = {item.name.split(".")[0] for item in imports_in(module)}
-    assert is_learning(module) or not imported & TORCH
+def test_only_the_learning_files_know_torch() -> None:
+    assert not faults(NOT_LEARNING, lambda module: packages_in(module) & TORCH)
 
 
-@pytest.mark.parametrize("module", [module for module in MODULES if not is_learning(module)])
-def test_what_does_not_learn_is_imported_without_the_learning_files(module: str) -> None:
-    assert not [name for name in modules_imported_by(module, early=True) if is_learning(name)]
+def test_what_does_not_learn_is_imported_without_the_learning_files() -> None:
+    assert not faults(NOT_LEARNING, lambda module: filter(is_learning, modules_imported_by(module, early=True)))
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_no_module_draws_from_a_global_generator(module: str) -> None:
-    assert not global_generators(source_of(module))
+def test_no_module_draws_from_a_global_generator() -> None:
+    assert not faults(MODULES, lambda module: global_generators(source_of(module)))
 
 
-@pytest.mark.parametrize("module", [module for module in CORE if LAYER.get(module.split(".")[0]) in CORE_LAYERS])
-def test_the_core_reads_no_clock(module: str) -> None:
-    assert not [item for item in imports_in(module) if item.name.split(".")[0] in {"time", "datetime"}]
+def test_the_core_reads_no_clock() -> None:
+    assert not faults(BELOW_THE_AGENTS, lambda module: packages_in(module) & {"time", "datetime"})
 
 
 @pytest.mark.parametrize(

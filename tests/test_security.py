@@ -115,10 +115,11 @@ def module_of(name: str) -> str:
     return "" if name.startswith("docs/") else ".".join(path.with_suffix("").parts).removesuffix(".__init__")
 
 
-@pytest.mark.parametrize("name", SOURCES)
-def test_no_module_runs_code_that_it_reads(name: str) -> None:
-    found = set(unsafe_calls(SOURCES[name].read_text(encoding="utf-8"), module_of(name)))
-    assert found == ALLOWED.get(name, set())
+def test_no_module_runs_code_that_it_reads() -> None:
+    found = {
+        name: set(unsafe_calls(path.read_text(encoding="utf-8"), module_of(name))) for name, path in SOURCES.items()
+    }
+    assert {name: calls for name, calls in found.items() if calls} == ALLOWED
 
 
 @pytest.mark.parametrize(

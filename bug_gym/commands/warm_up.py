@@ -22,6 +22,9 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """What kernels are compiled for -> a scenario of that kind, with overrides."""
 
+DRIVEN = 20.0
+"""Seconds of an episode that policies are driven for: whole ones compiled nothing that half of it had not."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
@@ -74,17 +77,18 @@ def _draw() -> None:
 
 
 def _use_policies() -> Iterator[str]:
-    """Drive each policy among movers, over weighted ground, after a target, out of a trap and through a maze."""
+    """Begin to drive each policy among movers, over weighted ground, after a target, in a trap and in a maze."""
     from bug_gym.agents import AGENTS, playable_names  # loads the compiler
     from bug_gym.evaluation import evaluate  # loads the compiler
 
     names = [name for name in playable_names() if name in AGENTS and not AGENTS[name].model]
+    scenarios = ["dynamic", "terrain", "moving_target", "u_trap", "maze"]
     for name in names:
-        evaluate([name], ["dynamic", "terrain", "moving_target", "u_trap", "maze"], episodes=1)
+        asked: list[tuple[Any, str | list[str]]] = [(name, scenarios)]
         if name == "d_star_lite":
-            evaluate([{"name": name, "label": "unknown terrain", "parameters": {"known": False}}], "maze", episodes=1)
+            asked.append(({"name": name, "label": "unknown terrain", "parameters": {"known": False}}, "maze"))
         if name in ("a_star", "dijkstra", "theta_star", "d_star_lite"):
-            evaluate(
-                [{"name": name, "label": "weighed ground", "parameters": {"terrain": True}}], "terrain", episodes=1
-            )
+            asked.append(({"name": name, "label": "weighed ground", "parameters": {"terrain": True}}, "terrain"))
+        for policy, where in asked:
+            evaluate([policy], where, episodes=1, overrides={"time.limit": DRIVEN})
         yield name
