@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from compiled import for_python
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely import LineString, MultiPoint
@@ -29,11 +30,14 @@ from bug_gym.inertia import (
     stoppable_action,
     stoppable_actions,
 )
+from bug_gym.kernels import stopping
 from bug_gym.kinematics import Drive
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.reproductions import still_things
 from bug_gym.view import Sensors, View
+
+passes_side: Any = for_python(stopping.passes_side)
 
 SPEEDS, ACCELERATIONS, STEPS = st.floats(0.0, 3.0), st.floats(0.1, 10.0), st.sampled_from([0.05, 0.1, 0.2])
 
@@ -226,6 +230,8 @@ BEARINGS = st.floats(-3.1, 3.1)
 
 
 @settings(max_examples=500)
+@example(0.201171875, -0.9375, 1.5, 0.5, 0.5, 0.5)  # its tip lies before where the side would meet the next beam
+@example(0.201171875, 0.9375, 1.5, -0.5, -0.5, -0.5)
 @given(st.floats(0.201, 0.3), BEARINGS, st.floats(0.6, 2.6), st.floats(-0.5, 0.5), BEARINGS, BEARINGS)
 def test_a_step_that_passes_corners_touches_no_tip_of_which_two_beams_meet_a_side(
     corner: float, away: float, angle: float, lean: float, phase: float, ahead: float
@@ -241,6 +247,31 @@ def test_a_step_that_passes_corners_touches_no_tip_of_which_two_beams_meet_a_sid
         assert nearest >= 0.2 - 1e-6
     if nearest >= corner - 1e-9 and math.cos(ahead - away) < -0.7:
         assert told  # away from all of it
+
+
+PLACES = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+
+
+@settings(max_examples=500)
+@example((0.0, 0.0), (0.3, 0.0), (0.15, 0.21), (0.15, 0.5), 0.2)  # its end lies beside the way
+@example((0.0, 0.0), (0.5, 0.0), (0.25, -0.4), (0.25, 0.4), 0.2)  # and here both ends do
+@given(PLACES, PLACES, PLACES, PLACES, st.floats(0.05, 0.3))
+def test_who_passes_a_side_comes_too_near_to_no_point_of_it_and_no_nearer_to_what_is(
+    middle: tuple[float, float],
+    step: tuple[float, float],
+    first: tuple[float, float],
+    last: tuple[float, float],
+    least: float,
+) -> None:
+    told = passes_side(*middle, *step, *first, *last, least, 0.0)
+    side = np.linspace(first, last, 2001)
+    ahead = np.clip((side - middle) @ step / max(np.dot(step, step), 1e-12), 0.0, 1.0)
+    start, distance = np.hypot(*(side - middle).T), np.hypot(*(side - middle - np.outer(ahead, step)).T)
+    if (distance < np.minimum(start, least) - 1e-6).any():
+        assert not told
+    near = start < least + 1e-3
+    if (distance[~near] > least + 1e-3).all() and ((side[near] - middle) @ step < -1e-9).all():
+        assert told
 
 
 @settings(max_examples=300)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.compiling import inlined, kernel
-from bug_gym.kernels.chords import chord_square
+from bug_gym.compiling import called, inlined, kernel
+from bug_gym.kernels.chords import NEVER, chord_square, wall_contact
 from bug_gym.kernels.layout import Flags, Floats, Integers, Ranges
 from bug_gym.kernels.levers import levers, turning
 
@@ -230,6 +230,34 @@ def are_between(px: Floats, py: Floats, most: float, apart: float, between: Flag
         between[i] = is_first and are_of_one(px[i], py[i], px[j], py[j], most, apart)
 
 
+@inlined
+def passes_point(dx: float, dy: float, ex: float, ey: float, least: float, eased: float) -> bool:
+    """Whether who goes from (dx, dy) along (ex, ey) keeps `least` from 0; who is nearer comes no nearer but for `eased`."""
+    if dx * dx + dy * dy < least * least:
+        least = math.hypot(dx, dy) - eased - ROUNDING
+    return chord_square(dx, dy, ex, ey, 1.0) >= least * least
+
+
+@called
+def passes_side(
+    cx: float, cy: float, ex: float, ey: float, ax: float, ay: float, bx: float, by: float, least: float, eased: float
+) -> bool:
+    """The same of all points of a side from a to b, for who goes from c along e."""
+    ux, uy = bx - ax, by - ay
+    square = ux * ux + uy * uy
+    across = (cx - ax) * uy - (cy - ay) * ux
+    near = least * least * square - across * across  # of the line, what lies within `least` of c: half of it, squared
+    if near > 0.0:
+        middle, half = (cx - ax) * ux + (cy - ay) * uy, math.sqrt(near)
+        first, last = max(middle - half, 0.0) / square, min(middle + half, square) / square
+        if first < last:
+            # Who comes no nearer to two points comes no nearer to those between, and stays before the tangents at the two,
+            # beyond which the rest lies.
+            is_first = passes_point(cx - ax - first * ux, cy - ay - first * uy, ex, ey, least, eased)
+            return is_first and passes_point(cx - ax - last * ux, cy - ay - last * uy, ex, ey, least, eased)
+    return wall_contact(cx, cy, ex, ey, ax, ay, bx, by, least - ROUNDING) == NEVER
+
+
 @kernel
 def passes_corners(
     px: Floats,
@@ -281,12 +309,12 @@ def passes_corners(
                 continue  # one side goes on in the other, or they leave a hollow
             corner_x, corner_y, about = px[i] + share * ux, py[i] + share * uy, margin
         for c in range(circles.shape[0]):
-            cx, cy = circles[c, 0], circles[c, 1]
+            cx, cy, radius = circles[c, 0], circles[c, 1], circles[c, 2]
             ex, ey = way_of_middle(cx, cy, x, y, cos, sin)
-            dx, dy = cx - corner_x, cy - corner_y
-            least = circles[c, 2] + about
-            if dx * dx + dy * dy < least * least:
-                least = math.hypot(dx, dy) - eased - ROUNDING
-            if chord_square(dx, dy, ex, ey, 1.0) < least * least:
+            if not passes_point(cx - corner_x, cy - corner_y, ex, ey, radius + about, eased):
+                return False
+            if is_first and not passes_side(cx, cy, ex, ey, px[i], py[i], corner_x, corner_y, radius, eased):
+                return False
+            if is_second and not passes_side(cx, cy, ex, ey, px[j], py[j], corner_x, corner_y, radius, eased):
                 return False
     return True
