@@ -27,6 +27,9 @@ from bug_gym.geometry import F64, Point, velocity_along, wrap
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
+LEAST_CELL = 0.01
+"""Side of the smallest cell of a grid [m]: the first one, of some 20 m x 20 m, takes 64 MB then."""
+
 TRAPPED_AFTER = 5.0
 """Time without coming nearer to the goal after which a robot is trapped [s]."""
 
@@ -86,7 +89,7 @@ class MinimumRisk(ScriptedPolicy):
 
     Raises:
         TypeError: an unknown parameter.
-        ValueError: a length or weight that is not above zero, or more than 200 cells across a sector.
+        ValueError: a length or weight that is not above zero, a cell below LEAST_CELL, or more than 200 across a sector.
     """
 
     Parameters = MinimumRiskParameters
@@ -98,6 +101,8 @@ class MinimumRisk(ScriptedPolicy):
         for name in ("cell", "sector", "obstacle_weight", "trajectory_weight", "free_way", "patience"):
             if not getattr(own, name) > 0.0:
                 raise ValueError(f"{name} must be above 0, got {getattr(own, name)!r}")
+        if own.cell < LEAST_CELL:
+            raise ValueError(f"cell must be at least {LEAST_CELL} m, or the grid fills the memory, got {own.cell!r}")
         if own.sector / own.cell > 200.0:
             raise ValueError(f"cell must be at least a 200th of the sector of {own.sector:g} m, got {own.cell!r}")
         self.boundary = Boundary(sensors)

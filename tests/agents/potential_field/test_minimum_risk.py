@@ -90,8 +90,9 @@ def test_after_a_trap_it_seeks_the_goal_only_nearer_than_it_was() -> None:
     [
         ({"cell": 0.0}, "cell must be above 0, got 0.0"),
         ({"trajectory_weight": -1.0}, "trajectory_weight must be above 0"),
-    ]
-    + [({"cell": 0.001}, "cell must be at least a 200th of the sector")],
+        ({"cell": 0.011, "sector": 2.3}, "cell must be at least a 200th of the sector"),
+        ({"cell": 1e-300, "sector": 1e-300}, "cell must be at least 0.01 m"),
+    ],
 )
 def test_bad_parameters_are_refused_in_one_line(parameters: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
