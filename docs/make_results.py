@@ -123,9 +123,10 @@ def page(name: str, found: Record) -> str:
         raise ValueError(f"{name}: the JSON says {found['holds']!r} of its claims, its numbers say {holds!r}")
     first, rest = asked(name)
     release = released(found["bug_gym"])
+    again = f" The same were found at commit `{found['confirmed']}`, but for times." if "confirmed" in found else ""
     made = (
         f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {release} and "
-        f"Python {found['python']}. This page is made of it {MADE}"
+        f"Python {found['python']}.{again} This page is made of it {MADE}"
     )
     claims = table("Claims", ["claim", "found"], [[claim, verdict(true)] for claim, true in told.claims])
     parts = [

@@ -69,6 +69,34 @@ def test_a_result_that_contradicts_its_own_numbers_makes_no_page() -> None:
         script("make_results.py")["page"]("learned", {**found, "holds": False})
 
 
+@pytest.mark.parametrize(
+    ("new", "told"),
+    [
+        ({"decision_time_mean": 9.0}, []),
+        ({"success": 0.9}, ["/rows/0/success: 1.0 -> 0.9"]),
+        ({"worlds": 5}, ["/rows/0/worlds: only in the new one"]),
+    ],
+)
+def test_results_are_confirmed_where_times_alone_are_others(
+    tmp_path: Path, new: dict[str, float], told: list[str]
+) -> None:
+    row = {"success": 1.0, "decision_time_mean": 1.0}
+    old, again = ({"commit": commit, "rows": [values]} for commit, values in (("a", row), ("b", {**row, **new})))
+    committed, made = tmp_path / "committed.json", tmp_path / "made.json"
+    committed.write_text(json.dumps(old))
+    made.write_text(json.dumps(again))
+    assert script("confirm_results.py")["confirm"](made, committed) == told
+    assert json.loads(committed.read_text()) == {**old, **({} if told else {"confirmed": "b"})}
+
+
+def test_a_page_says_where_its_numbers_were_found_again() -> None:
+    made = script("make_results.py")
+    found = json.loads(text_of(RESULTS / "learned.json"))
+    assert "The same were found at commit `abc`, but for times." in made["page"](
+        "learned", {**found, "confirmed": "abc"}
+    )
+
+
 def test_the_page_of_policies_is_what_the_table_of_agents_says() -> None:
     """Where not: `python docs/make_policies.py`."""
     made = script("make_policies.py")

@@ -1,0 +1,67 @@
+"""Compares results that were made again with those that are committed: `python docs/confirm_results.py NEW.json ...`.
+
+How long decisions and plans take depends on what else the machine does. Where nothing but that differs, the committed file
+keeps its numbers, is said to be confirmed at the commit of the new one, and the pages are to be made again. Else the
+differences are told, the exit status is 1, and the new file is the one to commit.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+RESULTS = Path(__file__).parent / "results"
+
+TIMES = {
+    *("decision_time", "decision_time_mean", "decision_time_p99", "decision_time_total"),
+    *("cluster_ms", "mesh_ms", "plan_ms", "ms", "ms_interval"),
+}
+"""What depends on the machine and on what else it does."""
+
+MADE_BY = {"bug_gym", "commit", "confirmed", "python", "remark"}
+"""What tells of the run itself, at the top of a file."""
+
+
+def differences(old: Any, new: Any, where: str = "") -> Iterator[str]:
+    """Where two results differ, but for times, a line each."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted({*old, *new} - TIMES):
+            if key in old and key in new:
+                yield from differences(old[key], new[key], f"{where}/{key}")
+            else:
+                yield f"{where}/{key}: only in the {'committed' if key in old else 'new'} one"
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for number, (one, other) in enumerate(zip(old, new, strict=True)):
+            yield from differences(one, other, f"{where}/{number}")
+    elif old != new:
+        yield f"{where}: {old!r} -> {new!r}"
+
+
+def confirm(new: Path, committed: Path) -> list[str]:
+    """Say in a committed file where its numbers were found again; returns the differences, which leave it as it is."""
+    found = json.loads(new.read_text(encoding="utf-8"))
+    known = json.loads(committed.read_text(encoding="utf-8"))
+    told = [{key: value for key, value in one.items() if key not in MADE_BY} for one in (known, found)]
+    different = list(differences(*told))
+    if not different:
+        known["confirmed"] = found["commit"]
+        committed.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    return different
+
+
+def main(paths: Sequence[str]) -> int:
+    """Confirm each; 1 where one differs."""
+    differ = 0
+    for path in map(Path, paths):
+        different = confirm(path, RESULTS / path.name)
+        differ |= bool(different)
+        print(f"{path.name}: {len(different)} differences" if different else f"{path.name}: confirmed")
+        print("".join(f"  {line[:200]}\n" for line in different[:20]), end="")
+    return differ
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
