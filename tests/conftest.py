@@ -8,7 +8,10 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-# A busy machine is no fault, nothing is left beside the tests, and each run tries the same; FUZZ_EXAMPLES tries others.
+# A busy machine is no fault, nothing is left beside the tests, and each run tries the same until a number in the source is
+# another: hypothesis tries those, too. `pytest -m hypothesis --hypothesis-profile hunt` tries others each time, and
+# FUZZ_EXAMPLES does in test_fuzz.py.
+hypothesis.settings.register_profile("hunt", deadline=None, database=None, print_blob=True, max_examples=1000)
 hypothesis.settings.register_profile("plain", deadline=None, database=None, print_blob=False, derandomize=True)
 hypothesis.settings.load_profile("plain")
 
