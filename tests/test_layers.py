@@ -161,10 +161,14 @@ def imports_in(module: str) -> list[Import]:
     return list(imports_of(source_of(module), package_of(module)))
 
 
+def early_imports_in(module: str) -> list[Import]:
+    """The imports of one of our modules, but for those in functions or for types only."""
+    return [item for item in imports_in(module) if not (item.is_lazy or item.is_for_types)]
+
+
 def packages_in(module: str, *, early: bool = False) -> set[str]:
-    """The packages that a module of ours imports; early: but for those imported in functions or for types only."""
-    items = [item for item in imports_in(module) if not (early and (item.is_lazy or item.is_for_types))]
-    return {item.name.split(".")[0] for item in items}
+    """The packages that a module of ours imports, early or ever."""
+    return {item.name.split(".")[0] for item in (early_imports_in if early else imports_in)(module)}
 
 
 def project_module(name: str) -> str | None:
@@ -208,7 +212,7 @@ def modules_imported_by(module: str, *, early: bool = False) -> set[str]:
         module: which one.
         early: whether to leave out those imported in functions or for types only.
     """
-    items = [item for item in imports_in(module) if not (early and (item.is_lazy or item.is_for_types))]
+    items = early_imports_in(module) if early else imports_in(module)
     return {target for item in items if (target := project_module(item.name))} - {module, "__init__"}
 
 
