@@ -242,7 +242,13 @@ def passes_point(dx: float, dy: float, ex: float, ey: float, least: float, eased
 def passes_side(
     cx: float, cy: float, ex: float, ey: float, ax: float, ay: float, bx: float, by: float, least: float, eased: float
 ) -> bool:
-    """The same of all points of a side from a to b, for who goes from c along e."""
+    """The same of all points of a side, for who goes from c along e: `passes_point` asked of each [m].
+
+    Args:
+        cx, cy, ex, ey: a middle, and its way in a step.
+        ax, ay, bx, by: the ends of the side.
+        least, eased: see `passes_point`.
+    """
     ux, uy = bx - ax, by - ay
     square = ux * ux + uy * uy
     across = (cx - ax) * uy - (cy - ay) * ux
