@@ -29,6 +29,7 @@ env = gymnasium.make("BugGym/Static-v0")
 env.reset(seed=0)
 env.step(env.action_space.sample())
 evaluate(["bug2", "tangent_bug", "hd_bug", "hd_bug_map"], "moving_target", episodes=1)
+evaluate(["go_to_goal", "hd_bug", "minimum_risk"], ["dynamic", "terrain", "u_trap"], episodes=1)
 print(sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS))
 print([kernel.py_func.__name__ for kernel in KERNELS if kernel.stats.cache_misses])
 """
