@@ -227,7 +227,7 @@ def compare(
     """Success, wrong claims and lengths of variants in many worlds; lengths where the first one arrives too."""
     jobs = [(seed, variants) for seed in range(seeds)]
     with progress_bar(shown=settings.progress) as track:
-        work = each(partial(starred, worlds), jobs, settings.workers)
+        work = each(partial(starred, worlds), jobs, settings.workers, in_order=True)
         rows = [row for chunk in track(work, title, len(jobs)) for row in chunk]
     by_label = {label: [row for row in rows if row.policy == label] for label in variants}
     first = {row.seed: row for row in next(iter(by_label.values())) if row.success}
