@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from math import nan
@@ -257,6 +258,18 @@ def test_potential_field_with_wall_following_in_the_first_traps_and_mazes() -> N
     traps = apf_wall_following.compare("Traps", apf_wall_following.trap_rows, ours, 4, Settings())
     assert traps.holds and traps.data["Traps"]["apf_wall_following"]["success"] == 1.0
     assert apf_wall_following.compare("Mazes", apf_wall_following.maze_rows, ours, 2, Settings()).holds
+
+
+def test_the_worlds_of_a_comparison_come_in_order_whichever_worker_is_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    def last_one_first(
+        function: Callable[[Any], Any], jobs: Sequence[Any], workers: int, *, in_order: bool = False
+    ) -> Any:
+        return map(function, jobs if in_order else jobs[::-1])
+
+    monkeypatch.setattr(apf_wall_following, "each", last_one_first)
+    part = apf_wall_following.compare("Mazes", apf_wall_following.maze_rows, {"apf": ("apf", {})}, 6, Settings())
+    missed = part.data["Mazes"]["apf"]["missed_seeds"]
+    assert len(missed) > 1 and missed == sorted(missed)
 
 
 def test_success_falls_with_the_density_of_the_scan() -> None:
