@@ -1,8 +1,9 @@
-"""Compares results that were made again with those that are committed: `python docs/confirm_results.py NEW.json ...`.
+"""Compares results that were made again with those that are committed: `confirm_results.py [--keep-times] NEW.json ...`.
 
 How long decisions and plans take depends on what else the machine does. Where nothing but that differs, the committed file
 keeps its numbers, is said to be confirmed at the commit of the new one, and the pages are to be made again. Else the
-differences are told, the exit status is 1, and the new file is the one to commit.
+differences are told, the exit status is 1, and the new file is the one to commit. `--keep-times` commits it, but with the
+times of the old one where both have them, for what was made again on a machine with other work; its page says so.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ TIMES = {
 }
 """What depends on the machine and on what else it does."""
 
-MADE_BY = {"bug_gym", "commit", "confirmed", "python", "remark"}
+MADE_BY = {"bug_gym", "commit", "confirmed", "python", "remark", "times_of"}
 """What tells of the run itself, at the top of a file."""
 
 
@@ -52,11 +53,34 @@ def confirm(new: Path, committed: Path) -> list[str]:
     return different
 
 
-def main(paths: Sequence[str]) -> int:
+def with_times_of(old: Any, new: Any) -> Any:
+    """The new result, with the times of the old one where both have them."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return {
+            key: old[key] if key in TIMES and key in old else with_times_of(old.get(key), value)
+            for key, value in new.items()
+        }
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        return [with_times_of(one, other) for one, other in zip(old, new, strict=True)]
+    return new
+
+
+def replace_all_but_times(new: Path, committed: Path) -> None:
+    """Commit a new result with the times of the old one, and say so in it."""
+    found = json.loads(new.read_text(encoding="utf-8"))
+    known = json.loads(committed.read_text(encoding="utf-8"))
+    merged = with_times_of(known, found)
+    merged["times_of"] = known.get("times_of", known["commit"])
+    committed.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
+
+
+def main(arguments: Sequence[str]) -> int:
     """Confirm each; 1 where one differs."""
     differ = 0
-    for path in map(Path, paths):
+    for path in (Path(one) for one in arguments if one != "--keep-times"):
         different = confirm(path, RESULTS / path.name)
+        if different and "--keep-times" in arguments:
+            replace_all_but_times(path, RESULTS / path.name)
         differ |= bool(different)
         print(f"{path.name}: {len(different)} differences" if different else f"{path.name}: confirmed")
         print("".join(f"  {line[:200]}\n" for line in different[:20]), end="")

@@ -124,6 +124,10 @@ def page(name: str, found: Record) -> str:
     first, rest = asked(name)
     release = released(found["bug_gym"])
     again = f" The same were found at commit `{found['confirmed']}`, but for times." if "confirmed" in found else ""
+    if "times_of" in found:
+        again += (
+            f" Times of decisions and plans are those of commit `{found['times_of']}`, measured on a quieter machine."
+        )
     made = (
         f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {release} and "
         f"Python {found['python']}.{again} This page is made of it {MADE}"

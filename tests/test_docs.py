@@ -89,12 +89,26 @@ def test_results_are_confirmed_where_times_alone_are_others(
     assert json.loads(committed.read_text()) == {**old, **({} if told else {"confirmed": "b"})}
 
 
+def test_new_results_may_keep_the_times_of_the_old_ones(tmp_path: Path) -> None:
+    def result(commit: str, success: float, ms: float, **further: Any) -> dict[str, Any]:
+        return {"commit": commit, "rows": {"bug": {"success": success, "decision_time": ms}, **further}, "ms": [ms]}
+
+    committed, made = tmp_path / "committed.json", tmp_path / "made.json"
+    committed.write_text(json.dumps(result("a", 0.5, 1.0)))
+    replace = script("confirm_results.py")["replace_all_but_times"]
+    for commit in "bc":
+        made.write_text(json.dumps(result(commit, 0.6, 9.0, other={"ms": 9.0})))
+        replace(made, committed)
+        assert json.loads(committed.read_text()) == {**result(commit, 0.6, 1.0, other={"ms": 9.0}), "times_of": "a"}
+
+
 def test_a_page_says_where_its_numbers_were_found_again() -> None:
     made = script("make_results.py")
     found = json.loads(text_of(RESULTS / "learned.json"))
     assert "The same were found at commit `abc`, but for times." in made["page"](
         "learned", {**found, "confirmed": "abc"}
     )
+    assert "are those of commit `abc`" in made["page"]("learned", {**found, "times_of": "abc"})
 
 
 def test_the_page_of_policies_is_what_the_table_of_agents_says() -> None:

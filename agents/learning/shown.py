@@ -100,7 +100,10 @@ class LineReport(Report):
 
     def _parts(self, now: float) -> Iterator[str]:
         assert self._begin is not None
-        yield f"{self.done:,.0f} of {self.total:,} steps"
+        if self.done <= self.total:
+            yield f"{self.done:,.0f} of {self.total:,} steps"
+        else:  # the last rollout is driven to its end
+            yield f"{self.done:,.0f} steps, {self.total:,} asked"
         begun, first = self._begin
         rate = (self.done - first) / (now - begun) if now > begun else 0.0
         if rate > 0.0:

@@ -134,6 +134,15 @@ def test_a_line_says_how_far_how_fast_and_how_long() -> None:
     assert second == "tiny: 40,000 of 100,000 steps, 1,000 a second, 1 min 0 s left, 50.0 % success at 32,768"
 
 
+def test_a_rollout_that_is_driven_to_its_end_is_not_a_share_of_what_was_asked() -> None:
+    def steps(report: LineReport, wait: Callable[[float], None]) -> None:
+        report(90_000, None)
+        wait(10.0)
+        report(106_496, None)
+
+    assert lines_of(steps)[1] == "tiny: 106,496 steps, 100,000 asked, 1,650 a second"
+
+
 def test_a_line_comes_each_few_seconds_and_for_the_test_at_once() -> None:
     def steps(report: LineReport, wait: Callable[[float], None]) -> None:
         for number in range(1000):
