@@ -6,7 +6,7 @@ OUT ?= results/quick-$(shell date +%Y%m%d-%H%M%S)
 SOAK_MINUTES ?= 60
 
 BIN := .venv/bin
-INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt
+INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile -c constraints.txt
 
 .PHONY: help run test kernels lint docs soak clean
 

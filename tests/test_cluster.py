@@ -21,13 +21,18 @@ ray = pytest.importorskip("ray", reason="of the extra `cluster`")
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Ray's local clusters are of POSIX systems")
 
 
+ASKED_HOW_THEY_ARE = {"health_check_initial_delay_ms": 500, "health_check_period_ms": 500}
+"""How soon Ray notices that a node has gone; each may be as slow to answer as ever. Otherwise it takes some 15 s."""
+
+
 class Nodes:
     """A cluster whose head has no core, and whose nodes have one each."""
 
     def __init__(self) -> None:
         from ray.cluster_utils import Cluster as LocalCluster
 
-        self.local = LocalCluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
+        head = {"num_cpus": 0, "include_dashboard": False, "_system_config": ASKED_HOW_THEY_ARE}
+        self.local = LocalCluster(initialize_head=True, head_node_args=head)
         self.nodes = [self.local.add_node(num_cpus=1) for _ in range(2)]
 
     @property
