@@ -172,6 +172,15 @@ def test_worlds_of_barn_that_defeated_a_bug_are_passed(
     assert episode.outcome == "success"
 
 
+def test_who_came_back_through_a_gap_that_is_none_from_within_does_not_call_itself_shut_in(shared_data: Path) -> None:
+    # It had been 5 m beyond the room whose wall it then followed round.
+    places = {"family": "barn", "path": str(shared_data / "barn_worlds.jsonl"), "world": 273}
+    described = {"robot": barn.ROBOTS["jackal"], "world": places}
+    overrides = {**barn.COMMON, "time.step": barn.STEPS["jackal"]}
+    episode = run_episode("apf_wall_following", described, overrides, **barn.PARAMETERS["jackal"])
+    assert episode.verdict != "unreachable" and episode.outcome != "collision"
+
+
 def test_the_faithful_robot_of_barn_holds_the_rectangle_and_hardly_more() -> None:
     circles = load("jackal").robot.footprint
     body = shapely.union_all([shapely.Point(x, y).buffer(radius) for x, y, radius in circles])
