@@ -33,7 +33,7 @@ DRIVEN = ("holonomic", "jackal")
 """Robots of the reproduction `barn`, with its clearances."""
 POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
-    *("bug0", "bug0_plus", "rev2", "rev3"),
+    *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following"),
 )
 """All bugs that keep a clearance and may say "unreachable"."""
 
