@@ -1,9 +1,10 @@
-"""Compares results that were made again with those that are committed: `confirm_results.py [--keep-times] NEW.json ...`.
+"""Compares results that were made again with those that are committed: `confirm_results.py [OPTION] NEW.json ...`.
 
 How long decisions and plans take depends on what else the machine does. Where nothing but that differs, the committed file
 keeps its numbers, is said to be confirmed at the commit of the new one, and the pages are to be made again. Else the
 differences are told, the exit status is 1, and the new file is the one to commit. `--keep-times` commits it, but with the
 times of the old one where both have them, for what was made again on a machine with other work; its page says so.
+`--policy=NAME` does so for the rows of one policy, whose file alone has changed, and leaves all others as they are.
 """
 
 from __future__ import annotations
@@ -74,12 +75,48 @@ def replace_all_but_times(new: Path, committed: Path) -> None:
     committed.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
 
 
+def with_rows_of(policy: str, old: Any, new: Any) -> Any:
+    """The old result, with what the new one says of a policy: keys that name it, and items of lists that do."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        merged = {key: with_rows_of(policy, value, new.get(key)) for key, value in old.items()}
+        return merged | {key: value for key, value in new.items() if policy in key.split()}
+    if isinstance(old, list) and isinstance(new, list):
+        if any(is_of(policy, one) for one in (*old, *new)):
+            return [one for one in old if not is_of(policy, one)] + [one for one in new if is_of(policy, one)]
+        if len(old) == len(new):
+            return [with_rows_of(policy, one, other) for one, other in zip(old, new, strict=True)]
+    return old
+
+
+def is_of(policy: str, item: Any) -> bool:
+    """Whether an item of a list speaks of a policy."""
+    return policy in (item.values() if isinstance(item, dict) else item if isinstance(item, list) else ())
+
+
+def replace_policy(policy: str, new: Path, committed: Path) -> None:
+    """Commit what a new result says of a policy, all its times kept, and say so in it."""
+    found = json.loads(new.read_text(encoding="utf-8"))
+    known = json.loads(committed.read_text(encoding="utf-8"))
+    merged = with_times_of(known, with_rows_of(policy, known, found))
+    if known["holds"] is not None:
+        merged["holds"] = known["holds"] and found["holds"]
+    told = f"`{policy}`: made at commit `{found['commit']}`, all others at the one above."
+    merged["remark"] = " ".join(filter(None, [known.get("remark", ""), told]))
+    committed.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
+
+
 def main(arguments: Sequence[str]) -> int:
     """Confirm each; 1 where one differs."""
     differ = 0
-    for path in (Path(one) for one in arguments if one != "--keep-times"):
+    options = [one for one in arguments if one.startswith("--")]
+    policies = [one.removeprefix("--policy=") for one in options if one.startswith("--policy=")]
+    for path in (Path(one) for one in arguments if one not in options):
+        for policy in policies:
+            replace_policy(policy, path, RESULTS / path.name)
+        if policies:
+            continue
         different = confirm(path, RESULTS / path.name)
-        if different and "--keep-times" in arguments:
+        if different and "--keep-times" in options:
             replace_all_but_times(path, RESULTS / path.name)
         differ |= bool(different)
         print(f"{path.name}: {len(different)} differences" if different else f"{path.name}: confirmed")

@@ -102,6 +102,22 @@ def test_new_results_may_keep_the_times_of_the_old_ones(tmp_path: Path) -> None:
         assert json.loads(committed.read_text()) == {**result(commit, 0.6, 1.0, other={"ms": 9.0}), "times_of": "a"}
 
 
+def test_the_rows_of_one_policy_may_be_made_again_alone(tmp_path: Path) -> None:
+    def result(commit: str, of_bug: float, of_apf: float, wrong: list[Any]) -> dict[str, Any]:
+        rows = {"bug jackal": {"success": of_bug, "ms": 1.0}, "apf jackal": {"success": of_apf, "ms": commit}}
+        return {"commit": commit, "holds": True, "rows": rows, "sweeps": [{"apf": of_apf}], "wrong": wrong}
+
+    committed, made = tmp_path / "committed.json", tmp_path / "made.json"
+    committed.write_text(json.dumps(result("a", 0.5, 0.6, [["bug", 1], ["apf", 2]])))
+    made.write_text(json.dumps(result("b", 0.1, 0.9, [["other", 4], {"policy": "apf", "seed": 3}])))
+    script("confirm_results.py")["replace_policy"]("apf", made, committed)
+    expected = result("a", 0.5, 0.9, [["bug", 1], {"policy": "apf", "seed": 3}])
+    assert json.loads(committed.read_text()) == {
+        **expected,
+        "remark": "`apf`: made at commit `b`, all others at the one above.",
+    }
+
+
 def test_a_page_says_where_its_numbers_were_found_again() -> None:
     made = script("make_results.py")
     found = json.loads(text_of(RESULTS / "learned.json"))
