@@ -81,10 +81,10 @@ def is_caught(view: View, memory: MinimumMemory, forces: Forces, direction: floa
     vanishes = math.hypot(*forces.total) < VANISHING * math.hypot(*forces.attraction)
     goes_away = abs(wrap(view.goal_bearing - direction)) > 0.5 * math.pi
     memory.caught.append(is_blocked and (vanishes or goes_away))
+    if is_blocked and memory.waited >= SWING_TIME:  # before the others, who may be told to wait
+        memory.why = "swing"
+        return True
     if memory.caught[-1] and sum(memory.caught) >= HELD:
         memory.why = "force" if vanishes else "away"
-        return True
-    if is_blocked and memory.waited >= SWING_TIME:
-        memory.why = "swing"
         return True
     return False

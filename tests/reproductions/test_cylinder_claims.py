@@ -72,6 +72,11 @@ def test_a_lap_that_leads_past_gaps_hardly_wider_than_the_robot_proves_nothing(r
     assert answer.has_way and answer.verdict != "unreachable" and answer.outcome != "collision"
 
 
+def test_who_has_left_a_wall_where_the_field_holds_it_goes_on() -> None:
+    (answer,) = cylinder_claims.answers("apf_wall_following", "jackal", [1812])
+    assert answer.outcome == "success"
+
+
 @pytest.mark.parametrize(
     ("policy", "robot", "seed"),
     [

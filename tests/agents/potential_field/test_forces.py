@@ -192,16 +192,21 @@ def test_a_scanner_that_sees_less_far_than_the_influence_is_refused_with_what_wo
 # ---------------------------------------------------------------------------------------------- local minima
 
 
-def looks(total: tuple[float, float], direction: float, *, blocked: bool = True, count: int = 1) -> MinimumMemory:
-    """What the watch for local minima finds in some looks at the same place, the target straight ahead."""
+def looks(
+    total: tuple[float, float], direction: float, *, blocked: bool = True, count: int = 1, first: bool = True
+) -> MinimumMemory:
+    """What the watch for local minima finds in some looks at the same place, the target straight ahead: first or last."""
     simulation = Simulation({"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
     view = View(simulation.reset(seeds=[0])[0, 0], Sensors.of(simulation.scenario))
     wall = Obstacle(place=(0.8, 0.0), velocity=(0.0, 0.0), is_moving=not blocked)
     forces, memory = Forces((1.0, 0.0), total, [wall], 0.0), MinimumMemory()
+    is_found = False
     for _ in range(count):
-        if is_caught(view, memory, forces, direction):
-            return memory
-    memory.why = ""
+        is_found = is_caught(view, memory, forces, direction)
+        if is_found and first:
+            break
+    if not is_found:
+        memory.why = ""
     return memory
 
 
@@ -219,6 +224,12 @@ def test_a_robot_that_travels_away_from_the_target_is_in_a_minimum() -> None:
 def test_three_seconds_without_progress_are_a_minimum() -> None:
     assert looks((0.2, 0.0), 0.0, count=40).why == "swing"
     assert looks((0.2, 0.0), 0.0, count=20).why == ""
+
+
+def test_after_three_seconds_it_is_a_swing_whatever_else_it_is() -> None:
+    """Who has just left a wall lets the other two wait, and stood for ever."""
+    assert looks((0.04, 0.0), 0.0, count=40, first=False).why == "swing"
+    assert looks((0.04, 0.0), 0.0, count=20, first=False).why == "force"
 
 
 def test_what_moves_makes_no_minimum() -> None:
