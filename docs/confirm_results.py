@@ -94,10 +94,13 @@ def is_of(policy: str, item: Any) -> bool:
 
 
 def replace_policy(policy: str, new: Path, committed: Path) -> None:
-    """Commit what a new result says of a policy, all its times kept, and say so in it."""
+    """Commit what a new result says of a policy, with the old times where there are some, and say so in it."""
     found = json.loads(new.read_text(encoding="utf-8"))
     known = json.loads(committed.read_text(encoding="utf-8"))
-    merged = with_times_of(known, with_rows_of(policy, known, found))
+    rows = with_rows_of(policy, known, found)
+    merged = with_times_of(known, rows)
+    if merged != rows:
+        merged.setdefault("times_of", known["commit"])
     if known["holds"] is not None:
         merged["holds"] = known["holds"] and found["holds"]
     told = f"`{policy}`: made at commit `{found['commit']}`, all others at the one above."

@@ -115,6 +115,7 @@ def test_the_rows_of_one_policy_may_be_made_again_alone(tmp_path: Path) -> None:
     assert json.loads(committed.read_text()) == {
         **expected,
         "remark": "`apf`: made at commit `b`, all others at the one above.",
+        "times_of": "a",
     }
 
 

@@ -1,6 +1,6 @@
 """What holds for any scenario and for any file, tried on many that nobody would write.
 
-`FUZZ_EXAMPLES=10000 pytest tests/test_fuzz.py` tries as many of each; without it 80, always the same ones.
+`FUZZ_EXAMPLES=10000 pytest tests/test_fuzz.py` tries as many of each; without it 120, always the same ones.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from bug_gym.worlds.ros_files import load_ros_map
 
 pytestmark = pytest.mark.fuzz
 
-EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "80"))
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "120"))
 many = settings(
     max_examples=EXAMPLES,
     derandomize="FUZZ_EXAMPLES" not in os.environ,

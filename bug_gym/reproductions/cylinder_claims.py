@@ -35,7 +35,7 @@ POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
     *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following"),
 )
-"""All bugs that keep a clearance and may say "unreachable"."""
+"""All that follow walls with a hand, keep a clearance and may say "unreachable"; `bug-no-way` asks HD-BUG, too."""
 
 
 def scenario(robot: str, *, shut: bool) -> Scenario:

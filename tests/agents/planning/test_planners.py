@@ -367,11 +367,16 @@ def test_in_unknown_terrain_a_shut_in_goal_is_found_out() -> None:
     assert episode.verdict == "unreachable" and "what has been seen leaves no way" in episode.memory.reason
 
 
-@pytest.mark.parametrize(("name", "own"), [("d_star_lite", {}), ("d2t_eaco", {"optimiser": "funnel"})])
-def test_in_unknown_terrain_who_goes_on_through_the_only_door_has_not_shut_it(name: str, own: dict[str, Any]) -> None:
-    motion = {"law": "waypoints", "points": [[5.2, 1.63], [8.5, 1.63], [8.5, -2.5]], "speed": 0.3, "stop": True}
+@pytest.mark.parametrize(
+    ("name", "speed", "beams", "own"),
+    [("d_star_lite", 0.1, 180, {}), ("d_star_lite", 0.3, 90, {}), ("d2t_eaco", 0.3, 90, {"optimiser": "funnel"})],
+)
+def test_in_unknown_terrain_who_goes_on_through_the_only_door_has_not_shut_it(
+    name: str, speed: float, beams: int, own: dict[str, Any]
+) -> None:
+    motion = {"law": "waypoints", "points": [[5.2, 1.63], [8.5, 1.63], [8.5, -2.5]], "speed": speed, "stop": True}
     mover = {"shape": {"circle": 0.5}, "at": [5.2, 1.63], "motion": motion}
-    settings = {"world": walled(1.2) | {"movers": [mover]}, "lidar": {"beams": 90, "range": 6.0}}
+    settings = {"world": walled(1.2) | {"movers": [mover]}, "lidar": {"beams": beams, "range": 6.0}}
     episode = run_episode(name, settings, {"robot.kinematics": "holonomic", "time.limit": 200.0}, known=False, **own)
     assert "waiting" in episode.modes and (episode.outcome, episode.verdict) == ("success", "")
 
