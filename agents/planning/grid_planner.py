@@ -117,7 +117,8 @@ class GridPlanner(MapPlanner):
                 return Plan(places, room.margin)
         if scene.moving is not None:
             return Plan(None, reason="no way leads round the movers as they stand")
-        return Plan(None, reason=self.why_not(scene, memory), verdict="unreachable")
+        reason, is_proven = self.why_not(scene, memory)
+        return Plan(None, reason=reason, verdict="unreachable" if is_proven else "stuck")
 
     def ground(self, room: Room, memory: GridMemory) -> Ground:
         """The grid of what stands, made once an episode."""
@@ -180,15 +181,18 @@ class GridPlanner(MapPlanner):
         cost_of = None if grid.weights is None else WeighedGround(grid.weights, grid.lattice).cost_of
         return pulled(places, self.parameters.resolution, solids.is_clear, cost_of)
 
-    def why_not(self, scene: Scene, memory: GridMemory) -> str:
-        """Why there is no way over the cells, and at which resolution there is one: half of theirs, half of that and on."""
+    def why_not(self, scene: Scene, memory: GridMemory) -> tuple[str, bool]:
+        """Why there is no way over the cells, and whether there is none for certain, over no cells at all.
+
+        Where there may be one, the sentence names the resolution that finds it: half of theirs, half of that and on.
+        """
         size, room, plan = self.parameters.resolution, self.rooms[-1], live_of(memory).still
         inside = end_in_obstacle(plan, scene, self.sensors)
         if inside:
-            return inside
+            return inside, True
         what = f"no way over cells of {size:g} m for a body of radius {room.radius:g} m and {room.margin:g} m beside it"
         if is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
-            return f"{what}, nor over smaller ones"
+            return f"{what}, nor over smaller ones", True
         low_x, low_y, high_x, high_y = plan.box
         finer = size
         while (high_x - low_x) * (high_y - low_y) / (0.5 * finer) ** 2 <= TRIED_CELLS:
@@ -196,8 +200,8 @@ class GridPlanner(MapPlanner):
             grid = self._grid(plan, finer, room)
             ends = self.ends(grid, Solids.of(plan, room.growth), room, scene)
             if ends is not None and len(self.search(grid, *ends).nodes) > 0:
-                return f"{what}; a resolution of {finer:g} m would do"
-        return what if finer == size else f"{what}, nor over smaller ones down to {finer:g} m"
+                return f"{what}; a resolution of {finer:g} m would do", False
+        return what if finer == size else f"{what}, nor over smaller ones down to {finer:g} m", False
 
 
 @dataclass(frozen=True)

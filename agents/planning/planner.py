@@ -81,8 +81,8 @@ class Plan(NamedTuple):
     reason: str = ""
     """Why there is none, in a sentence."""
     verdict: str = ""
-    """What follows from that: "unreachable" where there is no way for certain, at the planner's resolution; "" where it
-    may be tried again."""
+    """What follows from that: "unreachable" where there is no way for certain, "stuck" where the planner finds none, whatever
+    it tries again; "" where it may be tried again."""
 
 
 @dataclass

@@ -38,4 +38,5 @@ class VisibilityGraph(MapPlanner):
                 return Plan(places, room.margin)
         if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
             return Plan(None, reason=no_way(plan, scene, self.sensors), verdict="unreachable")
-        return Plan(None, reason=no_way(live.still, scene, self.sensors, beside=self.rooms[-1].margin))
+        reason = no_way(live.still, scene, self.sensors, beside=self.rooms[-1].margin)
+        return Plan(None, reason=reason, verdict="stuck" if scene.moving is None else "")

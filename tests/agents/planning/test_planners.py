@@ -118,7 +118,7 @@ def test_steps_between_coarse_cells_keep_their_room_in_the_middle_too(seed: int)
 def test_cells_too_coarse_for_a_gap_are_told_and_which_would_do(name: str) -> None:
     settings = {"world": walled(0.7)}
     episode = run_episode(name, settings, {"robot.kinematics": "holonomic"}, resolution=0.8)
-    assert episode.verdict == "unreachable"
+    assert episode.verdict == "stuck"  # what its cells don't show proves nothing
     assert "no way over cells of 0.8 m for a body of radius 0.2 m" in episode.memory.reason
     words = episode.memory.reason.rsplit("a resolution of ", maxsplit=1)[1].split()
     finer = run_episode(name, settings, {"robot.kinematics": "holonomic"}, resolution=float(words[0]))
@@ -137,7 +137,9 @@ def test_the_straight_ways_of_theta_star_need_cells_that_are_halved_more_often()
 @pytest.mark.parametrize("name", GRID)
 def test_smaller_cells_that_were_tried_in_vain_are_told(name: str) -> None:
     """The body alone fits through 0.402 m, and nothing with 0.005 m beside it."""
-    reason = run_episode(name, {"world": walled(0.402)}, {"robot.kinematics": "holonomic"}).memory.reason
+    episode = run_episode(name, {"world": walled(0.402)}, {"robot.kinematics": "holonomic"})
+    assert episode.verdict == "stuck"
+    reason = episode.memory.reason
     tried = float(reason.rsplit(" m", maxsplit=1)[0].rsplit(maxsplit=1)[1])
     assert "nor over smaller ones down to" in reason and 14.0 * 8.0 / (0.5 * tried) ** 2 > 4_000_000
 
@@ -149,13 +151,23 @@ def test_where_there_is_no_way_it_is_told_and_no_finer_cells_are_promised(name: 
     assert "would do" not in episode.memory.reason and episode.memory.reason
 
 
-def test_a_gap_for_the_body_alone_is_no_way_with_a_margin_and_no_verdict() -> None:
+@pytest.mark.parametrize("name", GRID)
+@pytest.mark.parametrize(("gap", "verdict"), [(0.38, "unreachable"), (0.42, "stuck")])
+def test_unreachable_is_said_of_what_stops_the_body_and_never_of_what_stops_the_cells(
+    name: str, gap: float, verdict: str
+) -> None:
+    """Cells of 0.4 m show a way through neither gap; one is wider than the body (0.4 m)."""
+    episode = run_episode(name, {"world": walled(gap)}, {"robot.kinematics": "holonomic"}, resolution=0.4)
+    assert episode.verdict == verdict
+
+
+def test_a_gap_for_the_body_alone_is_no_way_with_a_margin_and_proves_nothing() -> None:
     simulation = Simulation({"world": walled(0.405)}, overrides={"robot.kinematics": "holonomic"})
     simulation.reset(seeds=[0])
     policy: Any = make_policy("visibility_graph", simulation)
     memory = policy.begin(0)
     found = policy.plan(policy.look(None, memory), memory)
-    assert found.places is None and found.verdict == ""
+    assert found.places is None and found.verdict == "stuck"
     assert found.reason.endswith("for a body of radius 0.2 m and 0.005 m beside it")
 
 
