@@ -23,6 +23,9 @@ OFFSETS: F64 = np.radians(np.stack([np.arange(3.0, 177.0, 3.0), -np.arange(3.0, 
 """Turns away from a direction that are tried, the smallest first [rad]."""
 
 
+TURNED_BACK = 3
+"""Turned back so often before a cell of the map, it takes the cell for blocked."""
+
 STANDS = 0.05
 """A robot slower than this turns on the spot, as a share of its top speed."""
 
@@ -59,7 +62,10 @@ def drive_along(
 ) -> tuple[float, float]:
     """Direction and speed along a direction [rad] for a gap [m]; never faster than it can stop in the free way."""
     drive = scene.view.sensors.drive
-    direction, free = slide(scene, memory, direction, min(measures.top * drive.step, gap))
+    wanted = direction
+    direction, free = slide(scene, memory, wanted, min(measures.top * drive.step, gap))
+    if math.cos(direction - wanted) < 0.0:
+        bar_cell(scene, memory, wanted)
     speed = measures.top
     if math.isfinite(drive.max_acceleration):
         speed = min(speed, math.sqrt(2.0 * drive.max_acceleration * max(free - speed * drive.step, 0.0)))
@@ -68,6 +74,30 @@ def drive_along(
         # One that is steered rounds the node.
         speed = min(speed, max(gap, 1e-3) / drive.step)
     return direction, max(speed, TURNING)
+
+
+def bar_cell(scene: Scene, memory: HDBugMapMemory, direction: float) -> None:
+    """Count that the disc was turned back on its way; bar the cell of the map where that has happened too often.
+
+    A cell is open up to half its diagonal too near to a point, and remembers but one: a way over the map may lead where the
+    disc does not pass, and would lead there again from wherever it has slid back to.
+    """
+    view, size = scene.view, scene.grid.cells.size
+    free = float(scene.light.free(np.array([direction - view.heading]))[0])
+    own = _cell_at(scene, 0.0, direction)
+    ahead = free
+    while (cell := _cell_at(scene, ahead, direction)) == own:
+        ahead += 0.25 * size
+    memory.turned_back[cell] = count = memory.turned_back.get(cell, 0) + 1
+    if count >= TURNED_BACK:
+        scene.grid.bar(((cell[0] + 0.5) * size, (cell[1] + 0.5) * size))
+        memory.barred_then, memory.way = scene.grid.removed, None
+
+
+def _cell_at(scene: Scene, ahead: float, direction: float) -> tuple[int, int]:
+    """The cell a way ahead [m], by its column and row from the origin."""
+    (x, y), size = scene.view.position, scene.grid.cells.size
+    return math.floor((x + ahead * math.cos(direction)) / size), math.floor((y + ahead * math.sin(direction)) / size)
 
 
 def slide(scene: Scene, memory: HDBugMapMemory, direction: float, need: float) -> tuple[float, float]:

@@ -39,6 +39,12 @@ class HDBugMapMemory(Memory):
     """Points taken away from the map until then."""
     revised_then: int = 0
     """Cells of the map whose ground had been revised until then."""
+    turned_back: dict[tuple[int, int], int] = field(default_factory=dict)
+    """How often it was turned back before a cell of the map that is open there and shut for the body, by its place."""
+    barred_then: int | None = None
+    """Points taken away from the map until a cell was barred for that; None where none is."""
+    bars_lifted: int = 0
+    """How often such cells have been tried again."""
     closed_off: int = 0
     """Decisions in a row without any way."""
     moved_at: int = -(10**9)

@@ -21,6 +21,9 @@ revised; and between two looks of a long body for a way without turns."""
 LEFT_NODE = 0.05
 """Nearer than this to a node of the way it is passed, in robot radii."""
 
+BARS_LIFTED = 2
+"""How often cells that turned it back are tried again where points of the map have gone since."""
+
 STILL_FOR = 10.0
 """Nothing may have moved for so long before a goal counts as unreachable [s]."""
 
@@ -80,10 +83,25 @@ class Planner:
         if memory.closed_off < self.patience:
             return
         if memory.steps - memory.moved_at > STILL_FOR / scene.view.sensors.drive.step:
-            memory.verdict = "unreachable"
+            if not self._is_shut_by_bars(scene, memory):
+                memory.verdict = "unreachable"
+            elif memory.barred_then == scene.grid.removed or memory.bars_lifted == BARS_LIFTED:
+                memory.verdict = "stuck"
+            else:
+                # What turned it back may have gone.
+                memory.bars_lifted += 1
+                forget_bars(memory)
         else:
             scene.grid.forget_all()
-            memory.closed_off = 0
+            forget_bars(memory)
+
+    def _is_shut_by_bars(self, scene: Scene, memory: HDBugMapMemory) -> bool:
+        """Whether only barred cells close the goal off; that the body was turned back there is no proof. Lifts the bars."""
+        if memory.barred_then is None:
+            return False
+        scene.grid.set_clearance(scene.grid.cells.clearance)
+        radius = max(memory.goal_radius, 0.5 * self.measures.cell)
+        return scene.grid.find_way(scene.view.position, scene.view.goal_position, radius) is not None
 
     def turn_through(self, scene: Scene, memory: HDBugMapMemory, turns: Turns) -> Velocity | None:
         """Follow the poses of a long body; None where it has room again, or they no longer lead on."""
@@ -105,6 +123,12 @@ class Planner:
         if not grid.is_blocked(view.position) and grid.find_way(view.position, memory.goal, radius) is not None:
             return False
         return turns.is_open(self.measures.footprint, view.pose)
+
+
+def forget_bars(memory: HDBugMapMemory) -> None:
+    """Look for ways again, with no cell barred."""
+    memory.closed_off, memory.barred_then = 0, None
+    memory.turned_back.clear()
 
 
 def is_good(scene: Scene, memory: HDBugMapMemory, way: Way) -> bool:

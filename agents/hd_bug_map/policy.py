@@ -15,6 +15,8 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
    after points were taken away, and every fifty steps. The robot goes straight from node to node.
 2. No way. The goal is unreachable when the remembered points close it off, at the least clearance the body allows, for
    `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved.
+   A cell of the map before which the swept disc was turned back three times counts as blocked: cells are open up to half
+   their diagonal too near to a point. Where only such cells close the goal off the verdict is "stuck".
 3. Movers. Each candidate is a velocity (32 headings, four speeds, to stand, to back out), rolled out with the robot's
    kinematics against the predicted tracks; what is left to go, near misses and contacts cost, and the chance to be hit
    by a mover that turns at once or within a second or so, to wherever it likes (hd_bug/sudden_turns.py). While movers are near,

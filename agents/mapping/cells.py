@@ -149,6 +149,15 @@ def count_point(cells: Cells, px: float, py: float, change: int) -> None:
                     blocked_in_block[row // BLOCK, column // BLOCK] -= 1
 
 
+@kernel
+def count_bar(cells: Cells, x: float, y: float) -> None:
+    """Count a point near the centre of the cell about a place, unless it is blocked."""
+    row, column = int(math.floor((y - cells.y) / cells.size)), int(math.floor((x - cells.x) / cells.size))
+    if cells.blocked[row, column] == 0:
+        cells.blocked_in_block[row // BLOCK, column // BLOCK] += 1
+        cells.blocked[row, column] = 1
+
+
 @inlined
 def point_of(cells: Cells, row: int, column: int) -> tuple[float, float]:
     """Place of the point that a cell remembers [m]."""

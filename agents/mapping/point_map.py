@@ -21,6 +21,7 @@ from bug_gym.agents.mapping.cells import (
     Scan,
     add_scan,
     add_terrain,
+    count_bar,
     count_point,
     empty_cells,
     forget_disc,
@@ -144,6 +145,10 @@ class PointMap:
         self.cells.blocked_in_block[:] = 0
         for x, y in self.points():
             count_point(self.cells, x, y, 1)
+
+    def bar(self, place: Point) -> None:
+        """Block the cell about a place on the grid, until all is forgotten or the clearance is set."""
+        count_bar(self.cells, *place)
 
     def points(self) -> NDArray[np.float64]:
         """The remembered points (k, 2)."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode, tolerance
+from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
@@ -18,6 +19,7 @@ from bug_gym.agents.hd_bug.sudden_turns import turn_risks, turning
 from bug_gym.agents.hd_bug_map.policy import HDBugMap
 from bug_gym.agents.prediction import predictor_names
 from bug_gym.kinematics import Drive
+from bug_gym.reproductions import barn, cylinder_claims
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
 
@@ -283,3 +285,68 @@ def test_it_meets_moving_targets_sooner_than_pure_pursuit(kinematics: str) -> No
         chase("go_to_goal", velocity, kinematics) - chase("hd_bug_map", velocity, kinematics) for velocity in VELOCITIES
     ]
     assert min(gains) >= -0.1 - 1e-9 and float(np.mean(gains)) > 0.3
+
+
+# ---------------------------------------------------------------------------------------------------------- barred cells
+
+
+@pytest.mark.parametrize(
+    ("robot", "seed", "outcome", "verdict"),
+    [
+        ("jackal", 12, "success", ""),  # another way is open
+        ("jackal", 99, "running", "unreachable"),
+        ("holonomic", 7, "running", "stuck"),  # only cells that turned it back close the goal off
+    ],
+)
+def test_where_its_map_is_open_and_the_disc_does_not_pass_it_does_not_go_to_and_fro(
+    robot: str, seed: int, outcome: str, verdict: str
+) -> None:
+    """Cylinders that close a way for the disc by less than the half diagonal of a cell."""
+    world = cylinder_claims.scenario(robot, shut=cylinder_claims.is_shut(seed))
+    episode = run_episode("hd_bug_map", world, seed=seed, **barn.PARAMETERS[robot])
+    assert (episode.outcome, episode.verdict) == (outcome, verdict)
+    assert episode.memory.turned_back and episode.min_clearance > 0.0
+
+
+def drive_past_bars(places: NDArray[np.float64], *, gone: int) -> tuple[Any, str]:
+    """Its memory and the outcome in an empty world, where it takes cells (k, 2) for blocked from the start.
+
+    `gone` points have been taken away from its map since.
+    """
+    world = {"family": "empty", "bounds": [-2, -4, 12, 4], "start": [0, 0, 0], "goal": [10, 0]}
+    simulation = Simulation({"world": world}, overrides={"robot.kinematics": "holonomic"})
+    policy: Any = make_policy("hd_bug_map", simulation)
+    observation = simulation.reset(seeds=[0])
+    _, (memory,) = policy.predict(observation[:, 0], None)
+    memory.map.set_clearance(policy.measures.tight)
+    for place in places.tolist():
+        memory.map.cover(*place, 1.0)
+        memory.map.bar(place)
+    memory.barred_then, memory.way = memory.map.removed - gone, None
+    while not (memory.verdict or simulation.info()["outcome"][0, 0] != "running"):
+        action, _ = policy.predict(observation[:, 0], (memory,))
+        observation = simulation.step(action[:, None]).observation
+    return memory, simulation.info()["outcome"][0, 0]
+
+
+def ring_about_the_goal() -> NDArray[np.float64]:
+    """Two cells thick, as ways go between cells that touch with their corners."""
+    turns = np.linspace(0.0, 2.0 * math.pi, 400)
+    rim = np.column_stack([np.cos(turns), np.sin(turns)])
+    return np.concatenate([1.5 * rim, 1.6 * rim]) + (10.0, 0.0)
+
+
+def test_cells_that_turned_it_back_are_tried_again_once_points_have_gone() -> None:
+    memory, outcome = drive_past_bars(ring_about_the_goal(), gone=1)
+    assert outcome == "success" and memory.bars_lifted == 1 and "waiting" not in memory.mode
+
+
+def test_only_barred_cells_about_the_goal_are_no_proof() -> None:
+    memory, outcome = drive_past_bars(ring_about_the_goal(), gone=0)
+    assert (outcome, memory.verdict, memory.bars_lifted) == ("running", "stuck", 0)
+
+
+def test_it_goes_round_barred_cells() -> None:
+    up = np.arange(-2.0, 2.0, 0.05)
+    memory, outcome = drive_past_bars(np.column_stack([np.full(len(up), 5.05), up]), gone=0)
+    assert (outcome, memory.verdict) == ("success", "")

@@ -545,3 +545,20 @@ def test_growing_keeps_the_terrain() -> None:
     before = cost(grid.find_way((-4.0, 0.02), (5.0, 0.02), 0.1))
     grid.cover(-30.0, 40.0, 3.0)
     assert cost(grid.find_way((-4.0, 0.02), (5.0, 0.02), 0.1)) == pytest.approx(before, rel=0.002)
+
+
+def test_a_barred_cell_is_blocked_until_the_clearance_is_set_or_all_is_forgotten() -> None:
+    for undo in (lambda grid: grid.set_clearance(CLEARANCE), PointMap.forget_all):
+        grid = random_field(3)
+        before = grid.cells.blocked.copy()
+        rows, columns = np.nonzero(before == 0)
+        for row, column in zip(rows[::97].tolist(), columns[::97].tolist(), strict=True):
+            place = grid.cells.x + (column + 0.5) * CELL, grid.cells.y + (row + 0.5) * CELL
+            grid.bar(place)
+            grid.bar(place)  # no more than once
+            assert grid.is_blocked(place)
+        blocked = grid.cells.blocked > 0
+        assert int(blocked.sum()) == int((before > 0).sum()) + len(rows[::97])
+        assert grid.cells.blocked_in_block.sum() == blocked.sum()
+        undo(grid)
+        assert not grid.is_blocked(place) and grid.cells.blocked_in_block.sum() == (grid.cells.blocked > 0).sum()
