@@ -45,6 +45,9 @@ another one begins. Among gaps that are hardly one the hand may come to another 
 round twice in vain begins anew from there, at most three times: as a thinner robot, for which such a gap is one from both
 sides. Each time it keeps two thirds of what it kept beside its body before, and no less than its brake and noise need.
 
+A planner that has the map says "unreachable" where the body itself is stopped, and "stuck" where only its cells or its
+margin leave no way.
+
 Common parameters: `clearance` (centre to wall [m]), `turn` ("left", "right"), `leave_rule` ("front": a heading is free only
 within 90 degrees of the direction of travel; "any").
 

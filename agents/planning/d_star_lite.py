@@ -3,11 +3,12 @@
 Source: Koenig and Likhachev (2005), "Fast replanning for navigation in unknown terrain", the optimised version. Sensing
 assumed: the map, own place on it, movers where they are now; in unknown terrain scan, own position, goal. Memory kept: all
 scan points seen (in unknown terrain), two estimates of each cell's distance from the goal. States: planning, following,
-waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells, or says that there is none. Length:
-that of A* over what is known.
+waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells. Length: that of A* over what is
+known.
 
 In unknown terrain what has not been seen counts as free, and what comes to be seen is planned round. Where that leaves no
-way it waits, and says so when no ground has turned out free for ten seconds and what has gone is forgotten.
+way it waits, and says so when no ground has turned out free for ten seconds and what has gone is forgotten. "Unreachable"
+then speaks of its cells: a gap less than three of them wider than the body may be open all the same.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ def numbers(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
         "success": value,
         "success_interval": [low, high],
         "outcomes": outcomes,
-        "missed_seeds": [[row.scenario, row.seed] for row in rows if not row.success],
+        "missed_seeds": sorted([row.scenario, row.seed] for row in rows if not row.success),
         "time": finite(mean([row.time for row in reached])),
         "path_length": finite(mean([row.path_length for row in reached])),
         "path_ratio": finite(mean([path_ratio(row) for row in reached])),

@@ -33,9 +33,9 @@ DRIVEN = ("holonomic", "jackal")
 """Robots of the reproduction `barn`, with its clearances."""
 POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
-    *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following"),
+    *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug", "hd_bug_map"),
 )
-"""All that follow walls with a hand, keep a clearance and may say "unreachable"; `bug-no-way` asks HD-BUG, too."""
+"""All that follow walls with a hand, keep a clearance and may say "unreachable"; and the two of HD-BUG."""
 
 
 def scenario(robot: str, *, shut: bool) -> Scenario:
