@@ -1,5 +1,6 @@
-"""`bug-gym warm-up`: what it tells, and that nobody compiles anything after it."""
+"""`bug-gym warm-up`: what it tells, that nobody compiles anything after it, and that what it compiles is kept."""
 
+import json
 import os
 import subprocess
 import sys
@@ -10,12 +11,20 @@ import pytest
 from bug_gym.agents import AGENTS
 from bug_gym.commands.warm_up import WORLDS
 
-WARM_UP = "from bug_gym.cli import main; raise SystemExit(main(['warm-up']))"
+Used = set[tuple[str, str]]
+"""Kernels by name, and the arguments that they were compiled for."""
+
+USED = """
+import json
+from bug_gym.compiling import KERNELS
+names = [f"{one.py_func.__module__}.{one.py_func.__qualname__}" for one in KERNELS]
+print(json.dumps([(name, str(which)) for name, one in zip(names, KERNELS) for which in one.signatures]))
+"""
+WARM_UP = "from bug_gym.cli import main\nassert not main(['warm-up'])" + USED
 USE = """
 import gymnasium
 import numpy
 import bug_gym
-from bug_gym.compiling import KERNELS
 from bug_gym.evaluation import evaluate
 from bug_gym.simulation import Simulation
 
@@ -30,27 +39,54 @@ env.reset(seed=0)
 env.step(env.action_space.sample())
 evaluate(["bug2", "tangent_bug", "hd_bug", "hd_bug_map"], "moving_target", episodes=1)
 evaluate(["go_to_goal", "hd_bug", "minimum_risk"], ["dynamic", "terrain", "u_trap"], episodes=1)
-print(sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS))
-print([kernel.py_func.__name__ for kernel in KERNELS if kernel.stats.cache_misses])
+"""
+FIRST = """
+from bug_gym.cli import main
+from bug_gym.commands import warm_up
+name = next(iter(warm_up.WORLDS))
+warm_up.WORLDS = {name: warm_up.WORLDS[name]}
+warm_up._draw = lambda: None
+warm_up._use_policies = lambda: iter(())
+assert not main(['warm-up'])
+"""
+MISSES = """
+from bug_gym.compiling import KERNELS
+print(sum(sum(one.stats.cache_hits.values()) for one in KERNELS))
+print([one.py_func.__name__ for one in KERNELS if one.stats.cache_misses])
 """
 
 
+def run(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """What a process of its own prints."""
+    beside = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **environment}
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, env=beside, check=True, capture_output=True, text=True
+    )
+
+
+def used(printed: str) -> Used:
+    return {(name, which) for name, which in json.loads(printed)}
+
+
 @pytest.mark.slow
-def test_after_a_warm_up_nothing_is_compiled_and_nobody_is_told_to_wait(tmp_path: Path) -> None:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
-
-    def run(code: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-c", code], cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
-        )
-
-    told = run(WARM_UP)
-    assert "compiling the simulation's kernels" in told.stderr
-    *parts, kept = told.stdout.splitlines()
-    named = [part.partition(" s  ")[2] for part in parts]
+def test_after_a_warm_up_nothing_is_left_to_compile(tmp_path: Path) -> None:
+    """All kernels that come to be used, for the arguments that they get, are among those that it uses."""
+    *told, kept, printed = run(WARM_UP, tmp_path).stdout.splitlines()
+    named = [line.partition(" s  ")[2] for line in told]
     assert named[: len(WORLDS)] == list(WORLDS)
     assert {name for name, agent in AGENTS.items() if not agent.model} <= set(named)
-    assert " kernels are kept under " in kept and str(tmp_path) in kept
-    later = run(USE)
-    hits, misses = later.stdout.splitlines()
-    assert (int(hits) > 6, misses, later.stderr) == (True, "[]", "")
+    assert " kernels are kept under " in kept
+    warm, later = used(printed), used(run(USE + USED, tmp_path).stdout)
+    assert len({name for name, _ in later}) > 20
+    assert later <= warm
+
+
+@pytest.mark.slow
+def test_what_it_compiles_is_kept_and_nobody_is_told_to_wait_again(tmp_path: Path) -> None:
+    """Where nothing has been compiled yet, with its first world alone."""
+    cold = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    first = run(FIRST, tmp_path, **cold)
+    assert "compiling the simulation's kernels" in first.stderr and str(tmp_path) in first.stdout
+    later = run(FIRST + MISSES, tmp_path, **cold)
+    *_, hits, misses = later.stdout.splitlines()
+    assert (int(hits) > 0, misses, later.stderr) == (True, "[]", "")
