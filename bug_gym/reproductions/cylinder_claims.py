@@ -33,9 +33,10 @@ DRIVEN = ("holonomic", "jackal")
 """Robots of the reproduction `barn`, with its clearances."""
 POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
-    *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug", "hd_bug_map"),
+    *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map"),
 )
-"""All that follow walls with a hand, keep a clearance and may say "unreachable"; and the two of HD-BUG."""
+"""All that follow walls with a hand, keep a clearance and may say "unreachable", and the map planner; `bug-no-way` asks
+`hd_bug`."""
 
 
 def scenario(robot: str, *, shut: bool) -> Scenario:
