@@ -151,9 +151,10 @@ def count_point(cells: Cells, px: float, py: float, change: int) -> None:
 
 @kernel
 def count_bar(cells: Cells, x: float, y: float) -> None:
-    """Count a point near the centre of the cell about a place, unless it is blocked."""
+    """Count a point near the centre of the cell about a place, unless it is blocked or beside the grid."""
+    rows, columns = cells.blocked.shape
     row, column = int(math.floor((y - cells.y) / cells.size)), int(math.floor((x - cells.x) / cells.size))
-    if cells.blocked[row, column] == 0:
+    if 0 <= row < rows and 0 <= column < columns and cells.blocked[row, column] == 0:
         cells.blocked_in_block[row // BLOCK, column // BLOCK] += 1
         cells.blocked[row, column] = 1
 

@@ -147,7 +147,7 @@ class PointMap:
             count_point(self.cells, x, y, 1)
 
     def bar(self, place: Point) -> None:
-        """Block the cell about a place on the grid, until all is forgotten or the clearance is set."""
+        """Block the cell about a place, if it is on the grid, until all is forgotten or the clearance is set."""
         count_bar(self.cells, *place)
 
     def points(self) -> NDArray[np.float64]:

@@ -557,6 +557,8 @@ def test_a_barred_cell_is_blocked_until_the_clearance_is_set_or_all_is_forgotten
             grid.bar(place)
             grid.bar(place)  # no more than once
             assert grid.is_blocked(place)
+        for beside in ((1e3, 0.0), (-1e3, 0.0), (0.0, 1e3), (0.0, -1e3)):
+            grid.bar(beside)
         blocked = grid.cells.blocked > 0
         assert int(blocked.sum()) == int((before > 0).sum()) + len(rows[::97])
         assert grid.cells.blocked_in_block.sum() == blocked.sum()
