@@ -14,7 +14,7 @@ from bug_gym.agents.hd_bug_map.poses import TURNING, turn_to
 from bug_gym.agents.mapping.way import Way
 from bug_gym.geometry import F64
 from bug_gym.kinematics import TURN_IN_PLACE
-from bug_gym.policy import is_steered
+from bug_gym.policy import braking_radius, is_steered
 
 HEADINGS: F64 = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
 """Headings that are looked at all round [rad]."""
@@ -105,22 +105,35 @@ def slide(scene: Scene, memory: HDBugMapMemory, direction: float, need: float) -
 
     Without any, that of the place about the robot that is farthest from everything.
     """
-    light, heading = scene.light, scene.view.heading
-    free = light.free(np.array([direction - heading]))
+    bearing = direction - scene.view.heading
+    free = free_to_drive(scene, np.array([bearing]))
     if free[0] >= need:
         return direction, float(free[0])
-    found = light.free(direction - heading + OFFSETS)
+    found = free_to_drive(scene, bearing + OFFSETS)
     good = np.flatnonzero(found >= need)
     if len(good):
         return direction + float(OFFSETS[good[0]]), float(found[good[0]])
     return emergency_point(scene, memory)
 
 
+def free_to_drive(scene: Scene, bearings: F64) -> F64:
+    """How far the disc can go along each bearing (m,) [m]; nowhere that a round robot's brake would not let it begin to go.
+
+    The disc is smaller than what the brake keeps clear where something is as near as that: else the robot would stand there
+    for ever, before a way that only the disc has.
+    """
+    ways, sensors = scene.light.free(bearings), scene.view.sensors
+    disc = braking_radius(sensors)
+    if scene.light.radius < disc and sensors.drive.kinematics != "holonomic" and len(sensors.footprint) == 1:
+        ways[scene.view.free_distances(bearings, disc) <= disc - sensors.radius] = 0.0
+    return ways
+
+
 def emergency_point(scene: Scene, memory: HDBugMapMemory) -> tuple[float, float]:
     """Direction and way to the place about the robot that is farthest from everything seen."""
     memory.mode = "emergency"
     light, bearings = scene.light, HEADINGS - scene.view.heading
-    ways = np.minimum(light.free(bearings), light.reach)
+    ways = np.minimum(free_to_drive(scene, bearings), light.reach)
     gaps = light.gaps(ways[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)]))
     # Among points equally far from everything, the one with the longest way.
     best = int(np.lexsort((-ways, -gaps))[0]) if ways.max() > 0.0 else 0

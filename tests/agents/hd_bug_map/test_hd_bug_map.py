@@ -308,6 +308,15 @@ def test_where_its_map_is_open_and_the_disc_does_not_pass_it_does_not_go_to_and_
     assert episode.memory.turned_back and episode.min_clearance > 0.0
 
 
+@pytest.mark.parametrize(("seed", "verdict"), [(416, ""), (601, ""), (827, "unreachable")])
+def test_it_does_not_stand_before_a_way_that_its_brake_does_not_let_it_go(seed: int, verdict: str) -> None:
+    """Where a cylinder is nearer than the brake keeps, the smaller disc that looks for ways finds some that it cannot begin."""
+    world = cylinder_claims.scenario("jackal", shut=cylinder_claims.is_shut(seed))
+    episode = run_episode("hd_bug_map", world, seed=seed, **barn.PARAMETERS["jackal"])
+    assert (episode.outcome, episode.verdict) == ("running" if verdict else "success", verdict)
+    assert episode.min_clearance > 0.0
+
+
 def drive_past_bars(places: NDArray[np.float64], *, gone: int) -> tuple[Any, str]:
     """Its memory and the outcome in an empty world, where it takes cells (k, 2) for blocked from the start.
 
