@@ -207,6 +207,11 @@ class D2TPlanner(MapPlanner):
         exact = self._exact_way(scene, memory) if seen is None else None
         return exact or Plan(None, reason=self._why_not(scene, memory), verdict="unreachable")
 
+    def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:
+        """The map, or what has been seen."""
+        seen: SeenGround | None = memory.seen
+        return super().standing(scene, memory) if seen is None else seen.standing(scene, self.sensors)
+
     def _exact_way(self, scene: Scene, memory: Any) -> Plan | None:
         """The shortest way with as much room as there is: between round obstacles their polygons may have closed it."""
         for radius, margin in (*self.rooms, Room(self.sensors.radius, 0.0)):

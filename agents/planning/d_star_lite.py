@@ -3,12 +3,12 @@
 Source: Koenig and Likhachev (2005), "Fast replanning for navigation in unknown terrain", the optimised version. Sensing
 assumed: the map, own place on it, movers where they are now; in unknown terrain scan, own position, goal. Memory kept: all
 scan points seen (in unknown terrain), two estimates of each cell's distance from the goal. States: planning, following,
-waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells. Length: that of A* over what is
+waiting, looking. Guarantee: reaches the goal in still worlds if there is a way over the cells. Length: that of A* over what is
 known.
 
 In unknown terrain what has not been seen counts as free, and what comes to be seen is planned round. Where that leaves no
-way it waits, and says so when no ground has turned out free for ten seconds and what has gone is forgotten. "Unreachable"
-then speaks of its cells: a gap less than three of them wider than the body may be open all the same.
+way it goes to look where the body alone might pass, then waits, and says so when no ground has turned out free for ten
+seconds and what has gone is forgotten: "unreachable" where the points seen stop the body itself, else "stuck".
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.grid import FAR, Bytes, Grid, Nodes
 from bug_gym.agents.planning.grid_planner import TerrainParameters, TerrainPlanner
+from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.map_policy import MapMemory
 from bug_gym.agents.planning.open_list import OpenList, is_before, open_list, put, take
 from bug_gym.agents.planning.planner import Plan
@@ -313,6 +314,11 @@ class DStarLitePlanner(TerrainPlanner, RepairingPlanner):
             memory.seen = SeenGround(self.parameters, self.rooms)
         return drive_in_seen(self, memory.seen, view, memory)
 
+    def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:
+        """The map, or what has been seen."""
+        seen = memory.seen
+        return super().standing(scene, memory) if seen is None else seen.standing(scene, self.sensors)
+
     def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way over the cells, as seen so far where the map is not given."""
         seen = memory.seen
@@ -336,4 +342,4 @@ class DStarLitePlanner(TerrainPlanner, RepairingPlanner):
                 reason = (
                     f"what has been seen leaves no way over cells of {size:g} m for a body of radius {room.radius:g} m"
                 )
-                return Plan(None, reason=reason, verdict="unreachable")
+                return Plan(None, reason=reason, verdict="stuck")

@@ -213,6 +213,19 @@ class PlanningMap:
         nearest, _ = shapely.ops.nearest_points(free, point)
         return nearest.x, nearest.y
 
+    def free_part(self, place: Point, *, radius: float, reach: float) -> shapely.Geometry:
+        """All that a disc can come to from a place; empty where it has no room within reach of it.
+
+        Args:
+            place: where from [m].
+            radius: of the disc [m].
+            reach: how far from there it may begin [m].
+        """
+        free = shapely.get_parts(free_space(self.discs, self.polygons, self.border, radius=radius))
+        away = shapely.distance(free, shapely.Point(place))
+        nearest = int(away.argmin()) if len(free) else -1
+        return free[nearest] if nearest >= 0 and away[nearest] <= reach else shapely.Polygon()
+
     @cached_property
     def _inside(self) -> shapely.Polygon:
         return shapely.Polygon(self.border)

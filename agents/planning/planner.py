@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import shapely
 
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.planning.clear_step import clear_velocity
@@ -38,6 +39,9 @@ NEAR = 5.0
 
 SLOW = 0.1
 """What moves less than this stands [m/s]."""
+
+DISC_SEGMENTS = 16
+"""Sides of a quarter of the polygon about the places that are near enough to a goal."""
 
 PAUSE = 0.5
 """Time between two plans round movers [s]."""
@@ -199,6 +203,8 @@ class MapPlanner(MapPolicy):
     def replace_route(self, scene: Scene, memory: PlannerMemory) -> None:
         """Replace the way; where none is found round movers the old one stays, on which the robot waits."""
         found = self.plan(scene, memory)
+        if found.verdict:
+            found = self.planned_beside(scene, memory, found)
         memory.plans += 1
         memory.pause = PAUSE
         memory.reason, memory.verdict = found.reason, found.verdict
@@ -208,6 +214,22 @@ class MapPlanner(MapPolicy):
         elif scene.moving is None:
             memory.route = None
         memory.mode = "following" if found.places is not None else "waiting"
+
+    def planned_beside(self, scene: Scene, memory: PlannerMemory, found: Plan) -> Plan:
+        """Where no way was found to the goal or the free place nearest to it: one to where within its radius most room is.
+
+        The nearest one may be shut off from that. Where the body can come to none, "unreachable" is certain.
+        """
+        plan, radius = self.standing(scene, memory)
+        end = end_within_reach(plan, scene.pose[:2], scene.goal, radius=radius, goal_radius=self.sensors.goal_radius)
+        if end is None:
+            return found._replace(verdict="unreachable")
+        beside = self.plan(scene._replace(goal=end), memory)
+        return found._replace(verdict="stuck") if beside.places is None else beside
+
+    def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:
+        """What is known to stand, and the radius [m] of what certainly does not pass where that leaves no way for it."""
+        return live_of(memory).still, self.sensors.radius
 
     def draw(self, memory: PlannerMemory) -> Drawing:
         """The way that is followed, and its bends."""
@@ -270,6 +292,28 @@ def exact_way(plan: PlanningMap, start: Point, goal: Point, *, radius: float, go
     return np.concatenate([[start], path.points]) if math.isfinite(path.length) else None
 
 
+def end_within_reach(
+    plan: PlanningMap, start: Point, goal: Point, *, radius: float, goal_radius: float
+) -> Point | None:
+    """The roomiest place so near to a goal as counts that a disc can come to; None: it can come to none, for certain.
+
+    Args:
+        plan: what stands.
+        start: where the robot is [m].
+        goal: where to [m].
+        radius: of the disc [m].
+        goal_radius: how near to the goal it has to come [m].
+    """
+    part = plan.free_part(start, radius=radius, reach=2.0 * radius)
+    within = shapely.Point(goal).buffer(goal_radius / math.cos(0.25 * math.pi / DISC_SEGMENTS), quad_segs=DISC_SEGMENTS)
+    places = shapely.get_parts(shapely.intersection(part, within))
+    rooms = [shapely.maximum_inscribed_circle(one) for one in places if one.area > 0.0]
+    if not rooms:
+        return None
+    x, y = max(rooms, key=shapely.length).coords[0]
+    return x, y
+
+
 def is_shut_in(plan: PlanningMap, start: Point, goal: Point, sensors: Sensors) -> bool:
     """Whether there is no way to a goal for certain, not even for the body alone.
 
@@ -279,10 +323,8 @@ def is_shut_in(plan: PlanningMap, start: Point, goal: Point, sensors: Sensors) -
         goal: where to [m].
         sensors: radius of the body, and how near to the goal it has to come.
     """
-    radius = sensors.radius
-    inner = plan.free_place_near(start, radius=radius, reach=2.0 * radius)
-    outer = plan.free_place_near(goal, radius=radius, reach=sensors.goal_radius)
-    return inner is None or outer is None or not plan.joins(inner, outer, radius=radius)
+    end = end_within_reach(plan, start, goal, radius=sensors.radius, goal_radius=sensors.goal_radius)
+    return end is None
 
 
 def no_way(plan: PlanningMap, scene: Scene, sensors: Sensors, *, beside: float = 0.0) -> str:

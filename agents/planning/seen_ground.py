@@ -11,14 +11,16 @@ import numpy as np
 
 from bug_gym.agents.mapping.lazy_theta import Search
 from bug_gym.agents.mapping.point_map import PointMap
+from bug_gym.agents.planning.clear_step import ROOM as CLEAR_ROOM
+from bug_gym.agents.planning.clear_step import clear_velocity
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.grid import Grid, Lattice, Nodes, make_grid, relink_nodes
 from bug_gym.agents.planning.grid_planner import GridParameters
-from bug_gym.agents.planning.map import in_frame, inverse
+from bug_gym.agents.planning.map import PlanningMap, in_frame, inverse
 from bug_gym.agents.planning.planner import GOAL_MOVED, STRAYED, MapPlanner, PlannerMemory, Room
 from bug_gym.agents.planning.route import Route
-from bug_gym.agents.planning.smoothing import Solids
-from bug_gym.geometry import Point
+from bug_gym.agents.planning.smoothing import Solids, spread
+from bug_gym.geometry import F64, Point
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
 
@@ -27,9 +29,24 @@ NO_EDGES = np.zeros((0, 4))
 SPAN = 10.0
 """Half of the side of the grid at first [m]; it grows by itself."""
 
+BEYOND = 2.0
+"""Ground kept around all that has been seen [m], so that a way round it is there."""
+
+ROUNDED = 1e-3
+"""How far remembered points may lie beside what was hit [m]."""
+
+LOOK_STEP, LEAST_LOOK = 0.05, 0.2
+"""Between places of a way to where is looked, and the least length of one [m]."""
+
 STILL_FOR, MOST_WAITING = 10.0, 60.0
 """So long no ground may have turned out free before what has been seen counts as leaving no way, as what stands in the only
 door may go on; after so long without a way it does in any case [s]."""
+
+SLOWLY = 4.0
+"""The time to go where is looked, in times of that at top speed."""
+
+HELD = 1e-3
+"""Of which share of its velocity no more is left to a robot that is held up."""
 
 FORGOTTEN = 2
 """How often all that has been seen is forgotten before that is the verdict, where something has moved: what has gone leaves
@@ -94,6 +111,11 @@ class SeenGround:
         self._waited += seconds
         self._still = 0.0 if is_open else self._still + seconds
 
+    def look_on(self, seconds: float) -> None:
+        """Count time without a way that is spent on the way to look [s]."""
+        self._waited += seconds
+        self._still = 0.0
+
     def go_on(self) -> None:
         """Count from none again: there is a way."""
         self._still = self._waited = 0.0
@@ -123,6 +145,40 @@ class SeenGround:
         self.points.set_clearance(self._clearance)
         self.grid, self._solids = self._grid(), None
         return True
+
+    def standing(self, scene: Scene, sensors: Sensors) -> tuple[PlanningMap, float]:
+        """The points seen, and the radius [m] of what certainly does not pass where they leave no way for it."""
+        points = self.points.points()
+        return map_of_hits(np.column_stack([points, np.zeros(len(points))]), scene), self._least_radius(sensors)
+
+    def cleared(self, velocity: Velocity, view: View, scene: Scene) -> Velocity:
+        """As much of a velocity as touches nothing that the last scan has hit: a follower cuts corners."""
+        drive, radius = view.sensors.drive, view.sensors.radius
+        speed = max(math.hypot(*velocity), math.hypot(*view.own_velocity))
+        if radius + CLEAR_ROOM + speed * drive.step + 0.5 * speed * speed / drive.max_acceleration < view.ranges.min():
+            return velocity
+        return clear_velocity(map_of_hits(self._hits, scene), scene.pose, view.own_velocity, velocity, drive, radius)
+
+    def way_to_look(self, scene: Scene, sensors: Sensors) -> F64 | None:
+        """Toward where the body alone might pass between points seen, as far as cells leave room; None: it is there.
+
+        From far away a wall is a row of points with gaps between them.
+        """
+        self.points.set_clearance(self._least_radius(sensors))
+        way = self.points.find_way(scene.pose[:2], scene.goal, sensors.goal_radius)
+        self.points.set_clearance(self._clearance)
+        if way is None:
+            return None
+        places, solids = spread(way.places, LOOK_STEP), self.solids
+        clear = 0
+        while clear + 1 < len(places) and solids.is_clear(tuple(places[clear]), tuple(places[clear + 1])):
+            clear += 1
+        return places[: clear + 1] if clear * LOOK_STEP > LEAST_LOOK else None
+
+    @staticmethod
+    def _least_radius(sensors: Sensors) -> float:
+        """Radius [m] of what does not pass where points leave no way for it, though they lie a little beside what was hit."""
+        return max(sensors.radius - 4.0 * sensors.range_noise - ROUNDED, 0.5 * sensors.radius)
 
     def ends(self, scene: Scene, sensors: Sensors) -> tuple[int, int] | None:
         """The free cells in which a way begins and ends, None where there are none near enough."""
@@ -170,6 +226,13 @@ class SeenGround:
         return make_grid(blocked, lattice, connectivity=own.connectivity, cut_corners=own.cut_corners)
 
 
+def map_of_hits(hits: F64, scene: Scene) -> PlanningMap:
+    """Hits (k, 3) x, y, 0 [m] as a map, whose border leaves way round them."""
+    places = np.concatenate([hits[:, :2], [scene.pose[:2], scene.goal]])
+    low, high = places.min(axis=0) - BEYOND, places.max(axis=0) + BEYOND
+    return PlanningMap(np.array([low, (high[0], low[1]), high, (low[0], high[1])]), hits)
+
+
 def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: PlannerMemory) -> Velocity:
     """One decision of a planner that is not given the map: look, plan anew where what is seen asks for it, and follow.
 
@@ -189,15 +252,38 @@ def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: Pla
             memory.route.advance(*scene.pose[:2]) > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
         )
         is_due = is_new or is_open or not seen.is_route_open(memory.route, scene.pose[:2])
+        is_due |= memory.mode == "looking" and (memory.route.rest < LOOK_STEP or memory.pause <= 0.0)
     if is_due:
         planner.replace_route(scene, memory)
+        if memory.verdict == "stuck" and not seen.is_shut:
+            look_nearer(seen, scene, view.sensors, memory)
     if memory.route is not None:
-        seen.go_on()
-        return planner.follower.follow(memory.route, view, scene)
+        wish = planner.follower.follow(memory.route, view, scene)
+        clear = wish if view.sensors.drive.latency > 0 else seen.cleared(wish, view, scene)
+        if clear != wish:
+            memory.planned_for = (math.inf, math.inf)
+        if wish != (0.0, 0.0) and math.hypot(*clear) <= HELD * math.hypot(*wish):
+            seen.wait(step, is_open=is_open)
+            if seen.is_shut:
+                memory.verdict, memory.reason = "stuck", "what is seen beside the way holds the body up"
+        elif memory.mode == "looking":
+            seen.look_on(step)
+        else:
+            seen.go_on()
+        return clear
     seen.wait(step, is_open=is_open)
     if memory.verdict and not (seen.is_shut and is_final(seen, memory)):
         memory.verdict = ""
     return 0.0, 0.0
+
+
+def look_nearer(seen: SeenGround, scene: Scene, sensors: Sensors, memory: PlannerMemory) -> None:
+    """Follow the way to where the body might pass, if it is not there: what is seen from there may open or prove more."""
+    places = seen.way_to_look(scene, sensors)
+    if places is not None:
+        memory.route, memory.verdict, memory.mode = Route(places, margin=seen.room.margin), "", "looking"
+        memory.planned_for = scene.goal
+        memory.pause = SLOWLY * memory.route.length / sensors.drive.max_speed + STILL_FOR
 
 
 def is_final(seen: SeenGround, memory: PlannerMemory) -> bool:

@@ -17,6 +17,7 @@ from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.rrt_star import Grown, rrt_star
 from bug_gym.agents.planning.smoothing import Solids, pulled
 from bug_gym.evaluation import evaluate
+from bug_gym.reproductions import cylinder_claims
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
@@ -366,6 +367,30 @@ def test_in_unknown_terrain_d_star_lite_sees_the_map_of_no_one() -> None:
     assert episode.outcome == "success" and episode.memory.live is None
     given = run_episode("d_star_lite", "u_trap")
     assert given.full_length < episode.full_length
+
+
+def ringed_goal(goal_radius: float) -> dict[str, Any]:
+    """A goal in a ring of posts that nobody passes, whose outer side is 0.8 m from it."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    posts = np.column_stack([8.0 + 0.55 * np.cos(turns), 0.55 * np.sin(turns), np.full(24, 0.06)])
+    world = {"family": "explicit", "bounds": [-2, -4, 12, 4], "circles": posts.tolist(), "start": [0, 0, 0]}
+    return {"world": world | {"goal": [8, 0]}, "goal": {"radius": goal_radius}, "time": {"limit": 60.0}}
+
+
+@pytest.mark.parametrize("name", [name for name, line in AGENTS.items() if line.family == "planner"])
+def test_a_goal_in_a_ring_is_open_where_its_radius_reaches_beyond(name: str) -> None:
+    """The free place nearest to it is shut off; others within its radius are not."""
+    robot = {"robot.kinematics": "holonomic"}
+    assert run_episode(name, ringed_goal(1.2), robot).outcome == "success"
+    assert run_episode(name, ringed_goal(0.7), robot).verdict == "unreachable"
+
+
+@pytest.mark.parametrize("seed", [34, 70, 74, 77, 78])
+def test_in_unknown_terrain_it_neither_denies_nor_touches_among_thin_cylinders(seed: int) -> None:
+    """Open for the body, not for the cells of what has been seen; in 70 its follower cuts a corner between cylinders."""
+    world = cylinder_claims.scenario("holonomic", shut=False)
+    episode = run_episode("d_star_lite", world, seed=seed, known=False)
+    assert (episode.outcome, episode.verdict) == ("running", "stuck") and episode.min_clearance > 0.0
 
 
 def test_in_unknown_terrain_nothing_seen_is_the_straight_way_however_far() -> None:
