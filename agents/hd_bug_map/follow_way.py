@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -26,6 +25,9 @@ OFFSETS: F64 = np.radians(np.stack([np.arange(3.0, 177.0, 3.0), -np.arange(3.0, 
 
 TURNED_BACK = 3
 """Turned back so often before a cell of the map, it takes the cell for blocked."""
+
+STEADY = 0.005
+"""Standard deviation of a range up to which one scan shows what the next one does [m]."""
 
 STANDS = 0.05
 """A robot slower than this turns on the spot, as a share of its top speed."""
@@ -106,42 +108,36 @@ def slide(scene: Scene, memory: HDBugMapMemory, direction: float, need: float) -
 
     Without any, that of the place about the robot that is farthest from everything.
     """
-    bearing, free_ways = direction - scene.view.heading, ways_to_drive(scene)
-    free = free_ways(np.array([bearing]))
+    bearing = direction - scene.view.heading
+    free = free_to_drive(scene, np.array([bearing]))
     if free[0] >= need:
         return direction, float(free[0])
-    found = free_ways(bearing + OFFSETS)
+    found = free_to_drive(scene, bearing + OFFSETS)
     good = np.flatnonzero(found >= need)
     if len(good):
         return direction + float(OFFSETS[good[0]]), float(found[good[0]])
     return emergency_point(scene, memory)
 
 
-def ways_to_drive(scene: Scene) -> Callable[[F64], F64]:
-    """What tells how far the disc can go along bearings (m,) [m]: nowhere that a round robot's brake would not let it begin.
+def free_to_drive(scene: Scene, bearings: F64) -> F64:
+    """How far the disc can go along bearings (m,) [m]: nowhere that a round robot's brake would not let it begin to go.
 
     The disc is smaller than what the brake keeps clear where something is as near as that: else the robot would stand there
-    for ever, before a way that only the disc has. Where the brake lets it go nowhere at all, a scan of noise may show
-    things nearer than they are, and the disc alone counts.
+    for ever, before a way that only the disc has. Where ranges scatter the next scan lets it go.
     """
     view, light = scene.view, scene.light
-    disc = braking_radius(view.sensors)
-    if light.radius >= disc or view.sensors.drive.kinematics == "holonomic" or len(view.sensors.footprint) > 1:
-        return light.free
-
-    def braked(bearings: F64) -> F64:
-        ways = light.free(bearings)
-        ways[view.free_distances(bearings, disc) <= disc - view.sensors.radius] = 0.0
-        return ways
-
-    return braked if braked(HEADINGS - view.heading).max() > 0.0 else light.free
+    ways, sensors, disc = light.free(bearings), view.sensors, braking_radius(view.sensors)
+    is_turned_first = sensors.drive.kinematics != "holonomic" and len(sensors.footprint) == 1
+    if light.radius < disc and is_turned_first and sensors.range_noise <= STEADY:
+        ways[view.free_distances(bearings, disc) <= disc - sensors.radius] = 0.0
+    return ways
 
 
 def emergency_point(scene: Scene, memory: HDBugMapMemory) -> tuple[float, float]:
     """Direction and way to the place about the robot that is farthest from everything seen."""
     memory.mode = "emergency"
     light, bearings = scene.light, HEADINGS - scene.view.heading
-    ways = np.minimum(ways_to_drive(scene)(bearings), light.reach)
+    ways = np.minimum(free_to_drive(scene, bearings), light.reach)
     gaps = light.gaps(ways[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)]))
     # Among points equally far from everything, the one with the longest way.
     best = int(np.lexsort((-ways, -gaps))[0]) if ways.max() > 0.0 else 0

@@ -258,23 +258,29 @@ def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: Pla
         if memory.verdict == "stuck" and not seen.is_shut:
             look_nearer(seen, scene, view.sensors, memory)
     if memory.route is not None:
-        wish = planner.follower.follow(memory.route, view, scene)
-        clear = wish if view.sensors.drive.latency > 0 else seen.cleared(wish, view, scene)
-        if clear != wish:
-            memory.planned_for = (math.inf, math.inf)
-        if wish != (0.0, 0.0) and math.hypot(*clear) <= HELD * math.hypot(*wish):
-            seen.wait(step, is_open=is_open)
-            if seen.is_shut:
-                memory.verdict, memory.reason = "stuck", "what is seen beside the way holds the body up"
-        elif memory.mode == "looking":
-            seen.look_on(step)
-        else:
-            seen.go_on()
-        return clear
+        return follow_in_seen(planner, seen, view, memory, memory.route)
     seen.wait(step, is_open=is_open)
     if memory.verdict and not (seen.is_shut and is_final(seen, memory)):
         memory.verdict = ""
     return 0.0, 0.0
+
+
+def follow_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: PlannerMemory, route: Route) -> Velocity:
+    """What drives along a way, as far as the scan lets it."""
+    scene, step = Scene(view.pose, view.goal_position, None), view.sensors.drive.step
+    wish = planner.follower.follow(route, view, scene)
+    clear = wish if view.sensors.drive.latency > 0 else seen.cleared(wish, view, scene)
+    if clear != wish:
+        memory.planned_for = (math.inf, math.inf)
+    if wish != (0.0, 0.0) and math.hypot(*clear) <= HELD * math.hypot(*wish):
+        seen.wait(step, is_open=False)
+        if seen.is_shut and is_final(seen, memory):
+            memory.verdict, memory.reason = "stuck", "what is seen beside the way holds the body up"
+    elif memory.mode == "looking":
+        seen.look_on(step)
+    else:
+        seen.go_on()
+    return clear
 
 
 def look_nearer(seen: SeenGround, scene: Scene, sensors: Sensors, memory: PlannerMemory) -> None:
