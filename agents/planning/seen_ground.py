@@ -246,7 +246,7 @@ def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: Pla
     is_open, step = seen.look(view, scene.goal), view.sensors.drive.step
     memory.pause -= step
     if memory.route is None:
-        is_due = is_open or memory.pause <= 0.0
+        is_due = memory.pause <= 0.0
     else:
         is_new = (
             memory.route.advance(*scene.pose[:2]) > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
