@@ -4,7 +4,7 @@ How long decisions and plans take depends on what else the machine does. Where n
 keeps its numbers, is said to be confirmed at the commit of the new one, and the pages are to be made again. Else the
 differences are told, the exit status is 1, and the new file is the one to commit. `--keep-times` commits it, but with the
 times of the old one where both have them, for what was made again on a machine with other work; its page says so.
-`--policy=NAME` does so for the rows of one policy, whose file alone has changed, and leaves all others as they are.
+`--policy=NAME[,NAME...]` does so for the rows of policies, whose files alone have changed, and leaves all others as they are.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ TIMES = {
 }
 """What depends on the machine and on what else it does."""
 
-MADE_BY = {"bug_gym", "commit", "confirmed", "python", "remark", "times_of"}
+MADE_BY = {"bug_gym", "commit", "confirmed", "made_again", "python", "remark", "times_of"}
 """What tells of the run itself, at the top of a file."""
 
 
@@ -93,18 +93,18 @@ def is_of(policy: str, item: Any) -> bool:
     return policy in (item.values() if isinstance(item, dict) else item if isinstance(item, list) else ())
 
 
-def replace_policy(policy: str, new: Path, committed: Path) -> None:
-    """Commit what a new result says of a policy, with the old times where there are some, and say so in it."""
+def replace_policies(policies: Sequence[str], new: Path, committed: Path) -> None:
+    """Commit what a new result says of some policies, with the old times where there are some, and say so in it."""
     found = json.loads(new.read_text(encoding="utf-8"))
-    known = json.loads(committed.read_text(encoding="utf-8"))
-    rows = with_rows_of(policy, known, found)
+    rows = known = json.loads(committed.read_text(encoding="utf-8"))
+    for policy in policies:
+        rows = with_rows_of(policy, rows, found)
     merged = with_times_of(known, rows)
     if merged != rows:
         merged.setdefault("times_of", known["commit"])
     if known["holds"] is not None:
         merged["holds"] = known["holds"] and found["holds"]
-    told = f"`{policy}`: made at commit `{found['commit']}`, all others at the one above."
-    merged["remark"] = " ".join(filter(None, [known.get("remark", ""), told]))
+    merged["made_again"] = known.get("made_again", {}) | dict.fromkeys(policies, found["commit"])
     committed.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
 
 
@@ -112,11 +112,11 @@ def main(arguments: Sequence[str]) -> int:
     """Confirm each; 1 where one differs."""
     differ = 0
     options = [one for one in arguments if one.startswith("--")]
-    policies = [one.removeprefix("--policy=") for one in options if one.startswith("--policy=")]
+    told = [one.removeprefix("--policy=") for one in options if one.startswith("--policy=")]
+    policies = [name for one in told for name in one.split(",")]
     for path in (Path(one) for one in arguments if one not in options):
-        for policy in policies:
-            replace_policy(policy, path, RESULTS / path.name)
         if policies:
+            replace_policies(policies, path, RESULTS / path.name)
             continue
         different = confirm(path, RESULTS / path.name)
         if different and "--keep-times" in options:

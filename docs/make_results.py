@@ -111,6 +111,15 @@ def verdict(holds: bool | None) -> str:
     return {True: "true", False: "**false**", None: "claims nothing"}[holds]
 
 
+def made_again(found: Record) -> str:
+    """Which policies' rows were made at other commits than all others."""
+    at: dict[str, list[str]] = {}
+    for policy, commit in found.get("made_again", {}).items():
+        at.setdefault(commit, []).append(f"`{policy}`")
+    told = [f"{', '.join(policies)}: made at commit `{commit}`" for commit, policies in at.items()]
+    return f"{'; '.join(told)}; all others at the one above." if told else ""
+
+
 def page(name: str, found: Record) -> str:
     """The page of a reproduction or a check.
 
@@ -134,7 +143,7 @@ def page(name: str, found: Record) -> str:
     )
     claims = table("Claims", ["claim", "found"], [[claim, verdict(true)] for claim, true in told.claims])
     parts = [
-        f"# {name}", first, rest, f"```bash\n{command(name)}\n```", made, found.get("remark", ""),
+        f"# {name}", first, rest, f"```bash\n{command(name)}\n```", made, made_again(found), found.get("remark", ""),
         claims if told.claims else "It claims nothing.",
         "## What it says", told.reading, "## Numbers", *told.tables,
     ]  # fmt: skip

@@ -110,11 +110,11 @@ def test_the_rows_of_one_policy_may_be_made_again_alone(tmp_path: Path) -> None:
     committed, made = tmp_path / "committed.json", tmp_path / "made.json"
     committed.write_text(json.dumps(result("a", 0.5, 0.6, [["bug", 1], ["apf", 2]])))
     made.write_text(json.dumps(result("b", 0.1, 0.9, [["other", 4], {"policy": "apf", "seed": 3}])))
-    script("confirm_results.py")["replace_policy"]("apf", made, committed)
+    script("confirm_results.py")["replace_policies"](["apf"], made, committed)
     expected = result("a", 0.5, 0.9, [["bug", 1], {"policy": "apf", "seed": 3}])
     assert json.loads(committed.read_text()) == {
         **expected,
-        "remark": "`apf`: made at commit `b`, all others at the one above.",
+        "made_again": {"apf": "b"},
         "times_of": "a",
     }
 

@@ -143,7 +143,12 @@ def reproduce(settings: Settings) -> Reproduction:
     data = {
         "seeds": len(seeds),
         "policies": counted,
-        "kinds": shares,
+        "kinds": {
+            policy: {
+                title: by_kind([one for one in found if one.policy == policy], kind) for title, kind in KINDS.items()
+            }
+            for policy in policies
+        },
         "touched": [one._asdict() | {"world": world(one.seed), "robot": robot(one.seed)} for one in touched],
     }
     tables = [

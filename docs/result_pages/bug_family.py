@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift, operative_critical_points
 from bug_gym.reproductions.com1_rev3 import ROOMY, difference
@@ -284,6 +284,17 @@ def cylinder_claims(found: Record) -> Page:
     )
 
 
+def counts_by_kind(of_policies: Iterable[Record]) -> dict[tuple[str, str], list[int]]:
+    """The counts of several policies together, by the title and the name of a kind."""
+    together: dict[tuple[str, str], list[int]] = {}
+    for kinds in of_policies:
+        for title, some in kinds.items():
+            for name, counted in some.items():
+                so_far = together.get((title, name), [0] * len(counted))
+                together[title, name] = [one + other for one, other in zip(so_far, counted.values(), strict=True)]
+    return together
+
+
 def still_things(found: Record) -> Page:
     """Contacts with what stands still, by policy and by kind of world and robot."""
     policies, kinds, touched = found["policies"], found["kinds"], found["touched"]
@@ -295,6 +306,13 @@ def still_things(found: Record) -> Page:
     thin = sum(one["world"] == "cellular_automaton" and one["robot"]["lidar.beams"] == fewest for one in touched)
     where = f" {thin} of them with cylinders thinner than the body, which {fewest} beams miss." if touched else ""
     left_out = [name for name in POLICIES if name not in policies]
+    by_kind = [
+        table(
+            f"{'All' if len(kinds) == len(policies) else len(kinds)} policies together, by kind of world and robot",
+            ["", "", *header],
+            [[*kind, *map(str, counted)] for kind, counted in counts_by_kind(kinds.values()).items()],
+        )
+    ]
     return Page(
         [
             table(
@@ -302,11 +320,7 @@ def still_things(found: Record) -> Page:
                 ["policy", *header],
                 [[f"`{marked(name)}`", *map(str, one.values())] for name, one in policies.items()],
             ),
-            table(
-                "All policies together, by kind of world and robot",
-                ["", "", *header],
-                [[title, name, *map(str, one.values())] for title, some in kinds.items() for name, one in some.items()],
-            ),
+            *(by_kind if kinds else []),
         ],
         f"{driven:,} episodes, {len(touched)} contacts{told}{where} An episode ends after a minute, which is short for a maze: "
         "whether a policy arrives is asked elsewhere. Robots that a scripted policy is shown too little to drive, such as "
