@@ -81,8 +81,11 @@ def with_rows_of(policy: str, old: Any, new: Any) -> Any:
         merged = {key: with_rows_of(policy, value, new.get(key)) for key, value in old.items()}
         return merged | {key: value for key, value in new.items() if policy in key.split()}
     if isinstance(old, list) and isinstance(new, list):
-        if any(is_of(policy, one) for one in (*old, *new)):
-            return [one for one in old if not is_of(policy, one)] + [one for one in new if is_of(policy, one)]
+        others, again = [one for one in old if not is_of(policy, one)], [one for one in new if is_of(policy, one)]
+        if again or len(others) < len(old):
+            in_turn = iter(again)  # they keep their places
+            kept = len(others) + len(again) == len(old)
+            return [next(in_turn) if is_of(policy, one) else one for one in old] if kept else others + again
         if len(old) == len(new):
             return [with_rows_of(policy, one, other) for one, other in zip(old, new, strict=True)]
     return old
