@@ -56,7 +56,10 @@ class Planner:
         return memory.way
 
     def _find_way(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
-        """A new path: to where the goal can be met, else to the goal, else over poses, else at the least clearance."""
+        """A new path: to where the goal can be met, else to the goal, else over poses, else at the least clearance.
+
+        Poses are planned with ways ahead alone, and begin where the body may be too near to something to turn.
+        """
         view, grid = scene.view, scene.grid
         position, goal = view.position, view.goal_position
         memory.planned_at, memory.removed_then, memory.revised_then = memory.steps, grid.removed, grid.revised
@@ -67,10 +70,11 @@ class Planner:
         if found is not None:
             return found
         if memory.body_map is not None:
-            radius = max(memory.goal_radius, memory.body_map.cells.size)
-            poses = find_poses(memory.body_map, self.measures.footprint, view.pose, memory.goal, radius)
+            near = max(memory.goal_radius, memory.body_map.cells.size)
+            poses = find_poses(memory.body_map, self.measures.footprint, view.pose, memory.goal, near)
             memory.turns = None if poses is None else Turns(poses, memory.body_map, memory.steps)
-            return None if memory.turns is None else memory.turns.way
+            if memory.turns is not None:
+                return memory.turns.way
         if grid.cells.clearance > self.measures.tight:
             grid.set_clearance(self.measures.tight)
             return grid.find_way(position, goal, radius)
@@ -84,7 +88,7 @@ class Planner:
             return
         if memory.steps - memory.moved_at > STILL_FOR / scene.view.sensors.drive.step:
             if not self._is_shut_by_bars(scene, memory):
-                memory.verdict = "unreachable"
+                memory.verdict = "unreachable" if self._is_shut_for_body(scene, memory) else "stuck"
             elif memory.barred_then == scene.grid.removed or memory.bars_lifted == BARS_LIFTED:
                 memory.verdict = "stuck"
             else:
@@ -102,6 +106,13 @@ class Planner:
         scene.grid.set_clearance(scene.grid.cells.clearance)
         radius = max(memory.goal_radius, 0.5 * self.measures.cell)
         return scene.grid.find_way(scene.view.position, scene.view.goal_position, radius) is not None
+
+    def _is_shut_for_body(self, scene: Scene, memory: HDBugMapMemory) -> bool:
+        """Whether not even one of the circles of a long body passes: that the planner finds no poses is no proof."""
+        if memory.body_map is None:
+            return True
+        radius = max(memory.goal_radius, memory.body_map.cells.size)
+        return memory.body_map.find_way(scene.view.position, scene.view.goal_position, radius) is None
 
     def turn_through(self, scene: Scene, memory: HDBugMapMemory, turns: Turns) -> Velocity | None:
         """Follow the poses of a long body; None where it has room again, or they no longer lead on."""

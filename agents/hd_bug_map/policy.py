@@ -28,7 +28,9 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
    as far again, so that a wide region is not entered because only its near edge is known. What is seen or supposed from
    nearer counts, else it would change with the heading, and the side to go round a region with it.
 6. Long bodies. The way is planned for the disc about the body, which can turn anywhere; where there is none, poses are
-   planned (poses) until there is room again. Where a mover would be met on them it gives way (give_way).
+   planned (poses) until there is room again, and else the way for the disc at the least clearance. Where a mover would be
+   met on them it gives way (give_way). "Unreachable" is a goal that not even one of the circles of the body comes to, else
+   it is "stuck".
 """
 
 from __future__ import annotations

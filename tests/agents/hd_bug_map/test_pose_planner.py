@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from episodes import run_episode
 from bug_gym.agents.hd_bug_map.poses import find_poses, turn_to
 from bug_gym.agents.mapping.lazy_theta import Search
 from bug_gym.agents.mapping.point_map import PointMap
+from bug_gym.config import load
+from bug_gym.reproductions import barn
 
 BODY = [[-0.4, 0.0, 0.22], [0.0, 0.0, 0.22], [0.4, 0.0, 0.22]]
 MARGIN = 0.03
@@ -47,6 +50,23 @@ def test_a_long_robot_turns_and_goes_lengthwise_through_a_passage_narrower_than_
 def test_a_passage_narrower_than_the_body_is_no_way() -> None:
     episode = run_episode("hd_bug_map", wall_with_gap(0.4, 0.0))
     assert episode.verdict == "unreachable"
+
+
+def test_where_a_circle_of_the_body_passes_and_the_body_finds_no_way_nothing_is_proven() -> None:
+    walls = [[[0.0, y], [0.2, y], [0.2, y + 1.3], [0.0, y + 1.3]] for y in (-1.475, 0.175)]
+    world = {"family": "explicit", "bounds": [-2.0, -1.5, 2.5, 1.5], "start": [-1.0, 0.0, 0.0], "goal": [1.8, 0.0]}
+    episode = run_episode(
+        "hd_bug_map", barn.faithful() | {"world": world | {"polygons": walls}, "goal": {"radius": 0.3}}
+    )
+    assert (episode.outcome, episode.verdict) == ("running", "stuck")
+
+
+def test_who_stands_too_near_to_turn_goes_on_where_the_disc_passes_at_the_least_clearance(shared_data: Path) -> None:
+    described = barn.scenario("faithful", str(shared_data / "barn_worlds.jsonl"), 213)
+    episode = run_episode(
+        "hd_bug_map", load(described["scenario"], described["overrides"]), seed=0, **barn.PARAMETERS["faithful"]
+    )
+    assert episode.outcome == "success"
 
 
 @pytest.mark.parametrize("seed", range(8))
