@@ -317,6 +317,13 @@ def test_it_does_not_stand_before_a_way_that_its_brake_does_not_let_it_go(seed: 
     assert episode.min_clearance > 0.0
 
 
+@pytest.mark.parametrize("seed", [13, 15, 19])
+def test_where_ranges_scatter_widely_it_waits_for_no_scan_that_pleases_its_brake(seed: int) -> None:
+    """With a standard deviation of 0.2 m something always seems nearer than the brake keeps: the next scan shows another."""
+    noise = {"lidar.beams": 180, "lidar.noise": 0.2}
+    assert run_episode("hd_bug_map", "static", noise, seed=seed).outcome == "success"
+
+
 def drive_past_bars(places: NDArray[np.float64], *, gone: int) -> tuple[Any, str]:
     """Its memory and the outcome in an empty world, where it takes cells (k, 2) for blocked from the start.
 
