@@ -308,7 +308,7 @@ def still_things(found: Record) -> Page:
     left_out = [name for name in POLICIES if name not in policies]
     by_kind = [
         table(
-            f"{'All policies' if len(kinds) == len(policies) else listed(map(code, kinds))} by kind of world and robot",
+            f"{'All policies' if len(kinds) == len(policies) else code(kinds)} by kind of world and robot",
             ["", "", *header],
             [[*kind, *map(str, counted)] for kind, counted in counts_by_kind(kinds.values()).items()],
         )
