@@ -119,6 +119,13 @@ def test_the_rows_of_one_policy_may_be_made_again_alone(tmp_path: Path) -> None:
     }
 
 
+def test_rows_of_a_policy_that_are_as_many_as_before_keep_their_places() -> None:
+    rows_of = script("confirm_results.py")["with_rows_of"]
+    assert rows_of("apf", [["apf", 1], ["bug", 2], ["apf", 3]], [["apf", 4], ["apf", 5]]) == [
+        ["apf", 4], ["bug", 2], ["apf", 5],
+    ]  # fmt: skip
+
+
 def test_a_page_says_where_its_numbers_were_found_again() -> None:
     made = script("make_results.py")
     found = json.loads(text_of(RESULTS / "learned.json"))

@@ -24,7 +24,6 @@ from bug_gym.agents.planning.grid_planner import GridParameters
 from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.planner import (
-    MapPlanner,
     Plan,
     PlannerMemory,
     PlannerParameters,
@@ -35,7 +34,7 @@ from bug_gym.agents.planning.planner import (
     no_way,
     start_in_obstacle,
 )
-from bug_gym.agents.planning.seen_ground import SeenGround, drive_in_seen
+from bug_gym.agents.planning.seen_ground import SeeingPlanner, SeenGround, border_about, drive_in_seen
 from bug_gym.agents.planning.triangulated import Manner, Optimiser, Task, Way, find_way
 from bug_gym.agents.planning.vo_follower import VelocityObstacleFollower
 from bug_gym.geometry import F64
@@ -128,7 +127,7 @@ def navigation(parameters: D2TParameters) -> NavigatorParameters:
     )
 
 
-class D2TPlanner(MapPlanner):
+class D2TPlanner(SeeingPlanner):
     """What both D2T planners share.
 
     Raises:
@@ -207,11 +206,6 @@ class D2TPlanner(MapPlanner):
         exact = self._exact_way(scene, memory) if seen is None else None
         return exact or Plan(None, reason=self._why_not(scene, memory), verdict="unreachable")
 
-    def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:
-        """The map, or what has been seen."""
-        seen: SeenGround | None = memory.seen
-        return super().standing(scene, memory) if seen is None else seen.standing(scene, self.sensors)
-
     def _exact_way(self, scene: Scene, memory: Any) -> Plan | None:
         """The shortest way with as much room as there is: between round obstacles their polygons may have closed it."""
         for radius, margin in (*self.rooms, Room(self.sensors.radius, 0.0)):
@@ -272,9 +266,7 @@ def seen_obstacles(points: F64, scene: Scene) -> tuple[list[shapely.Polygon], F6
         points: (k, 2) [m].
         scene: where the robot and its goal are.
     """
-    places = np.concatenate([points.reshape(-1, 2), [scene.pose[:2], scene.goal]])
-    low, high = places.min(axis=0) - BEYOND, places.max(axis=0) + BEYOND
-    border = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+    border = border_about(points.reshape(-1, 2), scene, BEYOND)
     if len(points) == 0:
         return [], border
     wide = shapely.union_all(shapely.buffer(shapely.points(points), 0.5 * JOINED, quad_segs=4))

@@ -21,13 +21,12 @@ import numpy as np
 from bug_gym.agents.planning.follow import Scene
 from bug_gym.agents.planning.grid import FAR, Bytes, Grid, Nodes
 from bug_gym.agents.planning.grid_planner import TerrainParameters, TerrainPlanner
-from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.map_policy import MapMemory
 from bug_gym.agents.planning.open_list import OpenList, is_before, open_list, put, take
 from bug_gym.agents.planning.planner import Plan
 from bug_gym.agents.planning.repairing_planner import RepairingMemory, RepairingPlanner
 from bug_gym.agents.planning.search import NO_WAY, Found, bound, bound_of, cost_between, offset_of, require_free
-from bug_gym.agents.planning.seen_ground import SeenGround, drive_in_seen
+from bug_gym.agents.planning.seen_ground import SeeingPlanner, SeenGround, drive_in_seen
 from bug_gym.agents.planning.smoothing import pulled
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Integers
@@ -286,7 +285,7 @@ class DStarLiteMemory(RepairingMemory):
     """What has been seen of unknown terrain."""
 
 
-class DStarLitePlanner(TerrainPlanner, RepairingPlanner):
+class DStarLitePlanner(SeeingPlanner, TerrainPlanner, RepairingPlanner):
     """D* Lite over the cells of the map, repaired where movers come and go, or where something new is seen.
 
     Raises:
@@ -313,11 +312,6 @@ class DStarLitePlanner(TerrainPlanner, RepairingPlanner):
         if memory.seen is None:
             memory.seen = SeenGround(self.parameters, self.rooms)
         return drive_in_seen(self, memory.seen, view, memory)
-
-    def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:
-        """The map, or what has been seen."""
-        seen = memory.seen
-        return super().standing(scene, memory) if seen is None else seen.standing(scene, self.sensors)
 
     def plan(self, scene: Scene, memory: Any) -> Plan:
         """The way over the cells, as seen so far where the map is not given."""

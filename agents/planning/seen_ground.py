@@ -6,6 +6,7 @@ The remembered points are those of agents/mapping, which also takes away what be
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -228,9 +229,23 @@ class SeenGround:
 
 def map_of_hits(hits: F64, scene: Scene) -> PlanningMap:
     """Hits (k, 3) x, y, 0 [m] as a map, whose border leaves way round them."""
-    places = np.concatenate([hits[:, :2], [scene.pose[:2], scene.goal]])
-    low, high = places.min(axis=0) - BEYOND, places.max(axis=0) + BEYOND
-    return PlanningMap(np.array([low, (high[0], low[1]), high, (low[0], high[1])]), hits)
+    return PlanningMap(border_about(hits[:, :2], scene, BEYOND), hits)
+
+
+def border_about(points: F64, scene: Scene, beyond: float) -> F64:
+    """Corners (4, 2) of a rectangle about points (k, 2), the robot and its goal, and so far beyond them [m]."""
+    places = np.concatenate([points, [scene.pose[:2], scene.goal]])
+    low, high = places.min(axis=0) - beyond, places.max(axis=0) + beyond
+    return np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+
+
+class SeeingPlanner(MapPlanner):
+    """A planner that does without the map where it is asked to; its memory has `seen` then."""
+
+    def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:
+        """The map, or what has been seen."""
+        seen: SeenGround | None = memory.seen
+        return super().standing(scene, memory) if seen is None else seen.standing(scene, self.sensors)
 
 
 def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: PlannerMemory) -> Velocity:
