@@ -22,8 +22,8 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """What kernels are compiled for -> a scenario of that kind, with overrides."""
 
-DRIVEN = 20.0
-"""Seconds of an episode that policies are driven for: whole ones compiled nothing that half of it had not."""
+DRIVEN = 12.0
+"""Seconds of an episode that policies are driven for: whole ones compile nothing that ten seconds do not."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

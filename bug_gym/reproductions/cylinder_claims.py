@@ -33,10 +33,10 @@ DRIVEN = ("holonomic", "jackal")
 """Robots of the reproduction `barn`, with its clearances."""
 POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
-    *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map"),
+    *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map", "hd_bug", "point_bug", "k_bug", "e_bug"),
+    *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug"),
 )
-"""All that follow walls with a hand, keep a clearance and may say "unreachable", and the map planner; `bug-no-way` asks
-`hd_bug`."""
+"""All that keep a clearance, end by themselves in still worlds and are given no map."""
 
 
 def scenario(robot: str, *, shut: bool) -> Scenario:

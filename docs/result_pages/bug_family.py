@@ -234,6 +234,8 @@ def no_way(found: Record) -> Page:
         for one in policies.values()
     )
     ways = next(iter(policies.values()))
+    without = [name for name in bug_no_way.WITHOUT_CLEARANCE if name in policies]
+    own = f" {code(without)} know no clearance and keep what their field or their grid has them keep." if without else ""
     return Page(
         [
             table(
@@ -244,7 +246,7 @@ def no_way(found: Record) -> Page:
         ],
         f"{ways['with a way']} of the worlds have a way and {ways['without']} have none. "
         f"{len(right)} algorithms are right in all of them: {code(right)}. The others come to an end everywhere and "
-        f"make {len(found['wrong'])} wrong claims.",
+        f"make {len(found['wrong'])} wrong claims." + own,
         [
             ("the complete algorithms are right both ways", {*bug_no_way.PROVEN} & {*policies} <= {*right}),
             ("the incomplete ones come to an end, and call no goal unreachable that is not",
