@@ -235,7 +235,9 @@ def no_way(found: Record) -> Page:
     )
     ways = next(iter(policies.values()))
     without = [name for name in bug_no_way.WITHOUT_CLEARANCE if name in policies]
-    own = f" {code(without)} know no clearance and keep what their field or their grid has them keep." if without else ""
+    own = (
+        f" {code(without)} know no clearance and keep what their field or their grid has them keep." if without else ""
+    )
     return Page(
         [
             table(
