@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.checks import checked_seed, install_command
+from bug_gym.checks import checked_options, checked_seed, install_command
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.geometry import F32
@@ -27,6 +27,7 @@ from bug_gym.spaces import (
     OwnTerms,
     RobotSpaces,
     ScenarioSource,
+    asked_info,
     require_one_of,
     require_one_robot,
 )
@@ -54,8 +55,8 @@ def make_vec_env(
     *,
     seed: int | None = None,
     overrides: Mapping[str, Any] | None = None,
-    observation: ObservationForm = "dict",
-    action: ActionForm = "continuous",
+    observation: ObservationForm | None = None,
+    action: ActionForm | None = None,
     render_mode: str | None = None,
     threads: int = 1,
     scenario: ScenarioSource | None = None,
@@ -70,8 +71,8 @@ def make_vec_env(
         n_envs: how many worlds, n.
         seed: row k gets seed + k; None: from entropy.
         overrides: values by dotted key that replace the scenario's.
-        observation: "dict" or "flat".
-        action: "continuous" or "discrete".
+        observation: "dict" or "flat"; None: the form that the id binds, else "dict".
+        action: "continuous" or "discrete"; None: the form that the id binds, else "continuous".
         render_mode: None or "rgb_array", which SB3's VecVideoRecorder needs.
         threads: how many threads share the worlds; more pay from some two thousand worlds on.
         scenario: takes the place of the one that the id binds, as with `gym.make(id, scenario=...)`.
@@ -80,10 +81,13 @@ def make_vec_env(
         trust: whether code that the scenario only names may be imported, which runs the code of their modules.
 
     Raises:
-        ValueError: an id that is not registered, a scenario that can't be or has several robots, or two scenarios.
+        ValueError: an id that is not registered or that binds no scenario, a scenario that can't be or has several robots,
+            or two scenarios.
     """
+    bound: dict[str, Any] = {}
     if isinstance(source, str) and source.startswith("BugGym/"):
-        source = bound_scenario(source)
+        bound = bound_arguments(source)
+        source = bound["scenario"]
     elif scenario is not None:
         raise ValueError(
             f"scenario goes with a registered id, such as 'BugGym/Navigation-v0', got {source!r} beside it"
@@ -91,7 +95,12 @@ def make_vec_env(
     own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
     settings = load(source if scenario is None else scenario, overrides, **own)
     simulation = Simulation(settings, n_envs, threads=threads)
-    made = NavigationVecEnv(simulation, observation=observation, action=action, render_mode=render_mode)
+    made = NavigationVecEnv(
+        simulation,
+        observation=observation or bound.get("observation", "dict"),
+        action=action or bound.get("action", "continuous"),
+        render_mode=render_mode,
+    )
     if seed is not None:
         made.seed(seed)
     return made
@@ -144,13 +153,17 @@ def make_robots_vec_env(
     return made
 
 
-def bound_scenario(name: str) -> str:
-    """The scenario that a registered id binds."""
+def bound_arguments(name: str) -> dict[str, Any]:
+    """What a registered id binds: its scenario, and the forms of observations and actions where its name says them."""
     try:
-        scenario: str = gym.spec(name).kwargs["scenario"]
+        bound = gym.spec(name).kwargs
     except gym.error.UnregisteredEnv as error:
         raise ValueError(str(error)) from None
-    return scenario
+    if "scenario" not in bound:
+        raise ValueError(
+            f"{name} binds no scenario, expected an id such as 'BugGym/Dynamic-v0': make it with gymnasium.make"
+        )
+    return bound
 
 
 class ArrayVecEnv(VecEnv):
@@ -254,10 +267,13 @@ class NavigationVecEnv(SimulationVecEnv):
         self._pictures = Pictures(simulation, render_mode)
 
     def reset(self) -> Observation:
-        """Start an episode in each row."""
+        """Start an episode in each row; `reset_infos` tell what `set_options` asked for as NavigationEnv's `reset` would."""
         flat = self.simulation.reset(seeds=None if self._seeds[0] is None else self._seeds)
         self._returns[:] = 0.0
-        self.reset_infos = [self.simulation.robot_step(row).info for row in range(self.num_envs)]
+        self.reset_infos = [
+            self.simulation.robot_step(row).info | asked_info(self.simulation, row, checked_options(options))
+            for row, options in enumerate(self._options)
+        ]
         self._reset_seeds()
         self._reset_options()
         self._pictures.record()

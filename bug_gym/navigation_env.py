@@ -26,11 +26,11 @@ from bug_gym.spaces import (
     OwnTerms,
     RobotSpaces,
     ScenarioSource,
+    asked_info,
     is_numeric,
     numeric_info,
     require_one_of,
     require_one_robot,
-    told_draws,
     with_most_steps,
 )
 from bug_gym.view import Sensors
@@ -177,12 +177,9 @@ class NavigationEnv(gym.Env[Any, Any]):
         wanted = checked_options(options)
         flat = self.simulation.reset(seeds=None if seed is None else [seed])
         self._is_over = False
-        super().reset(seed=None if seed is None else int(seed))  # which refuses NumPy's integers
-        info = self.simulation.robot_step().info
-        if wanted.get("shortest_path"):
-            info["shortest_path_length"] = self.simulation.shortest_path().length
-        if wanted.get("drawn"):
-            info |= told_draws(self.simulation.drawn())
+        if seed is not None or self._np_random is None:  # then `np_random_seed` is what drew the world
+            super().reset(seed=int(self.simulation.world.seed[0]))
+        info = self.simulation.robot_step().info | asked_info(self.simulation, 0, wanted)
         self._pictures.record()
         return self.spaces.present(flat[0, 0]), numeric_info(info) if self._is_numeric else info
 

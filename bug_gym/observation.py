@@ -73,8 +73,9 @@ def width(table: tuple[Field, ...]) -> int:
 
 
 def dict_space(table: tuple[Field, ...]) -> gym.spaces.Dict:
-    """The Dict space of the fields."""
-    return gym.spaces.Dict({field.name: gym.spaces.Box(field.low, field.high, dtype=np.float32) for field in table})
+    """The Dict space of the fields, in the order of the flat vector, so that to flatten it gives that vector."""
+    # Of a plain mapping gymnasium would sort the names.
+    return gym.spaces.Dict([(field.name, gym.spaces.Box(field.low, field.high, dtype=np.float32)) for field in table])
 
 
 def flat_space(table: tuple[Field, ...]) -> gym.spaces.Box:

@@ -172,6 +172,16 @@ def told_draws(drawn: Mapping[str, Any]) -> dict[str, Any]:
     return {f"drawn.{key}": value for key, value in drawn.items()}
 
 
+def asked_info(simulation: Simulation, row: int, options: Mapping[str, Any]) -> dict[str, Any]:
+    """What the options of a reset ask of a row beside its info: `shortest_path` and `drawn`."""
+    told: dict[str, Any] = {}
+    if options.get("shortest_path"):
+        told["shortest_path_length"] = simulation.shortest_path(row).length
+    if options.get("drawn"):
+        told |= told_draws(simulation.drawn(row))
+    return told
+
+
 def require_one_of(name: str, value: object, known: tuple[object, ...]) -> None:
     """Raise a ValueError where an argument has none of the values that it may have."""
     if value not in known:

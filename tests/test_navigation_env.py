@@ -135,6 +135,16 @@ def test_the_next_episode_of_a_seed_is_another_world(env: NavigationEnv) -> None
     assert not data_equivalence(first, second)
 
 
+def test_a_first_reset_without_a_seed_tells_which_one_it_took() -> None:
+    fresh, other = NavigationEnv("dynamic"), NavigationEnv("dynamic")
+    drawn, _ = fresh.reset()
+    seed = fresh.np_random_seed
+    fresh.reset()
+    assert fresh.np_random_seed == seed
+    again, _ = other.reset(seed=seed)
+    assert all(np.array_equal(again[name], drawn[name]) for name in drawn)
+
+
 def test_envs_without_a_seed_differ() -> None:
     worlds = [gym.make("BugGym/Static-v0").reset()[0] for _ in range(2)]
     assert not data_equivalence(worlds[0], worlds[1])
@@ -359,6 +369,15 @@ def test_the_shortest_path_goes_round_the_still_obstacles() -> None:
 
 def test_there_is_no_shortest_path_out_of_a_ring() -> None:
     assert NavigationEnv("ring").reset(seed=0, options={"shortest_path": True})[1]["shortest_path_length"] == math.inf
+
+
+@pytest.mark.parametrize("scenario", ["dynamic", "terrain"])
+def test_a_flattened_dict_is_the_flat_observation(scenario: str) -> None:
+    of_dict, of_flat = NavigationEnv(scenario), NavigationEnv(scenario, observation="flat")
+    fields, flat = of_dict.reset(seed=2)[0], of_flat.reset(seed=2)[0]
+    assert list(fields) == list(cast(gym.spaces.Dict, of_dict.observation_space))
+    np.testing.assert_array_equal(gym.spaces.flatten(of_dict.observation_space, fields), flat)
+    assert gym.spaces.flatten_space(of_dict.observation_space) == of_flat.observation_space
 
 
 def test_flat_observations_are_the_fields_in_order(env: NavigationEnv) -> None:

@@ -513,15 +513,18 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             memory.mode = "motion_to_goal" if mode == "motion_to_goal" else "rotation"
             return velocity_along(leg.heading, CREEP)
         memory.mode = mode
-        memory.waited = 0.0
         ahead = min(self.sensors.step_length, leg.length)
         if math.isfinite(drive.max_acceleration):
             ahead = min(ahead, drive.step * math.sqrt(2.0 * drive.max_acceleration * leg.length))
         if self.parameters.sub_goal == "validated":
             x, y = view.points
             free, _, _ = sweep_leg(x, y, *leg.begin, leg.heading, ahead, self.keep, 0.0, self._left, self._right)
-            if free < ahead:  # a mover is right there
-                return self._wait(memory)
+            if free < ahead:
+                is_enough = mode == "motion_to_goal" and free >= view.goal_distance - self.sensors.goal_radius
+                if not is_enough:  # a mover is right there
+                    return self._wait(memory)
+                ahead = max(free, 0.0)
+        memory.waited = 0.0
         return velocity_along(leg.heading, ahead / drive.step)
 
     def draw(self, memory: OperativeMemory) -> Drawing:

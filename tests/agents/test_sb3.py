@@ -100,6 +100,33 @@ def test_all_but_the_infos_underway_is_what_dummy_vec_env_gives(observation: Any
     assert ends > 10
 
 
+@pytest.mark.parametrize("form", ["", "Flat", "Discrete"])
+def test_an_id_gives_the_spaces_that_it_binds(form: str) -> None:
+    name = f"BugGym/Rush{form}-v0"
+    ours, dummy = make_vec_env(name, 1), DummyVecEnv([lambda: gym.make(name)])
+    assert (ours.observation_space, ours.action_space) == (dummy.observation_space, dummy.action_space)
+    asked = make_vec_env(name, 1, observation="dict", action="continuous")
+    assert (asked.observation_space, asked.action_space) == (make(1).observation_space, make(1).action_space)
+
+
+def test_an_id_that_binds_no_scenario_is_refused() -> None:
+    with pytest.raises(ValueError, match="BugGym/Prediction-v0 binds no scenario"):
+        make_vec_env("BugGym/Prediction-v0")
+
+
+def test_a_reset_tells_what_its_options_ask_for() -> None:
+    drawn = {**SHORT, "robot.max_speed": {"uniform": [0.5, 1.0]}}
+    ours, dummy = make_vec_env("rush", 2, overrides=drawn), DummyVecEnv([lambda: NavigationEnv("rush", drawn)] * 2)
+    for env in (ours, dummy):
+        env.seed(3)
+        env.set_options([{"shortest_path": True}, {"drawn": True}])
+        env.reset()
+    assert ours.reset_infos == dummy.reset_infos
+    assert "shortest_path_length" in ours.reset_infos[0] and "drawn.robot.max_speed" in ours.reset_infos[1]
+    ours.reset()
+    assert "shortest_path_length" not in ours.reset_infos[0]
+
+
 @pytest.mark.parametrize("threads", [2, 3])
 def test_threads_change_nothing(threads: int) -> None:
     first, second = make(9, seed=0), make(9, seed=0, threads=threads)

@@ -12,7 +12,10 @@ from episodes import Episode, canonical_world, run_episode, tolerance
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
+from bug_gym.agents.critical_points.circle import leg_along
+from bug_gym.agents.walls.boundary import STANDING, WAIT
 from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 C = 0.5
 FAR = {"lidar.beams": 720, "lidar.range": 60.0}
@@ -283,6 +286,27 @@ def test_in_a_field_without_narrow_gaps_they_arrive(policy: str, seed: int) -> N
         policy, "static", {"world.obstacles": 40, "lidar.noise": 0.02, "lidar.dropout": 0.02}, seed=seed
     )
     assert episode.outcome == "success" and episode.min_clearance > 0.0
+
+
+@pytest.mark.parametrize("offset", np.linspace(0.0, 0.09, 10).round(3).tolist())
+def test_where_the_goals_disc_is_less_than_a_step_away_and_a_whole_step_is_not_free_it_arrives(offset: float) -> None:
+    """A post beside the goal's place lets the robot come within 0.28 m of it, and the goal's radius is 0.3 m."""
+    post = {"circles": [[9.93, -0.13, 0.02]], "start": [offset, 0, 0], "goal": [10, 0]}
+    scenario = explicit(**post) | {"robot": {"kinematics": "holonomic"}, "goal": {"radius": 0.3}}
+    assert run_episode("ocpb", scenario, clearance=0.3).outcome == "success"
+
+
+def test_it_gives_up_before_what_stands_a_hand_ahead_for_too_long() -> None:
+    """Where its tracker takes it for a mover that has come to stand: the leg is free, and the next step isn't."""
+    simulation = Simulation(explicit(circles=[[0.5, 0.0, 0.2]]))
+    policy = make_policy("ocpb", simulation)
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    leg = leg_along(policy.circle, 0.0, 5.0, turns=False)
+    for _ in range(math.ceil(WAIT / policy.sensors.drive.step)):
+        assert memory.verdict == ""
+        assert policy._drive(view, memory, leg, "motion_to_critical_point") == STANDING
+    policy._drive(view, memory, leg, "motion_to_critical_point")
+    assert memory.verdict == "stuck"
 
 
 @pytest.mark.parametrize("policy", BOTH)

@@ -25,6 +25,7 @@ from bug_gym.evaluation import evaluate, make_plan
 from bug_gym.held_out import play
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict
+from bug_gym.policy import MisfitError
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
 
@@ -253,6 +254,57 @@ def test_a_zip_of_stable_baselines3_is_played_as_the_model_plays(tmp_path: Path,
         np.testing.assert_array_equal(policy.predict(form, deterministic=True)[0], expected)
     with pytest.raises(ValueError, match="made for observations"):
         make_policy(f"{tmp_path}/model.zip", Simulation("dynamic", overrides={"lidar.beams": 32}), trust=True)
+
+
+def saved_zip(path: Path, env: Any) -> Path:
+    """A model of SB3 that has learned nothing, made for an env."""
+    sb3 = pytest.importorskip("stable_baselines3")
+    policy_class = "MultiInputPolicy" if isinstance(env.observation_space, gym.spaces.Dict) else "MlpPolicy"
+    sb3.PPO(policy_class, env, n_steps=8, batch_size=8, device="cpu", seed=0).save(path / "model.zip")
+    return path / "model.zip"
+
+
+WRAPPED = {
+    "a scale for actions": lambda env: gym.wrappers.RescaleAction(env, np.float32(0.0), np.float32(1.0)),
+    "a scale for what is seen": lambda env: gym.wrappers.RescaleObservation(env, np.float32(-1.0), np.float32(1.0)),
+    "another order": lambda env: gym.wrappers.FlattenObservation(sorted_by_name(env)),
+}
+
+
+def sorted_by_name(env: Any) -> Any:
+    """An env whose Dict has its fields in the order of their names, as gymnasium sorts those of a mapping."""
+    space = gym.spaces.Dict(dict(env.observation_space.spaces))
+    return gym.wrappers.TransformObservation(env, lambda seen: {name: seen[name] for name in space}, space)
+
+
+@pytest.mark.parametrize("wrapped", WRAPPED.values(), ids=WRAPPED)
+def test_a_zip_that_was_trained_in_other_spaces_is_refused(tmp_path: Path, wrapped: Any) -> None:
+    is_flat = wrapped is WRAPPED["a scale for what is seen"]
+    env = gym.make("BugGym/DynamicFlat-v0" if is_flat else "BugGym/Dynamic-v0")
+    with pytest.raises(MisfitError, match="was made for"):
+        make_policy(str(saved_zip(tmp_path, wrapped(env))), "dynamic", trust=True)
+
+
+@pytest.mark.parametrize("other", [{"lidar.range": 9}, {"robot.max_speed": 2}, {"robot.kinematics": "holonomic"}])
+def test_a_zip_for_a_robot_that_sees_or_drives_otherwise_is_refused(tmp_path: Path, other: dict[str, Any]) -> None:
+    path = str(saved_zip(tmp_path, gym.make("BugGym/Dynamic-v0")))
+    with pytest.raises(MisfitError, match=r"was made for (ranges|velocity) from .*: another robot, or wrappers"):
+        make_policy(path, Simulation("dynamic", overrides=other), trust=True)
+
+
+def test_a_zip_is_played_in_a_larger_world_and_after_flattening(tmp_path: Path) -> None:
+    env = gym.wrappers.FlattenObservation(gym.make("BugGym/Dynamic-v0"))
+    path = str(saved_zip(tmp_path, env))
+    flat = env.reset(seed=4)[0]
+    larger = Simulation("dynamic", overrides={"world.bounds": [-30, -30, 30, 30]})
+    policy = make_policy(path, larger, trust=True)
+    expected, _ = stable_baselines3_model(path).predict(flat, deterministic=True)
+    np.testing.assert_array_equal(policy.predict(flat, deterministic=True)[0], expected)
+
+
+def stable_baselines3_model(path: str) -> Any:
+    """The model in a zip, as SB3 reads it."""
+    return pytest.importorskip("stable_baselines3").PPO.load(path, device="cpu")
 
 
 def test_a_zip_is_refused_without_trust_and_nothing_of_it_is_read(tmp_path: Path) -> None:
