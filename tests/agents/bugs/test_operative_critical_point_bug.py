@@ -299,7 +299,7 @@ def test_where_the_goals_disc_is_less_than_a_step_away_and_a_whole_step_is_not_f
 def test_it_gives_up_before_what_stands_a_hand_ahead_for_too_long() -> None:
     """Where its tracker takes it for a mover that has come to stand: the leg is free, and the next step isn't."""
     simulation = Simulation(explicit(circles=[[0.5, 0.0, 0.2]]))
-    policy = make_policy("ocpb", simulation)
+    policy: Any = make_policy("ocpb", simulation)
     view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
     leg = leg_along(policy.circle, 0.0, 5.0, turns=False)
     for _ in range(math.ceil(WAIT / policy.sensors.drive.step)):
