@@ -98,7 +98,7 @@ class Sensors:
             radius=robot.reach,
             footprint=robot.footprint,
             angles=beam_angles(scenario),
-            range=float(lidar.range),
+            range=float(np.float32(lidar.range)),  # as observations tell it: a beam that meets nothing reads just that
             range_noise=float(lidar.noise),
             goal_radius=scenario.goal.radius,
             fields=fields(scenario),

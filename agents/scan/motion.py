@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Floats
 from bug_gym.view import View
@@ -38,7 +40,10 @@ def _sees_new(empty: View, view: View, reach: float) -> bool:
     pose = dx, dy, view.heading - empty.heading
     angles = float(sensors.angles[0]), float(sensors.angles[1] - sensors.angles[0])
     limits = min(reach, sensors.range), sensors.range, tolerance
-    return bool(has_new_surface(view.ranges, empty.ranges, cos, sin, *pose, *angles, *limits))
+    earlier = empty.ranges
+    if sensors.dropout > 0.0:  # a beam without a return may have been lost, and shows no free space
+        earlier = np.where(earlier >= sensors.range, 0.0, earlier)
+    return bool(has_new_surface(view.ranges, earlier, cos, sin, *pose, *angles, *limits))
 
 
 @kernel

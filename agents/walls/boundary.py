@@ -54,6 +54,9 @@ SLACK = 0.1
 HIT_SLACKS = 1.5
 """By how much the disc that goes straight to the goal is smaller than that of the clearance, in such slacks."""
 
+BESIDE_BRAKE = 1e-3
+"""How much more than its brake asks for a robot wants beside it on the way to the goal [m]."""
+
 SAFE_SHARE = 0.3
 """How much of what a robot keeps from walls the body needs where it comes nearer to them."""
 
@@ -150,10 +153,13 @@ class Boundary:
         slack = min(SLACK * clearance, 0.5 * margin)
         self.inner = clearance - slack
         """Radius of the disc that must pass for a gap to be one [m]."""
-        self.hit_radius = clearance - HIT_SLACKS * slack if HIT_SLACKS * slack < margin else self.inner
-        """Radius of the disc that must not touch anything on the way to the goal [m]."""
         self.safe_radius = radius + SAFE_SHARE * margin
         """Radius of the disc that the body needs where it comes nearer to walls than the contour [m]."""
+        hit = clearance - HIT_SLACKS * slack if HIT_SLACKS * slack < margin else self.inner
+        # A way that the brake, or what keeps a robot able to stop, does not let it go is none: it would stand before it.
+        stopped = max(braking_radius(sensors), self.safe_radius) + BESIDE_BRAKE
+        self.hit_radius = max(hit, min(stopped, clearance))
+        """Radius of the disc that must not touch anything on the way to the goal [m]."""
         self.body_radius = radius + 0.1 * margin
         """Radius of the disc that the body needs where it has been, among things that stand still [m]."""
         self.progress = max(2.0 * step, 0.05)

@@ -82,7 +82,7 @@ class BoundaryBug(ThinningPolicy):
         if contour is not None and contour.course is not None and self.boundary.rounding is not None:
             return Course(contour.course, self.boundary.rounding.aside, contour.side, self.boundary.rounding.toward)
         is_bound = memory.contour is not None or memory.mode not in FREE_MODES or self.sensors.drive.has_inertia
-        return None if is_bound else straight_on(self.sensors.drive, velocity)
+        return None if is_bound else straight_on(self.sensors.drive, velocity, view.goal, self.sensors.goal_radius)
 
     def draw(self, memory: Any) -> Drawing:
         """Hit and leave points, and the wall that the hand is on."""

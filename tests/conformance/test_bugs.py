@@ -28,6 +28,66 @@ def run(name: str, scenario: Any, overrides: dict[str, Any] | None = None, **set
     return run_episode(policy, scenario, overrides, **parameters, **settings)
 
 
+# ---------------------------------------------------------------------------------------------- near the goal, beside corners
+
+COURSES = ["bug0", "bug1", "bug2", "com1", "alg2", "rev3", "dist_bug", "tangent_bug"]
+"""Some of those whose differential robot takes up its line in arcs."""
+
+
+@pytest.mark.parametrize("name", COURSES)
+@pytest.mark.parametrize(("turn_rate", "goal_radius"), [(0.8, 0.3), (1.5, 0.1), (2.0, 0.05)])
+def test_a_goal_within_the_turning_circle_is_reached(name: str, turn_rate: float, goal_radius: float) -> None:
+    """A robot that went on in arcs at full speed would go round it for ever."""
+    robot = {"kinematics": "differential", "max_turn_rate": turn_rate}
+    for number in range(8):
+        bearing, distance = 2.0 * np.pi * number / 8, (0.6, 0.9, 1.25)[number % 3]
+        goal = [distance * np.cos(bearing), distance * np.sin(bearing)]
+        world = {"family": "explicit", "bounds": [-10, -10, 10, 10], "start": [0, 0, 0], "goal": goal}
+        scenario = {"robot": robot, "lidar": {"beams": 90}, "goal": {"radius": goal_radius}, "world": world}
+        episode = run(name, scenario)
+        # No arc there is longer than half a circle over the way, to a goal square to the heading.
+        assert episode.outcome == "success" and episode.full_length <= 0.5 * np.pi * distance + 0.2, number
+
+
+@pytest.mark.parametrize("name", [*COURSES, "vis_bug_21", "e_bug"])
+@pytest.mark.parametrize(
+    "robot",
+    [
+        {"kinematics": "differential", "max_speed": 0.5},
+        {"kinematics": "differential", "max_speed": 0.4, "max_acceleration": 0.5},
+        {"kinematics": "holonomic", "max_speed": 0.4, "max_acceleration": 2.0},
+    ],
+    ids=lambda robot: " ".join(map(str, robot.values())),
+)
+def test_nobody_stands_before_a_corner_beside_its_line(name: str, robot: dict[str, Any]) -> None:
+    """Which the way to the goal passes a little farther than the body, and a little nearer than the clearance."""
+    for beside in np.arange(0.196, 0.26, 0.008).tolist():
+        corner = [[4.0, beside], [5.0, beside], [5.0, beside + 2.0], [4.0, beside + 2.0]]
+        world = {
+            "family": "explicit",
+            "bounds": [-2, -5, 9, 5],
+            "polygons": [corner],
+            "start": [0, 0, 0],
+            "goal": [8, 0],
+        }
+        scenario = {"robot": {"radius": 0.2, **robot}, "lidar": {"beams": 180, "range": 8.0}, "world": world}
+        assert run(name, scenario, {"time.limit": 100.0}).outcome == "success", beside
+
+
+NO_RETURN = ["tangent_bug", "point_bug", "e_bug", "k_bug", "critical_point_bug", "vis_bug_21", "com1"]
+
+
+@pytest.mark.parametrize("name", NO_RETURN)
+@pytest.mark.parametrize("reach", [1.4, 2.8, 5.6])
+def test_a_beam_that_meets_nothing_is_no_wall_at_any_range(name: str, reach: float) -> None:
+    """As float32, in which ranges are told, 1.4, 2.8 and 5.6 are less than they are."""
+    assert float(np.float32(reach)) < reach
+    world = {"family": "explicit", "bounds": [-15, -15, 15, 15], "start": [-6, 0, 1], "goal": [6, 0.5]}
+    scenario = {"robot": {"kinematics": "differential"}, "lidar": {"beams": 90, "range": reach}, "world": world}
+    episode = run(name, scenario)
+    assert episode.outcome == "success" and episode.full_length <= 12.5
+
+
 # ---------------------------------------------------------------------------------------------- noise
 
 CLOSED_FORM_WORLDS: dict[str, tuple[Any, dict[str, Any], float]] = {
