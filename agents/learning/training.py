@@ -386,7 +386,7 @@ def train(
 
     Raises:
         ValueError: a training that learns offline, a seed below 0, a model to begin with that does not fit, or `out` is of
-            another training or in use.
+            another training, of an evaluation or in use.
     """
     if isinstance(settings, OfflineSettings):
         raise ValueError(f"{settings.algo} learns offline, from recorded episodes: see agents/learning/offline.py")
@@ -429,6 +429,10 @@ def train_in_folder(
     if begun is not None:
         read_config(begun)  # what is wrong is found out before anything is written
     folder = Path(out)
+    if (folder / "rows.jsonl").exists():
+        raise ValueError(
+            f"{folder} holds the rows of an evaluation, expected a new folder or that of an earlier training"
+        )
     for model in filter(None, (folder, best_so_far(folder))):
         require_same(model, settings, [seed])
     folder.mkdir(parents=True, exist_ok=True)

@@ -24,7 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--policies",
         help="NAME[:PARAMETER=VALUE...],..., a NAME also my_module:MyBug or my_bug.py:MyBug (default: the suite's, or all)",
     )
-    parser.add_argument("--episodes", type=int, help="worlds of each scenario (default: the suite's, or 50)")
+    parser.add_argument(
+        "--episodes",
+        type=int,
+        help="worlds of each scenario that a suite does not drive in once (default: the suite's, or 50)",
+    )
     parser.add_argument("--seed", type=int, help="seed of the first world (default: the suite's, or 0)")
     add_workers(parser)
     parser.add_argument(
@@ -39,9 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pictures", action="store_true", help="draw a typical episode of each policy and scenario into --out, too"
     )
-    parser.add_argument(
-        "--replays", type=int, default=24, help="most episodes, failures, that the report replays (default: 24)"
-    )
+    parser.add_argument("--replays", type=int, help="most episodes, failures, that the report replays (default: 24)")
     parser.add_argument(
         "--replay-successes", action="store_true", help="a success of each policy and scenario is among them"
     )
@@ -59,11 +61,14 @@ def run(options: argparse.Namespace) -> None:
 
     from bug_gym.evaluation import evaluate  # loads the compiler
     from bug_gym.evaluation.matrix import print_matrix  # loads the compiler
+    from bug_gym.evaluation.replays import REPLAYS  # loads the compiler
     from bug_gym.evaluation.report import print_text_table  # loads the compiler
     from bug_gym.evaluation.suites import load_suite  # loads the compiler
     from bug_gym.evaluation.summary import summarise  # loads the compiler
     from bug_gym.evaluation.teams import team_tables  # loads the compiler
 
+    if options.replays is not None and options.out is None:
+        raise ValueError("got --replays and no folder, expected one (--out FOLDER), whose report replays them")
     with workers_of(options) as workers:
         rows = evaluate(
             [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
@@ -80,7 +85,7 @@ def run(options: argparse.Namespace) -> None:
             privileged=options.privileged,
             trust=options.trust,
             pictures=options.pictures,
-            replays=options.replays,
+            replays=REPLAYS if options.replays is None else options.replays,
             replay_successes=options.replay_successes,
         )
     console, summaries = Console(), summarise(rows)

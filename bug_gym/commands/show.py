@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> None:
     from bug_gym.drawing.clips import PNG, save_png  # loads the compiler
     from bug_gym.simulation import Simulation  # loads the compiler
 
-    out, save = options.out and writable(options.out, [PNG]), options.save and writable(options.save)
+    out, save = options.out and writable(options.out, [PNG]), options.save and writable(options.save, [".yaml", ".yml"])
     simulation = Simulation(load(options.scenario, assignments(options.overrides), trust=options.trust))
     name = simulation.scenario.name
     if out is None and save is None:

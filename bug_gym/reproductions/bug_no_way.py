@@ -285,7 +285,22 @@ def reproduce(settings: Settings) -> Reproduction:
     data = {"seeds": seeds, "clearance": CLEARANCE, "policies": counted, "wrong": [one._asdict() for one in wrong]}
     title = f"Ways and no ways in {seeds} worlds at a clearance of {CLEARANCE:g} m"
     episodes = [as_replayable(one, parameters(one.policy), partial(drawn, one.seed)) for one in found]
-    return Reproduction("bug-no-way", [Table(title, header, lines)], notes, data, not wrong, episodes=episodes)
+    notes += not_tried(found)
+    return Reproduction("bug-no-way", [Table(title, header, lines)], notes, data, held(found), episodes=episodes)
+
+
+def held(found: Sequence[Answer]) -> bool | None:
+    """Whether verdicts held in worlds with a way and without; None: there were none of one kind, so nothing was shown."""
+    if not all(one.is_right for one in found):
+        return False
+    return True if {one.has_way for one in found} == {True, False} else None
+
+
+def not_tried(found: Sequence[Answer]) -> list[str]:
+    """A note where `held` is None."""
+    return (
+        [] if held(found) is not None else ["not tried: more seeds are needed for worlds with a way and without one."]
+    )
 
 
 def drawn(seed: int) -> Scenario:

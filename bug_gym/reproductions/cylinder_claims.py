@@ -19,7 +19,7 @@ from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.reproductions import bug_no_way
 from bug_gym.reproductions.barn import COMMON, PARAMETERS, ROBOTS, STEPS
-from bug_gym.reproductions.bug_no_way import Answer, as_replayable, counts
+from bug_gym.reproductions.bug_no_way import Answer, as_replayable, counts, held, not_tried
 from bug_gym.reproductions.kept import Kept
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
@@ -119,7 +119,8 @@ def reproduce(settings: Settings) -> Reproduction:
     title = f"Ways and no ways among thin cylinders in {seeds} worlds"
     worlds = {(robot, shut): scenario(robot, shut=shut) for robot in DRIVEN for shut in (False, True)}
     episodes = [as_replayable(one, PARAMETERS[one.kind], worlds[one.kind, not one.has_way]) for one in found]
-    return Reproduction("cylinder-claims", [Table(title, header, lines)], notes, data, not wrong, episodes=episodes)
+    notes += not_tried(found)
+    return Reproduction("cylinder-claims", [Table(title, header, lines)], notes, data, held(found), episodes=episodes)
 
 
 def numbers(found: Sequence[Answer]) -> dict[str, Any]:

@@ -98,7 +98,7 @@ def draw_both(
         place = draw_goal(world, goal, rng, goal_free)
         if math.hypot(pose[0] - place[0], pose[1] - place[1]) >= separation:
             return pose, place
-    raise ValueError(f"no start and goal at least {separation} m apart after {TRIES} tries")
+    raise ValueError(f"no start and goal at least {separation:g} m apart (world.separation) after {TRIES} tries")
 
 
 def finish(

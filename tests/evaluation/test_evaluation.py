@@ -625,3 +625,19 @@ def test_who_evaluates_one_world_many_times_is_told(
     caplog.clear()
     make_plan("go_to_goal", scenario, episodes=1, overrides=overrides)
     assert "every seed" not in caplog.text
+
+
+def test_where_nothing_is_drawn_one_episode_is_enough(caplog: pytest.LogCaptureFixture) -> None:
+    make_plan("go_to_goal", "oni_wang", episodes=2)
+    assert "and nothing is drawn" in caplog.text
+    caplog.clear()
+    make_plan("go_to_goal", "oni_wang", episodes=2, overrides={"lidar.noise": 0.01})
+    assert "episodes differ by noise alone" in caplog.text
+
+
+def test_what_a_suite_drives_in_once_is_driven_in_once() -> None:
+    plan = make_plan("bug2", "traps", episodes=6)
+    assert {one.label: len(one.seeds) for one in plan.scenarios} == {
+        **dict.fromkeys(("u_trap", "hook", "maze", "rooms"), 6),
+        **dict.fromkeys(("oni_wang", "ring"), 1),
+    }

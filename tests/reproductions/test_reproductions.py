@@ -94,6 +94,13 @@ def test_complete_bugs_say_unreachable_exactly_where_the_configuration_space_has
         assert counts["unreachable"] == counts["without"] == 6, policy
 
 
+def test_where_no_world_is_shut_nothing_was_shown() -> None:
+    result = reproduction("bug-no-way")(Settings(seeds=1, policies=("bug2",)))
+    assert result.data["policies"]["bug2"]["without"] == 0
+    assert result.holds is None and "not tried" in result.notes[-1]
+    assert not bug_no_way.held([bug_no_way.Answer("bug2", "field", 0, True, "gave_up", "unreachable")])
+
+
 def test_incomplete_bugs_end_by_themselves_and_call_no_open_goal_unreachable() -> None:
     result = reproduction("bug-no-way")(Settings(seeds=6, workers=2, policies=bug_no_way.INCOMPLETE))
     assert result.data["wrong"] == []

@@ -26,6 +26,7 @@ from bug_gym.agents.prediction import learned
 from bug_gym.agents.prediction.learned import LearnedPredictor
 from bug_gym.cli import main
 from bug_gym.config import load
+from bug_gym.evaluation import evaluate
 from bug_gym.files import one_writer
 from bug_gym.view import Sensors
 
@@ -277,6 +278,17 @@ def test_another_seed_is_another_training_whatever_the_algorithm(tmp_path: Path)
         train(tiny(algo="sac"), tmp_path, seed=1, threads=1, tensorboard=False)
     with pytest.raises(ValueError, match="of another training: settings.gamma was 0.99, is now 0.5"):
         train(tiny(algo="sac", gamma=0.5), tmp_path, threads=1, tensorboard=False)
+    assert files_in(tmp_path) == before
+
+
+def test_the_folder_of_an_evaluation_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    from bug_gym.agents.learning.training import train
+
+    evaluate("go_to_goal", "empty", episodes=1, out=tmp_path)
+    before = files_in(tmp_path)
+    with pytest.raises(ValueError, match="holds the rows of an evaluation"):
+        train(tiny(), tmp_path, threads=1)
     assert files_in(tmp_path) == before
 
 
