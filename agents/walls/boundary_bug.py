@@ -28,7 +28,8 @@ class BoundaryParameters:
     """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
     round_corners: bool = True
     """Whether a differential robot that has no inertia rounds the corners of walls on arcs, and those between them and its way,
-    which is faster. Among thin things that stand close together it keeps to contours exactly."""
+    which is faster. Among thin things that stand close together it keeps to contours exactly. VisBug, and bugs that go to
+    sub-goals, have ways of their own: with them it does nothing."""
 
 
 def alternating_side(memory: BugMemory, first: int) -> int:
