@@ -271,7 +271,7 @@ class NavigationVecEnv(SimulationVecEnv):
         flat = self.simulation.reset(seeds=None if self._seeds[0] is None else self._seeds)
         self._returns[:] = 0.0
         self.reset_infos = [
-            self.simulation.robot_step(row).info | asked_info(self.simulation, row, checked_options(options))
+            self.simulation.robot_step(row).info | asked_info(self.simulation, checked_options(options), row)
             for row, options in enumerate(self._options)
         ]
         self._reset_seeds()

@@ -179,7 +179,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         self._is_over = False
         if seed is not None or self._np_random is None:  # then `np_random_seed` is what drew the world
             super().reset(seed=int(self.simulation.world.seed[0]))
-        info = self.simulation.robot_step().info | asked_info(self.simulation, 0, wanted)
+        info = self.simulation.robot_step().info | asked_info(self.simulation, wanted)
         self._pictures.record()
         return self.spaces.present(flat[0, 0]), numeric_info(info) if self._is_numeric else info
 

@@ -27,10 +27,10 @@ from bug_gym.spaces import (
     OwnTerms,
     RobotSpaces,
     ScenarioSource,
+    asked_info,
     is_numeric,
     numeric_info,
     require_one_of,
-    told_draws,
     with_most_steps,
 )
 
@@ -101,12 +101,10 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         wanted = checked_options(options)
         self.simulation.reset(seeds=None if seed is None else [seed])
         self.agents = list(self.possible_agents)
-        infos = {agent: self.simulation.robot_step(robot=robot).info for robot, agent in enumerate(self.agents)}
-        if wanted.get("shortest_path"):
-            for robot, info in enumerate(infos.values()):
-                info["shortest_path_length"] = self.simulation.shortest_path(robot=robot).length
-        if wanted.get("drawn"):
-            infos = {agent: info | told_draws(self.simulation.drawn()) for agent, info in infos.items()}
+        infos = {
+            agent: self.simulation.robot_step(robot=robot).info | asked_info(self.simulation, wanted, robot=robot)
+            for robot, agent in enumerate(self.agents)
+        }
         self._pictures.record()
         return self._observe(self.agents), self._told(infos)
 

@@ -172,11 +172,11 @@ def told_draws(drawn: Mapping[str, Any]) -> dict[str, Any]:
     return {f"drawn.{key}": value for key, value in drawn.items()}
 
 
-def asked_info(simulation: Simulation, row: int, options: Mapping[str, Any]) -> dict[str, Any]:
-    """What the options of a reset ask of a row beside its info: `shortest_path` and `drawn`."""
+def asked_info(simulation: Simulation, options: Mapping[str, Any], row: int = 0, robot: int = 0) -> dict[str, Any]:
+    """What the options of a reset ask of a robot beside its info: `shortest_path` and `drawn`."""
     told: dict[str, Any] = {}
     if options.get("shortest_path"):
-        told["shortest_path_length"] = simulation.shortest_path(row).length
+        told["shortest_path_length"] = simulation.shortest_path(row, robot).length
     if options.get("drawn"):
         told |= told_draws(simulation.drawn(row))
     return told

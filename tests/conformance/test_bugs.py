@@ -74,6 +74,17 @@ def test_nobody_stands_before_a_corner_beside_its_line(name: str, robot: dict[st
         assert run(name, scenario, {"time.limit": 100.0}).outcome == "success", beside
 
 
+@pytest.mark.parametrize("name", ["com1", "alg2", "dist_bug", "vis_bug_21"])
+def test_lost_beams_make_no_lap_longer(name: str) -> None:
+    """A beam without a return is no free sight in which something stands a moment later: the lap would prove nothing."""
+    wall = [[5.0, -8.0], [5.2, -8.0], [5.2, 8.0], [5.0, 8.0]]
+    world = {"family": "explicit", "bounds": [-8, -8, 8, 8], "polygons": [wall], "start": [0, 0.3, 0], "goal": [7, 0.4]}
+    scenario = {"robot": {"kinematics": "differential"}, "lidar": {"beams": 180, "range": 6.0}, "world": world}
+    whole, lossy = (run(name, scenario, {"lidar.dropout": dropout, "time.limit": 400.0}) for dropout in (0.0, 0.1))
+    assert whole.verdict == lossy.verdict == "unreachable"
+    assert lossy.length <= 1.15 * whole.length
+
+
 NO_RETURN = ["tangent_bug", "point_bug", "e_bug", "k_bug", "critical_point_bug", "vis_bug_21", "com1"]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -84,6 +85,21 @@ def test_what_was_outside_the_field_of_view_has_not_appeared(fov: float) -> None
     disc = [(-1.5, 0.0, 0.4)]
     before, now = (view_of(disc, (0.0, 0.0, heading), sensors) for heading in (0.0, math.pi))
     assert not has_moved(before, now, REACH)
+
+
+def test_a_beam_that_may_have_been_lost_shows_no_free_sight_and_one_that_met_something_does() -> None:
+    sensors = replace(sensors_of(), dropout=0.1)
+    disc, far = (1.5, 0.0, 0.4), (4.5, 0.0, 2.0)
+    before, now = (view_of(circles, (0.0, 0.0, 0.0), sensors) for circles in ([], [disc]))
+    assert has_moved(without_loss(before), without_loss(now), REACH)
+    assert not has_moved(before, now, REACH)
+    before, now = (view_of(circles, (0.0, 0.0, 0.0), sensors) for circles in ([far], [disc, far]))
+    assert has_moved(before, now, REACH)
+
+
+def without_loss(view: View) -> View:
+    """The same with a scanner that loses no beam."""
+    return View(view.flat, replace(view.sensors, dropout=0.0))
 
 
 def test_one_beam_sees_no_motion() -> None:
