@@ -31,7 +31,7 @@ from bug_gym.inertia import (
     stoppable_action,
     stoppable_actions,
 )
-from bug_gym.manoeuvring import arc_action
+from bug_gym.manoeuvring import Turn, arc_action, begun, gone_on
 from bug_gym.observation import as_flat
 from bug_gym.schema.errors import shortened
 from bug_gym.steering import Course, steered_action
@@ -73,6 +73,8 @@ class Memory:
     """One of VERDICTS; once it says something the robot stands."""
     under_way: list[NDArray[np.float32]] = field(default_factory=list, kw_only=True)
     """Actions (2,) of a robot with latency that have yet to act, the first one first."""
+    turn: Turn | None = field(default=None, kw_only=True)
+    """A turn in several moves that an ackermann robot is at."""
     lately: list[NDArray[np.float64]] = field(default_factory=list, kw_only=True)
     """Points (2, k) of the scans before this one, odometry frame [m], of a robot that cannot stop before all that one shows."""
 
@@ -210,6 +212,8 @@ class ScriptedPolicy(ABC):
     """Whether it reads the world's map (a map planner does, and says so)."""
     turns_on_the_spot: ClassVar[bool] = False
     """Whether it needs a robot that can: an ackermann robot is refused then."""
+    looks_while_turning: ClassVar[bool] = True
+    """Whether it is asked while an ackermann robot turns in several moves; else that is one step to it."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 
@@ -328,7 +332,7 @@ class ScriptedPolicy(ABC):
         """The action for what one robot sees."""
         view.under_way, view.lately = memory.under_way, memory.lately
         driver = self.driver(memory)
-        velocity = STANDING if memory.verdict else checked_velocity(self, driver.act(view, memory))
+        velocity = checked_velocity(self, driver.act(view, memory)) if driver._is_asked(view, memory) else STANDING
         course, arc = driver._beside(view, memory, velocity)
         action = action_of(self.sensors, view, velocity, self._velocities, driver.room, course, arc)
         return self._sent(view, memory, action)
@@ -346,8 +350,9 @@ class ScriptedPolicy(ABC):
         views = View.of_rows(flat, self.sensors, braking_radius(self.sensors))
         for view, memory in zip(views, memories, strict=True):
             view.under_way, view.lately = memory.under_way, memory.lately
-        goes = [not memory.verdict for memory in memories]
         drivers = [self.driver(memory) for memory in memories]  # as the decision begins
+        asked = zip(drivers, views, memories, strict=True)
+        goes = [driver._is_asked(view, memory) for driver, view, memory in asked]
         answers = iter(self.act_each(list(compress(views, goes)), list(compress(memories, goes))))
         actions: list[Any] = [None] * len(views)
         plain, wishes = [], []
@@ -373,9 +378,18 @@ class ScriptedPolicy(ABC):
 
     def _beside(self, view: View, memory: Memory, velocity: Velocity) -> tuple[Course | None, Velocity | None]:
         """Where the velocity just desired leads on, and the arc of an ackermann robot."""
-        course = self.course(view, memory, velocity) if self._follows_course else None
+        course = self.course(view, memory, velocity) if self._follows_course and memory.turn is None else None
         arc = self.arc(view, memory) if self._plans_arcs and not memory.verdict else None
+        if self._plans_arcs and arc is None and not memory.verdict:
+            memory.turn = memory.turn or begun(view, velocity, braking_radius(self.sensors))
+            arc = memory.turn.arc(view) if memory.turn is not None else None
         return course, arc
+
+    def _is_asked(self, view: View, memory: Memory) -> bool:
+        """Whether it says where to go now: it has no verdict, and no turn of several moves is under way."""
+        if memory.turn is not None:
+            memory.turn = gone_on(view, memory.turn, braking_radius(self.sensors))
+        return not memory.verdict and (memory.turn is None or self.looks_while_turning)
 
     def last_word(self, view: View, memory: Any, action: NDArray[Any]) -> NDArray[Any]:
         """What is sent in place of the action that the velocity just desired comes to."""

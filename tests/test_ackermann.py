@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from bug_gym.evaluation import evaluate
 from bug_gym.geometry import F64
 from bug_gym.inertia import foreseen
 from bug_gym.kinematics import asked_velocity, differential_action, discrete_actions, steering
+from bug_gym.manoeuvring import begun, gone_on
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import MisfitError
 from bug_gym.robots_env import parallel_env
@@ -387,6 +389,92 @@ def test_policies_that_plan_arcs_touch_nothing(name: str) -> None:
 def test_late_and_heavy_cars_touch_nothing_still(overrides: dict[str, Any]) -> None:
     rows = evaluate(["tangent_bug"], ["ackermann"], episodes=3, overrides=overrides)
     assert "collision" not in [row.outcome for row in rows]
+
+
+BOX = {
+    "family": "explicit",
+    "bounds": [-10, -10, 10, 10],
+    "polygons": [[[-1, -3], [1, -3], [1, 3], [-1, 3]]],
+    "start": [-6, 0.2, 0],
+    "goal": [6, 0],
+}
+CHAIN = [[0.0, 0.0, 0.155], [0.165, 0.0, 0.155], [0.33, 0.0, 0.155]]
+LONG = {"wheelbase": 0.33, "max_steering": 0.42, "circles": CHAIN}
+
+
+@pytest.mark.parametrize("name", ["bug0", "com1", "dist_bug", "hd_bug_map"])
+@pytest.mark.parametrize(
+    "robot", [LONG, {"wheelbase": 0.33, "max_steering": 0.42, "radius": 0.2}], ids=["long", "round"]
+)
+def test_a_wall_faced_squarely_is_gone_round_and_a_small_goal_met(name: str, robot: dict[str, Any]) -> None:
+    described = {
+        "robot": {**CAR, **robot},
+        "lidar": {"beams": 180, "range": 6.0},
+        "goal": {"radius": 0.1},
+        "time": {"limit": 60.0},
+        "world": BOX,
+    }
+    (row,) = evaluate([name], described, episodes=1)
+    assert row.success
+
+
+@pytest.mark.parametrize(("bearing", "moves"), [(0.6, 2), (-1.2, 4), (2.0, 5), (-3.1, 8)])
+def test_a_turn_in_several_moves_ends_where_it_began(bearing: float, moves: int) -> None:
+    # A post ahead leaves no arc on which it could turn at once.
+    posts = [[0.42, 0.0, 0.1]]
+    world = {"family": "explicit", "circles": posts, "start": [0, 0, 0], "goal": [8, 8]}
+    simulation = Simulation(scenario(lidar={"beams": 360}, world=world))
+    simulation.reset(seeds=[0])
+    sensors, turn, driven, way = Sensors.of(simulation.scenario), None, [], []
+    for _ in range(200):
+        view = View(simulation.world.observation[0, 0], sensors)
+        wish = (math.cos(bearing), math.sin(bearing))
+        turn = begun(view, wish, sensors.radius + 0.02) if turn is None else gone_on(view, turn, sensors.radius + 0.02)
+        if turn is None:
+            break
+        speed, rate = turn.arc(view)
+        driven.append((turn.side, turn.direction))
+        simulation.step(differential_action(sensors.drive, speed, rate).astype(float)[None, None])
+        way.append(simulation.world.pose[0, 0].copy())
+    assert simulation.world.outcome[0, 0] == kernels.RUNNING
+    assert turn is None and driven
+    x, y, heading = simulation.world.pose[0, 0]
+    assert abs(math.remainder(heading - bearing, 2.0 * math.pi)) < math.radians(2.5)
+    assert all(side in (0, math.copysign(1, bearing)) for side, _ in driven)
+    changes = sum(one != other for one, other in pairwise([pair for pair in driven if pair[0]]))
+    assert 1 <= changes < moves + 2
+    # A move swings by half its turn, so what is left beside its place is of the third order of it.
+    assert math.hypot(x, y) < 0.15 and np.hypot(*np.array(way)[:, :2].T).max() < 0.5
+
+
+def test_no_turn_begins_where_an_arc_ahead_does() -> None:
+    simulation = Simulation(scenario(lidar={"beams": 90}))
+    simulation.reset(seeds=[0])
+    sensors = Sensors.of(simulation.scenario)
+    view = View(simulation.world.observation[0, 0], sensors)
+    assert begun(view, (-1.0, 0.3), sensors.radius) is None
+
+
+def test_a_goal_within_the_turning_circle_is_turned_to() -> None:
+    for away, is_turned in ((0.4, True), (1.2, False)):
+        world = {**WIDE, "start": [0, 0, 0], "goal": [0, away]}
+        simulation = Simulation(scenario(lidar={"beams": 90}, world=world, goal={"radius": 0.05}))
+        simulation.reset(seeds=[0])
+        sensors = Sensors.of(simulation.scenario)
+        view = View(simulation.world.observation[0, 0], sensors)
+        assert (begun(view, (0.0, 1.0), sensors.radius) is not None) == is_turned
+
+
+def test_moves_to_and_fro_are_no_lap() -> None:
+    # It called itself looping after 4 m, since a robot that backs seems to have turned round.
+    rows = evaluate(["bug0", "com1", "rev3"], ["ackermann"], episodes=8)
+    assert sum(row.success for row in rows) >= 22
+    assert all(row.path_length > 15.0 for row in rows if row.verdict == "looping")
+
+
+def test_a_planner_is_not_stopped_by_the_disc_about_a_car() -> None:
+    rows = evaluate(["a_star"], ["ackermann"], episodes=24)
+    assert all(row.success for row in rows)
 
 
 def test_a_dead_end_is_left_in_several_moves() -> None:

@@ -97,7 +97,10 @@ class PurePursuit:
         if math.isfinite(drive.max_acceleration):
             # What cannot stop at once must be slow enough in a bend, and at the end, to turn there.
             speed = min(speed, max(math.sqrt(2.0 * drive.max_acceleration * away), drive.max_acceleration * drive.step))
-        speed = min(speed, self._free(view, bearing) / drive.step)
+        free = self._free(view, bearing)
+        if free > 0.0 or drive.kinematics != "ackermann":
+            # Where a car turned in several moves the disc about it may meet things that its body passes.
+            speed = min(speed, free / drive.step)
         return speed * math.cos(bearing), speed * math.sin(bearing)
 
     def _target(self, route: Route) -> Point:

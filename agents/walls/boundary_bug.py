@@ -52,6 +52,7 @@ class BoundaryBug(ThinningPolicy):
 
     Parameters: ClassVar[type[BoundaryParameters]] = BoundaryParameters
     parameters: BoundaryParameters
+    looks_while_turning = False
     fresh_starts: ClassVar[int] = 0
     """How often it begins anew where it goes round in vain, see `Boundary.fresh_starts`."""
 

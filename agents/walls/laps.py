@@ -106,7 +106,10 @@ class Laps:
         length = math.dist(contour.position, view.position)
         if length < 1e-3 * self.step:
             return
-        heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
+        if view.sensors.drive.kinematics == "ackermann":
+            heading = view.heading  # it goes back at times, and the wall with it does not turn round
+        else:
+            heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
         contour.heading_before = heading if contour.heading is None else contour.heading
         change = contour.sweep + wrap(heading - contour.heading_before - contour.sweep)
         contour.sweep, contour.asked, contour.asked_for = 0.0, None, 0

@@ -39,6 +39,7 @@ class SubGoalBug(ScriptedPolicy):
         ValueError: a clearance not above the radius, an unknown turn or rule, a jump not above 0.
     """
 
+    looks_while_turning = False
     Parameters = SubGoalParameters
     parameters: SubGoalParameters
 

@@ -25,6 +25,9 @@ BACKWARD = 1.2
 CHANGE = 0.5
 """What a change between ahead and back costs, in lengths of that radius."""
 
+LEAST = 0.02
+"""Less of an arc than this is not driven, in lengths of that radius."""
+
 
 @kernel
 def free_arc(
@@ -78,11 +81,15 @@ def place_on_arc(curvature: float, way: float) -> tuple[float, float, float]:
 
 @inlined
 def cost_to_go(x: float, y: float, heading: float, tx: float, ty: float, least_bend: float) -> float:
-    """What is left from a place and heading to a target, in metres: the way there and the turn toward it."""
+    """What is left from a place and heading to a target, in metres: the way there, and the turn toward it.
+
+    The nearer the target is, the less the turn counts.
+    """
     dx, dy = tx - x, ty - y
     cos, sin = math.cos(heading), math.sin(heading)
     error = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)
-    return math.hypot(dx, dy) + TURNING * least_bend * abs(error)
+    away = math.hypot(dx, dy)
+    return away + TURNING * min(least_bend, away) * abs(error)
 
 
 @kernel
@@ -99,12 +106,14 @@ def best_arc(
     may_back: bool,
     arcs: int,
     parts: int,
-) -> tuple[int, float, float]:
-    """The arc after which least is left to a place: direction, curvature [1/m], free way on it [m]; direction 0: none is.
+) -> tuple[int, float, float, float]:
+    """The arc after which least is left to a place: direction, curvature [1/m], free way and way to go on it [m].
 
-    Each arc is tried up to each of some parts of the way to look ahead that are free; what is left is the way to the place
-    and the turn toward it (`cost_to_go`), beside what the arc itself costs. Backwards costs more, and so does a change
-    between ahead and back: so a turn of several moves comes of it where one arc ahead is not free.
+    Direction 0: none is free.
+
+    Each arc is tried up to each of some parts of the way to look ahead that are free, and as far as the place is away, or as
+    far as it is free if that is less; what is left is the way to the place and the turn toward it (`cost_to_go`), beside
+    what the arc itself costs. Backwards costs more, and so does a change between ahead and back.
 
     Args:
         px: the scan's points (k,) [m].
@@ -120,7 +129,8 @@ def best_arc(
         arcs: how many are tried to each side.
         parts: of the way to look ahead.
     """
-    least, best, best_curvature, best_free = math.inf, 0, 0.0, 0.0
+    least, best, best_curvature, best_free, best_way = math.inf, 0, 0.0, 0.0, 0.0
+    away = math.hypot(tx, ty)
     for direction in (1, -1):
         if direction < 0 and not may_back:
             continue
@@ -129,12 +139,12 @@ def best_arc(
         for j in range(-arcs, arcs + 1):
             curvature = j / (arcs * least_bend)
             free = free_arc(px, py, circles, margin, direction, curvature, reach)
-            for part in range(1, parts + 1):
-                way = reach * part / parts
-                if way > free:
+            for part in range(parts + 1):
+                way = reach * part / parts if part > 0 else min(free, away)
+                if way > free or way < LEAST * least_bend:
                     break
                 x, y, heading = place_on_arc(curvature, direction * way)
                 cost = cost_to_go(x, y, heading, tx, ty, least_bend) + price * way + change
                 if cost < least:
-                    least, best, best_curvature, best_free = cost, direction, curvature, free
-    return best, best_curvature, best_free
+                    least, best, best_curvature, best_free, best_way = cost, direction, curvature, free, way
+    return best, best_curvature, best_free, best_way
