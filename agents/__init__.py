@@ -289,6 +289,7 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
     is_team = issubclass(policy_class, TeamPolicy)
     require_constructor(policy_class, told, ["discrete", *fixed, *own, *(["agents"] if is_team else [])])
     if is_team:
+        _require_one_start(source, told)
         robots = agents or tuple(f"robot_{number}" for number in range(scenario.robots.count))
         policy: Policy = policy_class(sensors, agents=robots, discrete=is_discrete(source), **own)
     else:
@@ -309,6 +310,12 @@ def _require_turning(policy_class: type[Any], sensors: Sensors, told: str) -> No
     if sensors.drive.kinematics == "ackermann" and getattr(policy_class, "turns_on_the_spot", False):
         expected = "expected a holonomic or differential one"
         raise MisfitError(f"{told} turns on the spot, which an ackermann robot cannot: {expected}")
+
+
+def _require_one_start(source: Any, told: str) -> None:
+    """Refuse rows that begin anew one by one to a team, whose robots remember one another from a common start on."""
+    if getattr(source, "restart", None) == "robot":
+        raise MisfitError(f"{told} drives robots that start together: got restart='robot', expected restart='world'")
 
 
 def _must_see(name: Any, policy: Policy) -> bool:

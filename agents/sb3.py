@@ -6,7 +6,7 @@ SB3 restarts an episode in the step that ends it, and reads infos only there: so
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import gymnasium as gym
@@ -224,6 +224,13 @@ class SimulationVecEnv(ArrayVecEnv):
         shape = (self.simulation.count, self.simulation.robots, 2)
         self._velocities = self.spaces.velocities(actions, (self.num_envs,)).reshape(shape)
 
+    def _tell_resets(self, rows: Iterable[int]) -> None:
+        """Fill the `reset_infos` of rows whose episodes begin, with what `set_options` asks of them."""
+        for row in rows:
+            world, robot = divmod(row, self.simulation.robots)
+            asked = asked_info(self.simulation, checked_options(self._options[row]), world, robot)
+            self.reset_infos[row] = self.simulation.robot_step(world, robot).info | asked
+
     def _final_info(self, row: int, observation: Observation, steps: int) -> dict[str, Any]:
         """The info of a row whose episode has ended, after so many steps, with its last observation."""
         last = self.simulation.robot_step(*divmod(row, self.simulation.robots))
@@ -270,10 +277,7 @@ class NavigationVecEnv(SimulationVecEnv):
         """Start an episode in each row; `reset_infos` tell what `set_options` asked for as NavigationEnv's `reset` would."""
         flat = self.simulation.reset(seeds=None if self._seeds[0] is None else self._seeds)
         self._returns[:] = 0.0
-        self.reset_infos = [
-            self.simulation.robot_step(row).info | asked_info(self.simulation, checked_options(options), row)
-            for row, options in enumerate(self._options)
-        ]
+        self._tell_resets(range(self.num_envs))
         self._reset_seeds()
         self._reset_options()
         self._pictures.record()
@@ -294,8 +298,7 @@ class NavigationVecEnv(SimulationVecEnv):
         if len(ended):
             flat[ended] = simulation.reset(ended)[:, 0]
             self._returns[ended] = 0.0
-            for row in ended.tolist():
-                self.reset_infos[row] = simulation.robot_step(row).info
+            self._tell_resets(ended.tolist())
         self._pictures.record()
         return self.spaces.present_batch(flat), reward.astype(np.float32), done, infos
 
@@ -351,10 +354,11 @@ class RobotsVecEnv(SimulationVecEnv):
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
 
     def reset(self) -> Observation:
-        """Start an episode in each world."""
+        """Start an episode in each world; `reset_infos` tell what `set_options` asked for as `parallel_env`'s `reset` would."""
         seeds = self._seeds[:: self.simulation.robots]
         self._begin(self.simulation.all_rows, None if seeds[0] is None else seeds)
         self._returns[:], self._steps[:] = 0.0, 0
+        self._tell_resets(range(self.num_envs))
         self._reset_seeds()
         self._reset_options()
         return self.spaces.present_batch(self._flat())
@@ -388,6 +392,7 @@ class RobotsVecEnv(SimulationVecEnv):
                 infos[row] = self._final_info(row, last, int(self._steps[row]))
         if self._start_anew(done.reshape(world.outcome.shape)):
             flat = self._flat()
+            self._tell_resets(np.flatnonzero(done & world.active.ravel()).tolist())
         self._returns[done], self._steps[done] = 0.0, 0
         return self.spaces.present_batch(flat), rewards.astype(np.float32), done, infos
 
@@ -403,7 +408,8 @@ class RobotsVecEnv(SimulationVecEnv):
             is_over = self.simulation.world.steps[worlds] >= self.simulation.scenario.time.steps
             if is_over.any():
                 self._begin(worlds[is_over])
-            self.simulation.restart_robots(worlds[~is_over], self._starts[worlds[~is_over]])
+            if not is_over.all():
+                self.simulation.restart_robots(worlds[~is_over], self._starts[worlds[~is_over]])
         return len(worlds) > 0
 
     def save(self) -> Saved:

@@ -95,6 +95,13 @@ class OwnPart(NamedTuple):
         return value.reshape(expected)
 
 
+def asks_for(scenario: Scenario, name: str) -> bool:
+    """Whether a term or field of a scenario's own asks for an array, of this step or of the last one."""
+    parts = [own_part(f"reward_terms.{key}", own, ()) for key, own in scenario.reward_terms.items()]
+    parts += [own_part(f"observation_fields.{key}", own, own.shape) for key, own in scenario.observation_fields.items()]
+    return any(asked.removeprefix(LAST) == name for part in parts for asked in part.asks_for)
+
+
 class OwnParts:
     """All functions of a scenario over the worlds of a simulation.
 
@@ -157,7 +164,7 @@ class OwnParts:
         if which is None:
             self._world.array("own_terms")[rows] = 0.0
         else:
-            own = self._world.array("own_terms")[rows].reshape(len(which), -1)
+            own = self._world.array("own_terms")[rows].reshape(len(which), len(self._terms))
             own[which] = 0.0
             self._world.array("own_terms")[rows] = own.reshape(len(rows), -1)
         arrays = {name: self._array(name.removeprefix(LAST), rows) for name in self._at_begin}

@@ -24,7 +24,7 @@ from bug_gym.compiling import types_of
 from bug_gym.config import Scenario, load
 from bug_gym.limits import MOST_WORKERS
 from bug_gym.log import warn_once
-from bug_gym.own_parts import OwnParts
+from bug_gym.own_parts import OwnParts, asks_for
 from bug_gym.schema.errors import shortened
 from bug_gym.world import Capacity, Snapshot, World, world_span
 from bug_gym.worlds.field import FieldWorld
@@ -139,6 +139,7 @@ class Simulation:
             clearance_scale=task.CLEARANCE_SCALE,
             span=world_span(self.scenario),
             own_terms=len(self.scenario.reward_terms),
+            clearance_reach=world_span(self.scenario) if asks_for(self.scenario, "clearance") else None,
             capacity=capacity,
         )
         has_own = self.scenario.reward_terms or self.scenario.observation_fields

@@ -94,6 +94,7 @@ class World:
         clearance_scale: clearance at which the reward's clearance term begins [m].
         span: longest distance inside the bounds [m].
         own_terms: how many terms of the reward are the scenario's own.
+        clearance_reach: below which each step's clearance is exact [m]; None: below `clearance_scale`.
         capacity: what to leave room for; it grows by itself where a layout needs more.
     """
 
@@ -107,6 +108,7 @@ class World:
         clearance_scale: float,
         span: float,
         own_terms: int = 0,
+        clearance_reach: float | None = None,
         capacity: Capacity | None = None,
     ) -> None:
         self.scenario = scenario
@@ -121,7 +123,8 @@ class World:
         self._numbers = drawn_numbers(scenario)
         self.drawn = np.tile(np.array(list(self._numbers.values()), dtype=np.float64), (count, 1))
         self.common = self.record_of(scenario)
-        constants = {"width": width, "clearance_scale": clearance_scale, "span": span}
+        reach = clearance_scale if clearance_reach is None else clearance_reach
+        constants = {"width": width, "clearance_scale": clearance_scale, "clearance_reach": reach, "span": span}
         constants |= {f"weight_{name}": value for name, value in weights.items()}
         for name, value in constants.items():
             self.common[name] = value

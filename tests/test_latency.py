@@ -255,3 +255,19 @@ def test_the_memory_of_a_robot_without_latency_holds_no_actions() -> None:
     _, state = policy.predict(observation)
     assert state[0].under_way == []
     assert steering(policy.sensors.drive, (0.0, 0.0)).shape == (2,)
+
+
+@pytest.mark.parametrize("kinematics", ["differential", "ackermann", "holonomic"])
+@pytest.mark.parametrize("key", ["max_speed", "max_reverse"])
+def test_it_stands_until_the_first_action_acts_whatever_speeds_are_drawn(kinematics: str, key: str) -> None:
+    if kinematics == "holonomic" and key == "max_reverse":
+        pytest.skip("a holonomic robot has no reverse")
+    robot = {"kinematics": kinematics, "latency": 0.3, key: {"uniform": [0.4, 0.9]}}
+    simulation = Simulation({"robot": robot, "world": {"family": "empty"}}, 16)
+    simulation.reset(seeds=range(16))
+    began = simulation.world.pose.copy()
+    for _ in range(3):
+        simulation.step(np.ones((16, 1, 2)))
+        np.testing.assert_allclose(simulation.world.pose, began, atol=1e-12)
+    simulation.step(np.ones((16, 1, 2)))
+    assert (np.abs(simulation.world.pose - began).max(axis=2) > 1e-3).all()

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import bug_gym
 from bug_gym import ObservationField, RewardTerm
+from bug_gym.agents.sb3 import make_robots_vec_env
 from bug_gym.config import ScenarioError, dump, load
 from bug_gym.evaluation import evaluate
 from bug_gym.navigation_env import NavigationEnv
@@ -556,3 +557,58 @@ def test_the_guide_names_every_array() -> None:
     assert set(re.findall(r"`(\w+)`", rows)) == set(ARRAYS)
     sentence = text[text.index("`last_` before") :].split(" is the same\n")[0]
     assert set(re.findall(r"`(\w+)`", sentence)) == {LAST, *EARLIER}
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_the_clearance_of_a_step_is_that_of_the_step_however_near_it_was_before(moving: bool) -> None:
+    # Straight away from a post behind, with nothing else within 20 m: the least distance of a step is that of its beginning.
+    motion = {"law": "waypoints", "speed": 0.5, "points": [[-29.0, 0.0]]}
+    post = {"shape": {"circle": 0.2}, "at": [-1.0, 0.0], "motion": motion}
+    world = {
+        "family": "explicit",
+        "bounds": [-30, -30, 30, 30],
+        "circles": [] if moving else [[-1.0, 0.0, 0.2]],
+        "movers": [post] if moving else [],
+        "start": [0, 0, 0],
+        "goal": [20, 0],
+    }
+    told: list[float] = []
+
+    def note(clearance: F64, last_clearance: F64) -> F64:
+        told.append(float(clearance[0]))
+        return last_clearance
+
+    env = NavigationEnv({"world": world}, reward_terms={"t": note})
+    radius = env.simulation.scenario.robot.radius
+    env.reset(seed=0)
+    expected = 0.8 - radius
+    for number in range(60):
+        was = env.simulation.world.pose[0, 0, 0]
+        info = env.step(np.array([1.0, 0.0], dtype=np.float32))[4]
+        away = env.simulation.world.pose[0, 0, 0] - was + (0.05 if moving else 0.0)
+        assert told[-1] == pytest.approx(expected, abs=1e-9)
+        assert info["reward_terms"]["t"] == pytest.approx(told[-2] if number else expected, abs=1e-9)
+        expected += away
+
+
+def test_robots_that_begin_anew_one_by_one_outlive_the_time_limit() -> None:
+    def shaped(velocity: F64) -> F64:
+        assert len(velocity)  # nobody is asked about nobody
+        return np.where(velocity[:, 0] < 0.1, -0.01, 0.0)
+
+    field = bug_gym.ObservationField(function=lambda goal_distance: goal_distance, shape=(1,), low=0.0, high=50.0)
+    envs = make_robots_vec_env(
+        "crossing_robots",
+        2,
+        2,
+        seed=0,
+        restart="robot",
+        overrides={"time.limit": 1.0},
+        reward_terms={"still": shaped},
+        observation_fields={"far": field},
+    )
+    envs.reset()
+    ends = 0
+    for _ in range(25):
+        ends += int(envs.step(np.full((4, 2), [-0.5, 0.0], dtype=np.float32))[2].sum())
+    assert ends == 8

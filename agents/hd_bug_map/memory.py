@@ -10,6 +10,7 @@ from bug_gym.agents.hd_bug.ladder import Ladder
 from bug_gym.agents.hd_bug.moving_goal import MovingGoal
 from bug_gym.agents.hd_bug_map.light_area import LightArea
 from bug_gym.agents.hd_bug_map.poses import Turns
+from bug_gym.agents.mapping.goal_watch import GoalWatch
 from bug_gym.agents.mapping.point_map import PointMap
 from bug_gym.agents.mapping.way import Way
 from bug_gym.agents.tracking.tracker import TrackerMemory
@@ -49,6 +50,8 @@ class HDBugMapMemory(Memory):
     """Decisions in a row without any way."""
     moved_at: int = -(10**9)
     """Decision at which something was last seen moving or gone."""
+    goal_watch: GoalWatch = field(default_factory=GoalWatch)
+    """Whether the goal goes elsewhere."""
     moving_goal: MovingGoal = field(default_factory=MovingGoal)
     """How the goal moves."""
     goal: Point = (0.0, 0.0)

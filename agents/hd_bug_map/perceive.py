@@ -65,6 +65,7 @@ class Perception:
         """Track what moves, remember what stands, adapt the detection radius."""
         memory.steps += 1
         memory.pose = view.pose
+        memory.goal_watch.look(view.goal_position, self.sensors.drive.step)
         tracks = self.tracker.update(memory.tracker, view, memory.steps * self.sensors.drive.step)
         if tracks.moving.any():
             memory.moved_at = memory.steps

@@ -84,7 +84,7 @@ class Planner:
         """The remembered points close the goal off: wait, forget, or say so."""
         memory.closed_off += 1
         memory.mode = "waiting"
-        if memory.closed_off < self.patience:
+        if memory.closed_off < self.patience or not memory.goal_watch.has_settled:
             return
         if memory.steps - memory.moved_at > STILL_FOR / scene.view.sensors.drive.step:
             if not self._is_shut_by_bars(scene, memory):

@@ -122,6 +122,8 @@ def eaco(sleeve: Sleeve, colony: Colony = Colony(), *, seed: int = 0) -> Found: 
     options = sleeve.left[:, None] + values[:, None] * (sleeve.right - sleeve.left)[:, None]
     to_goal = np.hypot(*np.moveaxis(options - sleeve.goal, -1, 0))
     best = Found(sleeve.middles, path_length(sleeve.crossings(sleeve.middles)), np.empty(0))
+    if best.length == 0.0:
+        return best
     pheromone = np.full((edges, colony.values), 1.0 / best.length)
     curve: list[float] = []
     last_gain = 0

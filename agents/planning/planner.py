@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import shapely
 
+from bug_gym.agents.mapping.goal_watch import GoalWatch
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.planning.clear_step import clear_velocity
 from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower
@@ -101,6 +102,8 @@ class PlannerMemory(MapMemory):
     """Time until the next plan round movers [s]."""
     plans: int = 0
     """How often the way was planned."""
+    goal_watch: GoalWatch = field(default_factory=GoalWatch)
+    """Whether the goal goes elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,7 @@ class MapPlanner(MapPolicy):
         """One decision."""
         scene = self.look(view, memory)
         memory.pause -= view.sensors.drive.step
+        memory.goal_watch.look(scene.goal, view.sensors.drive.step)
         away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
         is_due = memory.route is None or away > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
         if memory.pause <= 0.0:
@@ -201,10 +205,15 @@ class MapPlanner(MapPolicy):
         return bool((away <= discs[:, 2] + self.sensors.radius).any())
 
     def replace_route(self, scene: Scene, memory: PlannerMemory) -> None:
-        """Replace the way; where none is found round movers the old one stays, on which the robot waits."""
+        """Replace the way; where none is found round movers the old one stays, on which the robot waits.
+
+        Nor does it end where there is none to a goal that moves, which may come to where there is one.
+        """
         found = self.plan(scene, memory)
         if found.verdict:
             found = self.planned_beside(scene, memory, found)
+        if not memory.goal_watch.has_settled:
+            found = found._replace(verdict="")
         memory.plans += 1
         memory.pause = PAUSE
         memory.reason, memory.verdict = found.reason, found.verdict

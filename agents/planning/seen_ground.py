@@ -260,6 +260,7 @@ def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: Pla
     scene = Scene(view.pose, view.goal_position, None)
     is_open, step = seen.look(view, scene.goal), view.sensors.drive.step
     memory.pause -= step
+    memory.goal_watch.look(scene.goal, step)
     if memory.route is None:
         is_due = memory.pause <= 0.0
     else:
@@ -308,6 +309,6 @@ def look_nearer(seen: SeenGround, scene: Scene, sensors: Sensors, memory: Planne
 
 
 def is_final(seen: SeenGround, memory: PlannerMemory) -> bool:
-    """Whether there is no way though nothing is left of what has gone; else a plan is due in what is seen now."""
+    """Whether there is none to a goal that stays, though nothing is left of what has gone; else a plan is due in what is seen."""
     memory.pause = 0.0
-    return not seen.forget()
+    return memory.goal_watch.has_settled and not seen.forget()

@@ -115,14 +115,14 @@ def obstacle_contact(
 ) -> tuple[float, float]:
     """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
 
-    Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below both the episode's smallest
-    so far and the reward's scale, else no smaller than those (the caller takes minima only).
+    Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below the episode's smallest so far or
+    below `clearance_reach`, else no smaller than those, as whoever takes minima only needs it.
     """
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
     turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
     way = length(nx - f[s.pose + 3 * r], ny - f[s.pose + 3 * r + 1])
     slack = way + turn * s.body_reach + f[s.fastest] * s.step
-    need = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach + slack
+    need = max(f[s.min_clearance + r], s.clearance_reach) + s.body_reach + slack
     first, clearance = NEVER, math.inf
     if near.discs.total > 0:
         first, clearance = disc_contacts(f, k, s, footprint, near.discs, r, need, end, index)

@@ -25,7 +25,7 @@ def clear_pending(f: Floats, s: Record, r: int) -> None:
     """Have robot r stand until its first action acts."""
     standing = 0.0
     if s.kinematics != HOLONOMIC:
-        standing = 2.0 * s.max_reverse / (s.max_speed + s.max_reverse) - 1.0
+        standing = 2.0 * s.full_reverse / (s.full_speed + s.full_reverse) - 1.0
     for i in range(s.latency):
         f[s.pending + 2 * (s.latency * r + i)] = standing
         f[s.pending + 2 * (s.latency * r + i) + 1] = 0.0

@@ -183,6 +183,7 @@ FLOAT_CONSTANTS = (
     "translation_bias",
     "rotation_bias",
     "clearance_scale",
+    "clearance_reach",
     "span",
     "margin",
     "largest_factor",

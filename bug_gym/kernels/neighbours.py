@@ -76,7 +76,7 @@ def in_eights(count: int) -> int:
 @inlined
 def reach_of(f: Floats, s: Record, r: int, way: float, turn: float) -> float:
     """From where robot r's step would end, how far the edges of bodies matter to its contacts and its scan [m]."""
-    touch: float = max(f[s.min_clearance + r], s.clearance_scale) + s.body_reach * (1.0 + turn) + f[s.fastest] * s.step
+    touch: float = max(f[s.min_clearance + r], s.clearance_reach) + s.body_reach * (1.0 + turn) + f[s.fastest] * s.step
     reach: float = max(touch, s.reach) + way
     return reach
 

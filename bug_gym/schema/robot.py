@@ -38,7 +38,10 @@ FULL_TURN_TOLERANCE = 0.005  # a rounded 6.28 in a file still means the whole ci
 
 
 class Robot(Part):
-    """The robot's body and its limits. All numbers but `circles` may be drawn for each episode (bug_gym.schema.ranges)."""
+    """The robot's body and its limits.
+
+    All numbers but `circles` and `latency` may be drawn for each episode (bug_gym.schema.ranges).
+    """
 
     kinematics: Literal["holonomic", "differential", "ackermann"] = "holonomic"
     """How it moves: in any direction without turning, ahead and around, or as a car does, about its rear axle, on which its

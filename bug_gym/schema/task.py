@@ -16,7 +16,7 @@ class Time(Part):
     step: StepTime = 0.1
     """Time from one action to the next [s]."""
     limit: Duration = 120.0
-    """Time after which an episode is cut off [s]."""
+    """Time after which an episode is cut off [s]: after the whole number of steps that comes nearest to it."""
 
     @model_validator(mode="after")
     def _holds_a_step(self) -> Self:

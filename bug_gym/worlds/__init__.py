@@ -27,7 +27,7 @@ from bug_gym.worlds.forest import ForestWorld
 from bug_gym.worlds.hook import HookWorld
 from bug_gym.worlds.maze import MazeWorld
 from bug_gym.worlds.oni_wang import OniWangWorld
-from bug_gym.worlds.own import REGISTERED, checked_name, installed
+from bug_gym.worlds.own import REGISTERED, SHIPPED, checked_name, installed
 from bug_gym.worlds.replay import ReplayWorld
 from bug_gym.worlds.ring import RingWorld
 from bug_gym.worlds.rooms import RoomsWorld
@@ -65,6 +65,7 @@ WorldFamily = Annotated[
 
 FAMILIES: tuple[str, ...] = tuple(tags(WorldFamily, "family"))
 """Names of the families, as the key `family` has them."""
+SHIPPED.extend(FAMILIES)
 
 
 def register(name: str, reference: str) -> None:

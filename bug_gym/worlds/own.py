@@ -25,6 +25,9 @@ logger = logging.getLogger("bug_gym")
 GROUP = __name__.rpartition(".")[0]
 """Group of entry points by which an installed package offers families, named as this package: name = "module:Class"."""
 
+SHIPPED: list[str] = []
+"""Names of this package's own families, which `bug_gym.worlds` fills in."""
+
 REGISTERED: dict[str, str] = {}
 """Where the families are that this process has registered, by name."""
 
@@ -70,12 +73,13 @@ def installed() -> dict[str, str]:
     """Where the families of installed packages are, by name; one whose name cannot be is left out with a word."""
     found: dict[str, str] = {}
     for point in importlib.metadata.entry_points(group=GROUP):
-        if point.name in found or not is_reference(point.value):
+        try:
+            if not is_reference(point.value):
+                raise ValueError(f"{point.value!r} names no module:Class")
+            found[checked_name(point.name, dict.fromkeys(SHIPPED, "this package") | found)] = point.value
+        except ValueError as reason:
             package = point.dist.name if point.dist else "?"
-            reason = "names no module:Class" if not is_reference(point.value) else "has a name that is taken"
-            logger.warning("worlds %r of package %s are left out: %r %s", point.name, package, point.value, reason)
-        else:
-            found[point.name] = point.value
+            logger.warning("worlds %r of package %s are left out: %s", point.name, package, reason)
     return found
 
 

@@ -18,6 +18,8 @@ from gymnasium.utils.env_checker import data_equivalence
 import bug_gym
 from bug_gym.checks import install_command
 from bug_gym.navigation_env import NavigationEnv
+from bug_gym.policy import MisfitError
+from bug_gym.robots_env import parallel_env
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
 
@@ -27,7 +29,8 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
-from bug_gym.agents.sb3 import NavigationVecEnv, make_vec_env
+from bug_gym.agents import make_policy
+from bug_gym.agents.sb3 import NavigationVecEnv, make_robots_vec_env, make_vec_env
 
 ROOT = Path(__file__).resolve().parents[2]
 IDS = list(bug_gym.SCENARIOS_BY_ID)
@@ -289,3 +292,22 @@ def test_without_stable_baselines3_the_error_names_the_extra() -> None:
     run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 1
     assert install_command("train") in run.stderr.splitlines()[-1]
+
+
+def test_rows_of_robots_tell_of_resets_what_was_asked() -> None:
+    rows, robots = make_robots_vec_env("circle_swap", 2, 2, seed=3), parallel_env("circle_swap", robots=2)
+    rows.set_options({"shortest_path": True})
+    rows.reset()
+    for world in range(2):
+        _, infos = robots.reset(seed=3 + world, options={"shortest_path": True})
+        for robot in range(2):
+            told = rows.reset_infos[2 * world + robot]
+            assert told["shortest_path_length"] == infos[f"robot_{robot}"]["shortest_path_length"]
+    rows.set_options({"shortes_path": True})
+    rows.reset()
+    assert "shortest_path_length" not in rows.reset_infos[0]
+
+
+def test_a_team_is_refused_rows_that_begin_anew_one_by_one() -> None:
+    with pytest.raises(MisfitError, match="restart='world'"):
+        make_policy("com1_rev3", make_robots_vec_env("circle_swap", 2, 1, restart="robot"))

@@ -102,7 +102,9 @@ def test_file_module_class_and_name_are_the_same_worlds(place: Path, monkeypatch
     np.testing.assert_array_equal(circles_of({**MINE, "world": {"family": "my-pegs", "pegs": 3}}), expected)
     point = importlib.metadata.EntryPoint("installed_pegs", f"{place / 'pegs.py'}:Pegs", own.GROUP)
     wrong = importlib.metadata.EntryPoint("other", "no reference", own.GROUP)
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point, wrong] if group == own.GROUP else [])
+    taken = importlib.metadata.EntryPoint("maze", f"{place / 'pegs.py'}:Pegs", own.GROUP)
+    offered = [point, wrong, taken]
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: offered if group == own.GROUP else [])
     own.installed.cache_clear()
     assert [*own.installed()] == ["installed_pegs"]
     np.testing.assert_array_equal(circles_of({**MINE, "world": {"family": "installed_pegs", "pegs": 3}}), expected)
