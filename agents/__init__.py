@@ -328,6 +328,12 @@ def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Po
     """A policy that somebody has made, for each robot of a source."""
     if parameters:
         raise ValueError(f"a policy that is made already takes no parameters, got {', '.join(parameters)}")
+    normalised = getattr(policy, "get_vec_normalize_env", None)
+    if callable(normalised) and (layer := normalised()) is not None and layer.norm_obs:
+        raise ValueError(
+            f"{type(policy).__name__} was trained on observations that VecNormalize normalises, and would be asked about the "
+            "env's own: expected an object whose predict normalises them first (`normalize_obs` of that VecNormalize)"
+        )
     agents = agents_of(source)
     made: Policy = EachAlone(policy, agents) if agents and not isinstance(policy, (EachAlone, TeamPolicy)) else policy
     return made

@@ -31,6 +31,8 @@ class Scene(NamedTuple):
     """Where the goal is now [m]."""
     moving: Moving | None
     """What moves, as it truly is now; None where the planner is not told: then there is the scan."""
+    reach: float | None = None
+    """How near to the goal a way has to come [m]; None: within the radius of the robot's goal."""
 
 
 class Follower(Protocol):

@@ -162,12 +162,13 @@ class GridPlanner(MapPlanner):
         here = scene.pose[:2]
         near = self.clearance_of(room, size) - self.sensors.radius + 2.0 * size
         start = grid.free_node_near(here, near if scene.moving is None else near + room.growth)
-        goal = grid.free_node_near(scene.goal, max(self.sensors.goal_radius - 0.5 * size, 0.0))
+        reach = self.sensors.goal_radius if scene.reach is None else scene.reach
+        goal = grid.free_node_near(scene.goal, max(reach - 0.5 * size, 0.0))
         if start < 0 or goal < 0:
             return None
         first, last = map(tuple, grid.lattice.places(np.array([start, goal])).tolist())
-        if math.dist(last, scene.goal) > self.sensors.goal_radius and not solids.is_clear(last, scene.goal):
-            return None  # large cells alone: their centres may be so far away
+        if math.dist(last, scene.goal) > reach and not solids.is_clear(last, scene.goal):
+            return None  # of large cells, or where room is scarce: their centres may be so far away
         touching = solids.with_growth(0.99 * self.sensors.radius)
         return (start, goal) if touching.is_clear(here, first) else None
 

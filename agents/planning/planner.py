@@ -233,7 +233,9 @@ class MapPlanner(MapPolicy):
         end = end_within_reach(plan, scene.pose[:2], scene.goal, radius=radius, goal_radius=self.sensors.goal_radius)
         if end is None:
             return found._replace(verdict="unreachable")
-        beside = self.plan(scene._replace(goal=end), memory)
+        # From the place that is planned for, no further than the goal's radius still lets it be.
+        reach = max(self.sensors.goal_radius - math.dist(end, scene.goal), 0.0)
+        beside = self.plan(scene._replace(goal=end, reach=reach), memory)
         return found._replace(verdict="stuck") if beside.places is None else beside
 
     def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:

@@ -309,6 +309,6 @@ def look_nearer(seen: SeenGround, scene: Scene, sensors: Sensors, memory: Planne
 
 
 def is_final(seen: SeenGround, memory: PlannerMemory) -> bool:
-    """Whether there is none to a goal that stays, though nothing is left of what has gone; else a plan is due in what is seen."""
+    """Whether no way leads to a goal that stays, with nothing left of what has gone; else a plan is due in what is seen."""
     memory.pause = 0.0
     return memory.goal_watch.has_settled and not seen.forget()

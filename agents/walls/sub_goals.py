@@ -236,11 +236,13 @@ class SubGoals:
             return False
         if self.boundary.can_reach_goal(view, bearing, distance):
             return True
-        return distance <= view.sensors.range and self._goal_way(view, memory, profile) >= distance
+        is_in_sight = distance <= view.sensors.range
+        return is_in_sight and self._goal_way(view, memory, profile) >= distance - view.sensors.goal_radius
 
     def _is_open(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
         """Whether nothing in sight is in the way to the goal; with the rule "front" only for a goal ahead."""
-        is_free = self._goal_way(view, memory, profile) >= min(view.goal_distance, view.sensors.range)
+        away = view.goal_distance - view.sensors.goal_radius  # so near to it the robot is there
+        is_free = self._goal_way(view, memory, profile) >= min(away, view.sensors.range)
         return is_free and self.boundary.may_head(memory.contour, view.goal_bearing + view.heading)
 
     def _goal_way(self, view: View, memory: SubGoalMemory, profile: Profile) -> float:

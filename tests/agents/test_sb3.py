@@ -17,6 +17,7 @@ from gymnasium.utils.env_checker import data_equivalence
 
 import bug_gym
 from bug_gym.checks import install_command
+from bug_gym.config import load
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import MisfitError
 from bug_gym.robots_env import parallel_env
@@ -311,3 +312,18 @@ def test_rows_of_robots_tell_of_resets_what_was_asked() -> None:
 def test_a_team_is_refused_rows_that_begin_anew_one_by_one() -> None:
     with pytest.raises(MisfitError, match="restart='world'"):
         make_policy("com1_rev3", make_robots_vec_env("circle_swap", 2, 1, restart="robot"))
+
+
+def test_a_model_of_normalised_observations_is_refused_and_one_that_normalises_them_itself_is_not() -> None:
+    envs = VecNormalize(make_vec_env("BugGym/Empty-v0", 2, observation="flat", seed=0))
+    model = PPO("MlpPolicy", envs, n_steps=8, batch_size=16, n_epochs=1, seed=0, device="cpu")
+    with pytest.raises(ValueError, match=r"normalises, .* expected an object whose predict normalises them first"):
+        make_policy(model, load("empty"))
+
+    class Normalising:
+        def predict(self, observation: Any, *args: Any, **named: Any) -> Any:
+            return model.predict(envs.normalize_obs(observation), *args, **named)
+
+    make_policy(Normalising(), load("empty"))
+    plain = VecNormalize(make_vec_env("BugGym/Empty-v0", 2, observation="flat", seed=0), norm_obs=False)
+    make_policy(PPO("MlpPolicy", plain, n_steps=8, batch_size=16, seed=0, device="cpu"), load("empty"))
