@@ -23,6 +23,7 @@ from bug_gym.agents.outside import (
     Spec,
     imported_class,
     is_object,
+    offered_class,
     require_constructor,
     require_memory,
     required_policy,
@@ -226,9 +227,25 @@ def team_names() -> list[str]:
 
 
 def playable_names() -> list[str]:
-    """Names of `policy_names()` whose packages are installed: learned ones need onnxruntime, of the extra `play`."""
+    """Names of `policy_names()` that can be made here: learned ones need onnxruntime, of the extra `play`.
+
+    One of an installed package whose code cannot be imported is left out with a word.
+    """
     can_play = importlib.util.find_spec("onnxruntime") is not None
-    return [name for name in policy_names() if can_play or not agent(name).model]
+    return [name for name in policy_names() if (can_play or not agent(name).model) and not _is_broken(name)]
+
+
+def _is_broken(name: str) -> bool:
+    """Whether an installed package offers a policy that cannot be imported; tells which and why."""
+    line = _installed().get(name)
+    if line is None:
+        return False
+    try:
+        offered_class(name, line.reference, line.entry_point)
+    except (ValueError, ImportError) as error:
+        logger.warning("%s; it is left out", error)
+        return True
+    return False
 
 
 def agent(name: str) -> Agent:
@@ -415,7 +432,7 @@ def _entry(name: Any) -> tuple[type[Any], dict[str, Any]]:
         place, colon, option = text.partition(":")
         if colon and place in known_agents():
             raise ValueError(f"policy {place!r}: got the parameter {option!r} without a value, expected {option}=VALUE")
-        return imported_class(reference), {}
+        return _class_from_outside(text, reference), {}
     if text.endswith(".py"):
         raise ValueError(f"got {shortened(text)} as a policy, expected its class, too, such as {text}:MyBug")
     if text.startswith("hf://"):
@@ -424,6 +441,14 @@ def _entry(name: Any) -> tuple[type[Any], dict[str, Any]]:
         return _imported("learning.play:LearnedPolicy"), {"model": Path(name).expanduser()}
     line = agent(text)
     return _imported(line.entry_point), {"model": line.model} if line.model else {}
+
+
+def _class_from_outside(name: str, reference: str) -> type[Any]:
+    """The class behind a name or reference from outside; an error names the package that offers it, where one does."""
+    for offered, line in _installed().items():
+        if name == offered or reference == line.entry_point:
+            return offered_class(offered, line.reference, reference)
+    return imported_class(reference)
 
 
 def _imported(entry_point: str) -> type[Any]:

@@ -66,6 +66,28 @@ def imported_class(reference: str) -> type[Any]:
     return required_policy(imported(reference, "class"), reference)
 
 
+def offered_class(name: str, package: str, reference: str) -> type[Any]:
+    """The policy class that an installed package offers, see `imported_class`.
+
+    Args:
+        name: of the policy.
+        package: what an error calls the package.
+        reference: "module:Class" of its entry point.
+
+    Raises:
+        ValueError: no such module or class, or a class that is no policy.
+        ImportError: its module cannot be imported, for whatever reason. Either names the policy and the package.
+    """
+    try:
+        return imported_class(reference)
+    except Exception as error:  # whatever the code of a package raises
+        kind, told = (ValueError if isinstance(error, ValueError) else ImportError), str(error)
+        if not isinstance(error, (ValueError, ImportError)):
+            told = f"{type(error).__name__}: {error}"
+        raised = kind(f"policy {name!r} of {package}: {told}")
+        raise raised.with_traceback(error.__traceback__) from None
+
+
 def required_policy(found: Any, told: str) -> type[Any]:
     """What was found, where it is a class of policies.
 

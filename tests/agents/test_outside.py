@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from bug_gym import agents
-from bug_gym.agents import REGISTERED, Spec, known_agents, make_policy, policy_names, register
+from bug_gym.agents import AGENTS, REGISTERED, Spec, known_agents, make_policy, policy_names, register
 from bug_gym.agents.floors.go_to_goal import GoToGoal
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError
@@ -166,6 +166,34 @@ def test_an_installed_package_offers_policies(
     assert [record.args[0] for record in caplog.records if record.args] == ["bug2", "odd"]  # type: ignore[index]
     assert main(["list", "policies"]) == 0
     assert "from outside; package their-package" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (None, "no module 'their_code', looked for on Python's path"),
+        ("import nowhere_to_be_found\n", "No module named 'nowhere_to_be_found'"),
+        ("1 / 0\n", "ZeroDivisionError: division by zero"),
+        ("class Bug: pass\n", "their_code:Bug is no policy: got class Bug, expected a class with `predict`"),
+    ],
+)
+def test_a_broken_offer_of_a_package_is_named_where_it_is_asked_for_and_left_out_of_all(
+    code: str | None, told: str, place: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    install(place, "broken = their_code:Bug\nsound = my_bug:MyBug")
+    if code is not None:
+        (place / "their_code.py").write_text(code)
+    sys.modules.pop("their_code", None)
+    for ask in (lambda: make_policy("broken", OPEN), lambda: evaluate(["sound", "broken"], OPEN, episodes=1)):
+        with pytest.raises((ValueError, ImportError)) as error:
+            ask()
+        assert str(error.value).startswith(f"policy 'broken' of package their-package: {told}")
+    monkeypatch.setattr(agents, "AGENTS", {"go_to_goal": AGENTS["go_to_goal"]})
+    rows = evaluate(None, OPEN, episodes=1)
+    assert [row.policy for row in rows] == ["go_to_goal", "sound"]
+    (warning,) = [record.getMessage() for record in caplog.records]
+    assert warning.startswith(f"policy 'broken' of package their-package: {told}")
+    assert warning.endswith("; it is left out")
 
 
 def test_options_stand_in_lists_as_on_the_command_line() -> None:
