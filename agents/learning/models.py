@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import warnings
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,8 +31,11 @@ from bug_gym.agents.learning.settings import (
     load_settings,
     training_names,
 )
-from bug_gym.config import dump
+from bug_gym.config import ScenarioError, dump
+from bug_gym.config import load as load_scenario
 from bug_gym.files import machine, replaced_when_done
+from bug_gym.references import is_reference
+from bug_gym.schema.own import OWN_PARTS
 
 PACKAGES = ("stable_baselines3", "torch", "onnx", "safetensors")
 """Packages beside those of `machine()` whose versions are kept with a model."""
@@ -167,7 +171,24 @@ def command(record: Mapping[str, Any]) -> str:
         shipped = json.loads(load_settings(name).model_dump_json())
         changed = {key: value for key, value in record["settings"].items() if value != shipped.get(key)}
         words = [f"bug-gym train {name}", *(f"--set '{key}={json.dumps(value)}'" for key, value in changed.items())]
+    words += ["--trust"] if any(map(_names_code, _worlds(record))) else []
     return " ".join([*words, f"--seeds {seeds}"] if seeds > 1 else words)
+
+
+def _worlds(record: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The scenarios of a training as data, those of its stages too as far as they can still be read."""
+    yield from record.get("scenarios", ())
+    settings = record["settings"]
+    for stage in settings.get("curriculum", ()):
+        for source in stage["scenarios"] or settings["scenarios"]:
+            with suppress(ScenarioError):  # a file that is gone
+                yield dump(load_scenario(load_scenario(source, settings["overrides"]), stage["overrides"]))
+
+
+def _names_code(scenario: Mapping[str, Any]) -> bool:
+    """Whether a scenario names functions, or a family of worlds by where its class is."""
+    family = scenario.get("world", {}).get("family", "")
+    return any(scenario.get(key) for key in OWN_PARTS) or is_reference(family)
 
 
 def card(record: Mapping[str, Any]) -> str:
