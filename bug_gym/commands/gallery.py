@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_overrides, assignments, at_least_one, policy_entry
+from bug_gym.commands.arguments import add_overrides, add_trust, assignments, at_least_one, policy_entry
 from bug_gym.files import writable
 
 
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("gallery.png"), help="PNG to write")
     parser.add_argument("--gif", type=Path, help="GIF to write as well")
     add_overrides(parser)
+    add_trust(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -35,6 +36,7 @@ def run(options: argparse.Namespace) -> None:
             bugs.setdefault(line.entry_point, name)
     asked = options.policies.split(",") if options.policies else []
     entries = [policy_entry(text) for text in asked] or [PolicyEntry.of(name) for name in bugs.values()]
-    scenario = load(options.scenario, {"lidar.beams": 360, "time.limit": 600.0, **assignments(options.overrides)})
+    changes = {"lidar.beams": 360, "time.limit": 600.0, **assignments(options.overrides)}
+    scenario = load(options.scenario, changes, trust=options.trust)
     draw_gallery(scenario, entries, seed=options.seed, size=options.size, png=png, gif=gif)
     print(f"{png}{f' and {gif}' if gif else ''}")

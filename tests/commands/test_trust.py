@@ -42,12 +42,13 @@ def command(name: str, mine: Path) -> list[str]:
     return {
         "collect": ["collect", place, *by, "--expert", "go_to_goal", "--out", str(out)],
         "evaluate": ["evaluate", "--scenario", place, *by, "--out", str(out)],
+        "gallery": ["gallery", "--scenario", place, *by[:2], "--size", "100", "--out", f"{out}.png"],
         "render": ["render", "go_to_goal", place, "--out", f"{out}.html"],
         "show": ["show", place, "--out", f"{out}.png"],
     }[name]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["collect", "evaluate", "render", "show"])
+@pytest.mark.parametrize("name", ["collect", "evaluate", "gallery", "render", "show"])
 def test_code_of_a_scenario_is_run_where_it_is_trusted_and_nowhere_else(
     name: str, mine: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
