@@ -154,8 +154,9 @@ def make_plan(
         if not entries:
             raise ValueError(f"expected a policy that does not read the map, got {', '.join(asked)}")
     _require_room(scenarios, len(entries))
-    _require_distinct("scenarios", [entry.label for entry in scenarios])
-    _require_distinct("policies", [entry.label for entry in entries])
+    cure = "give them labels" if name else "give them names (`name:`)"
+    _require_distinct("scenarios", [entry.label for entry in scenarios], cure)
+    _require_distinct("policies", [entry.label for entry in entries], "give them labels")
     labelled, left_out = _try_out(entries, scenarios)
     lost = [entry for entry in labelled if all((entry.label, scenario.label) in left_out for scenario in scenarios)]
     if lost and not by_default:
@@ -172,10 +173,11 @@ def _require_room(scenarios: Sequence[ScenarioEntry], policies: int) -> None:
         raise ValueError(f"got {rows:,} episodes of all policies, expected at most {MOST_EPISODES:,}: {memory}")
 
 
-def _require_distinct(what: str, labels: Sequence[str]) -> None:
+def _require_distinct(what: str, labels: Sequence[str], cure: str) -> None:
+    """Refuse two of a kind under one label, which rows could not be told by; cure: what else to do than leave one out."""
     twice = sorted({label for label in labels if labels.count(label) > 1})
     if twice:
-        raise ValueError(f"two {what} are called {shortened(twice[0])}: leave one out, or give them labels")
+        raise ValueError(f"two {what} are called {shortened(twice[0])}: leave one out, or {cure}")
 
 
 def is_one_world(scenario: Scenario) -> bool:

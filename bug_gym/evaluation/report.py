@@ -24,6 +24,12 @@ from bug_gym.files import replaced_when_done
 if TYPE_CHECKING:
     from rich.console import Console
 
+FEWER_PAIRS = (
+    "In round brackets: of how many pairs a difference is where it is not of all, as those of time, path and clearance are "
+    "of pairs in which both arrived."
+)
+"""What a reader of the table of differences has to know."""
+
 NOTHING = "–"
 """Stands where nothing was measured."""
 
@@ -122,6 +128,8 @@ def print_differences(differences: Sequence[PairedDifference], console: "Console
     """Print a table of the differences to the baseline, see `summary.compare`; nothing where there are none."""
     for title, header, lines in difference_tables(differences, [measure for measure in MEASURES if measure.on_screen]):
         print_text_table(title, header, lines, console)
+        if any(cell.endswith(")") for line in lines for cell in line[1:]):
+            console.print(FEWER_PAIRS, markup=False, highlight=False)
 
 
 def print_text_table(title: str, header: Sequence[str], lines: Sequence[Sequence[str]], console: "Console") -> None:
@@ -201,7 +209,10 @@ def difference_tables(
     filled = [
         ["policy", *policies],
         ["pairs", *(str(share.n) for share in shares)],
-        *([one.name, *(_difference(by_key[policy, one.field], one) for policy in policies)] for one in measures),
+        *(
+            [one.name, *(_difference(by_key[share.policy, one.field], one, share.n) for share in shares)]
+            for one in measures
+        ),
     ]
     filled.insert(3, ["p", *(f"{share.p_value:.2g}" for share in shares)])
     measured = [texts for texts in filled if any(text != NOTHING for text in texts[1:])]
@@ -209,13 +220,15 @@ def difference_tables(
     return [(f"difference to {differences[0].baseline} in the same worlds", header, lines)]
 
 
-def _difference(difference: PairedDifference, measure: _Measure) -> str:
+def _difference(difference: PairedDifference, measure: _Measure, pairs: int) -> str:
+    """Mean and interval, and how many pairs they are of where these are others than the `pairs` of their line."""
     mean, low, high = (
         f"{measure.scale * value:+.{measure.digits}f}" for value in (difference.mean, difference.low, difference.high)
     )
     if isnan(difference.mean):
         return NOTHING
-    return mean if isnan(difference.low) else f"{mean} [{low}, {high}]"
+    told = mean if isnan(difference.low) else f"{mean} [{low}, {high}]"
+    return told if difference.n == pairs else f"{told} ({difference.n})"
 
 
 def _json(rows: Sequence[EpisodeRow], summaries: Sequence[Summary], differences: Sequence[PairedDifference]) -> str:
@@ -246,7 +259,7 @@ def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifferen
     parts = [
         "# Summary",
         "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
-        "over pairs with a bootstrap interval; p is of the exact McNemar test on success.",
+        "over pairs with a bootstrap interval; p is of the exact McNemar test on success. " + FEWER_PAIRS,
     ]
     tables = [*summary_tables(summaries), *difference_tables(differences, MEASURES)]
     baseline = differences[0].baseline if differences else rows[0].policy if rows else ""

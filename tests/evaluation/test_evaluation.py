@@ -468,7 +468,9 @@ def test_a_suite_that_cannot_be_is_told(suite: Any, message: str) -> None:
 
 
 def test_a_scenario_twice_without_labels_is_told() -> None:
-    with pytest.raises(ValueError, match="two scenarios are called 'static'"):
+    with pytest.raises(
+        ValueError, match=r"two scenarios are called 'static': leave one out, or give them names \(`name:`\)$"
+    ):
         make_plan("bug0", ["static", "static"])
 
 

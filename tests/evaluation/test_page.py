@@ -25,6 +25,7 @@ from bug_gym.evaluation.page.findings import results, watched
 from bug_gym.evaluation.page.markup import Markup, element
 from bug_gym.evaluation.page.recorded import Key
 from bug_gym.evaluation.replays import chosen, record_episode
+from bug_gym.evaluation.report import FEWER_PAIRS
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import compare, summarise
 from bug_gym.replay.packing import unpacked
@@ -154,6 +155,7 @@ def test_differences_are_to_the_baseline_that_was_asked_for() -> None:
     by_policy = {line[0]: line for line in table[1:]}
     assert set(by_policy) == {"middling", "worst"}
     assert by_policy["worst"][2].startswith("-75.0 [")  # 1 of 8 against 7 of 8
+    assert by_policy["worst"][1] == "8" and by_policy["worst"][-1].endswith(" (1)") and FEWER_PAIRS in text
 
 
 def test_a_policy_alone_that_always_succeeds_has_nothing_to_compare_and_no_failures() -> None:

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from bug_gym.agents import policy_names
 from bug_gym.agents.learning.folder import trained_names
-from bug_gym.evaluation.report import print_differences, print_table, write_summary
+from bug_gym.evaluation.report import FEWER_PAIRS, print_differences, print_table, write_summary
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import Summary, compare, summarise
 
@@ -162,6 +162,31 @@ def test_differences_are_printed_with_their_interval_beside_the_baselines_name()
     assert "difference to bug2" in title
     # 2 s and 3 s more: their mean is 2.5, and the mean of two drawn of them lies between them.
     assert "bug1" in line and "+2.5 [+2.0, +3.0]" in line
+
+
+def test_a_difference_of_fewer_pairs_than_success_says_of_how_many(tmp_path: Path) -> None:
+    lost = [replace(BLANK, policy="bug1", seed=3, outcome="collision", success=False, spl=0.0)]
+    rows = [*PAIRED, *lost, replace(BLANK, policy="bug2", seed=3)]
+    console = Console(file=io.StringIO(), width=240)
+    print_differences(compare(rows, "bug2"), console)
+    assert isinstance(console.file, io.StringIO)
+    printed = console.file.getvalue()
+    # Success and SPL are of all three worlds, time of the two in which both arrived.
+    (line,) = [line for line in printed.splitlines() if "bug1" in line]
+    assert line.split()[:2] == ["bug1", "3"] and line.count("(") == 1
+    assert line.rstrip().endswith("+2.5 [+2.0, +3.0] (2)")
+    assert printed.rstrip().endswith(FEWER_PAIRS)
+    write_summary(tmp_path, rows, summarise(rows), compare(rows, "bug2"))
+    text = (tmp_path / "summary.md").read_text(encoding="utf-8")
+    assert FEWER_PAIRS in text and "| +2.5 [+2.0, +3.0] (2) |" in text
+    with (tmp_path / "differences.csv").open(encoding="utf-8") as file:
+        assert {line["field"]: line["n"] for line in csv.DictReader(file)}["time"] == "2"
+
+
+def test_where_all_pairs_are_compared_no_count_is_told() -> None:
+    console = Console(file=io.StringIO(), width=240)
+    print_differences(compare(PAIRED, "bug2"), console)
+    assert isinstance(console.file, io.StringIO) and "(" not in console.file.getvalue()
 
 
 def test_without_differences_none_are_printed() -> None:

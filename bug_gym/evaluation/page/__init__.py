@@ -22,6 +22,7 @@ from bug_gym.evaluation.page.failures import end, failures
 from bug_gym.evaluation.page.markup import Markup, element, joined, open_table
 from bug_gym.evaluation.page.recorded import Key, Recorded, episodes_of
 from bug_gym.evaluation.page.tables import differences_to_baseline, matrix_table, summaries_by_scenario
+from bug_gym.evaluation.report import FEWER_PAIRS
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import PairedDifference, Summary, path_ratio
 from bug_gym.evaluation.teams import team_differences, team_tables
@@ -123,7 +124,7 @@ def _about_rows(
         Section(
             "Differences",
             "Means over pairs in the same worlds with a 95 % bootstrap interval; p is of the exact McNemar test on "
-            "success, not corrected for the number of comparisons.",
+            f"success, not corrected for the number of comparisons. {FEWER_PAIRS}",
             differences_to_baseline(differences),
         ),
         *_teams(rows, differences),
