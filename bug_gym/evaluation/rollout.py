@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import groupby
 from time import perf_counter
@@ -308,8 +309,9 @@ class Rollout:
         """One decision and one step in each world; the rows of the worlds that ended with it."""
         (deciding,) = self._episodes.going.ravel().nonzero()
         observation = self._episodes.observation.reshape(len(self._actions), -1)
-        actions, seconds = self._driver.decide(observation, deciding)
-        self._actions[deciding] = checked_actions(actions, len(deciding), self._discrete_actions)
+        with self._told(deciding):
+            actions, seconds = self._driver.decide(observation, deciding)
+            self._actions[deciding] = checked_actions(actions, len(deciding), self._discrete_actions)
         for robot, duration in zip(deciding.tolist(), seconds, strict=True):
             self._traces[robot].seconds.append(duration)
             verdict = getattr(self._driver.memory(robot), "verdict", "")
@@ -325,6 +327,17 @@ class Rollout:
             self._begin(np.array(over))
         return worlds
 
+    @contextmanager
+    def _told(self, robots: NDArray[np.int64]) -> Iterator[None]:
+        """Have an exception of the policy say who was asked, and in which worlds, by a note."""
+        try:
+            yield
+        except Exception as error:  # of a caller's code: any
+            seeds = sorted(set(self.simulation.world.seed[robots // self.simulation.robots].tolist()))
+            many = f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"
+            error.add_note(f"policy {self.entry.label}, scenario {self.scenario.label}, {many}")
+            raise
+
     def _begin(self, rows: NDArray[np.int64]) -> None:
         """Start the next seeds in some rows; those without one stay as they are."""
         robots = self.simulation.robots
@@ -333,7 +346,8 @@ class Rollout:
             self._actions[first:end] = self._standing
             self._ended[row] = []
             for robot in range(first, end):
-                self._driver.begin(robot)
+                with self._told(np.array([robot])):
+                    self._driver.begin(robot)
                 self._traces[robot] = _Trace([], [], [])
             self._record(range(first, end))
 
@@ -408,11 +422,8 @@ class Rollout:
         )
 
     def _standing_time(self, trace: _Trace) -> float:
-        """How long a robot has not moved [s]."""
-        points = np.array(trace.points)
-        moved = np.flatnonzero(np.hypot(*(points - points[-1]).T) > STANDING)
-        steps = len(points) - 1 - (moved[-1] if len(moved) else 0)
-        return float(steps * self.scenario.scenario.time.step)
+        """How long a robot has not moved when its episode ends [s]."""
+        return _standing_steps(trace.points) * self.scenario.scenario.time.step
 
     def _time_ratio(self, trace: _Trace, time: float) -> float:
         """Earliest time of meeting the moving goal on a straight run, over the time taken."""
@@ -422,3 +433,10 @@ class Rollout:
         times = settings.time.step * np.arange(len(trace.goals))
         speed, radius = settings.robot.max_speed, settings.goal.radius
         return earliest_intercept(trace.points[0], trace.goals, times, speed, capture_radius=radius) / time
+
+
+def _standing_steps(places: Sequence[Sequence[float]]) -> int:
+    """How many of the last steps began and ended where the robot ended, of its places x, y [m], one a step and the start."""
+    points = np.array(places)
+    elsewhere = np.flatnonzero(np.hypot(*(points - points[-1]).T) > STANDING)
+    return len(points) - 1 - (int(elsewhere[-1]) + 1 if len(elsewhere) else 0)

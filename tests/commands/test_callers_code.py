@@ -36,6 +36,29 @@ class Forgets(Bug):
         return None
 
 
+class Strays(Bug):
+    def act(self, view, memory):
+        return (0.0, 0.0, 0.0)
+
+
+class Late(Bug):
+    asked = 0
+
+    def act(self, view, memory):
+        self.asked += 1
+        return self.late() if self.asked > 2 else (0.0, 0.0)
+
+
+class LateRaises(Late):
+    def late(self):
+        raise ValueError("no idea")
+
+
+class LateStrays(Late):
+    def late(self):
+        return "left"
+
+
 class Short(Bug):
     def act(self, view):
         return (0.0, 0.0)
@@ -45,8 +68,9 @@ class Short(Bug):
 @pytest.mark.parametrize(
     ("policy", "told"),
     [
-        ("mine.py:Raises", "error: no idea (FOLDER/mine.py, line 16)"),
-        ("mine.py:Asks", "(FOLDER/mine.py, line 21)"),
+        ("mine.py:Raises", "error: no idea (FOLDER/mine.py, line 16); policy mine.py:Raises, scenario static, seed 0"),
+        ("mine.py:Asks", "(FOLDER/mine.py, line 21); policy mine.py:Asks, scenario static, seed 0"),
+        ("mine.py:Strays", "; policy mine.py:Strays, scenario static, seed 0"),
         ("mine.py:Forgets", "policy 'FOLDER/mine.py:Forgets': start answered None, expected a bug_gym.policy.Memory"),
         ("mine.py:Short", "FOLDER/mine.py:Short: act takes (self, view, memory): too many positional arguments"),
         ("lost.py:Bug", "error: No module named 'nowhere_to_be_found' (FOLDER/lost.py, line 1)"),
@@ -64,6 +88,24 @@ def test_what_is_wrong_is_told_in_a_line_with_its_place(
     assert main(["evaluate", "--scenario", "static", "--policies", policy, "--episodes", "1"]) == 2
     said = capsys.readouterr().err.strip()
     assert said.endswith(told.replace("FOLDER", str(tmp_path))) and "\n" not in said
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize("policy", ["LateRaises", "LateStrays"])
+def test_what_fails_on_its_way_says_which_policy_and_where(
+    policy: str, workers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(POLICIES)
+    arguments = ["--scenario", "empty", "--seed", "7", "--policies", f"mine.py:{policy}", "--episodes", "9"]
+    assert main(["evaluate", *arguments, "--workers", workers]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    # Workers get eight worlds at a time; either of the two jobs fails first.
+    seeds = [" 7, 8, 9, 10, 11, 12, 13, 14, 15"] if workers == "1" else [" 7, 8, 9, 10, 11, 12, 13, 14", " 15"]
+    assert said.count("policy mine.py") == 1
+    assert any(
+        said.endswith(f"; policy mine.py:{policy}, scenario empty, seed{'s' * (',' in some)}{some}") for some in seeds
+    )
 
 
 @pytest.mark.parametrize(

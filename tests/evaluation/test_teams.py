@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym.evaluation import evaluate
+from bug_gym.evaluation import evaluate, rollout
 from bug_gym.evaluation.page import page
 from bug_gym.evaluation.page.failures import failed
 from bug_gym.evaluation.replays import chosen
@@ -83,6 +83,14 @@ def test_robots_that_stand_when_the_time_is_up_have_stopped_one_another() -> Non
     assert team_rows(robots("pair", 0, standing, {}))[0].deadlock
     assert not team_rows(robots("pair", 0, {}, {}))[0].deadlock
     assert not team_rows(robots("pair", 0, standing, {**standing, "standing_time": 1.0}, {}))[0].deadlock
+
+
+@pytest.mark.parametrize(
+    ("places", "steps"), [("ABC", 0), ("ABB", 1), ("AAA", 2), ("ABA", 0), ("BAABBB", 2), ("A", 0), ("AB", 0)]
+)
+def test_a_robot_stands_in_the_steps_that_began_and_ended_where_it_ended(places: str, steps: int) -> None:
+    found = {"A": [0.0, 0.0], "B": [0.0, 0.3], "C": [0.4, 0.3]}
+    assert rollout._standing_steps([found[place] for place in places]) == steps
 
 
 def test_a_mission_is_the_first_arrival_or_everybodys() -> None:
