@@ -344,15 +344,18 @@ def load_settings(
 
     Args:
         source: a name from `training_names()`, the path of a YAML file, or a mapping that says the same.
-        overrides: values by key that replace the file's.
+        overrides: values by key that replace the file's; `overrides` replaces all of the training's own, a key below it
+            such as `overrides.world.obstacles` that one alone.
         trust: whether code that its scenarios name may be imported, which runs the code of their modules.
 
     Raises:
         ScenarioError: where something is unknown, missing or not allowed.
     """
     label, data = _read(source)
-    data |= overrides or {}
+    data = _changed(data, overrides or {})
     algo = data.get("algo")
+    if algo is None:
+        raise ScenarioError(f"{label}: algo: missing, expected one of {', '.join(map(repr, ALGORITHMS))}")
     if not isinstance(algo, str) or algo not in ALGORITHMS:
         raise ScenarioError(f"{label}: algo: got {shortened(algo)}, expected one of {', '.join(map(repr, ALGORITHMS))}")
     try:
@@ -371,6 +374,18 @@ def load_settings(
     except ScenarioError as error:
         raise ScenarioError(f"{label}: {error}") from None
     return settings
+
+
+BELOW = "overrides."
+"""How a key begins that stands for one of a training's `overrides`."""
+
+
+def _changed(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """The data of a training with other values; those below `overrides` are added to its own."""
+    below = {key.removeprefix(BELOW): value for key, value in overrides.items() if key.startswith(BELOW)}
+    changed = {**data, **{key: value for key, value in overrides.items() if not key.startswith(BELOW)}}
+    own = changed.get("overrides", {})
+    return changed | {"overrides": {**own, **below}} if below and isinstance(own, Mapping) else changed
 
 
 def read_curriculum(source: str | Path) -> Any:

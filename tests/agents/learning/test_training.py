@@ -297,6 +297,58 @@ def test_the_command_on_a_card_gives_the_settings_that_were_trained(changes: dic
     assert load_settings("ppo_rush", {key: json.loads(value) for key, _, value in pairs}) == settings
 
 
+@pytest.mark.parametrize(
+    ("scenario", "stage", "trusts"),
+    [
+        ({}, {}, False),
+        ({"reward_terms": {"near": {"function": "mine:near"}}}, {}, True),
+        ({"observation_fields": {"near": {"function": "mine:near"}}}, {}, True),
+        ({"world": {"family": "mine:World"}}, {}, True),
+        ({"world": {"family": "mine"}}, {}, False),  # by the name that a package or a program gave it: code already
+        ({}, {"overrides": {"reward_terms.near": "mine:near"}}, True),
+        ({}, {"scenarios": ["static", {"world": {"family": "mine.py:World"}}]}, True),
+        ({}, {"scenarios": ["gone.yaml"]}, False),
+    ],
+)
+def test_the_command_on_a_card_trusts_what_names_code(
+    scenario: dict[str, Any], stage: dict[str, Any], trusts: bool
+) -> None:
+    stages = [{"scenarios": [], "overrides": {}, **stage}]
+    settings = {"scenarios": ["rush"], "overrides": {}, "curriculum": stages}
+    record = {"name": "mine", "scenarios": [scenario], "settings": settings, "runs": {"0": {}}}
+    assert command(record) == f"bug-gym train mine.yaml{' --trust' * trusts}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "own"),
+    [
+        ({}, {"reward.goal": 5.0, "time.limit": 3.0}),
+        ({"overrides.time.limit": 2.0, "overrides.lidar.beams": 8}, {"reward.goal": 5.0, "time.limit": 2.0, "lidar.beams": 8}),
+        ({"overrides": {"time.limit": 2.0}}, {"time.limit": 2.0}),
+        ({"overrides.lidar.beams": 8, "overrides": {"time.limit": 2.0}}, {"time.limit": 2.0, "lidar.beams": 8}),
+    ],
+)  # fmt: skip
+def test_a_value_below_overrides_is_added_to_those_of_the_training(
+    changes: dict[str, Any], own: dict[str, Any]
+) -> None:
+    training = TINY | {"overrides": {"reward.goal": 5.0, "time.limit": 3.0}}
+    settings = load_settings(training, changes)
+    assert settings.overrides == own and settings.loaded[0].time.limit == own["time.limit"]
+    assert training["overrides"] == {"reward.goal": 5.0, "time.limit": 3.0}
+
+
+def test_below_overrides_that_are_none_nothing_is_added() -> None:
+    with pytest.raises(ScenarioError, match="training: overrides: got 3, expected"):
+        load_settings(TINY | {"overrides": 3}, {"overrides.lidar.beams": 8})
+
+
+@pytest.mark.parametrize("algo", [{}, {"algo": None}])
+def test_a_training_without_an_algorithm_lacks_it(algo: dict[str, Any]) -> None:
+    data = {key: value for key, value in TINY.items() if key != "algo"} | algo
+    with pytest.raises(ScenarioError, match="^training: algo: missing, expected one of 'ppo', 'sac', "):
+        load_settings(data)
+
+
 def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
     settings = tiny(n_timesteps=128)
     train(settings, tmp_path / "first", threads=1, tensorboard=False)
