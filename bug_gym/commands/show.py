@@ -10,6 +10,7 @@ from bug_gym.commands.arguments import add_scenario, assignments
 from bug_gym.files import file_name, replaced_when_done, writable
 
 if TYPE_CHECKING:
+    from bug_gym.schema.motions import Motion
     from bug_gym.simulation import Simulation
 
 
@@ -46,7 +47,16 @@ def _save_world(path: Path, simulation: Simulation) -> None:
     from bug_gym.config import to_yaml  # loads pydantic
     from bug_gym.scenarios import as_explicit  # loads the compiler
 
-    explicit = as_explicit(simulation.scenario, simulation.world.layout(0))
-    title = f"# The world of {explicit.name} and seed {simulation.world.seed[0]}, every obstacle written out."
+    seed, layout = simulation.world.seed[0], simulation.world.layout(0)
+    explicit = as_explicit(simulation.scenario, layout)
+    title = f"# The world of {explicit.name} and seed {seed}, every obstacle written out."
+    if any(map(_draws_its_way, [*(mover.motion for mover in layout.movers), layout.target])):
+        title += f" What walks by chance goes the same ways with seed {seed} only."
     with replaced_when_done(path) as partial:
         partial.write_text(f"{title}\n{to_yaml(explicit)}", encoding="utf-8")
+
+
+def _draws_its_way(motion: Motion | None) -> bool:
+    """Whether the seed decides on the ways of a motion: on a random walk's, a crowd's and those of an evader that wanders."""
+    law = getattr(motion, "law", "")
+    return law in ("random_walk", "crowd") or (law == "evade" and getattr(motion, "wander", 0.0) > 0.0)

@@ -121,6 +121,45 @@ def test_show_saves_the_world_of_a_seed_as_a_scenario(tmp_path: Path) -> None:
     assert loaded.scenario.world.family == "explicit"
 
 
+@pytest.mark.parametrize(
+    ("motion", "is_drawn"),
+    [
+        ({"law": "random_walk", "speed": 1.0}, True),
+        ({"law": "crowd", "speed": 1.0}, True),
+        ({"law": "crowd", "speed": 1.0, "goals": [[3, 3], [-3, 3]]}, True),
+        ({"law": "evade", "speed": 1.0, "wander": 0.5, "sight": 0.1}, True),
+        ({"law": "evade", "speed": 1.0}, False),
+        ({"law": "bounce", "velocity": [1.0, 0.5]}, False),
+    ],
+)
+def test_a_saved_world_says_whether_what_moves_in_it_goes_by_the_seed(
+    motion: dict[str, Any], is_drawn: bool, tmp_path: Path
+) -> None:
+    mover = {"shape": {"circle": 0.3}, "at": [0, 3], "motion": motion}
+    places = {"start": [-4, -4, 0], "goal": [4, -4], "movers": [mover]}
+    world = {"family": "explicit", "bounds": [-5, -5, 5, 5], **places}
+    (tmp_path / "world.yaml").write_text(json.dumps({"world": world}), encoding="utf-8")
+    saved = tmp_path / "saved.yaml"
+    assert main(["show", str(tmp_path / "world.yaml"), "--seed", "3", "--save", str(saved)]) == 0
+    first = saved.read_text(encoding="utf-8").splitlines()[0]
+    told = "# The world of world and seed 3, every obstacle written out."
+    assert first == told + " What walks by chance goes the same ways with seed 3 only." * is_drawn
+    ways = {(path, seed): way(path, seed) for path in (tmp_path / "world.yaml", saved) for seed in (3, 4)}
+    assert ways[saved, 3] == ways[tmp_path / "world.yaml", 3]
+    assert (ways[saved, 4] != ways[saved, 3]) == is_drawn
+
+
+def way(path: Path, seed: int) -> list[Any]:
+    """Where the only mover of a world is after each of 50 steps, while the robot stands [m]."""
+    simulation = Simulation(path)
+    simulation.reset(seeds=[seed])
+    places = []
+    for _ in range(50):
+        simulation.step([[[0.0, 0.0]]])
+        places.append(tuple(simulation.world.layout(0).movers[0].at))
+    return places
+
+
 def test_evaluate_prints_a_table_and_fills_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     policies = "go_to_goal,bug0:turn=right:clearance=0.4"
