@@ -86,13 +86,14 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
     try:
         study = optuna.create_study(
             storage=f"sqlite:///{path}",
-            sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),  # a grid's trials are all enqueued
             study_name="sweep",
             direction="maximize",
             load_if_exists=True,
         )
     except SQLAlchemyError as error:
         raise ValueError(f"{out / STUDY} is damaged: {str(error).splitlines()[0]}") from None
+    # As many trials as there are: what goes on does not draw again what was drawn. A grid's trials are all enqueued.
+    study.sampler = optuna.samplers.TPESampler(seed=len(study.trials), constant_liar=True)
     here = settings.model_dump(mode="json")
     was = study.user_attrs.get("settings", here)
     for key in here:

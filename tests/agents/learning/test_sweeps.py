@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,25 @@ def test_a_search_keeps_to_its_ranges(tmp_path: Path) -> None:
             for seed in range(2)
         ]
         assert float(row["success"]) == pytest.approx(sum(run["best"]["success"] for run in runs) / 2, abs=1e-6)
+
+
+def test_a_search_that_goes_on_does_not_draw_again_what_it_drew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[dict[str, Any]] = []
+
+    def only_draw(settings: Any, out: Path, trials: Sequence[Any], workers: Any) -> None:
+        for trial in trials:
+            drawn.append({key: choices.suggested(trial, key) for key, choices in settings.space.items()})
+
+    monkeypatch.setattr(sweeps, "_train_trials", only_draw)
+    monkeypatch.setattr(sweeps, "_value", lambda *_: 0.5)
+    space = {"gamma": {"low": 0.9, "high": 0.99}}
+    for trials in (3, 6):
+        settings = load_sweep(GRID | {"space": space, "sampler": "tpe", "trials": 6})
+        monkeypatch.setattr(type(settings), "total", trials)
+        sweeps.sweep(settings, tmp_path)
+    assert len({values["gamma"] for values in drawn}) == 6
 
 
 @pytest.mark.parametrize("name", sweep_names())
