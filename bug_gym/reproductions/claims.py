@@ -8,7 +8,7 @@ from typing import Any
 
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.evaluation.summary import paired_difference
+from bug_gym.evaluation.summary import paired_difference, path_ratio
 from bug_gym.intervals import exact_mcnemar, wilson_interval
 from bug_gym.reproductions.result import Settings
 
@@ -50,11 +50,6 @@ def of(rows: Sequence[EpisodeRow], **fields: object) -> list[EpisodeRow]:
 def mean(values: Sequence[float]) -> float:
     """Arithmetic mean; NaN of nothing."""
     return math.fsum(values) / len(values) if values else math.nan
-
-
-def path_ratio(row: EpisodeRow) -> float:
-    """Path over shortest path. The shortest path leads to the goal's centre, so what is left to it is added."""
-    return (row.path_length + row.goal_distance) / row.shortest_path_length
 
 
 def share(rows: Sequence[EpisodeRow]) -> tuple[float, float, float]:

@@ -6,8 +6,9 @@ from typing import Any, get_args
 
 from bug_gym.agents.hd_bug.parameters import Part
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import path_ratio
 from bug_gym.reproductions import hd_bug_tables
-from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, mean, numbers, of, paired, path_ratio, run, told
+from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, mean, numbers, of, paired, run, told
 from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 

@@ -10,7 +10,8 @@ import math
 from typing import Any
 
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.reproductions.claims import ROBOT, as_percent, entry, mean, numbers, of, paired, path_ratio, run, told
+from bug_gym.evaluation.summary import path_ratio
+from bug_gym.reproductions.claims import ROBOT, as_percent, entry, mean, numbers, of, paired, run, told
 from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 

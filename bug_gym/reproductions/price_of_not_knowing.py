@@ -22,8 +22,9 @@ from bug_gym.agents import AGENTS
 from bug_gym.agents.learning.folder import lone_names
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import path_ratio
 from bug_gym.intervals import means, stratified_bootstrap
-from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, finite, mean, numbers, of, path_ratio
+from bug_gym.reproductions.claims import FIRST_SEED, as_percent, entry, finite, mean, numbers, of
 from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 from bug_gym.reproductions.scripted_and_learned import ROBOT, Described, real_maps

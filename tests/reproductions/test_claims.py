@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 
 import pytest
 
@@ -47,6 +47,11 @@ def test_what_nobody_reached_has_no_path_and_one_world_no_interval() -> None:
     assert gap["path_length"] == {"n": 0, "mean": None, "interval": [None, None], "p_value": None}
     assert claims.told(gap["path_length"]) == ["-", "-", "-"]
     assert gap["success"]["interval"] == [None, None] and claims.told(gap["success"], 100.0, 0) == ["-100", "-", "1"]
+
+
+@pytest.mark.parametrize("shortest", [0.0, nan, inf])
+def test_without_a_shortest_path_there_is_no_ratio(shortest: float) -> None:
+    assert claims.numbers([replace(BLANK, shortest_path_length=shortest)])["path_ratio"] is None
 
 
 def test_the_map_planner_keeps_what_the_bugs_keep() -> None:
