@@ -397,6 +397,11 @@ class ScriptedPolicy(ABC):
 
     def _sent(self, view: View, memory: Memory, action: NDArray[Any]) -> NDArray[Any]:
         """An action, remembered where it acts later, and the scan where it counts later."""
+        if memory.verdict and memory.verdict not in VERDICTS:
+            expected = ", ".join(map(repr, VERDICTS))
+            raise ValueError(
+                f"{type(self).__name__}: got the verdict {shortened(memory.verdict)}, expected one of {expected}"
+            )
         if self._scans_kept:
             keep_scan(memory, view, self._scans_kept)
         action = self.last_word(view, memory, action)

@@ -488,11 +488,11 @@ class TeamPolicy(ABC):
 
     def listen(self, views: Sequence[View | None], memories: Sequence[TeamMemory]) -> None:
         """Let each robot tell where it is, once it knows where its odometry frame lies."""
+        for view, memory in zip(views, memories, strict=True):
+            memory.is_heard, memory.view = view is not None, memory.view if view is None else view
         for robot, (view, memory) in enumerate(zip(views, memories, strict=True)):
             if view is None:
-                memory.is_heard = False
                 continue
-            memory.is_heard, memory.view = True, view
             if memory.frame is None:
                 memory.frame = self._frame(robot, view, memories)
                 if self.wants_room:
@@ -500,8 +500,8 @@ class TeamPolicy(ABC):
             memory.word = word_of(view, memory.frame)
 
     def _frame(self, robot: int, view: View, memories: Sequence[TeamMemory]) -> Frame:
-        """Where the odometry frame of a robot lies that is heard for the first time."""
-        for other, memory in enumerate(memories):
+        """Where the odometry frame of a robot lies that is heard for the first time, by one that is heard now where one is."""
+        for other, memory in sorted(enumerate(memories), key=lambda each: not each[1].is_heard):
             if memory.frame is not None and memory.view is not None and other != robot:
                 return met(memory.frame, memory.view, view, peer_slot(other, robot), peer_slot(robot, other))
         return Frame()

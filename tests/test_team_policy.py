@@ -211,6 +211,26 @@ def test_a_robot_heard_later_finds_its_place_too() -> None:
     assert {agent for agent in actions} == set(env.agents)
 
 
+@pytest.mark.parametrize("silent", [0, 1])
+@pytest.mark.parametrize("seed", [0, 3])
+def test_whoever_is_heard_later_finds_its_place_by_sights_of_the_same_instant(silent: int, seed: int) -> None:
+    overrides = {"lidar.noise": 0.0, "robot.max_speed": 3.0, "robot.max_reverse": 0.3}
+    env = bug_gym.parallel_env("random_crossings", robots=2, overrides=overrides)
+    team, state = make_policy("com1_rev3", env), None
+    observations, _ = env.reset(seed=seed)
+    mine, other = env.simulation.world.pose[0, silent].copy(), env.simulation.world.pose[0, 1 - silent].copy()
+    stands = np.array([2.0 * 0.3 / 3.3 - 1.0, 0.0], dtype=np.float32)
+    for step in range(7):
+        heard = {name: observations[name] for name in env.agents if step == 6 or name != f"robot_{silent}"}
+        actions, state = team.predict(heard, state)
+        observations, *_ = env.step({name: actions.get(name, stands) for name in env.agents})
+    assert state is not None
+    frame, (dx, dy), turn = state[silent].frame, mine[:2] - other[:2], float(other[2])
+    cos, sin = math.cos(turn), math.sin(turn)
+    np.testing.assert_allclose(frame.lies[:2], (cos * dx + sin * dy, cos * dy - sin * dx), atol=1e-4)
+    assert math.remainder(frame.lies[2] - (mine[2] - turn), 2.0 * math.pi) == pytest.approx(0.0, abs=1e-4)
+
+
 def test_a_partner_that_stops_answering_stands_where_it_was_heard_last() -> None:
     env, team = bug_gym.parallel_env(SCATTERED), march()
     seen, _ = env.reset(seed=0)

@@ -21,10 +21,12 @@ from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.entries import PolicyEntry
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.suites import load_suite
-from bug_gym.policy import Memory, ScriptedPolicy
+from bug_gym.navigation_env import NavigationEnv
+from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.robots_env import parallel_env
 from bug_gym.simulation import Simulation
 from bug_gym.team_policy import EachAlone
+from bug_gym.view import View
 
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [3, 1]}, "lidar": {"beams": 8}}
 PAIR = {
@@ -384,3 +386,19 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
         main(["--version"])
     assert left.value.code == 0
     assert capsys.readouterr().out == f"bug-gym {bug_gym.__version__}\n"
+
+
+def test_a_verdict_that_is_none_is_told() -> None:
+    class Misspelt(ScriptedPolicy):
+        def start(self) -> Memory:
+            return Memory()
+
+        def act(self, view: View, memory: Memory) -> Velocity:
+            memory.verdict = "unreachabel"
+            return 0.0, 0.0
+
+    env = NavigationEnv("empty")
+    policy = make_policy(Misspelt, env)
+    observation, _ = env.reset(seed=0)
+    with pytest.raises(ValueError, match="Misspelt: got the verdict 'unreachabel', expected one of '', 'unreachable'"):
+        policy.predict(observation)
