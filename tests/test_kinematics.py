@@ -264,3 +264,20 @@ def test_discrete_actions_move_a_holonomic_robot_where_they_say() -> None:
         poses, _ = driven(HOLONOMIC, [actions[i]], (0.0, 0.0, 0.4))
         angle, way = 0.4 + 2.0 * math.pi * (i // 4) / 32, 1.3 * (i % 4 + 1) / 4 * STEP
         assert poses[1, :2] == pytest.approx([way * math.cos(angle), way * math.sin(angle)], abs=1e-6)
+
+
+def test_discrete_actions_of_a_car_turn_its_wheels_in_proportion_and_as_far_as_they_go_beside_it() -> None:
+    """Headings 0 to 8 of 32 to either side go ahead, the wheels at h / 8; the others back, at so many of 7 from behind."""
+    car = Drive("ackermann", 1.0, 0.5, 1.5, STEP, wheelbase=0.3, max_steering=0.6)
+    table = discrete_actions(car)
+    assert table.shape == (128, 2) and table.dtype == np.float32
+    for i, (forward, wheels) in enumerate(table.tolist()):
+        heading, share = i // 4, (i % 4 + 1) / 4
+        speed = (forward + 1.0) / 2.0 * 1.5 - 0.5
+        if heading <= 8 or heading >= 24:
+            assert (speed, wheels) == pytest.approx((share * 1.0, (heading if heading <= 8 else heading - 32) / 8))
+        else:
+            assert (speed, wheels) == pytest.approx((share * -0.5, (16 - heading) / 7), abs=1e-6)
+    # At full lock, to the left and to the right of it: ahead beside it, and back just behind that.
+    assert table[4 * 8 : 4 * 10, 1].tolist() == [1.0] * 8
+    assert table[4 * 23 : 4 * 25, 1].tolist() == [-1.0] * 8

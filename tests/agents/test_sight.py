@@ -100,10 +100,11 @@ def test_the_scanner_looks_where_the_robot_goes() -> None:
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("lidar", [{"lidar__range": 1.1}, {"lidar__beams": 12}, {"lidar__beams": 9, "lidar__fov": 4.5}])
+@pytest.mark.parametrize("lidar", [{"lidar__range": 0.25}, {"lidar__beams": 7}, {"lidar__beams": 6, "lidar__fov": 4.5}])
 def test_what_is_told_would_do(motion: Overrides, lidar: Overrides) -> None:
     overrides = {"robot__kinematics": "differential", "robot__max_reverse": 0.0, **motion, **lidar}
-    said = refusal(robot(**overrides))
+    said = refusal(robot(**overrides), "dwa")  # who follows no walls asks for nothing else
+    told = set()
     for key, law in {
         "lidar__range": r"lidar\.range of at least ([\d.]+) m",
         "lidar__beams": r"at least (\d+) lidar\.beams",
@@ -111,7 +112,10 @@ def test_what_is_told_would_do(motion: Overrides, lidar: Overrides) -> None:
     }.items():
         if found := re.search(law, said):
             number = float(found[1])
-            assert refusal(robot(**{**overrides, key: int(number) if key == "lidar__beams" else number})) == ""
+            changed = {**overrides, key: int(number) if key == "lidar__beams" else number}
+            assert refusal(robot(**changed), "dwa") == ""
+            told.add(key)
+    assert told == {next(iter(lidar)), "robot__max_speed"}
 
 
 # ------------------------------------------------------------------------------------------------- beyond the bounds

@@ -300,6 +300,14 @@ def test_jitter_is_counted_where_no_tolerance_is_given_to_it() -> None:
     assert turns_and_turning(path, tolerance=0.0)[1] > 1.0
 
 
+@pytest.mark.parametrize(("aside", "turns"), [(0.04, 0), (0.07, 3), (0.1, 3)])
+def test_a_swerve_counts_from_5_cm_on(aside: float, turns: int) -> None:
+    """Out and back over twice 0.2 m: out by the angle, back by twice that, and into the line again."""
+    counted, total = turns_and_turning(drive([(0, 0), (2, 0), (2.2, aside), (2.4, 0), (4.4, 0)]))
+    assert counted == turns
+    assert total == pytest.approx(4.0 * np.arctan(aside / 0.2) if turns else 0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("sweep", [pi / 2, pi, 1.5 * pi])
 def test_a_smooth_bend_turns_by_its_angle_less_at_most_half_a_chord_at_either_end(sweep: float) -> None:
     radius, tolerance = 2.0, 0.05

@@ -344,7 +344,9 @@ def test_a_report_replays_what_happened_and_holds_no_more_than_it_may(
 def test_long_episodes_are_recorded_in_longer_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bug_gym.evaluation.replays.MOST_FRAMES", 100)
     rows, text = evaluated(tmp_path)
-    for packed in re.findall(r'<script id="replay-\d+" type="text/plain">(.*?)</script>', text):
+    letters = re.findall(r'<script id="replay-\d+" type="text/plain">(.*?)</script>', text)
+    assert len(letters) == len(chosen(rows, 24)) == 2
+    for packed in letters:
         data = unpacked(packed)
         (steps,) = {row.steps for row in rows if (row.policy, str(row.seed)) == (data["title"], data["seed"])}
         assert 50 < data["frames"] <= 102 < steps

@@ -257,6 +257,15 @@ def test_two_discs_head_on_keep_their_distance_and_pass(speeds: tuple[float, flo
     assert places[-1, 0] == pytest.approx(np.array([[4.0, 0.0], [-4.0, 0.0]]), abs=1e-6)
 
 
+def test_two_discs_head_on_that_hold_each_other_up_turn_to_their_right() -> None:
+    pair = [walker([-4, 0], [4, 0]), walker([4, 0], [-4, 0])]
+    places, _ = watch(begin(scenario(pair), count=20), 100)
+    first, second = places[:, :, 0], places[:, :, 1]
+    passing = np.abs(first[..., 0] - second[..., 0]).argmin(axis=0), np.arange(20)
+    # The right of who goes along x is where y falls. Side by side they are two radii apart, of which each has gone a part.
+    assert (first[passing][:, 1] < -0.1).all() and (second[passing][:, 1] > 0.1).all()
+
+
 def crossing(seed: int, count: int) -> Layout:
     """Discs about the middle of a world, each on its way to the other side."""
     rng = np.random.default_rng(seed)

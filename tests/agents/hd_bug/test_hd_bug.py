@@ -12,11 +12,15 @@ from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.hd_bug import explore
+from bug_gym.agents.hd_bug.memory import Walls
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
 from bug_gym.agents.hd_bug.parameters import Part
+from bug_gym.agents.hd_bug.path_list import Door
+from bug_gym.agents.hd_bug.perceive import Scene
 from bug_gym.reproductions import hd_bug_tables
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 MODES = {"direct", "candidates", "backtracking", "circumnavigation", "anticipation", "reaction", "emergency"}
 LABELS = {"light", "cheap", "candidate", "dear", "chosen", "closed", "list", "way", "forecast", "hit", "leave", "wall"}
@@ -218,6 +222,35 @@ def test_without_a_part_a_world_ends_otherwise(part: str) -> None:
 def test_most_worlds_of_movers_are_crossed() -> None:
     outcomes = [run_episode("hd_bug", "dynamic", seed=seed).outcome for seed in range(15)]
     assert outcomes.count("success") >= 14
+
+
+@pytest.mark.parametrize("before", [0, 1])
+def test_of_two_equal_doors_it_takes_the_one_where_no_mover_will_be(before: int) -> None:
+    """What moves is 0.1 m off the body at q of the one door when the robot gets there, by 2 exp(-(gap / 0.5)^2) of a risk."""
+    world = {"family": "empty", "bounds": [-20, -20, 20, 20], "start": [0, 0, 0], "goal": [10, 0]}
+    simulation = Simulation({"world": world, "robot": {"kinematics": "holonomic"}})
+    policy: Any = make_policy("hd_bug", simulation, beta=0.5)
+    memory, view = policy.start(), View(simulation.reset(seeds=[0])[0, 0], policy.sensors)
+    tracks = policy.perception.tracker.update(memory.tracker, view, 0.0)
+    node = memory.path.visit(view.position, 0.0, memory.light)
+    node.doors = [Door((0.9, 1.2 * side), (1.2, 1.6 * side), 5.0, node.number) for side in (1.0, -1.0)]
+    memory.goal, memory.walls = (10.0, 0.0), Walls(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.bool_))
+    # At 1 m/s the robot is at q, 2 m from here, after 2 s, and the mover of 0.3 m is 0.6 m beside that; another one stands.
+    x, y = node.doors[before].outside
+    place, other = [x + 0.6 + 2.0 * 0.4, y], node.doors[1 - before].outside
+    scene = Scene(
+        view,
+        tracks._replace(
+            position=np.array([place, other]),
+            velocity=np.array([[-0.4, 0.0], [0.0, 0.0]]),
+            radius=np.array([0.3, 0.3]),
+            moving=np.array([True, False]),
+        ),
+    )
+    policy.explorer.choose(scene, memory)
+    assert memory.door is node.doors[1 - before]
+    risk = 2.0 * math.exp(-(((0.6 - 0.3 - 0.2) / 0.5) ** 2))
+    assert memory.costs[before] - memory.costs[1 - before] == pytest.approx(0.5 * risk)
 
 
 @pytest.mark.parametrize("predictor", ["none", "constant_velocity", "kalman", "rl"])

@@ -26,6 +26,14 @@ def test_ten_sparse_steps_reduce_the_detection_radius() -> None:
     assert ks == [2] * 9 + [1] * 10 + [0] and ladder.reductions == 2
 
 
+@pytest.mark.parametrize(("density", "end"), [(0.1499, 0), (0.15, 2), (0.4, 2), (0.4001, 3)])
+def test_it_is_dense_above_two_fifths_of_short_beams_and_sparse_below_15_percent(density: float, end: int) -> None:
+    ladder = Ladder()
+    for _ in range(20):
+        ladder.update(density)
+    assert ladder.k == end
+
+
 def test_the_ladder_has_four_rungs() -> None:
     for density, end in ((1.0, 3), (0.0, 0)):
         ladder = Ladder()

@@ -18,6 +18,7 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.learning import iql
 from bug_gym.agents.learning.cloning import Cloning, WithDriver
 from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.folder import read_config
@@ -390,6 +391,65 @@ def test_td3_bc_goes_from_what_was_done_to_what_is_worth_most_with_alpha(alpha: 
         learner.update(batch)
     assert done.mean().item() == pytest.approx(-0.25)
     assert mean_action(actor, ones[:1])[0, 0].clamp(-1.0, 1.0).item() == pytest.approx(expected, abs=0.12)
+
+
+class Differing(torch.nn.Module):
+    """Two critics that tell 1 + 3 a and 2 - a of the first number a of an action: the first is the lower one below 1/4."""
+
+    def forward(self, features: torch.Tensor, actions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        return 1.0 + 3.0 * actions[:, 0], 2.0 - actions[:, 0]
+
+
+def set_to(actor: Any, answer: list[float], worth: float) -> None:
+    """Let an actor answer the same everywhere, and have every place be worth the same."""
+    with torch.no_grad():
+        for layer, constant in ((actor.action_net, answer), (actor.value_net, [worth])):
+            layer.weight.zero_()
+            layer.bias.copy_(torch.tensor(constant))
+
+
+def test_iql_learns_from_the_lower_critic_and_weighs_no_action_by_more_than_a_hundred(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    losses: list[float] = []
+    monkeypatch.setattr(iql, "descend", lambda optimizer, loss: losses.append(loss.item()))
+    monkeypatch.setattr(iql, "follow", lambda target, network, tau: None)
+    actor = one_hot_actor(1)
+    set_to(actor, [0.5, 0.0], -1.5)
+    settings = tiny("iql", beta=4.0, expectile=0.7, gamma=0.9, policy_kwargs={"net_arch": [8], "activation_fn": "tanh"})
+    learner: Any = IQL(actor, settings)
+    learner.targets = Differing()
+    for parameter in learner.critics.parameters():
+        torch.nn.init.zeros_(parameter)
+    actions, rewards, goes_on = [-1.0, 0.0, 1.0], [0.5, -1.0, 2.0], [1.0, 0.0, 0.5]
+    places = torch.ones(3, 1)
+    both = torch.tensor([[a, 0.2] for a in actions])
+    learner.update(Batch(places, both, torch.tensor(rewards), places, torch.tensor(goes_on), torch.zeros(3)))
+    # 1 - 3, 1 + 0 and 2 - 1, against a value of -1.5; exp(4 * 2.5) is 22,026.
+    advantages = [-2.0 + 1.5, 1.0 + 1.5, 1.0 + 1.5]
+    of_value, of_actor, of_critics = losses
+    assert of_value == pytest.approx((0.3 * 0.5**2 + 0.7 * 2.5**2 + 0.7 * 2.5**2) / 3)
+    weights_, spread = [math.exp(4.0 * advantages[0]), 100.0, 100.0], math.exp(-0.5)
+    told = [0.5 * (((a - 0.5) / spread) ** 2 + (0.2 / spread) ** 2) + 2.0 * -0.5 for a in actions]
+    assert of_actor == pytest.approx(sum(w * loss for w, loss in zip(weights_, told, strict=True)) / 3, rel=1e-5)
+    aims = [r + 0.9 * on * -1.5 for r, on in zip(rewards, goes_on, strict=True)]
+    assert of_critics == pytest.approx(2.0 * sum(aim**2 for aim in aims) / 3)
+
+
+def test_td3_bc_aims_at_the_lower_critic_of_the_next_action_blurred_by_a_noise_that_is_cut() -> None:
+    """Noise that is nearly always beyond its cut of 0.25 leaves two actions: 0.8 - 0.25, and 0.8 + 0.25, which is cut to 1."""
+    torch.manual_seed(0)
+    actor = one_hot_actor(1)
+    set_to(actor, [0.8, 0.0], 0.0)
+    few = {"net_arch": [8], "activation_fn": "tanh"}
+    learner: Any = TD3BC(actor, tiny("td3_bc", gamma=0.9, policy_noise=1e5, noise_clip=0.25, policy_kwargs=few))
+    learner.target_critics = Differing()
+    places, halves = torch.ones(64, 1), torch.full((64,), 0.5)
+    batch = Batch(places, torch.zeros(64, 2), torch.full((64,), 3.0), places, halves, torch.zeros(64))
+    found = set(learner._target(batch).numpy().round(4).tolist())
+    # The lower of 1 + 3 a and 2 - a.
+    expected = [3.0 + 0.9 * 0.5 * min(1.0 + 3.0 * a, 2.0 - a) for a in (0.55, 1.0)]
+    assert sorted(found) == pytest.approx(sorted(expected), abs=1e-4)
 
 
 # ------------------------------------------------------------------------------------------------------------- cloning

@@ -156,6 +156,21 @@ def test_the_cost_of_the_plan_falls_from_one_iteration_to_the_next(kinematics: s
     assert least <= costs[-1] <= (1.02 if kinematics == "holonomic" else 1.15) * least
 
 
+def test_a_plans_own_size_costs_so_that_where_all_ways_are_as_good_the_plan_fades_by_that_share() -> None:
+    """Normal noise e of deviation s, weighed by exp(-c u e / s^2), has the mean -c u: what comes of u is (1 - c) u."""
+    share, noise = 0.5, 0.2
+    settings: dict[str, Any] = {"samples": 4000, "noise": noise, "control_weight": share, "temperature": 1e6}
+    policy, view, _ = made({"world": {**BOX, "goal": [9, 0]}}, **settings)
+    policy.plain = policy.plain[:0]  # for these nothing is charged
+    policy.model = KnownWorld(policy.sensors, 4000, STEPS, policy.parameters.horizon / STEPS, WORTH)
+    policy.model.begin(view, NOTHING, NOBODY)
+    plan = np.tile([0.12, -0.09], (KNOTS, 1))
+    faded = policy.improved(plan, 0)[0]
+    # Weights so uneven are worth 4000 exp(-c^2 u^2 / s^2) samples; five standard deviations of their mean.
+    worth = 4000.0 * math.exp(-((share / noise) ** 2) * float((plan * plan).sum()))
+    np.testing.assert_allclose(faded, (1.0 - share) * plan, rtol=0.0, atol=5.0 * noise / math.sqrt(worth))
+
+
 def test_plain_ways_turn_a_robot_round_that_noise_leaves_standing() -> None:
     """With the goal behind it, turning is worth something only if it then drives on: noise seldom does both."""
     policy, view, _ = made({"world": {**BOX, "goal": [-3, 7]}}, {"robot.kinematics": "differential"})

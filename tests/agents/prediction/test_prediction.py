@@ -105,6 +105,15 @@ def test_the_kalman_filters_spread_is_its_covariance_carried_on() -> None:
     assert spread[1] ** 2 == pytest.approx(0.01 + 0.01 * t + 0.04 * t**2 + 0.25 * 0.09 * t**4)
 
 
+def test_the_spread_at_constant_velocity_is_that_of_the_two_centres_that_tell_it() -> None:
+    """A velocity from two places w apart, with a variance p each, has 2 p / w^2; after t it adds t^2 of that to p."""
+    tracks = tracks_of(POSITION[:2], VELOCITY[:2], moving=np.array([True, False]))
+    moving, still = predict("constant_velocity", tracks).spread
+    p, w = 0.01, 0.5
+    assert moving**2 == pytest.approx(p + TIMES**2 * (2.0 * p / w**2))
+    assert still**2 == pytest.approx(np.full(len(TIMES), p))
+
+
 def test_the_last_velocity_is_that_of_the_last_half_second() -> None:
     tracks = tracks_of(POSITION, VELOCITY)
     turned = tracks.history.copy()

@@ -48,11 +48,14 @@ def test_a_mover_has_one_track_the_nearest() -> None:
 
 
 def test_people_in_a_street_walk_straight_on() -> None:
-    for tracks, places in moments(law_world(STREET, 3), 3, every=20, seconds=5.0):
+    seen = 0
+    for tracks, places in moments(law_world(STREET, 9), 9, every=20, seconds=5.0):
         way = places - tracks.position[:, None]
         # From 1.6 s on it is the same straight way, but for those who turn back at an end.
         first, last = way[:, 1] / HORIZONS[1], way[:, -1] / HORIZONS[-1]
         assert np.median(np.hypot(*(last - first).T)) < 0.2
+        seen += len(way)
+    assert seen > 10
 
 
 def test_an_error_is_a_distance() -> None:

@@ -335,6 +335,17 @@ def test_two_head_on_by_symmetry_pass(kinematics: str) -> None:
     assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
 
 
+@pytest.mark.parametrize("held_up", [0.0, 0.3, 1.0])
+def test_a_wish_is_turned_to_the_right_by_a_share_of_86_degrees_for_what_is_held_up(held_up: float) -> None:
+    policy: Any = make_policy("orca", "circle_swap")
+    angles = []
+    for seed in range(200):
+        x, y = policy._sidestep(orca.OrcaMemory(wish=(0.6, 0.0), held_up=held_up, seed=seed))
+        assert math.hypot(x, y) == pytest.approx(0.6)
+        angles.append(math.atan2(y, x))
+    assert -1.5 * held_up <= min(angles) <= -1.4 * held_up and -0.1 * held_up <= max(angles) <= 0.0
+
+
 @pytest.mark.parametrize("max_acceleration", [None, 1.0])
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_robots_that_all_want_to_one_place_do_not_touch(kinematics: str, max_acceleration: float | None) -> None:
