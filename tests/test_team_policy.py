@@ -216,7 +216,8 @@ def test_a_robot_heard_later_finds_its_place_too() -> None:
 def test_whoever_is_heard_later_finds_its_place_by_sights_of_the_same_instant(silent: int, seed: int) -> None:
     overrides = {"lidar.noise": 0.0, "robot.max_speed": 3.0, "robot.max_reverse": 0.3}
     env = bug_gym.parallel_env("random_crossings", robots=2, overrides=overrides)
-    team, state = make_policy("com1_rev3", env), None
+    team: Any = make_policy("com1_rev3", env)
+    state: Any = None
     observations, _ = env.reset(seed=seed)
     mine, other = env.simulation.world.pose[0, silent].copy(), env.simulation.world.pose[0, 1 - silent].copy()
     stands = np.array([2.0 * 0.3 / 3.3 - 1.0, 0.0], dtype=np.float32)
@@ -224,7 +225,6 @@ def test_whoever_is_heard_later_finds_its_place_by_sights_of_the_same_instant(si
         heard = {name: observations[name] for name in env.agents if step == 6 or name != f"robot_{silent}"}
         actions, state = team.predict(heard, state)
         observations, *_ = env.step({name: actions.get(name, stands) for name in env.agents})
-    assert state is not None
     frame, (dx, dy), turn = state[silent].frame, mine[:2] - other[:2], float(other[2])
     cos, sin = math.cos(turn), math.sin(turn)
     np.testing.assert_allclose(frame.lies[:2], (cos * dx + sin * dy, cos * dy - sin * dx), atol=1e-4)
