@@ -62,7 +62,7 @@ class DStar:
 
     def change(self, nodes: Nodes) -> None:
         """Tell that cells (k,) and the steps about them are others than before; `grid` says already what they are now."""
-        modify(self.grid.links, self.grid.lattice.columns, nodes, self.states, self.heap)
+        modify(self.grid.lattice.columns, nodes, self.states, self.heap)
 
     def find(self, start: int) -> Found:
         """The shortest way from a cell.
@@ -90,7 +90,7 @@ def begin(states: States, heap: OpenList, goal: int) -> None:
 
 
 @kernel
-def modify(links: Bytes, columns: int, nodes: Nodes, states: States, heap: OpenList) -> None:
+def modify(columns: int, nodes: Nodes, states: States, heap: OpenList) -> None:
     """MODIFY-COST: cells whose steps have changed are looked at again, with their neighbours, where they were before."""
     for index in range(len(nodes)):
         for step in range(9):
