@@ -321,7 +321,10 @@ def test_imports_go_down_the_layers() -> None:
 def test_the_table_of_the_architecture_is_this_one() -> None:
     page = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
     lines = [line for line in page.split("## Layers")[1].split("\n## ")[0].splitlines() if line.startswith("| ")][1:]
-    told = [[place.rstrip("/").removesuffix(".py").split("/")[-1] for place in re.findall("`([^`]+)`", line)] for line in lines]
+    told = [
+        [place.rstrip("/").removesuffix(".py").split("/")[-1] for place in re.findall("`([^`]+)`", line)]
+        for line in lines
+    ]
     assert [*reversed(told)] == [[*names] for names in LAYERS]
 
 

@@ -29,6 +29,9 @@ TURNED_BACK = 3
 STEADY = 0.005
 """Standard deviation of a range up to which one scan shows what the next one does [m]."""
 
+HELD, HELD_FOR = 1e-3, 2.0
+"""A robot that neither drives nor turns faster than this, as a share of its top speed, for so long [s] is held up."""
+
 STANDS = 0.05
 """A robot slower than this turns on the spot, as a share of its top speed."""
 
@@ -67,7 +70,7 @@ def drive_along(
     drive = scene.view.sensors.drive
     wanted = direction
     direction, free = slide(scene, memory, wanted, min(measures.top * drive.step, gap))
-    if math.cos(direction - wanted) < 0.0:
+    if math.cos(direction - wanted) < 0.0 or is_held(scene, memory):
         bar_cell(scene, memory, wanted)
     speed = measures.top
     if math.isfinite(drive.max_acceleration):
@@ -77,6 +80,14 @@ def drive_along(
         # One that is steered rounds the node.
         speed = min(speed, max(gap, 1e-3) / drive.step)
     return direction, max(speed, TURNING)
+
+
+def is_held(scene: Scene, memory: HDBugMapMemory) -> bool:
+    """Whether it has stood for a while though its way is free to the disc: what cares for its inertia does not let it begin."""
+    view, drive = scene.view, scene.view.sensors.drive
+    stands = np.abs(view.velocity).max() < HELD * drive.max_speed
+    memory.held = memory.held + 1 if stands else 0
+    return memory.held * drive.step > HELD_FOR
 
 
 def bar_cell(scene: Scene, memory: HDBugMapMemory, direction: float) -> None:

@@ -42,6 +42,8 @@ class HDBugMapMemory(Memory):
     """Cells of the map whose ground had been revised until then."""
     turned_back: dict[tuple[int, int], int] = field(default_factory=dict)
     """How often it was turned back before a cell of the map that is open there and shut for the body, by its place."""
+    held: int = 0
+    """Decisions in a row in which it stood though it meant to drive."""
     barred_then: int | None = None
     """Points taken away from the map until a cell was barred for that; None where none is."""
     bars_lifted: int = 0

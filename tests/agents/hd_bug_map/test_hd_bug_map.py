@@ -18,6 +18,7 @@ from bug_gym.agents.hd_bug.roll_out import Velocities
 from bug_gym.agents.hd_bug.sudden_turns import turn_risks, turning
 from bug_gym.agents.hd_bug_map.policy import HDBugMap
 from bug_gym.agents.prediction import predictor_names
+from bug_gym.evaluation import evaluate
 from bug_gym.kinematics import Drive
 from bug_gym.reproductions import barn, cylinder_claims
 from bug_gym.shortest_path import shortest_path
@@ -366,3 +367,31 @@ def test_it_goes_round_barred_cells() -> None:
     up = np.arange(-2.0, 2.0, 0.05)
     memory, outcome = drive_past_bars(np.column_stack([np.full(len(up), 5.05), up]), gone=0)
     assert (outcome, memory.verdict) == ("success", "")
+
+
+@pytest.mark.parametrize(
+    ("robot", "step"),
+    [
+        ({"max_acceleration": 10.0, "max_turn_rate": 0.3}, 0.2),
+        ({"max_acceleration": 50.0, "max_turn_rate": 0.3}, 0.5),
+        ({"max_acceleration": 50.0, "max_speed": 5.0}, 0.1),
+    ],
+)
+def test_a_way_that_inertia_does_not_let_it_begin_is_given_up_for_a_wider_one(
+    robot: dict[str, Any], step: float
+) -> None:
+    # The way past the box's corner was open to the disc by 12 mm, and less than a scan may hide: it stood there for ever.
+    described = {
+        "robot": {"kinematics": "differential", **robot},
+        "lidar": {"beams": 180, "range": 20.0},
+        "time": {"step": step, "limit": 60.0},
+        "world": {
+            "family": "explicit",
+            "bounds": [-8, -8, 8, 8],
+            "polygons": [[[-1, -2], [1, -2], [1, 3], [-1, 3]]],
+            "start": [-6, 0, 0],
+            "goal": [6, 0.3],
+        },
+    }
+    (row,) = evaluate(["hd_bug_map"], described, episodes=1)
+    assert row.success
