@@ -192,6 +192,7 @@ class Boundary:
             touch=self.touch,
             gate_half_width=self.gate_half_width,
             arming_length=self.arming_length,
+            goes_back=sensors.drive.kinematics == "ackermann",
         )
         self.fresh_starts = 0
         """How often a bug that goes round in vain may begin anew, if it can (`BugMemory.is_fresh`): its hand came to another

@@ -98,6 +98,8 @@ class Laps:
     """Half the width of a gate, and how near to each other two hit points are one [m]."""
     arming_length: float
     """Way after which a gate may fire [m]."""
+    goes_back: bool = False
+    """Whether the robot turns in several moves, ahead and back: its heading tells of its turning then, not its way."""
 
     def advance(self, view: View, contour: Contour) -> None:
         """Odometer, turning and gate of a contour after the last step."""
@@ -106,10 +108,9 @@ class Laps:
         length = math.dist(contour.position, view.position)
         if length < 1e-3 * self.step:
             return
-        if view.sensors.drive.kinematics == "ackermann":
-            heading = view.heading  # it goes back at times, and the wall with it does not turn round
-        else:
-            heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
+        heading = math.atan2(view.position[1] - contour.position[1], view.position[0] - contour.position[0])
+        if self.goes_back:
+            heading = view.heading
         contour.heading_before = heading if contour.heading is None else contour.heading
         change = contour.sweep + wrap(heading - contour.heading_before - contour.sweep)
         contour.sweep, contour.asked, contour.asked_for = 0.0, None, 0
