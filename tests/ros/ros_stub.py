@@ -6,9 +6,10 @@ Fields are those of the interface definitions in common_interfaces and rcl_inter
 from __future__ import annotations
 
 import sys
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import Enum
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -136,13 +137,50 @@ class Empty:
         """Nothing."""
 
 
+class DurabilityPolicy(Enum):
+    """rclpy.qos.DurabilityPolicy."""
+
+    TRANSIENT_LOCAL = 1
+    VOLATILE = 2
+
+
+class ReliabilityPolicy(Enum):
+    """rclpy.qos.ReliabilityPolicy."""
+
+    RELIABLE = 1
+    BEST_EFFORT = 2
+
+
+@dataclass(frozen=True)
+class QoSProfile:
+    """rclpy.qos.QoSProfile, as much of it as decides who hears whom."""
+
+    depth: int
+    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE
+    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE
+
+    @property
+    def keeps(self) -> bool:
+        """Whether messages are kept for those who come later."""
+        return self.durability is DurabilityPolicy.TRANSIENT_LOCAL
+
+    def hears(self, publisher: QoSProfile) -> bool:
+        """Whether a subscription with this profile gets what a publisher with that one sends."""
+        is_sure = publisher.reliability is ReliabilityPolicy.RELIABLE
+        return (is_sure or self.reliability is ReliabilityPolicy.BEST_EFFORT) and (publisher.keeps or not self.keeps)
+
+
+SENSOR_DATA = QoSProfile(5, ReliabilityPolicy.BEST_EFFORT)
+
+
 class Ros:
     """One process of ROS: topics, parameters, and a clock that the test sets."""
 
     def __init__(self) -> None:
         self.now = 0.0
         self.parameters: dict[str, Any] = {}
-        self.listeners: dict[str, list[Callable[[Any], None]]] = defaultdict(list)
+        self.listeners: dict[str, list[tuple[Callable[[Any], None], QoSProfile]]] = defaultdict(list)
+        self.kept: dict[str, list[tuple[deque[Any], QoSProfile]]] = defaultdict(list)
         self.published: dict[str, list[Any]] = defaultdict(list)
         self.log: list[str] = []
 
@@ -168,13 +206,18 @@ class Node:
         return Parameter(ROS.parameters.get(name, value))
 
     def create_publisher(self, msg_type: type, topic: str, qos_profile: Any) -> SimpleNamespace:
-        """Whose `publish` tells all who listen."""
+        """Whose `publish` tells all who listen, and those who come later where both keep messages."""
+        own = profile_of(qos_profile)
+        kept: deque[Any] = deque(maxlen=own.depth)
+        ROS.kept[topic].append((kept, own))
 
         def publish(message: Any) -> None:
             assert isinstance(message, msg_type)
             ROS.published[topic].append(message)
-            for listener in ROS.listeners[topic]:
-                listener(message)
+            kept.append(message)
+            for listener, profile in ROS.listeners[topic]:
+                if profile.hears(own):
+                    listener(message)
 
         return SimpleNamespace(publish=publish)
 
@@ -182,7 +225,11 @@ class Node:
         self, msg_type: type, topic: str, callback: Callable[[Any], None], qos_profile: Any
     ) -> None:
         """Listen."""
-        ROS.listeners[topic].append(callback)
+        own = profile_of(qos_profile)
+        ROS.listeners[topic].append((callback, own))
+        for kept, profile in ROS.kept[topic]:
+            for message in list(kept)[-own.depth :] if own.keeps and own.hears(profile) else ():
+                callback(message)
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Not called here."""
@@ -202,6 +249,11 @@ class Node:
         return SimpleNamespace(info=ROS.log.append)
 
 
+def profile_of(qos_profile: Any) -> QoSProfile:
+    """A number is the depth of a profile that is otherwise the default."""
+    return QoSProfile(qos_profile) if isinstance(qos_profile, int) else qos_profile
+
+
 def install() -> Ros:
     """Put the stand-ins where the nodes import them from, in a fresh process of ROS."""
     global ROS
@@ -209,13 +261,20 @@ def install() -> Ros:
     contents: dict[str, dict[str, Any]] = {
         "rclpy": {},
         "rclpy.node": {"Node": Node},
-        "rclpy.qos": {"qos_profile_sensor_data": object()},
+        "rclpy.qos": {
+            "DurabilityPolicy": DurabilityPolicy,
+            "QoSProfile": QoSProfile,
+            "ReliabilityPolicy": ReliabilityPolicy,
+            "qos_profile_sensor_data": SENSOR_DATA,
+        },
         "geometry_msgs": {},
         "geometry_msgs.msg": {"PoseStamped": PoseStamped, "Twist": Twist},
         "nav_msgs": {},
         "nav_msgs.msg": {"Odometry": Odometry},
         "sensor_msgs": {},
         "sensor_msgs.msg": {"LaserScan": LaserScan},
+        "std_msgs": {},
+        "std_msgs.msg": {"Header": Header},
         "std_srvs": {},
         "std_srvs.srv": {"Empty": Empty},
     }

@@ -10,10 +10,12 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load
-from bug_gym_ros.translation import MessageError, Robot
+from bug_gym_ros.qos import KEPT
+from bug_gym_ros.translation import MessageError, Robot, seconds, stamped
 
 
 class PolicyNode(Node):
@@ -21,7 +23,8 @@ class PolicyNode(Node):
 
     Parameters: `policy` and `scenario` as bug_gym's command line has them (the scenario's robot, scanner and step are those of
     the real robot; its world does not matter), `mount` of the scanner (x, y [m], heading [rad]), `clearance` [m],
-    `patience` [s], `moving_goal`: whether a goal that comes on the way is the same one, which has moved.
+    `patience` [s], `moving_goal`: whether a goal that comes on the way is the same one, which has moved. A Header on `reset`
+    says that the robot was put elsewhere, or its world begun anew: what was stamped before is forgotten, the memory with it.
     """
 
     def __init__(self) -> None:
@@ -34,11 +37,17 @@ class PolicyNode(Node):
         self.robot = Robot(scenario, mount, clearance, patience)
         self.moving_goal = bool(self.declare_parameter("moving_goal", False).value)
         self.state: Any = None
+        self.goal: PoseStamped | None = None
+        self.waits = True
         self.told = ""
+        self.said: set[str] = set()
         self.commands = self.create_publisher(Twist, "cmd_vel", 10)
+        self.create_subscription(Header, "reset", self.on_reset, 10)
         self.create_subscription(LaserScan, "scan", self.on_scan, qos_profile_sensor_data)
         self.create_subscription(Odometry, "odom", self.on_odometry, qos_profile_sensor_data)
-        self.create_subscription(PoseStamped, "goal_pose", self.on_goal, 10)
+        # Two, as a subscription to kept messages hears nobody who keeps none, such as RViz.
+        self.create_subscription(PoseStamped, "goal_pose", self.on_goal, 1)
+        self.create_subscription(PoseStamped, "goal_pose", self.on_goal, KEPT)
         self.timer = self.create_timer(scenario.time.step, self.on_step)
 
     def now(self) -> float:
@@ -56,15 +65,27 @@ class PolicyNode(Node):
         """Odometry has come."""
         self.robot.hear_odometry(odometry, self.now())
 
+    def on_reset(self, header: Header) -> None:
+        """The robot was put elsewhere: nothing of before counts, but for what is stamped later already."""
+        self.robot.restart(seconds(header.stamp))
+        self.state, self.waits = None, not self.robot.has_goal
+        self.said.clear()
+        self.tell("reset")
+
     def on_goal(self, goal: PoseStamped) -> None:
         """A goal has come: the policy begins anew."""
+        if goal == self.goal and stamped(goal) > 0.0:
+            return  # the same message, by the other subscription
+        self.goal = goal
         try:
             is_new = self.robot.hear_goal(goal, moves=self.moving_goal)
         except MessageError as error:
             self.tell(str(error))
             return
+        self.waits = False
         if is_new:
             self.state = None
+            self.said.clear()
             self.tell(f"going to {goal.pose.position.x:.2f}, {goal.pose.position.y:.2f}")
 
     def on_step(self) -> None:
@@ -83,12 +104,15 @@ class PolicyNode(Node):
                 self.tell(f"given up: {verdict}")
             else:
                 command.linear.x, command.linear.y, command.angular.z = self.robot.command(action)
+        elif self.waits:
+            self.tell("standing: no goal yet")
         self.commands.publish(command)
 
     def tell(self, text: str) -> None:
-        """Log something once, not at each step."""
-        if text != self.told:
-            self.told = text
+        """Log something once on the way to a goal, not at each step."""
+        self.told = text
+        if text not in self.said:
+            self.said.add(text)
             self.get_logger().info(text)
 
 

@@ -51,26 +51,31 @@ def seen_from(frame: Pose, x: float, y: float) -> tuple[float, float]:
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-def readings(scan: Any, mount: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What a scan says, seen from the robot's centre: bearings (k,) [rad] and distances (k,) [m], infinite for nothing.
+def stamped(message: Any) -> float:
+    """When a message says that it was made [s]; 0 where it does not say."""
+    return seconds(message.header.stamp)
+
+
+def seconds(stamp: Any) -> float:
+    """Of a `builtin_interfaces/Time` [s]."""
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def readings(scan: Any, heading: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What a scan says, seen from the scanner: bearings (k,) [rad] and distances (k,) [m], infinite for nothing.
 
     REP 117: +inf, or beyond `range_max`, is nothing within reach; -inf, or below `range_min`, is something nearer than can be
     measured, taken as at `range_min`; NaN is no reading and left out.
 
     Args:
         scan: a `sensor_msgs/LaserScan`.
-        mount: where the scanner sits on the robot.
+        heading: of the scanner in the robot's frame [rad], in which the bearings are.
     """
     ranges = np.asarray(scan.ranges, dtype=np.float64)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     is_read = ~np.isnan(ranges)
-    ranges, angles = np.maximum(ranges[is_read], scan.range_min), wrapped(angles[is_read] + mount[2])
+    ranges, angles = np.maximum(ranges[is_read], scan.range_min), wrapped(angles[is_read] + heading)
     ranges[ranges > scan.range_max] = np.inf
-    if mount[:2] == (0.0, 0.0):
-        return angles, ranges
-    hit = np.isfinite(ranges)
-    x, y = mount[0] + ranges[hit] * np.cos(angles[hit]), mount[1] + ranges[hit] * np.sin(angles[hit])
-    angles[hit], ranges[hit] = np.arctan2(y, x), np.hypot(x, y)
     return angles, ranges
 
 
@@ -79,31 +84,117 @@ def wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.remainder(angles + math.pi, math.tau) - math.pi
 
 
-def ranges_along(
-    beams: NDArray[np.float64], bearings: NDArray[np.float64], distances: NDArray[np.float64], increment: float
+def points(
+    bearings: NDArray[np.float64], distances: NDArray[np.float64], centre: tuple[float, float] = (0.0, 0.0)
 ) -> NDArray[np.float64]:
-    """Range along each beam (B,): the least of the readings nearest to it; infinite where they saw nothing.
+    """Places (k, 2) of what is at these bearings (k,) [rad] and distances (k,) from a centre [m]."""
+    return np.stack([centre[0] + distances * np.cos(bearings), centre[1] + distances * np.sin(bearings)], axis=1)
+
+
+def ranges_along(
+    beams: NDArray[np.float64],
+    bearings: NDArray[np.float64],
+    distances: NDArray[np.float64],
+    increment: float,
+    place: tuple[float, float] = (0.0, 0.0),
+) -> NDArray[np.float64]:
+    """Range along each beam (B,) from the robot's centre [m]; infinite where nothing was seen.
+
+    It is the least of the readings nearest to the beam. Of a scanner that is not at the centre it is the least of the points
+    seen near the beam, and ends where the beam comes behind something, out of the scanner's sight.
 
     Args:
         beams: bearings of the beams (B,) [rad].
-        bearings, distances: of readings (k,).
+        bearings, distances: of readings, seen from the scanner (k,).
         increment: between two neighbouring readings [rad].
+        place: of the scanner, x and y in the robot's frame [m].
 
     Raises:
-        MessageError: a beam has no reading within half its own spacing, nor within the scanner's.
+        MessageError: a beam has no reading of its bearing within half its own spacing, nor within the scanner's.
     """
     spacing = abs(beams[1] - beams[0]) if len(beams) > 1 else math.tau
-    apart = np.abs(wrapped(bearings[None, :] - beams[:, None]))
     near = max(spacing / 2.0, abs(increment)) * 1.001
-    if len(bearings) == 0 or (apart.min(axis=1) > near).any():
-        lost = beams if len(bearings) == 0 else beams[apart.min(axis=1) > near]
+    apart = np.abs(wrapped(bearings[None, :] - beams[:, None]))
+    require_cover(beams, apart, near)
+    shadows = np.full(len(beams), np.inf)
+    if place != (0.0, 0.0):
+        shadows = first_shadows(beams, bearings, distances, min(near, 1.0), place)
+        hit = np.isfinite(distances)
+        x, y = points(bearings[hit], distances[hit], place).T
+        distances, apart = np.hypot(x, y), np.abs(wrapped(np.arctan2(y, x)[None, :] - beams[:, None]))
+    own = apart <= spacing / 2.0 * 1.001  # readings between two beams count for both, so nothing falls between
+    if place == (0.0, 0.0):
+        own[np.arange(len(beams)), apart.argmin(axis=1)] = True
+    return np.minimum(np.where(own, distances[None, :], np.inf).min(axis=1, initial=np.inf), shadows)
+
+
+def require_cover(beams: NDArray[np.float64], apart: NDArray[np.float64], near: float) -> None:
+    """Refuse a scan that leaves beams without a reading.
+
+    Args:
+        beams: their bearings (B,) [rad].
+        apart: of each beam and each reading (B, k) [rad].
+        near: how far apart they may be [rad].
+
+    Raises:
+        MessageError: a beam has none so near.
+    """
+    lost = beams[apart.min(axis=1, initial=np.inf) > near]
+    if len(lost) > 0:
         degrees = math.degrees(float(lost[0]))
         raise MessageError(
             f"the scan has no reading near the beam at {degrees:.0f} degrees, one of {len(lost)} without"
         )
-    own = apart <= spacing / 2.0 * 1.001  # readings between two beams count for both, so nothing falls between
-    own[np.arange(len(beams)), apart.argmin(axis=1)] = True
-    return np.where(own, distances[None, :], np.inf).min(axis=1)
+
+
+def first_shadows(
+    beams: NDArray[np.float64],
+    bearings: NDArray[np.float64],
+    distances: NDArray[np.float64],
+    near: float,
+    place: tuple[float, float],
+) -> NDArray[np.float64]:
+    """How far each beam runs (B,) before it comes to or behind what a scanner beside the centre sees [m].
+
+    Each hit hides a wedge from the scanner: what is beyond it, half-way to the readings beside it. A beam from the centre ends
+    where it comes into one, by its front (two lines through the hit) or by a side. What no reading looks at hides nothing.
+
+    Args:
+        beams: bearings of the beams (B,) [rad].
+        bearings, distances: of readings, seen from the scanner (k,).
+        near: how far to either side a reading counts at most [rad].
+        place: of the scanner, x and y in the robot's frame [m].
+    """
+    order = np.argsort(bearings)
+    bearings, distances = bearings[order], distances[order]
+    half = np.minimum(np.diff(bearings, append=bearings[:1] + math.tau) / 2.0, near)
+    hit = np.isfinite(distances)
+    seen = points(bearings[hit], distances[hit], place)
+    starts, ways, ends = [], [], []
+    for edge in ((bearings + half)[hit], (bearings - np.roll(half, 1))[hit]):
+        corner = points(edge, distances[hit], place)
+        starts += [seen, corner]
+        ways += [corner - seen, points(edge, np.ones(len(edge)))]
+        ends += [np.ones(len(edge)), np.full(len(edge), np.inf)]
+    return first_crossings(beams, np.concatenate(starts), np.concatenate(ways), np.concatenate(ends))
+
+
+def first_crossings(
+    beams: NDArray[np.float64], starts: NDArray[np.float64], ways: NDArray[np.float64], ends: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """How far each beam from the origin runs (B,) to the first line that it crosses [m]; infinite where it crosses none.
+
+    Args:
+        beams: bearings of the beams (B,) [rad].
+        starts, ways, ends: lines of the points start + s way, s from 0 to end: (n, 2), (n, 2) and (n,).
+    """
+    along = points(beams, np.ones(len(beams)))[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel ones do not cross
+        slant = along[..., 0] * ways[:, 1] - along[..., 1] * ways[:, 0]
+        reach = (starts[:, 0] * ways[:, 1] - starts[:, 1] * ways[:, 0]) / slant
+        share = (starts[:, 0] * along[..., 1] - starts[:, 1] * along[..., 0]) / slant
+    crosses = (reach >= 0.0) & (share >= -1e-9) & (share <= ends + 1e-9)  # nothing slips through between two lines
+    return np.where(crosses, reach, np.inf).min(axis=1, initial=np.inf)
 
 
 @dataclass
@@ -137,6 +228,27 @@ class Robot:
         self._start: Pose | None = None
         self._goal: tuple[float, float] | None = None
         self._heard = {"scan": -math.inf, "odometry": -math.inf}
+        self._stamps = {"scan": 0.0, "odometry": 0.0, "goal": 0.0}
+        self._since = 0.0
+
+    def restart(self, since: float = 0.0) -> None:
+        """Forget what was heard of the time before the robot was put elsewhere, or its world begun anew.
+
+        Args:
+            since: when that was [s], by the clock of the messages' stamps: what is stamped later and has come already is kept,
+                and what was stamped before is not taken when it comes late. 0 forgets all, and takes all that comes.
+        """
+        self._since = since
+        old = {name for name, stamp in self._stamps.items() if since == 0.0 or stamp <= since}
+        self._heard.update({name: -math.inf for name in old & self._heard.keys()})
+        self._ranges = None if "scan" in old else self._ranges
+        self._pose = None if "odometry" in old else self._pose
+        self._goal = None if "goal" in old else self._goal
+        self._start = self._pose
+
+    def _is_late(self, message: Any) -> bool:
+        """Whether it is of the time before the last restart."""
+        return 0.0 < stamped(message) < self._since
 
     def hear_scan(self, scan: Any, now: float) -> None:
         """Take a `sensor_msgs/LaserScan`.
@@ -144,21 +256,27 @@ class Robot:
         Raises:
             MessageError: it does not cover the beams that the policy looks along.
         """
-        bearings, distances = readings(scan, self.mount)
-        ranges = ranges_along(self.sensors.angles, bearings, distances, scan.angle_increment)
+        if self._is_late(scan):
+            return
+        bearings, distances = readings(scan, self.mount[2])
+        ranges = ranges_along(self.sensors.angles, bearings, distances, scan.angle_increment, self.mount[:2])
         self._ranges = np.clip(ranges, self.scenario.lidar.min_range, self.sensors.range)
-        self._heard["scan"] = now
+        self._heard["scan"], self._stamps["scan"] = now, stamped(scan)
 
     def hear_odometry(self, odometry: Any, now: float) -> None:
         """Take a `nav_msgs/Odometry`, its twist in the robot's frame as ROS has it."""
+        if self._is_late(odometry):
+            return
         self._pose = pose_of(odometry.pose.pose)
+        if self._start is None:
+            self._start = self._pose
         twist = odometry.twist.twist
         second = twist.linear.y if self.sensors.drive.kinematics == "holonomic" else twist.angular.z
         self._velocity = (twist.linear.x, second)
-        self._heard["odometry"] = now
+        self._heard["odometry"], self._stamps["odometry"] = now, stamped(odometry)
 
     def hear_goal(self, goal: Any, *, moves: bool = False) -> bool:
-        """Take a `geometry_msgs/PoseStamped` in the frame of the odometry; its heading does not matter.
+        """Take a `geometry_msgs/PoseStamped` in the frame of the odometry, which may come later; its heading does not matter.
 
         Args:
             goal: the message.
@@ -168,14 +286,14 @@ class Robot:
             Whether it is a new one, for which a policy begins anew.
 
         Raises:
-            MessageError: no odometry has come yet, so that its frame is unknown.
+            MessageError: it was given before the last restart.
         """
-        if self._pose is None:
-            raise MessageError("a goal came before any odometry")
+        if self._is_late(goal):
+            raise MessageError("a goal of the time before the reset is not taken")
         is_new = self._goal is None or not moves
         if is_new:
             self._start = self._pose
-        self._goal = (goal.pose.position.x, goal.pose.position.y)
+        self._goal, self._stamps["goal"] = (goal.pose.position.x, goal.pose.position.y), stamped(goal)
         return is_new
 
     @property

@@ -11,12 +11,14 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 from std_srvs.srv import Empty
 
 from bug_gym import kinematics
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 from bug_gym.view import Sensors, View
+from bug_gym_ros.qos import KEPT
 
 MOVED = 0.001
 """A goal that has moved so far in the frame of the odometry is told again [m]."""
@@ -25,8 +27,8 @@ MOVED = 0.001
 class WorldNode(Node):
     """Steps a scenario in its own time; a command that has not come anew for half a second is taken as "stand".
 
-    Parameters: `scenario` and `seed`; `odom_frame` and `base_frame`. The service `~/reset` begins the next episode. When an
-    episode ends, its outcome is logged and the world stands still until then.
+    Parameters: `scenario` and `seed`; `odom_frame` and `base_frame`. The service `~/reset` begins the next episode, and a
+    Header on `reset` says since when. When an episode ends, its outcome is logged and the world stands still until then.
     """
 
     def __init__(self) -> None:
@@ -41,7 +43,8 @@ class WorldNode(Node):
         self.base_frame = self.declare_parameter("base_frame", "base_link").value
         self.scans = self.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         self.odometry = self.create_publisher(Odometry, "odom", qos_profile_sensor_data)
-        self.goals = self.create_publisher(PoseStamped, "goal_pose", 10)
+        self.goals = self.create_publisher(PoseStamped, "goal_pose", KEPT)
+        self.resets = self.create_publisher(Header, "reset", 10)
         self.create_subscription(Twist, "cmd_vel", self.on_command, 10)
         self.create_service(Empty, "~/reset", self.on_reset)
         self.begin()
@@ -61,6 +64,9 @@ class WorldNode(Node):
         """The next episode."""
         self.seed += 1
         self.begin()
+        reset = Header()
+        reset.stamp, reset.frame_id = self.get_clock().now().to_msg(), self.odom_frame
+        self.resets.publish(reset)
         return response
 
     def on_step(self) -> None:
