@@ -71,6 +71,9 @@ def make_follower(name: str, sensors: Sensors) -> Follower:
 LOOKAHEAD = 0.6
 """How far ahead on the way the place is that is headed for, at most [m]."""
 
+SHORTEST = 0.05
+"""The least of it where half a step is longer [m]: who goes so far in one must not cut the corners of its way."""
+
 SLACK = 0.4
 """Share of a way's margin by which the straight line there may leave it."""
 
@@ -107,7 +110,8 @@ class PurePursuit:
 
     def _target(self, route: Route) -> Point:
         """The place of the way that is headed for."""
-        reach, least = LOOKAHEAD, 0.5 * self.sensors.step_length
+        half = 0.5 * self.sensors.step_length
+        reach, least = LOOKAHEAD, half if half < LOOKAHEAD else SHORTEST
         while reach > least:
             chain = route.ahead(reach)
             chord = chain[[0, -1]]

@@ -541,3 +541,19 @@ def test_pulling_straight_never_makes_longer_and_keeps_the_ends() -> None:
 @pytest.mark.parametrize("name", PLANNERS)
 def test_the_table_says_who_reads_the_map(name: str) -> None:
     assert AGENTS[name].privileged and make_policy(name, Simulation("static")).privileged  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", ["visibility_graph", "a_star"])
+def test_who_goes_far_in_a_step_cuts_no_corner_of_its_way(name: str) -> None:
+    # 2.5 m a step: it stood 0.214 m from the box for ever, nearer than its brake lets it begin to go.
+    box = [[-1, -2], [1, -2], [1, 3], [-1, 3]]
+    world = {"family": "explicit", "bounds": [-8, -8, 8, 8], "polygons": [box], "start": [-6, 0, 0], "goal": [6, 0.3]}
+    described = {
+        "robot": {"kinematics": "differential", "max_speed": 5.0},
+        "lidar": {"beams": 180, "range": 20.0},
+        "goal": {"radius": 1.5},
+        "time": {"step": 0.5, "limit": 60.0},
+        "world": world,
+    }
+    (row,) = evaluate([name], described, episodes=1)
+    assert row.success and row.min_clearance > 0.03
