@@ -117,6 +117,22 @@ def _is_sparse(sensors: Sensors) -> bool:
     return hidden_at(sensors, sensors.radius + sensors.step_length) > UNSURE
 
 
+def stopping_radius(sensors: Sensors, room: float = 0.0) -> float:
+    """How near its middle a point of the scan may lie [m] that a robot with inertia may pass, which wants room beside it."""
+    if not sensors.drive.has_inertia:
+        return sensors.radius + room
+    return (sensors.radius + _margin(sensors, room)) / (1.0 - 0.5 * sensors.beam_spacing)
+
+
+def passing_radius(sensors: Sensors, room: float = 0.0) -> float:
+    """The same where beams are so few that much may lie between two of them even beside the body; else that and the room.
+
+    A way on which a robot would stand is none.
+    """
+    is_wide = 0.5 * sensors.beam_spacing * sensors.radius > UNSURE
+    return stopping_radius(sensors, room) if is_wide else sensors.radius + room
+
+
 @remembered
 def _fast_gap(sensors: Sensors) -> float:
     """The gap [rad] that counts where a robot with inertia goes fast: half of the angle between two beams, or all of it.

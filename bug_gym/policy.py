@@ -26,6 +26,7 @@ from bug_gym.inertia import (
     are_cut_at_once,
     as_it_will_lie,
     needs_care,
+    passing_radius,
     scans_kept,
     shown_points,
     stoppable_action,
@@ -525,9 +526,8 @@ def is_steered(sensors: Sensors) -> bool:
 
 def braking_radius(sensors: Sensors) -> float:
     """Radius of the disc that must not meet anything ahead [m]: the body, and what the scan may hide."""
-    if sensors.drive.kinematics == "holonomic":
-        return sensors.radius
-    return sensors.radius + hidden_gap(sensors)
+    radius = sensors.radius if sensors.drive.kinematics == "holonomic" else sensors.radius + hidden_gap(sensors)
+    return max(radius, passing_radius(sensors))
 
 
 def hidden_gap(sensors: Sensors) -> float:

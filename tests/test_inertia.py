@@ -22,6 +22,7 @@ from bug_gym.evaluation import evaluate
 from bug_gym.geometry import velocity_along, wrap
 from bug_gym.inertia import (
     LEAST_PACE,
+    LEAST_ROOM,
     POST,
     are_cut_at_once,
     needs_care,
@@ -29,6 +30,7 @@ from bug_gym.inertia import (
     speed_within,
     stoppable_action,
     stoppable_actions,
+    stopping_radius,
 )
 from bug_gym.kernels import stopping
 from bug_gym.kinematics import Drive
@@ -321,6 +323,45 @@ def test_few_beams_stop_nobody_for_ever(kinematics: str, beams: int, names: Sequ
     robot = {"robot.kinematics": kinematics, "lidar.beams": beams}
     rows = evaluate(list(names), ["static", "u_trap"], episodes=6, overrides=robot)
     assert [(row.policy, row.scenario, row.seed, row.outcome) for row in rows if not row.success] == []
+
+
+FEW_BEAMS = [
+    (16, 3.0, ("alg2", "com1", "tangent_bug", "vis_bug_21", "hd_bug_map")),
+    (18, 1.0, ("com1", "tangent_bug", "a_star", "d2t_eaco")),
+    (36, 3.0, ("d2t_eaco", "d2t_dijkstra")),
+]
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize(("beams", "acceleration", "names"), FEW_BEAMS)
+def test_few_beams_and_inertia_stop_nobody_for_ever_beside_a_box(
+    kinematics: str, beams: int, acceleration: float, names: Sequence[str]
+) -> None:
+    """A way by which the brake would make the robot stand, for what may lie between two beams, counts as none."""
+    box = {"family": "explicit", "bounds": [-8, -8, 8, 8], "polygons": [[[-1, -2], [1, -2], [1, 3], [-1, 3]]]}
+    scenario = {
+        "robot": {"kinematics": kinematics, "max_acceleration": acceleration},
+        "lidar": {"beams": beams, "range": 10.0},
+        "world": {**box, "start": [-6, 0, 0], "goal": [6, 0.3]},
+    }
+    rows = evaluate(list(names), [scenario], episodes=1)
+    assert [(row.policy, row.outcome) for row in rows if not row.success] == []
+
+
+@given(
+    st.integers(12, 360), st.floats(0.1, 0.5), st.floats(0.0, 0.03), st.floats(0.0, 0.2), st.sampled_from([-1.0, 1.0])
+)
+def test_a_robot_with_inertia_comes_as_near_to_a_point_beside_it_as_the_stopping_radius(
+    beams: int, radius: float, noise: float, room: float, side: float
+) -> None:
+    scenario = {"robot": {"radius": radius, "max_acceleration": 1.0}, "lidar": {"beams": beams, "noise": noise}}
+    sensors = Sensors.of(load(scenario))
+    least = stopping_radius(sensors, room)
+    margin, gap = max(room, LEAST_ROOM + noise), 0.5 * sensors.beam_spacing
+    nearer = side * 0.002
+    for beside, comes in ((least + 0.004, True), (least + 0.0005, False)):
+        point = np.array([0.0]), np.array([side * beside])
+        assert kernels.keeps_clear(*point, sensors.circles, 0.0, nearer, 0.0, 0.0, 0.0, margin, gap, 1) is comes
 
 
 # -- Whatever is asked for ---------------------------------------------------------------------------------------------

@@ -138,8 +138,7 @@ def free_to_drive(scene: Scene, bearings: F64) -> F64:
     """
     view, light = scene.view, scene.light
     ways, sensors, disc = light.free(bearings), view.sensors, braking_radius(view.sensors)
-    is_turned_first = sensors.drive.kinematics != "holonomic" and len(sensors.footprint) == 1
-    if light.radius < disc and is_turned_first and sensors.range_noise <= STEADY:
+    if light.radius < disc and sensors.radius < disc and len(sensors.footprint) == 1 and sensors.range_noise <= STEADY:
         ways[view.free_distances(bearings, disc) <= disc - sensors.radius] = 0.0
     return ways
 

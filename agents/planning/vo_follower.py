@@ -17,8 +17,12 @@ from bug_gym.agents.planning.live import Moving
 from bug_gym.agents.planning.map import Pose, in_frame
 from bug_gym.agents.planning.route import Route
 from bug_gym.geometry import F64, Point
-from bug_gym.policy import Velocity
+from bug_gym.inertia import stopping_radius
+from bug_gym.policy import Velocity, braking_radius
 from bug_gym.view import Sensors, View
+
+BESIDE = 1e-3
+"""How much farther from things than where its brake would make the robot stand it is led [m]."""
 
 LOOKAHEADS = (1.0, 0.5, 0.25)
 """How far ahead on the way the place is that is headed for [m]: the first that the body comes to straight."""
@@ -37,27 +41,29 @@ class VelocityObstacleFollower:
     def __init__(self, sensors: Sensors, parameters: NavigatorParameters | None = None) -> None:
         self.sensors = sensors
         self.navigator = Navigator(sensors, parameters or NavigatorParameters(still_horizon=0.0))
+        self.stopping_room = stopping_radius(sensors) + BESIDE - braking_radius(sensors)
+        """What must be kept beside the braking radius [m]: nearer to things a robot with inertia would be made to stand."""
 
     def follow(self, route: Route, view: View, scene: Scene) -> Velocity:
         """One decision."""
-        (x, y), along = self._target(route, view, scene)
+        room = max(min(ROOM, 0.5 * route.margin), min(self.stopping_room, route.margin))
+        (x, y), along = self._target(route, view, scene, max(ROOM, room))
         distance = math.hypot(x, y)
         if distance == 0.0:
             return 0.0, 0.0
         speed = min(self.sensors.drive.max_speed, (distance + route.rest - along) / self.sensors.drive.step)
         wish = speed * x / distance, speed * y / distance
-        room = min(ROOM, 0.5 * route.margin)
         return self.navigator.velocity(view, wish, distance, movers_seen(scene.moving, scene.pose), room=room)
 
-    def _target(self, route: Route, view: View, scene: Scene) -> tuple[Point, float]:
+    def _target(self, route: Route, view: View, scene: Scene, room: float) -> tuple[Point, float]:
         """The place that is headed for, in the robot's frame [m], and how far along the way from here it lies [m]."""
-        place, along = (0.0, 0.0), 0.0
+        place, along, radius = (0.0, 0.0), 0.0, braking_radius(self.sensors) + room
         for reach in LOOKAHEADS:
             along = min(reach, route.rest)
             ((x, y),) = in_frame(np.array([route.at(route.done + along)]), scene.pose).tolist()
             place = (x, y)
             distance = math.hypot(x, y)
-            if view.free_distance(math.atan2(y, x), self.navigator.robot.radius) >= distance:
+            if view.free_distance(math.atan2(y, x), radius) >= distance:
                 break
         return place, along
 
