@@ -286,7 +286,9 @@ def is_passed(cells: Cells, scan: Scan, beams: Beams, row: int, column: int) -> 
             return False
         i = 0
     # The beams on both sides must pass too: along a wall one passes close to points that are there, and the rim of a
-    # round thing is passed closely by beams whose neighbours hit it.
+    # round thing is passed closely by beams whose neighbours hit it. Where the view ends there is none on one side.
+    if not beams.is_round and (i == 0 or i == count - 1):
+        return False
     if away > min(ranges[i - 1], ranges[i], ranges[(i + 1) % count]) - beams.short:
         return False
     return bool(abs(ahead * math.sin(angles[i]) - left * math.cos(angles[i])) < beams.tube)

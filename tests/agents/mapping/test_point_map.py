@@ -359,6 +359,20 @@ def test_a_point_that_two_scans_pass_is_taken_away_and_one_that_one_passes_is_no
     np.testing.assert_allclose(np.hypot(*grid.points().T), [4.0], atol=0.01)
 
 
+@pytest.mark.parametrize("heading", [0.0, 2.5])
+def test_a_view_of_270_degrees_forgets_nothing_behind_it_nor_at_its_ends(heading: float) -> None:
+    """The first and the last beam are no neighbours there: beside each there is none that could tell of a rim."""
+    beams = np.radians(np.linspace(-135.0, 135.0, 181))
+    inside, ends, behind = beams[[1, 30, 90, 150, 179]], beams[[0, -1]], np.radians([145.0, 165.0, 180.0, 195.0, 215.0])
+    for bearings, is_forgotten in ((inside, True), (ends, False), (behind, False)):
+        for bearing in bearings:
+            grid, hit = empty_map(), np.array([[math.cos(heading + bearing), math.sin(heading + bearing)]])
+            remember(grid, 2.0 * hit)
+            for _ in range(3):
+                grid.add_scan((0.0, 0.0), heading, beams, np.full(181, 5.0), 5.0, 0.0, np.ones(181, dtype=np.bool_))
+            assert grid.removed == is_forgotten, math.degrees(bearing)
+
+
 def test_a_point_seen_again_in_between_stays() -> None:
     grid = empty_map()
     for away in (2.0, 5.0, 2.0, 5.0, 2.0):
