@@ -109,6 +109,29 @@ def test_who_closes_two_laps_that_do_not_part_it_from_the_goal_is_looping() -> N
     assert BOUNDARY.follow(unseen, memory) == (0.0, 0.0) and memory.verdict == "looping"
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_car_that_turns_by_backing_has_turned_as_its_heading_has(side: int) -> None:
+    """Round a square, each corner a quarter of a circle backwards: the way leads back there, and says nothing of a turn."""
+    car, goal, radius = Boundary(Sensors.of(load("ackermann"))), (3.0, -side * 3.0), 0.5
+    contour = Contour(side, (0.0, 0.0), (0.0, -side * 0.3), (0.0, 0.0), goal, 0.0)
+    x, y, heading, closed = 0.0, 0.0, 0.0, []
+    for _ in range(5):
+        for step in range(61):
+            along, left = (STEP, 0.0) if step < 60 else (-radius, side * radius)
+            heading -= side * 0.5 * math.pi * (step == 60)
+            before = heading + side * 0.5 * math.pi * (step == 60)
+            x += math.cos(before) * along - math.sin(before) * left
+            y += math.sin(before) * along + math.cos(before) * left
+            view: Any = SimpleNamespace(
+                position=(x, y), heading=heading, goal_position=goal, nearest=lambda: (car.clearance, 0.0)
+            )
+            car.laps.advance(view, contour)
+            assert contour.turned == pytest.approx(heading, abs=1e-9)
+            if contour.is_lap_closed:
+                closed.append(is_proof(contour))
+    assert closed == [True]
+
+
 @pytest.mark.parametrize("nook", [0.5, 1.0, 2.0])
 def test_a_gate_in_a_nook_that_is_passed_by_later_stands_anew(nook: float) -> None:
     """A younger one is passed before the third lap ends, so that the fourth is closed."""
