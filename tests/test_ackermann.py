@@ -472,6 +472,13 @@ def test_moves_to_and_fro_are_no_lap() -> None:
     assert all(row.path_length > 15.0 for row in rows if row.verdict == "looping")
 
 
+@pytest.mark.parametrize(("name", "seed"), [("bug0", 26), ("bug2", 49)])
+def test_what_is_seen_while_it_turns_is_no_part_of_a_lap(name: str, seed: int) -> None:
+    # There is a way. Asked during its turns, bug0 called itself looping on it, and bug2 its goal unreachable.
+    (row,) = evaluate([name], ["ackermann"], episodes=1, seed=seed)
+    assert row.verdict == "" and row.success
+
+
 def test_a_planner_is_not_stopped_by_the_disc_about_a_car() -> None:
     rows = evaluate(["a_star"], ["ackermann"], episodes=24)
     assert all(row.success for row in rows)
