@@ -15,6 +15,10 @@ there: it sees the scan without the bodies of the others.
 
 Who is held up turns to the right, by an angle that is drawn: by symmetry all would stop for ever otherwise (the
 authors' program perturbs the wish for the same reason).
+
+There is no other rule of the road. Two that come exactly head-on are as near to the left of one another as to the
+right; the tie goes to the right, as in the authors' program, but a heading that is rounded in its last digit breaks it either
+way. Neither side costs more.
 """
 
 from __future__ import annotations

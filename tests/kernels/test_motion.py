@@ -210,6 +210,16 @@ def test_the_escape_from_contact_is_the_smallest_change_of_velocity_that_ends_it
     assert both == {True, False}
 
 
+@pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
+def test_two_exactly_head_on_both_escape_to_their_right(ahead: tuple[float, float]) -> None:
+    """As in RVO2, whose else-branch takes the right leg of the cone; each sees the other as the other sees it."""
+    way = np.array(ahead)
+    for one in (way, -way):
+        ux, uy, nx, ny = escape(2.0 * one, 2.0 * one, 0.5, 3.0)
+        right = np.array([one[1], -one[0]])
+        assert right @ [ux, uy] > 0.1 and right @ [nx, ny] > 0.9
+
+
 def test_bodies_that_overlap_come_apart_within_a_step() -> None:
     rng = np.random.default_rng(3)
     for _ in range(200):
