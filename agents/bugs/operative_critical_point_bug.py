@@ -355,7 +355,6 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             memory.critical = CriticalPoint(
                 place,
                 LastEnd(view.to_odometry(*candidate.end.point), candidate.end.side),
-                candidate.end.virtual is not None,
                 memory.time + 3.0 * seconds + 2.0,
             )
             memory.critical_points.append(place)

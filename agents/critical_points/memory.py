@@ -60,8 +60,6 @@ class CriticalPoint(NamedTuple):
     """Where the circle's centre goes [m]."""
     open_point: LastEnd
     """What it lies beside."""
-    is_virtual: bool
-    """Whether that belongs to a virtual obstacle."""
     deadline: float
     """Time of the episode after which it counts as out of reach [s]."""
 

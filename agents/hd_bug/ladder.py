@@ -25,13 +25,9 @@ RUNGS = 4
 
 @dataclass
 class Ladder:
-    """The detection radius r' = r 2^k and its two counters (Table 1)."""
+    """The detection radius r' = r 2^k; Table 1 also counts how often it was changed, which nothing asks for."""
 
     k: int = 2
-    reductions: int = 0
-    """count1: how often r' was reduced."""
-    enlargements: int = 0
-    """count2: how often it was enlarged."""
     dense: int = 0
     """Steps in a row with many short beams."""
     sparse: int = 0
@@ -42,9 +38,9 @@ class Ladder:
         self.dense = self.dense + 1 if density > DENSE else 0
         self.sparse = self.sparse + 1 if density < SPARSE else 0
         if self.dense >= DENSE_STEPS and self.k < RUNGS - 1:
-            self.k, self.enlargements, self.dense = self.k + 1, self.enlargements + 1, 0
+            self.k, self.dense = self.k + 1, 0
         elif self.sparse >= SPARSE_STEPS and self.k > 0:
-            self.k, self.reductions, self.sparse = self.k - 1, self.reductions + 1, 0
+            self.k, self.sparse = self.k - 1, 0
 
 
 def density(ranges: F64, reach: float) -> float:

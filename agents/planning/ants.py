@@ -309,14 +309,3 @@ def sweep_shares(
                     if i - first > 1:
                         straighten(left, right, gamma, start, goal, first, i - 1, spare)
                     first = i
-
-
-def grid_optimum(sleeve: Sleeve, values: int = 21) -> float:
-    """The shortest length on the grid of shares [m], by dynamic programming: what no ant can beat."""
-    shares = np.linspace(0.0, 1.0, values)
-    at, cost = sleeve.start[None], np.zeros(1)
-    for a, b in zip(sleeve.left, sleeve.right, strict=True):
-        options = a + shares[:, None] * (b - a)
-        cost = (cost[:, None] + np.hypot(*np.moveaxis(at[:, None] - options[None], -1, 0))).min(axis=0)
-        at = options
-    return float((cost + np.hypot(*(at - sleeve.goal).T)).min())

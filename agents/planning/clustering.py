@@ -27,8 +27,6 @@ from bug_gym.geometry import Point
 
 CONVEX = 1e-9
 """A shape is convex where its hull is larger by no more than this share of its area."""
-DISC_SIDES = 16
-"""Sides of the polygon around a disc; on it, not in it, so that a hull holds the disc."""
 INSET = 1e-7
 """Shapes that overlap by less only touch [m]."""
 
@@ -41,13 +39,6 @@ class Cluster:
     """Indices of its obstacles."""
     parts: tuple[shapely.Polygon, ...]
     """What is to be kept off: one hull, or the members' own shapes where a hull would swallow too much."""
-
-
-def around_disc(x: float, y: float, radius: float, sides: int = DISC_SIDES) -> shapely.Polygon:
-    """The regular polygon around a disc."""
-    angles = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
-    reach = radius / np.cos(np.pi / sides)
-    return shapely.Polygon(np.stack([x + reach * np.cos(angles), y + reach * np.sin(angles)], axis=1))
 
 
 def default_threshold(radius: float, margin: float) -> float:

@@ -91,39 +91,3 @@ def pull_taut(left: Floats, right: Floats, sx: float, sy: float, way: Floats) ->
         way[count, 0], way[count, 1] = left[last, 0], left[last, 1]
         count += 1
     return count
-
-
-def crossings_of(sleeve: Sleeve, way: F64) -> F64:
-    """Gamma (n,) where a way through a sleeve crosses its edges, each as a share of the edge from left to right.
-
-    Args:
-        sleeve: of n edges.
-        way: (k, 2) way-points from its start to its goal [m].
-    """
-    gamma = np.empty(len(sleeve.left))
-    piece = 0
-    for number, (a, b) in enumerate(zip(sleeve.left, sleeve.right, strict=True)):
-        gamma[number], piece = _crossing(way, piece, a, b)
-    return gamma
-
-
-def _crossing(way: F64, piece: int, a: F64, b: F64) -> tuple[float, int]:
-    """Where the way crosses the edge from a to b, from one of its pieces on; and the piece."""
-    across = b - a
-    best = (np.inf, 0.0, piece)
-    for number in range(piece, len(way) - 1):
-        p, d = way[number], way[number + 1] - way[number]
-        area = float(d[0] * across[1] - d[1] * across[0])
-        if abs(area) > 1e-15:
-            from_p = a - p
-            along = min(max(float(from_p[0] * across[1] - from_p[1] * across[0]) / area, 0.0), 1.0)
-        else:
-            along = 1.0
-        place = p + along * d
-        share = min(max(float((place - a) @ across) / max(float(across @ across), 1e-30), 0.0), 1.0)
-        gap = float(np.hypot(*(a + share * across - place)))
-        if gap < best[0] - 1e-12:
-            best = (gap, share, number)
-        if gap < 1e-9:
-            break
-    return best[1], best[2]

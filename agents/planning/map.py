@@ -99,16 +99,13 @@ class PlanningMap:
         return cls(border, np.zeros((0, 3)), load_outlines(where, unknown_is_wall=unknown_is_wall))
 
     @classmethod
-    def of_scan(
-        cls, angles: ArrayLike, ranges: ArrayLike, *, reach: float, pose: Pose = (0.0, 0.0, 0.0)
-    ) -> PlanningMap:
-        """What a recorded scan saw: a disc for each hit, as wide as the beam there; unseen ground counts as free.
+    def of_scan(cls, angles: ArrayLike, ranges: ArrayLike, *, reach: float) -> PlanningMap:
+        """What a recorded scan saw, from there: a disc for each hit, as wide as the beam; unseen ground counts as free.
 
         Args:
             angles: (B,) bearing of each beam [rad].
             ranges: (B,) [m]; one of `reach` or more, or none that is finite, is no hit.
             reach: range that means "nothing seen" [m]; the border is the square about the circle of this radius.
-            pose: where it was taken; the map is in the frame of this pose.
 
         Raises:
             ValueError: angles and ranges of different lengths, or a reach that is not above 0.
@@ -118,12 +115,11 @@ class PlanningMap:
             raise ValueError(f"expected as many ranges as angles, got shapes {lengths.shape} and {bearings.shape}")
         if not (reach > 0.0 and math.isfinite(reach)):
             raise ValueError(f"reach must be above 0 m, got {reach!r}")
-        x, y, heading = pose
         spacing = float(np.abs(np.diff(bearings)).min()) if len(bearings) > 1 else 0.0
         hit = (lengths >= 0.0) & (lengths < reach)
-        away, along = lengths[hit], heading + bearings[hit]
-        discs = np.column_stack([x + away * np.cos(along), y + away * np.sin(along), 0.5 * spacing * away])
-        border = np.array([x, y]) + reach * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        away, along = lengths[hit], bearings[hit]
+        discs = np.column_stack([away * np.cos(along), away * np.sin(along), 0.5 * spacing * away])
+        border = reach * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         return cls(border, discs)
 
     def seen_from(self, pose: Pose) -> PlanningMap:

@@ -15,7 +15,6 @@ from bug_gym.agents.planning.ants import (
     aco,
     eaco,
     eaco_refined,
-    grid_optimum,
     levy_sigma,
     levy_steps,
 )
@@ -59,6 +58,17 @@ def test_levy_steps_have_a_heavy_tail() -> None:
     # P(|L| > x) falls as x^-1.5: from 2 to 8 by a factor of 8.
     assert (steps > 2.0).mean() / (steps > 8.0).mean() == pytest.approx(4.0**1.5, rel=0.35)
     assert (steps >= LEVY_CAP).mean() == pytest.approx(0.012, abs=0.003)
+
+
+def grid_optimum(sleeve: Sleeve, values: int = 21) -> float:
+    """The shortest length on the grid of shares [m], by dynamic programming: what no ant can beat."""
+    shares = np.linspace(0.0, 1.0, values)
+    at, cost = sleeve.start[None], np.zeros(1)
+    for a, b in zip(sleeve.left, sleeve.right, strict=True):
+        options = a + shares[:, None] * (b - a)
+        cost = (cost[:, None] + np.hypot(*np.moveaxis(at[:, None] - options[None], -1, 0))).min(axis=0)
+        at = options
+    return float((cost + np.hypot(*(at - sleeve.goal).T)).min())
 
 
 def test_the_worked_examples_are_solved_on_the_grid() -> None:

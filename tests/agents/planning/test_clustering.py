@@ -11,7 +11,6 @@ import shapely
 
 from bug_gym.agents.planning.clustering import (
     Cluster,
-    around_disc,
     cluster,
     default_threshold,
     planner_graph,
@@ -37,7 +36,7 @@ def test_gaps_below_the_threshold_merge_and_wider_ones_do_not() -> None:
     for gap in (0.0, 0.3, 0.499, 0.5, 0.501, 0.7):
         found = cluster([box(0, 0), box(1 + gap, 0)], 0.5)
         assert len(found) == (1 if gap < 0.5 else 2)
-    discs = [around_disc(0.0, 0.0, 1.0), around_disc(2.3, 0.0, 1.0)]
+    discs = [shapely.Point(x, 0.0).buffer(1.0) for x in (0.0, 2.3)]
     assert len(cluster(discs, 0.5)) == 1 and len(cluster(discs, 0.25)) == 2
 
 
