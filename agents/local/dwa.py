@@ -22,7 +22,8 @@ Chosen here:
   at most, where the paper has a large constant;
 - standing has the free way along the heading that it then has: with a large constant, a robot that comes to little speed
   in a decision would rather stand than begin toward anything within `look`;
-- the side of the turn on the spot: to the nearest bearing with room for a look, and it is kept until a velocity gets on;
+- the side of the turn on the spot: to the nearest bearing whose free way counts as whole, or, where none does, to the one
+  with the longest; as far round on both sides, to the goal's; it is kept until a velocity gets on;
 - a robot that drives any way without turning has speeds and directions for velocities, and straight ways; any direction
   counts as reachable;
 - an ackermann robot has speeds and curvatures, and may choose to stand at any speed; it cannot turn on the spot, so
@@ -53,6 +54,8 @@ ROUNDED = 1e-9
 """Speeds are told apart by more than this [m/s]."""
 LEAST = 0.02
 """A speed below this share of the greatest does not get the robot on."""
+ALIKE = 1e-6
+"""Lengths of left and right that differ by less are the same, as observations round them [m]."""
 BEHIND = math.radians(150.0)
 """Nowhere farther round than this is looked for room [rad]."""
 
@@ -217,11 +220,18 @@ class DWA(ScriptedPolicy):
         return True
 
     def _freer_side(self, view: View) -> int:
-        """Which way to turn: to the nearest bearing with room for a look."""
+        """Which way to turn: to the nearest bearing with room for a look, or as far as the goal; else with the most room.
+
+        Where that is as far round on both sides, the goal's side, and left of one straight ahead or behind.
+        """
         turns = np.linspace(0.0, BEHIND, 16)
         left = view.free_distances(turns, self.window.radius)
         right = view.free_distances(-turns, self.window.radius)
-        return 1 if left.max() - right.max() > 1e-9 or left.argmax() <= right.argmax() else -1
+        room = min(self.window.look, view.goal_distance, max(left.max(), right.max())) - ALIKE
+        to_left, to_right = (min(turns[free >= room], default=math.inf) for free in (left, right))
+        if to_left != to_right:
+            return 1 if to_left < to_right else -1
+        return -1 if view.goal[1] < -ALIKE else 1
 
     def draw(self, memory: DWAMemory) -> Drawing:
         """The way that was chosen, for a second and a half."""

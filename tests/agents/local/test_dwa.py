@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -179,6 +180,59 @@ def test_each_weight_works() -> None:
         other = run_episode("dwa", world, {"robot.kinematics": "differential"}, max_steps=300, **change)
         assert other.path.shape != plain.path.shape or not np.allclose(other.path, plain.path), change
     assert plain.outcome == "success" and plain.length <= 12.5
+
+
+def side_of_the_turn(left: list[float], right: list[float], goal: tuple[float, float]) -> int:
+    """Where a robot turns that has these free ways [m], the first straight ahead, the others 10 degrees farther round each."""
+
+    def free_distances(bearings: F64, _radius: float) -> F64:
+        return np.array([(left if b >= 0.0 else right)[round(abs(b) / math.radians(10.0))] for b in bearings])
+
+    policy: Any = make_policy("dwa", "static", look=3.0)
+    view: Any = SimpleNamespace(goal=goal, goal_distance=math.hypot(*goal), free_distances=free_distances)
+    return int(policy._freer_side(view))
+
+
+NOWHERE = [0.1] * 16
+NEAR, FAR = [*[0.1] * 4, 3.5, *[0.1] * 11], [*[0.1] * 9, *[6.0] * 7]
+"""Room for a look 40 degrees round, and more of it 90 degrees round."""
+SHORT, LESS = [*[0.1] * 9, *[2.0] * 7], [0.1, *[1.5] * 15]
+"""Room for none, and for less."""
+
+
+@pytest.mark.parametrize("mirror", [1, -1])
+@pytest.mark.parametrize("goal", [(8.0, 2.0), (8.0, -2.0)])
+@pytest.mark.parametrize(("more", "less"), [(NEAR, FAR), (NEAR, NOWHERE), (FAR, SHORT), (SHORT, LESS), (LESS, NOWHERE)])
+def test_it_turns_to_the_nearest_bearing_with_room_for_a_look_else_to_the_most_room(
+    more: list[float], less: list[float], goal: tuple[float, float], mirror: int
+) -> None:
+    ways = (more, less) if mirror > 0 else (less, more)
+    assert side_of_the_turn(*ways, goal) == mirror
+
+
+@pytest.mark.parametrize("ways", [NEAR, FAR, SHORT, NOWHERE])
+def test_as_far_round_on_both_sides_it_turns_to_the_goals(ways: list[float]) -> None:
+    for goal, side in (((4.0, 1.0), 1), ((4.0, -1.0), -1), ((-4.0, 1.0), 1), ((-4.0, -1.0), -1), ((4.0, 0.0), 1)):
+        assert side_of_the_turn(ways, ways, goal) == side
+        longer = [*ways[:-1], ways[-1] + 2.0]  # more than a look is no better than it, if one is there
+        assert side_of_the_turn(ways, longer, goal) == (side if max(ways) >= 3.0 else -1)
+
+
+def test_as_far_as_the_goal_is_room_enough() -> None:
+    assert [side_of_the_turn(LESS, FAR, (x, -0.1)) for x in (1.0, 1.4, 2.0)] == [1, 1, -1]
+
+
+@pytest.mark.parametrize("kinematics", ["differential", "ackermann"])
+def test_a_mirrored_world_is_driven_through_as_its_mirror_image(kinematics: str) -> None:
+    overrides = {"robot.kinematics": kinematics}
+    paths = []
+    for mirror in (1.0, -1.0):
+        wall = [[4.0, -2.0 * mirror], [4.5, -2.0 * mirror], [4.5, 2.0 * mirror], [4.0, 2.0 * mirror]]
+        world = {**BOX, "goal": [11, 0.5 * mirror], "polygons": [wall]}
+        episode = run_episode("dwa", {"world": world, "lidar": {"beams": 180}}, overrides, max_steps=150)
+        paths.append(episode.path[:, :2] * [1.0, mirror])
+    assert paths[0][:, 0].max() > 3.0 and np.ptp(paths[0][:, 1]) > 0.1
+    np.testing.assert_allclose(paths[0], paths[1], atol=1e-4)
 
 
 def a_window(**weights: float) -> Window:
