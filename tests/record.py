@@ -1,10 +1,11 @@
 """Digests of what the package does, to show that a change of its code changes nothing.
 
-    python tests/record.py            # write recorded.json and recorded_errors.txt, beside this file
-    python tests/record.py --check    # do it all again, tell each case that differs, is missing or new; 1 if one does
+    python tests/record.py            # before it: write recorded.json and recorded_errors.txt, beside this file
+    python tests/record.py --check    # after it: do it all again, tell each case that differs, is missing or new; 1 if one does
 
-`--only worlds` (or policies, yaml, errors; may come several times) leaves the other sections as they are. `errors` runs
-all tests for what they catch. Digests are of bits: those of one machine and one set of libraries compare, no others.
+Git does not keep what is written: it is of one machine, one set of libraries and one commit. `--only worlds` (or policies,
+yaml, errors; may come several times) leaves the other sections as they are. `errors` runs all tests for what they catch.
+Digests are of bits.
 """
 
 from __future__ import annotations
@@ -517,6 +518,8 @@ def main() -> int:
     arguments = parser.parse_args()
     sections: list[str] = arguments.only or list(SECTIONS)
     recorded: dict[str, Cases] = json.loads(RECORDED.read_text("utf-8")) if RECORDED.exists() else {}
+    if arguments.check and (missing := [section for section in sections if section not in recorded]):
+        parser.error(f"nothing is recorded of {', '.join(missing)}: run it without --check, before what you change")
     found = found_cases(sections, arguments.workers)
     lines: list[str] = []
     if "errors" in sections:
