@@ -36,7 +36,7 @@ from bug_gym.manoeuvring import Turn, arc_action, begun, gone_on
 from bug_gym.observation import as_flat
 from bug_gym.schema.errors import shortened
 from bug_gym.steering import Course, steered_action
-from bug_gym.view import Sensors, View
+from bug_gym.view import Sensors, View, require_sensors
 
 Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
 Velocity = tuple[float, float]
@@ -203,6 +203,7 @@ class ScriptedPolicy(ABC):
         **parameters: the algorithm's own, see its `Parameters`.
 
     Raises:
+        ValueError: what is no Sensors, such as an env.
         TypeError: an unknown parameter.
     """
 
@@ -225,6 +226,7 @@ class ScriptedPolicy(ABC):
     """Those of this policy; an algorithm with parameters of its own gives the type."""
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        require_sensors(sensors, self)
         self.sensors = sensors
         self.discrete = discrete
         self._velocities = kinematics.discrete_choices(sensors.drive) if discrete else None

@@ -48,7 +48,7 @@ from bug_gym.policy import (
     keep_scan,
     source_scenario,
 )
-from bug_gym.view import Sensors, View
+from bug_gym.view import Sensors, View, require_sensors
 
 TOGETHER = 1e-3
 """Distance below which two robots are at one place, and see no direction to one another [m]."""
@@ -283,6 +283,7 @@ class TeamPolicy(ABC):
 
     Raises:
         MisfitError: fewer robots than the algorithm needs.
+        ValueError: what is no Sensors, such as an env.
         TypeError: an unknown parameter.
     """
 
@@ -307,6 +308,7 @@ class TeamPolicy(ABC):
     """Those of this policy; an algorithm with parameters of its own gives the type."""
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
+        require_sensors(sensors, self)
         if len(agents) < self.least_robots:
             name = type(self).__name__
             raise MisfitError(f"{name} drives {self.least_robots} robots or more, the scenario has {len(agents)}")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym import kernels
+from bug_gym.checks import shortened
 from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 from bug_gym.kinematics import Drive
@@ -149,6 +150,17 @@ class Sensors:
     def beam_directions(self) -> NDArray[np.float64]:
         """Unit vectors (2, B) of the beams in the robot's frame."""
         return np.stack([np.cos(self.angles), np.sin(self.angles)])
+
+
+def require_sensors(sensors: object, policy: object) -> None:
+    """Refuse what is no Sensors to a policy that is being made for them, such as the env that `make_policy` takes.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not isinstance(sensors, Sensors):
+        expected = "bug_gym.view.Sensors, as Sensors.of(scenario) or make_policy(name, env) hands over"
+        raise ValueError(f"{type(policy).__name__} got {shortened(sensors)} as its sensors, expected {expected}")
 
 
 class View:

@@ -24,7 +24,7 @@ from bug_gym.kinematics import DISCRETE_HEADINGS, DISCRETE_SPEEDS, discrete_acti
 from bug_gym.observation import as_dict
 from bug_gym.policy import MisfitError, Observation, flat_observation
 from bug_gym.spaces import ActionBox
-from bug_gym.view import Sensors
+from bug_gym.view import Sensors, require_sensors
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ class LearnedPolicy:
     """Asked for each robot alone by an evaluation, so that its times of decisions compare with those of others."""
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        require_sensors(sensors, self)
         self.parameters = LearnedParameters(**parameters)
         folder = model_folder(self.parameters.model)
         self.config = read_config(folder)
@@ -162,6 +163,7 @@ class ZipPolicy:
     Parameters = ZipParameters
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
+        require_sensors(sensors, self)
         self.parameters = ZipParameters(**parameters)
         path = self.parameters.path
         if not path.is_file():

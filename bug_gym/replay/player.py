@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from bug_gym.checks import shortened
 from bug_gym.files import replaced_when_done, writable
 from bug_gym.replay.page import framed, page_of
 from bug_gym.replay.recording import Episode
@@ -36,10 +37,14 @@ def show(*episodes: Episode) -> Player:
         episodes: what to play, such as those of several policies in one world.
 
     Raises:
-        ValueError: none.
+        ValueError: none, or something else among them.
     """
     if not episodes:
         raise ValueError("got no episode to show, expected at least one")
+    for one in episodes:
+        if not isinstance(one, Episode):
+            expected = "episodes, as bug_gym.evaluation.record_episode or a Recorder's `episode` gives one"
+            raise ValueError(f"got {shortened(one)} to show, expected {expected}")
     return Player(episodes)
 
 
@@ -47,7 +52,7 @@ def write_player(path: str | Path, *episodes: Episode) -> None:
     """Write the player of some episodes as a page, which a browser opens from disk.
 
     Raises:
-        ValueError: no episodes, or a path that does not end in .html.
+        ValueError: no episodes, something else among them, or a path that does not end in .html.
     """
     text = show(*episodes).page()
     with replaced_when_done(writable(path, [HTML])) as partial:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from importlib import import_module
 from typing import Any, get_args
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bug_gym.agents import AGENTS, make_policy, playable_names
+from bug_gym.agents import AGENTS, agent, make_policy, playable_names, team_names
 from bug_gym.agents.parameters import AtMost, Length, Parameter, checked_parameters, parameters_of
+from bug_gym.checks import shortened
 from bug_gym.policy import Memory
 from bug_gym.simulation import Simulation
 
@@ -103,6 +105,17 @@ def test_each_number_among_the_parameters_of_a_policy_has_a_limit(name: str) -> 
         for value in [value for word, value in numbers if word in words(parameter) and parameter.name not in CUT]:
             with pytest.raises(ValueError, match=f"{parameter.name}.* at most"):
                 make_policy(name, SIMULATION, **{parameter.name: value})
+
+
+@pytest.mark.parametrize("name", [*playable_names(), *team_names()])
+@pytest.mark.parametrize("sensors", [SIMULATION, SIMULATION.scenario, "static", None])
+def test_a_class_that_is_made_for_an_env_instead_of_sensors_says_what_came(name: str, sensors: Any) -> None:
+    agents = {"agents": ("robot_0", "robot_1")} if name in team_names() else {}
+    module, _, class_name = agent(name).entry_point.partition(":")
+    policy_class = getattr(import_module(f"bug_gym.agents.{module}"), class_name)
+    with pytest.raises(ValueError, match=r"^\w+ got .* as its sensors, expected [^\n]*Sensors[^\n]*$") as refused:
+        policy_class(sensors, **agents)
+    assert shortened(sensors) in str(refused.value) and policy_class.__name__ in str(refused.value)
 
 
 @pytest.mark.parametrize("name", [None, 5, b"bug2", ["bug2"], ("bug2",)])

@@ -128,6 +128,8 @@ def test_four_hundred_frames_of_64_rays_stay_far_below_a_megabyte() -> None:
     ("call", "message"),
     [
         (lambda: bug_gym.show(), "got no episode"),
+        (lambda: bug_gym.show(driven(), "bug2"), "got 'bug2' to show, expected episodes"),  # type: ignore[arg-type]
+        (lambda: write_player("race.html", Simulation("empty")), "Simulation .* expected episodes"),  # type: ignore[arg-type]
         (lambda: Recorder(Simulation("empty")).episode(), "at least one frame"),
         (lambda: Recorder(Simulation("empty")).record(), "holds no world yet"),
         (lambda: driven(drawing=Drawing(points=[(math.nan, 0.0, "hit")])), "finite places"),
