@@ -5,10 +5,11 @@ Here is all that a scenario may be written in; it lives in `bug_gym.schema` (val
 metres, times in seconds, angles in radians.
 """
 
-from bug_gym.config.errors import EXPECTED, checked, explain
+from bug_gym.config.errors import checked
 from bug_gym.config.loading import SCENARIO_FOLDER, dump, expanded, load, read_yaml, scenario_names, to_yaml
 from bug_gym.config.scenario import Scenario
 from bug_gym.schema.errors import ScenarioError
+from bug_gym.schema.faults import EXPECTED, explain
 from bug_gym.schema.motions import LAWS, Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
 from bug_gym.schema.movers import SAME_PLACE, Mover, Shape, Target
 from bug_gym.schema.own import ObservationField, RewardTerm

@@ -10,13 +10,13 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from bug_gym.config.errors import explain
 from bug_gym.config.own_worlds import TRUST
 from bug_gym.config.scenario import Scenario
 from bug_gym.limits import MOST_DEPTH, MOST_NODES, TEXT, told_bytes
 from bug_gym.naming import nearest_hint
 from bug_gym.references import is_reference
 from bug_gym.schema.errors import ScenarioError, shortened
+from bug_gym.schema.faults import explain
 from bug_gym.schema.own import OWN_PARTS, Named, ObservationField, RewardTerm, trusted
 from bug_gym.schema.values import Part
 from bug_gym.schema.yaml_text import parse_yaml, told_fault

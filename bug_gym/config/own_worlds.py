@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import ValidationError, WrapSerializer, WrapValidator
 
-from bug_gym.config.errors import fault
 from bug_gym.schema.errors import ScenarioError, wrong
+from bug_gym.schema.faults import fault
 from bug_gym.worlds import WorldFamily
 from bug_gym.worlds.own import OwnFamily, UnreadFamily, class_of, is_own, needs_trust, own_mapping
 

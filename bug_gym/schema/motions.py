@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from bug_gym.limits import SMALL
 from bug_gym.schema.errors import wrong
+from bug_gym.schema.faults import NAMES
 from bug_gym.schema.values import Duration, Flag, Part, Point, Positive, Record, Speed, Velocity, tags
 
 
@@ -139,3 +140,4 @@ Motion = Annotated[Bounce | Waypoints | RandomWalk | Crowd | Evade | Replay, Fie
 
 
 LAWS: tuple[str, ...] = tuple(tags(Motion, "law"))
+NAMES["law"] = lambda: LAWS

@@ -19,6 +19,7 @@ from pydantic import (
     Field,
     Strict,
     Tag,
+    ValidationError,
     model_validator,
 )
 
@@ -56,7 +57,8 @@ from bug_gym.limits import (
     told_bytes,
 )
 from bug_gym.naming import nearest_hint
-from bug_gym.schema.errors import shortened, wrong
+from bug_gym.schema.errors import ScenarioError, shortened, wrong
+from bug_gym.schema.faults import explain
 from bug_gym.schema.ranges import MAY_BE_DRAWN, MAY_BE_DRAWN_LEAST
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
@@ -280,6 +282,20 @@ class Part(BaseModel):
     """A part of a scenario: frozen; an unknown key is an error that names the nearest known one."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, allow_inf_nan=False)
+
+    def __init__(self, /, **data: Any) -> None:
+        """Make one from Python.
+
+        Raises:
+            ScenarioError: what a file that said the same would be refused for, in the same words.
+        """
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            raise ScenarioError(explain(error, type(self).__name__)) from None
+
+    # As pydantic's own: what is validated as a part of another part is not made by it, so that its faults keep their place.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @model_validator(mode="before")
     @classmethod

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from bug_gym.checks import shortened
 from bug_gym.references import from_anywhere, is_reference
+from bug_gym.schema.faults import NAMES
 from bug_gym.schema.values import tags
 from bug_gym.worlds.barn import BarnWorld
 from bug_gym.worlds.beach import BeachWorld
@@ -27,7 +28,7 @@ from bug_gym.worlds.forest import ForestWorld
 from bug_gym.worlds.hook import HookWorld
 from bug_gym.worlds.maze import MazeWorld
 from bug_gym.worlds.oni_wang import OniWangWorld
-from bug_gym.worlds.own import REGISTERED, SHIPPED, checked_name, installed
+from bug_gym.worlds.own import REGISTERED, SHIPPED, checked_name, installed, own_families
 from bug_gym.worlds.replay import ReplayWorld
 from bug_gym.worlds.ring import RingWorld
 from bug_gym.worlds.rooms import RoomsWorld
@@ -66,6 +67,7 @@ WorldFamily = Annotated[
 FAMILIES: tuple[str, ...] = tuple(tags(WorldFamily, "family"))
 """Names of the families, as the key `family` has them."""
 SHIPPED.extend(FAMILIES)
+NAMES["family"] = lambda: (*FAMILIES, *own_families())
 
 
 def register(name: str, reference: str) -> None:

@@ -23,8 +23,10 @@ from bug_gym.config import (
     ONI_WANG_PLACES,
     ONI_WANG_POLYGON,
     SCENARIO_FOLDER,
+    Bounce,
     ExplicitWorld,
     FieldWorld,
+    Lidar,
     MazeWorld,
     Part,
     Polygon,
@@ -33,11 +35,13 @@ from bug_gym.config import (
     ScenarioError,
     StartRegion,
     UTrapWorld,
+    checked,
     dump,
     load,
     scenario_names,
     to_yaml,
 )
+from bug_gym.schema.own import ObservationField, RewardTerm
 
 BARN_FILE = "worlds.jsonl"
 MAP_FILE = "plan.yaml"
@@ -425,6 +429,35 @@ def test_every_field_says_what_it_is_and_in_which_unit(part: type[Part]) -> None
         assert meaning.endswith("."), name
         if holds_floats(field.annotation) and "0 to 1" not in meaning:
             assert "[" in meaning, f"{name} has no unit"
+
+
+@pytest.mark.parametrize(
+    ("part", "data"),
+    [
+        (Scenario, {"wrold": {}}),
+        (Scenario, {"world": {"family": "nonesuch"}}),
+        (Scenario, {"world": {}}),
+        (Scenario, {"lidar": {"beams": 0}}),  # a part of a part: its key is told from the whole's on
+        (Scenario, {"robot": {"max_speed": -1, "radius": "x"}}),
+        (Lidar, {"range": 0}),
+        (Bounce, {"law": "bounce"}),
+        (RewardTerm, {"function": 3}),
+        (ObservationField, {"function": len, "low": 0}),
+        (ObservationField, {"function": len, "low": 1, "high": 0}),
+        (UTrapWorld, {"family": "u_trap", "depth": "deep"}),
+        (UTrapWorld, {"family": "u_trap", "dept": 1}),
+    ],
+)
+def test_a_part_that_is_made_in_python_is_refused_in_the_words_of_a_file(
+    part: type[Part], data: dict[str, Any]
+) -> None:
+    with pytest.raises(ScenarioError) as read:
+        checked(part, data, part.__name__)
+    with pytest.raises(ScenarioError) as made:
+        part(**data)
+    assert str(made.value) == str(read.value)
+    for line in str(made.value).splitlines():
+        assert line.startswith(f"{part.__name__}: ") and "pydantic" not in line and "input_value" not in line
 
 
 def test_a_scenario_does_not_change() -> None:
