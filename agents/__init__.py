@@ -172,15 +172,17 @@ def register(name: str, reference: str, *, family: str = "from outside") -> None
     """Give a policy from outside a name that `make_policy`, evaluations and the lists know.
 
     It holds for this process, and for the workers of its evaluations. A package that is installed offers its policies to
-    all by entry points of the group `bug_gym.policies`. Registering the same again changes nothing.
+    all by entry points of the group `bug_gym.policies`. Registering the same again changes nothing, and what is refused
+    leaves the name free.
 
     Args:
         name: letters, digits, `_` and `-`.
-        reference: "module:Class", or "file.py:Class"; imported when it is first made.
+        reference: "module:Class", or "file.py:Class", which is imported now.
         family: what kind of algorithm lists call it.
 
     Raises:
-        ValueError: the name cannot be one or is taken, or the reference is none.
+        ValueError: the name cannot be one or is taken, or the reference is none, or leads to no policy's class.
+        ImportError: its module imports another one that is missing.
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][\w-]*", name):
         raise ValueError(
@@ -190,10 +192,13 @@ def register(name: str, reference: str, *, family: str = "from outside") -> None
         raise ValueError(
             f"policy {shortened(name)}: got {shortened(reference)}, expected text such as 'my_module:MyBug'"
         )
+    if not isinstance(family, str):
+        raise ValueError(f"policy {shortened(name)}: got {shortened(family)} as its family, expected text")
     line = Agent(from_anywhere(reference), family, "-")
     taken = known_agents().get(name)
     if taken is not None and REGISTERED.get(name) != line:
         raise ValueError(f"the name {shortened(name)} is taken, by {taken.entry_point}: choose another one")
+    require_constructor(imported_class(line.entry_point), f"policy {name!r}", ["discrete"], whole=False)
     REGISTERED[name] = line
 
 
@@ -229,19 +234,20 @@ def team_names() -> list[str]:
 def playable_names() -> list[str]:
     """Names of `policy_names()` that can be made here: learned ones need onnxruntime, of the extra `play`.
 
-    One of an installed package whose code cannot be imported is left out with a word.
+    One of an installed package that cannot be imported, or not be made of sensors alone, is left out with a word.
     """
     can_play = importlib.util.find_spec("onnxruntime") is not None
     return [name for name in policy_names() if (can_play or not agent(name).model) and not _is_broken(name)]
 
 
 def _is_broken(name: str) -> bool:
-    """Whether an installed package offers a policy that cannot be imported; tells which and why."""
+    """Whether an installed package offers a policy that cannot be imported or made; tells which and why."""
     line = _installed().get(name)
     if line is None:
         return False
     try:
-        offered_class(name, line.reference, line.entry_point)
+        offered = offered_class(name, line.reference, line.entry_point)
+        require_constructor(offered, f"policy {name!r} of {line.reference}", ["discrete"])
     except (ValueError, ImportError) as error:
         logger.warning("%s; it is left out", error)
         return True

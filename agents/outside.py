@@ -122,14 +122,21 @@ def require_memory(policy: Any, told: str) -> None:
         raise ValueError(f"{told}: start answered {shortened(memory)}, expected a bug_gym.policy.Memory")
 
 
-def require_constructor(policy_class: type[Any], told: str, keywords: Iterable[str]) -> None:
+def require_constructor(policy_class: type[Any], told: str, keywords: Iterable[str], *, whole: bool = True) -> None:
     """Refuse a class that is not made as policies are: with sensors, and with these keywords.
+
+    Args:
+        policy_class: the class.
+        told: what an error calls it.
+        keywords: names of what it is given.
+        whole: whether they are all; else it may need others besides, such as parameters without a default.
 
     Raises:
         ValueError: it takes other arguments.
     """
     try:
-        inspect.signature(policy_class).bind(None, **dict.fromkeys(keywords))
+        signature = inspect.signature(policy_class)
+        (signature.bind if whole else signature.bind_partial)(None, **dict.fromkeys(keywords))
     except TypeError as error:
         expected = f"{policy_class.__name__}(sensors, *, discrete, **parameters)"
         raise ValueError(f"{told} cannot be made: {error}; expected {expected}") from None

@@ -28,7 +28,7 @@ from bug_gym.worlds.forest import ForestWorld
 from bug_gym.worlds.hook import HookWorld
 from bug_gym.worlds.maze import MazeWorld
 from bug_gym.worlds.oni_wang import OniWangWorld
-from bug_gym.worlds.own import REGISTERED, SHIPPED, checked_name, installed, own_families
+from bug_gym.worlds.own import REGISTERED, SHIPPED, checked_name, class_of, installed, own_families
 from bug_gym.worlds.replay import ReplayWorld
 from bug_gym.worlds.ring import RingWorld
 from bug_gym.worlds.rooms import RoomsWorld
@@ -74,14 +74,16 @@ def register(name: str, reference: str) -> None:
     """Give a family of worlds from outside a name that scenarios may say.
 
     It holds for this process, and for the workers of its evaluations. A package that is installed offers its families to
-    all by entry points of the group `bug_gym.worlds`. Registering the same again changes nothing.
+    all by entry points of the group `bug_gym.worlds`. Registering the same again changes nothing,
+    and what is refused leaves the name free.
 
     Args:
         name: letters, digits, `_` and `-`.
-        reference: "module:Class", or "file.py:Class"; imported when a scenario says the name.
+        reference: "module:Class", or "file.py:Class", which is imported now.
 
     Raises:
-        ValueError: the name cannot be one or is taken, or the reference is none.
+        ValueError: the name cannot be one or is taken, or the reference is none, or leads to no family's class.
+        ImportError: its module imports another one that is missing.
     """
     if not isinstance(reference, str) or not is_reference(reference):
         raise ValueError(
@@ -90,4 +92,6 @@ def register(name: str, reference: str) -> None:
     place = from_anywhere(reference)
     if name not in REGISTERED or REGISTERED[name] != place:
         shipped = {family: f"the family {family!r} of this package" for family in FAMILIES}
-        REGISTERED[checked_name(name, {**shipped, **installed(), **REGISTERED})] = place
+        free = checked_name(name, {**shipped, **installed(), **REGISTERED})
+        class_of(place)
+        REGISTERED[free] = place

@@ -327,6 +327,37 @@ def test_a_name_that_cannot_be_registered_is_refused(name: str, reference: Any, 
     assert known_agents() == known
 
 
+@pytest.mark.parametrize(
+    "reference",
+    [
+        "my_bug.py:MyBgu",
+        "nowhere.py:MyBug",
+        "my_nowhere:MyBug",
+        "my_bug.py:Unfinished",
+        "my_bug.py:NoPolicy",
+        "my_bug.py:OtherArguments",
+        "my_bug.py:policy",
+        "my_broken.py:MyBug",
+        "my_needy.py:MyBug",
+    ],
+)
+def test_a_name_that_could_not_be_registered_is_free_for_the_next(reference: str, place: Path) -> None:
+    (place / "my_broken.py").write_text("1 / 0\n")
+    (place / "my_needy.py").write_text("import nowhere_to_be_found\n")
+    known = known_agents()
+    with pytest.raises((ValueError, ImportError, ZeroDivisionError)):
+        register("mine", reference)
+    assert known_agents() == known
+    register("mine", "my_bug.py:MyBug")
+    assert type(make_policy("mine", OPEN)).__name__ == "MyBug"
+
+
+def test_a_policy_that_needs_a_parameter_can_be_registered() -> None:
+    register("played", "bug_gym.agents.learning.play:LearnedPolicy")
+    with pytest.raises(ValueError, match="no_model"):
+        make_policy("played", OPEN, model=Path("no_model"))
+
+
 def test_an_object_takes_no_parameters() -> None:
     made = make_policy(Straight, OPEN)
     with pytest.raises(ValueError, match="made already takes no parameters, got speed"):

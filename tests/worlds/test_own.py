@@ -225,6 +225,19 @@ def test_a_name_that_cannot_be_registered_is_refused(name: str, reference: Any, 
     assert [*own.REGISTERED] == ["mine"]
 
 
+@pytest.mark.parametrize(
+    "reference",
+    ["pegs.py:Pags", "nowhere:Pegs", "nowhere.py:Pegs", "pegs.py:NoFamily", "pegs.py:NoLayout", "needy.py:Pegs"],
+)
+def test_a_name_that_could_not_be_registered_is_free_for_the_next(reference: str, place: Path) -> None:
+    (place / "needy.py").write_text("import nowhere_to_be_found\n")
+    with pytest.raises((ValueError, ImportError)):
+        worlds.register("mine", reference)
+    assert not own.REGISTERED
+    worlds.register("mine", "pegs.py:Pegs")
+    assert len(circles_of({**MINE, "world": {"family": "mine", "pegs": 2}})) == 2
+
+
 # ---------------------------------------------------------------------------------------------- a new one
 
 
