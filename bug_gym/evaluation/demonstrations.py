@@ -11,6 +11,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from bug_gym import kernels, kinematics
 from bug_gym.agents.floors.random import Random, RandomMemory
 from bug_gym.episodes import Episodes
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
-from bug_gym.evaluation.rollout import prepared
+from bug_gym.evaluation.rollout import noted, prepared
 from bug_gym.files import replaced_when_done
 from bug_gym.geometry import F32, Point
 from bug_gym.policy import Policy, checked_actions
@@ -232,7 +233,7 @@ class _Recording:
         drive = Sensors.of(scenario.scenario).drive
         self._discrete_actions = kinematics.discrete_actions(drive)
         self._standing = kinematics.steering(drive, (0.0, 0.0))
-        self._seeds, self._extras = seeds, extras
+        self._entry, self._scenario, self._seeds, self._extras = entry, scenario, seeds, extras
         self._episodes = Episodes(self._simulation, seeds)
         self._actions = np.tile(self._standing, (self._simulation.count, 1))
         self._taken: list[_Taken] = []
@@ -251,8 +252,9 @@ class _Recording:
         rows = np.flatnonzero(self._episodes.going[:, 0])
         before = self._episodes.observation[:, 0]
         numbers, seen = self._episodes.number[rows], before[rows]
-        decided, _ = self._driver.decide(before, rows)
-        given_up = self._decide(rows, decided)
+        with self._told(rows):
+            decided, _ = self._driver.decide(before, rows)
+            given_up = self._decide(rows, decided)
         modes, points = self._states(rows if self._extras.modes else rows[:0])
         self._episodes.step(self._actions[:, None])
         actions, rewards = self._actions[rows], self._episodes.reward[rows, 0]
@@ -289,9 +291,14 @@ class _Recording:
         self._last[numbers] = self._episodes.observation[over, 0]
         self._begin(over)
 
+    def _told(self, rows: NDArray[np.int64]) -> AbstractContextManager[None]:
+        """Have an exception of the policy say who was asked, and in which worlds."""
+        return noted(self._entry, self._scenario, self._simulation, rows)
+
     def _begin(self, rows: NDArray[np.int64]) -> None:
         for row in self._episodes.begin(rows).tolist():
-            self._driver.begin(row)
+            with self._told(np.array([row])):
+                self._driver.begin(row)
             if self._extras.shortest_path:
                 self._shortest[self._episodes.number[row]] = self._simulation.shortest_path(row).length
 

@@ -14,8 +14,8 @@ from bug_gym.agents.outside import imported_class, is_object, required_policy
 from bug_gym.checks import shortened
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
-from bug_gym.policy import Policy, ScriptedPolicy
-from bug_gym.references import code_digest, reference_of
+from bug_gym.policy import MisfitError, Policy, ScriptedPolicy
+from bug_gym.references import code_digest, is_reference, reference_of
 from bug_gym.simulation import Simulation
 
 EXPECTED = (
@@ -122,7 +122,14 @@ class PolicyEntry:
                 expected = "give its name and parameters instead"
                 raise ValueError(f"{self.label}: a planner reads the map of the env that it was made with: {expected}")
             return self.policy
-        return make_policy(self._made_of, simulation, **self.parameters)
+        try:
+            return make_policy(self._made_of, simulation, **self.parameters)
+        except MisfitError:
+            raise
+        except Exception as error:  # of a caller's code: any
+            if self.reference and not is_reference(self.name):  # registered or installed, so errors name another place
+                error.add_note(f"policy {self.label}")
+            raise
 
 
 @dataclass(frozen=True)

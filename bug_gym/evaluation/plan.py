@@ -157,7 +157,7 @@ def make_plan(
     cure = "give them labels" if name else "give them names (`name:`)"
     _require_distinct("scenarios", [entry.label for entry in scenarios], cure)
     _require_distinct("policies", [entry.label for entry in entries], "give them labels")
-    labelled, left_out = _try_out(entries, scenarios)
+    labelled, left_out = _try_out(entries, scenarios, asked_for=not by_default)
     lost = [entry for entry in labelled if all((entry.label, scenario.label) in left_out for scenario in scenarios)]
     if lost and not by_default:
         raise MisfitError(left_out[lost[0].label, scenarios[0].label])
@@ -205,12 +205,13 @@ def _are_alike(one: Layout, other: Layout) -> bool:
 
 
 def _try_out(
-    entries: Sequence[PolicyEntry], scenarios: Sequence[ScenarioEntry]
+    entries: Sequence[PolicyEntry], scenarios: Sequence[ScenarioEntry], *, asked_for: bool
 ) -> tuple[list[PolicyEntry], dict[tuple[str, str], str]]:
     """One step of each policy in each scenario, before anything is written: what is wrong fails here.
 
     It also leaves compiled code in numba's cache, where workers find it. Policies that read the map are labelled so. A
-    learned policy that was made for another robot is left out of the scenario: why, by label of policy and scenario.
+    learned policy that was made for another robot is left out of the scenario: why, by label of policy and scenario. So is one
+    from outside whose own code fails, where nobody has asked for it (but for all that there are).
     """
     labelled = list(entries)
     left_out = {}
@@ -222,15 +223,25 @@ def _try_out(
             else:
                 told = "episodes differ by noise alone"
             logger.warning(same, scenario.label, told)
+        misfits = []
         for number, entry in enumerate(entries):
             try:
                 rollout = Rollout(entry, scenario, scenario.seeds[:1])
+                rollout.advance()
             except MisfitError as error:
                 left_out[entry.label, scenario.label] = str(error)
+                misfits.append(entry.label)
                 continue
-            rollout.advance()
+            except Exception as error:  # of a caller's code: any
+                if asked_for or not entry.reference:
+                    raise
+                came = f"{type(error).__name__}: {shortened(str(error), 200)}"
+                told = "policy %s (%s) is left out of %s, where it fails: %s"
+                logger.warning(told, entry.label, entry.reference, scenario.label, came)
+                left_out[entry.label, scenario.label] = came
+                continue
             if is_privileged(rollout.policy):
                 labelled[number] = replace(entry, label=f"{entry.label}{PRIVILEGED}")
-        if misfits := [policy for policy, label in left_out if label == scenario.label]:
+        if misfits:
             logger.warning("%s is not for the robot of: %s", scenario.label, ", ".join(misfits))
     return labelled, left_out

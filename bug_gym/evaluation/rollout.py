@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import groupby
 from time import perf_counter
@@ -213,6 +213,20 @@ def prepared(
     return simulation, policy, _AllAtOnce(policy, robots, simulation.fields)
 
 
+@contextmanager
+def noted(
+    entry: PolicyEntry, scenario: ScenarioEntry, simulation: Simulation, rows: NDArray[np.int64]
+) -> Iterator[None]:
+    """Have an exception of a policy that is asked say who it is, and in which worlds, by a note."""
+    try:
+        yield
+    except Exception as error:  # of a caller's code: any
+        seeds = sorted(set(simulation.world.seed[rows].tolist()))
+        many = f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"
+        error.add_note(f"policy {entry.label}, scenario {scenario.label}, {many}")
+        raise
+
+
 @dataclass
 class _Trace:
     """What is kept of one robot's episode while it runs."""
@@ -327,16 +341,9 @@ class Rollout:
             self._begin(np.array(over))
         return worlds
 
-    @contextmanager
-    def _told(self, robots: NDArray[np.int64]) -> Iterator[None]:
-        """Have an exception of the policy say who was asked, and in which worlds, by a note."""
-        try:
-            yield
-        except Exception as error:  # of a caller's code: any
-            seeds = sorted(set(self.simulation.world.seed[robots // self.simulation.robots].tolist()))
-            many = f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"
-            error.add_note(f"policy {self.entry.label}, scenario {self.scenario.label}, {many}")
-            raise
+    def _told(self, robots: NDArray[np.int64]) -> AbstractContextManager[None]:
+        """Have an exception of the policy say who was asked, and in which worlds."""
+        return noted(self.entry, self.scenario, self.simulation, robots // self.simulation.robots)
 
     def _begin(self, rows: NDArray[np.int64]) -> None:
         """Start the next seeds in some rows; those without one stay as they are."""

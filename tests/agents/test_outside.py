@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -196,6 +197,43 @@ def test_a_broken_offer_of_a_package_is_named_where_it_is_asked_for_and_left_out
     (warning,) = [record.getMessage() for record in caplog.records]
     assert warning.startswith(f"policy 'broken' of package their-package: {told}")
     assert warning.endswith("; it is left out")
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (
+            "def __init__(self): pass",
+            r"cannot be made: .*; expected Bug\(sensors, \*, discrete",
+        ),
+        (
+            "def __init__(self, sensors, *, discrete, network): pass",
+            "cannot be made: missing a required argument: 'network'",
+        ),
+        ("def __init__(self, sensors, *, discrete): self.width = sensors.no_such", "AttributeError: .*no_such"),
+        ("def act(self, view, memory): return 1 / 0", "ZeroDivisionError: 'division by zero'"),
+        ("def act(self, view, memory): return (0.0, 0.0, 0.0)", "ValueError: "),
+    ],
+)
+def test_an_offer_that_fails_where_all_are_asked_for_is_left_out_with_a_word_and_by_name_ends_with_one(
+    code: str, told: str, place: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    install(place, "failing = their_code:Bug\nsound = my_bug:MyBug")
+    sys.modules.pop("their_code", None)
+    (place / "their_code.py").write_text(
+        "from bug_gym.policy import Memory, ScriptedPolicy\n\n\nclass Bug(ScriptedPolicy):\n"
+        "    def start(self): return Memory()\n    def act(self, view, memory): return (0.0, 0.0)\n"
+        f"    {code}\n"
+    )
+    monkeypatch.setattr(agents, "AGENTS", {"go_to_goal": AGENTS["go_to_goal"]})
+    assert [row.policy for row in evaluate(None, OPEN, episodes=1)] == ["go_to_goal", "sound"]
+    (warning,) = [record.getMessage() for record in caplog.records]
+    assert "failing" in warning and "their" in warning
+    assert re.search(told, warning), warning
+    assert "left out" in warning and "\n" not in warning
+    with pytest.raises(Exception) as error:  # noqa: PT011 - what their code raises
+        evaluate(["sound", "failing"], OPEN, episodes=1)
+    assert "failing" in "; ".join([str(error.value), *getattr(error.value, "__notes__", ())])
 
 
 def test_options_stand_in_lists_as_on_the_command_line() -> None:

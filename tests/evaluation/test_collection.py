@@ -87,6 +87,26 @@ def test_actions_and_states_are_those_of_the_policy_asked_alone() -> None:
             seen, *_ = env.step(action)
 
 
+class LosesItsWay(ScriptedPolicy):
+    """Fails on its way."""
+
+    def start(self) -> Memory:
+        return Memory()
+
+    def act(self, view: View, memory: Memory) -> Velocity:
+        if view.pose[0] > 0.5:
+            raise ZeroDivisionError("lost")
+        return 1.0, 0.0
+
+
+def test_what_a_policy_raises_is_told_with_policy_scenario_and_seeds_as_an_evaluation_does() -> None:
+    scenario = ScenarioEntry("open", load(OPEN), SEEDS)
+    with pytest.raises(ZeroDivisionError, match="lost") as error:
+        demonstrate(PolicyEntry.of(LosesItsWay), scenario, SEEDS)
+    (note,) = error.value.__notes__
+    assert note == f"policy LosesItsWay, scenario open, seeds {', '.join(map(str, SEEDS))}"
+
+
 def test_more_worlds_than_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     together = demonstrate(PolicyEntry.of("bug2"), short(), SEEDS)
     monkeypatch.setattr("bug_gym.evaluation.demonstrations.SLOTS", 2)
