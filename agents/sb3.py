@@ -13,12 +13,13 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.checks import checked_options, checked_seed, install_command
+from bug_gym.checks import checked_options, checked_seed, install_command, shortened
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.geometry import F32
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
+    OPTIONS,
     ActionForm,
     Observation,
     ObservationForm,
@@ -183,6 +184,17 @@ class ArrayVecEnv(VecEnv):
             raise ValueError(f"the rows share {attr_name!r}: set it for all of them, not for {indices}")
         setattr(self, attr_name, value)
 
+    def set_options(self, options: Sequence[Mapping[str, Any]] | Mapping[str, Any] | None = None) -> None:
+        """What the next reset is asked for, as the `options` of NavigationEnv's: of all rows, or a dict a row.
+
+        Raises:
+            ValueError: an option of another name, what is no dict, or not one a row.
+        """
+        each = [options] * self.num_envs if options is None or isinstance(options, Mapping) else options
+        if isinstance(each, str) or not isinstance(each, Sequence) or len(each) != self.num_envs:
+            raise ValueError(f"options are a dict, or {self.num_envs} of them, one a row, got {shortened(options)}")
+        self._options = [dict(checked_options(one, OPTIONS)) for one in each]
+
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
@@ -228,7 +240,7 @@ class SimulationVecEnv(ArrayVecEnv):
         """Fill the `reset_infos` of rows whose episodes begin, with what `set_options` asks of them."""
         for row in rows:
             world, robot = divmod(row, self.simulation.robots)
-            asked = asked_info(self.simulation, checked_options(self._options[row]), world, robot)
+            asked = asked_info(self.simulation, self._options[row], world, robot)
             self.reset_infos[row] = self.simulation.robot_step(world, robot).info | asked
 
     def _final_info(self, row: int, observation: Observation, steps: int) -> dict[str, Any]:

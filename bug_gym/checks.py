@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
@@ -17,6 +17,8 @@ from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bug_gym.naming import nearest_hint
 
 NOT_REAL = "cSUVMm"
 """Kinds of arrays that NumPy would turn into real numbers, though they are none: complex, text, records, dates."""
@@ -76,17 +78,27 @@ def row_numbers(name: str, values: Any, count: int) -> NDArray[np.int64]:
     return numbers.astype(np.int64)
 
 
-def checked_options(options: object) -> Mapping[str, Any]:
-    """The options of a `reset`, none by default.
+def checked_options(options: object, known: Collection[str] | None) -> Mapping[str, Any]:
+    """The options of a `reset`, none by default; known: their names, None where any may be.
 
     Raises:
-        ValueError: they are no mapping.
+        ValueError: they are no mapping, or have a key that is not known.
     """
     if options is None:
         return {}
     if not isinstance(options, Mapping):
         raise ValueError(f"options is a dict or None, got {shortened(options)}")
+    if known is not None and (unknown := unknown_options(options, known)):
+        raise ValueError(unknown)
     return options
+
+
+def unknown_options(options: Mapping[Any, Any], known: Collection[str]) -> str:
+    """What to say about the first key of a `reset`'s options that is not known; "" where all are."""
+    for key in options:
+        if key not in known:
+            return f"unknown option {shortened(key)}{nearest_hint(key, known)} (known: {', '.join(known) or 'none'})"
+    return ""
 
 
 def real_numbers(what: str, values: Any) -> NDArray[np.float64]:

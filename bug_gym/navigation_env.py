@@ -17,6 +17,7 @@ from bug_gym.drawing.pictures import Pictures
 from bug_gym.log import warn_once
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
+    OPTIONS,
     ActionForm,
     InfoForm,
     Observation,
@@ -94,7 +95,7 @@ class NavigationEnv(gym.Env[Any, Any]):
     "timeout"), `path_length` [m], `time` [s], `min_clearance` [m], `goal_distance` [m], `reward_terms` (name -> value).
     `reset(options={"shortest_path": True})` adds `shortest_path_length` [m], which takes time; it is infinite where
     there is no way. `reset(options={"drawn": True})` adds what a scenario with ranges has drawn for the episode, as
-    `drawn.robot.max_speed` and the like. Other options are ignored. With `info="numeric"` there are numbers alone: `outcome`
+    `drawn.robot.max_speed` and the like. Other options are refused. With `info="numeric"` there are numbers alone: `outcome`
     is its code (0 running, 1 success, 2 collision, 3 timeout), and each reward term has a key, `reward_terms.progress` and
     so on.
 
@@ -172,9 +173,9 @@ class NavigationEnv(gym.Env[Any, Any]):
         """Start episode 0 of the seed, or without one the next episode.
 
         Raises:
-            ValueError: a seed that is no integer from 0 on, options that are no dict.
+            ValueError: a seed that is no integer from 0 on, options that are no dict, or of another name.
         """
-        wanted = checked_options(options)
+        wanted = checked_options(options, OPTIONS)
         flat = self.simulation.reset(seeds=None if seed is None else [seed])
         self._is_over = False
         if seed is not None or self._np_random is None:  # then `np_random_seed` is what drew the world

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv, ParallelEnv
 
-from bug_gym.checks import checked_options
+from bug_gym.checks import checked_options, unknown_options
 from bug_gym.config import Scenario, load
 from bug_gym.drawing.pictures import Pictures
+from bug_gym.log import warn_once
 from bug_gym.observation import flat_space
 from bug_gym.schema.errors import shortened
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
+    OPTIONS,
     ActionForm,
     InfoForm,
     Observation,
@@ -97,8 +99,13 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Start episode 0 of the seed, or without one the next episode; seed and options as NavigationEnv's."""
-        wanted = checked_options(options)
+        """Start episode 0 of the seed, or without one the next episode; seed and options as NavigationEnv's.
+
+        Of an option with another name the log says once that it is passed over: PettingZoo's own tests ask for one.
+        """
+        wanted = checked_options(options, None)
+        if unknown := unknown_options(wanted, OPTIONS):
+            warn_once(f"{unknown} is passed over")
         self.simulation.reset(seeds=None if seed is None else [seed])
         self.agents = list(self.possible_agents)
         infos = {

@@ -172,6 +172,10 @@ def told_draws(drawn: Mapping[str, Any]) -> dict[str, Any]:
     return {f"drawn.{key}": value for key, value in drawn.items()}
 
 
+OPTIONS = ("shortest_path", "drawn")
+"""What a reset may be asked for."""
+
+
 def asked_info(simulation: Simulation, options: Mapping[str, Any], row: int = 0, robot: int = 0) -> dict[str, Any]:
     """What the options of a reset ask of a robot beside its info: `shortest_path` and `drawn`."""
     told: dict[str, Any] = {}

@@ -17,6 +17,7 @@ from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.simulation import RobotStatus, Simulation
 from bug_gym.spaces import (
+    OPTIONS,
     ActionForm,
     InfoForm,
     Observation,
@@ -36,6 +37,9 @@ from bug_gym.spaces import (
 
 Bools = NDArray[np.bool_]
 Infos = dict[str, Any]
+
+RESET_MASK = "reset_mask"
+"""The option of a reset that says which rows begin."""
 
 
 class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
@@ -121,14 +125,14 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
         Args:
             seed: row k gets seed + k, or the k-th of a sequence; where there is none, the row's next episode begins.
-            options: `reset_mask` (n,) bool, `shortest_path` and `drawn` as NavigationEnv takes them; others are ignored.
+            options: `reset_mask` (n,) bool, `shortest_path` and `drawn` as NavigationEnv takes them.
 
         Raises:
             ValueError: a mask or a sequence of seeds of another length than n, a seed that is no integer from 0 on,
-                options that are no dict; all rows are then as they were.
+                options that are no dict, or of another name; all rows are then as they were.
         """
-        wanted, seeds = checked_options(options), self._seeds(seed)
-        mask = self._everywhere() if wanted.get("reset_mask") is None else self._checked(wanted["reset_mask"])
+        wanted, seeds = checked_options(options, (RESET_MASK, *OPTIONS)), self._seeds(seed)
+        mask = self._everywhere() if wanted.get(RESET_MASK) is None else self._checked(wanted[RESET_MASK])
         rows = np.flatnonzero(mask)
         self.simulation.reset(rows, None if seeds is None else [seeds[row] for row in rows.tolist()])
         if isinstance(seed, (int, np.integer)):

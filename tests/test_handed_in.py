@@ -106,10 +106,45 @@ def test_anything_is_a_time_or_a_value_error(value: Any) -> None:
 @given(anything)
 def test_anything_is_options_or_a_value_error(value: Any) -> None:
     if value is None:
-        assert checked_options(value) == {}
+        assert checked_options(value, None) == checked_options(value, ()) == {}
     else:
         with pytest.raises(ValueError, match="options is a dict or None"):
-            checked_options(value)
+            checked_options(value, None)
+
+
+@pytest.mark.parametrize(
+    ("make", "known"),
+    [
+        (lambda: gym.make("BugGym/Static-v0"), "shortest_path, drawn"),
+        (lambda: gym.make_vec("BugGym/Static-v0", 2), "reset_mask, shortest_path, drawn"),
+        (lambda: gym.make_vec("BugGym/Static-v0", 2, vectorization_mode="sync"), "shortest_path, drawn"),
+        (lambda: gym.make("BugGym/Prediction-v0"), "none"),
+    ],
+)
+def test_an_option_of_another_name_is_refused_with_those_that_are_known(make: Any, known: str) -> None:
+    env = make()
+    for options, hint in (({"sedd": 3}, "'sedd'"), ({"shortst_path": True}, "'shortst_path'"), ({3: 4}, "3")):
+        with pytest.raises(ValueError, match=rf"^unknown option {hint}.* \(known: {known}\)$"):
+            env.reset(seed=0, options=options)
+    env.reset(seed=0, options={})
+    if known != "none":
+        with pytest.raises(ValueError, match=r"did you mean 'shortest_path'\?"):
+            env.reset(seed=0, options={"shortst_path": True})
+        env.reset(seed=0, options={"shortest_path": True, "drawn": True})
+
+
+def test_an_env_of_several_robots_passes_other_options_over_with_a_word(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """PettingZoo's tests ask for {"options": 1} to see that options may be given."""
+    monkeypatch.setattr("bug_gym.log.told", set())
+    for make in (bug_gym.parallel_env, bug_gym.env):
+        make("crossing_robots").reset(seed=0, options={"shortst_path": True})
+    (line,) = [record.getMessage() for record in caplog.records]
+    assert (
+        line
+        == "unknown option 'shortst_path', did you mean 'shortest_path'? (known: shortest_path, drawn) is passed over"
+    )
 
 
 @given(anything)

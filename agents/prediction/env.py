@@ -83,9 +83,9 @@ class PredictionEnv(gym.Env[F32, F32]):
         """Ask about the next track.
 
         Raises:
-            ValueError: a seed that is no integer from 0 on, options that are no dict.
+            ValueError: a seed that is no integer from 0 on, options that are no dict, or any.
         """
-        checked_options(options)
+        checked_options(options, ())
         super().reset(seed=None if seed is None else checked_seed(seed))
         if seed is not None:
             self._order, self._worlds = [], 0

@@ -31,6 +31,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.learning.vec_envs import join
 from bug_gym.agents.sb3 import NavigationVecEnv, make_robots_vec_env, make_vec_env
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -304,9 +305,22 @@ def test_rows_of_robots_tell_of_resets_what_was_asked() -> None:
         for robot in range(2):
             told = rows.reset_infos[2 * world + robot]
             assert told["shortest_path_length"] == infos[f"robot_{robot}"]["shortest_path_length"]
-    rows.set_options({"shortes_path": True})
+    rows.set_options(None)
     rows.reset()
     assert "shortest_path_length" not in rows.reset_infos[0]
+
+
+@pytest.mark.parametrize("options", [{"shortes_path": True}, [{}, {"drwan": True}], [{}], "drawn", 3, [{}, 3]])
+def test_options_of_another_name_or_form_are_refused(options: Any) -> None:
+    for rows in (
+        make_vec_env("BugGym/Dynamic-v0", 2),
+        make_robots_vec_env("circle_swap", 2, 1),
+        join([load("dynamic"), load("static")], 2, "continuous"),
+    ):
+        with pytest.raises(ValueError, match="option") as error:
+            rows.set_options(options)
+        assert "\n" not in str(error.value)
+        rows.reset()  # of nothing
 
 
 def test_a_team_is_refused_rows_that_begin_anew_one_by_one() -> None:
