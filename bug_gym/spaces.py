@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bug_gym.checks import checked_count, real_numbers, shortened
-from bug_gym.config import Scenario, load
+from bug_gym.config import Scenario
 from bug_gym.geometry import F32
 from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict, dict_space, flat_space
@@ -202,11 +202,11 @@ def require_one_robot(simulation: Simulation) -> None:
 
 
 def with_most_steps(scenario: Scenario, most: int | None) -> Scenario:
-    """The scenario with a time limit of at most so many steps; None: as it is.
+    """The scenario's worlds with a time limit of at most so many steps; None: as it is.
 
     Raises:
         ValueError: no integer from 1 on.
     """
     if most is None or scenario.time.steps <= checked_count("the number of steps", most):
         return scenario
-    return load(scenario, {"time.limit": most * scenario.time.step})
+    return scenario.cut_off(most * scenario.time.step)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import warnings
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -170,6 +173,29 @@ def test_a_limit_behind_the_scenarios_own_changes_nothing() -> None:
         env = gym.make("BugGym/Static-v0", max_episode_steps=most, overrides=SHORT)
         step, _, truncated, info = steps_to_the_end(env)
         assert (step, truncated, info["outcome"]) == (20, True, "timeout")
+
+
+@pytest.mark.parametrize(
+    ("make", "limit", "action"),
+    [
+        (partial(gym.make, "BugGym/Navigation-v0"), "max_episode_steps", STILL),
+        (partial(gym.make_vec, "BugGym/Navigation-v0", 2), "max_episode_steps", np.zeros((2, 2), np.float32)),
+        (partial(parallel_env), "max_cycles", {"robot_0": STILL}),
+    ],
+)
+def test_a_limit_from_outside_cuts_the_same_episodes_off(make: Any, limit: str, action: Any, tmp_path: Path) -> None:
+    """Even where the family draws what the scenario's own limit leaves room for: when a recording is entered."""
+    lines = [f"{time},1,{2.0 * math.sin(time):f},{2.0 * math.cos(time):f}" for time in range(200)]
+    (tmp_path / "walk.csv").write_text("\n".join(["time_s,pedestrian,x_m,y_m", *lines]))
+    world = {"family": "replay", "path": str(tmp_path / "walk.csv"), "bounds": [-8, -8, 8, 8]}
+    scenario = {"world": world, "time": {"limit": 60.0}, "lidar": {"beams": 32, "range": 20.0}}
+    whole, short = make(scenario=scenario), make(scenario=scenario, **{limit: 20})
+    for seed in range(5):
+        assert data_equivalence(short.reset(seed=seed), whole.reset(seed=seed), exact=True)
+        for _ in range(19):
+            assert data_equivalence(short.step(action), whole.step(action), exact=True)
+        cut_off = short.step(action)[3]
+        assert np.all([*cut_off.values()] if isinstance(cut_off, dict) else cut_off)
 
 
 def test_a_limit_that_is_none_is_told_by_gymnasium() -> None:

@@ -7,7 +7,7 @@ import json
 import math
 from typing import Literal, Self
 
-from pydantic import model_validator
+from pydantic import PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError
 
 from bug_gym.config.own_worlds import AnyFamily
@@ -53,6 +53,18 @@ class Scenario(Part):
     mission: Literal["all", "first"] = "all"
     """Whether the mission ends when "all" robots' runs have ended, or for all with the "first" that arrives."""
 
+    _drawn_for: float | None = PrivateAttr(None)  # see `cut_off`; no value of a scenario, so no digest has it
+
+    def cut_off(self, limit: float) -> Self:
+        """The same worlds with a lower time limit [s].
+
+        A family may draw what its limit leaves room for, as `replay` does with the time at which its record is entered. A
+        scenario that says a limit says this with it; who cuts episodes off from outside wants the same episodes, shorter.
+        """
+        shorter = self.model_copy(update={"time": self.time.model_copy(update={"limit": limit})})
+        shorter._drawn_for = self.crew.time_limit
+        return shorter
+
     @property
     def digest(self) -> str:
         """What tells it from other scenarios: of all values, defaults too, which may change with the version."""
@@ -64,7 +76,7 @@ class Scenario(Part):
     @property
     def crew(self) -> Crew:
         """Whom its worlds are made for."""
-        return Crew(self.robot, self.robots, self.goal.radius, self.time.limit)
+        return Crew(self.robot, self.robots, self.goal.radius, self._drawn_for or self.time.limit)
 
     @model_validator(mode="after")
     def _parts_fit_together(self) -> Self:

@@ -33,7 +33,7 @@ class Crew:
     goal_radius: float
     """Distance from the goal within which it is reached [m]."""
     time_limit: float
-    """Longest duration of an episode [s]."""
+    """Longest duration of an episode, as the scenario says it [s]; episodes may be cut off before."""
 
     @property
     def goal_room(self) -> float:
