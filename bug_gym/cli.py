@@ -1,8 +1,8 @@
 """The command line, `bug-gym`: the commands of bug_gym.commands, their errors and exit codes.
 
-Exit codes: 0 done, 1 what was printed could not be written, 2 bad input, 130 interrupted, 128 + n ended by signal n, as 141
-where the reader of a pipe has gone. One line on stderr says what was wrong; a reader that has seen enough needs none. What
-a command needs is imported when it runs, so that `--help` is quick.
+Exit codes: 0 done, 1 what was printed could not be written, or `reproduce --strict` found a claim false, 2 bad input, 130
+interrupted, 128 + n ended by signal n, as 141 where the reader of a pipe has gone. One line on stderr says what was wrong; a
+reader that has seen enough needs none. What a command needs is imported when it runs, so that `--help` is quick.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         if unknown:
             options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         with _ended_by_signals():
-            options.run(options)
+            code: int | None = options.run(options)
     except BrokenPipeError as error:
         if not _is_reader_gone():  # another pipe broke, of a film's writer say
             return _complain(BAD_INPUT, f"error: {error}")
@@ -111,7 +111,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         hint = f"; {out} keeps what is done, the same command goes on" if goes_on else ""
         number = error.number if isinstance(error, Ended) else signal.SIGINT
         return _complain(SIGNALLED + number, f"interrupted{hint}")
-    return DONE
+    return code or DONE
 
 
 def _without_gaps(arguments: Sequence[str]) -> Sequence[str]:

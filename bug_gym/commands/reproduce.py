@@ -15,6 +15,9 @@ from bug_gym.reproductions.result import Reproduction, Settings
 if TYPE_CHECKING:
     from bug_gym.workers import Workers
 
+NOT_HELD = 1
+"""Exit code where a claim is false, of who asks for one."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
@@ -28,10 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="JSON to write, with the commit that made it; curves as PNG and a page as HTML beside it",
     )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="exit with 1 where a claim is found false (default: 0, it is a result, too)",
+    )
 
 
-def run(options: argparse.Namespace) -> None:
-    """Run the command."""
+def run(options: argparse.Namespace) -> int:
+    """Run the command; returns its exit code."""
     from rich.console import Console
 
     from bug_gym.drawing.clips import PNG  # loads the compiler
@@ -66,6 +74,7 @@ def run(options: argparse.Namespace) -> None:
             _write_page(out.with_suffix(".html"), result, workers)
     if out and result.curves:  # after the numbers, which are not lost where matplotlib is missing
         draw_curves(picture, result.curves)
+    return NOT_HELD if options.strict and result.holds is False else 0
 
 
 def _write_page(path: Path, result: Reproduction, workers: Workers) -> None:

@@ -21,7 +21,7 @@ from bug_gym.config import load
 from bug_gym.evaluation.curves import draw_curves
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction, require_use
-from bug_gym.reproductions.result import Settings
+from bug_gym.reproductions.result import Reproduction, Settings
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import free_space
 from bug_gym.simulation import Simulation
@@ -60,6 +60,19 @@ def test_all_72_cells_of_oni_and_wangs_table_come_out_as_they_should(tmp_path: P
     assert "oni-wang-table-1" in page and all(policy in page for policy in cells)
     buttons = set(re.findall(r'data-replay="(\d+)"', page))  # what failed can be looked at
     assert buttons and buttons <= set(re.findall(r'id="replay-(\d+)"', page))
+
+
+@pytest.mark.parametrize(
+    ("holds", "strict", "code"), [(True, True, 0), (False, True, 1), (None, True, 0), (False, False, 0)]
+)
+def test_a_false_claim_is_a_result_but_for_who_asks(
+    holds: bool | None, strict: bool, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = Reproduction("made up", [], holds=holds)
+    monkeypatch.setattr("bug_gym.commands.reproduce.reproduction", lambda name: lambda settings: found)
+    out = tmp_path / "found.json"
+    assert main(["reproduce", "oni-wang-table-1", "--out", str(out), *(["--strict"] if strict else [])]) == code
+    assert json.loads(out.read_text(encoding="utf-8"))["holds"] is holds  # which is written in any case
 
 
 def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
