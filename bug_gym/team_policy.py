@@ -509,12 +509,18 @@ class TeamPolicy(ABC):
         return Frame()
 
     def _warn_of_crowding(self, robot: int, memories: Sequence[TeamMemory]) -> None:
-        """Say that robots start near one another, for all that they do at first is to make room."""
+        """Say that robots start near one another, for all that they do at first is to make room.
+
+        Who is heard for the first time on its way has not started there: as one that did not answer, or rows that
+        stable-baselines3's `evaluate_policy` has counted enough episodes of, which it goes on calling first observations.
+        """
         here, view = memories[robot].frame, memories[robot].view
-        if here is None or view is None:
+        if here is None or view is None or math.hypot(*view.position) > TOGETHER:
             return
         place = here.to_team(view.position)
         for memory in memories[:robot]:
+            if memory.view is None or math.hypot(*memory.view.position) > TOGETHER:
+                continue
             gap = math.inf if memory.word is None else math.dist(place, memory.word.place)
             if TOGETHER < gap < START_DISTANCE - TOGETHER:
                 name = type(self).__name__

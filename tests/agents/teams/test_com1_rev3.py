@@ -342,6 +342,18 @@ def test_starts_nearer_than_two_metres_are_told_once(name: str, caplog: pytest.L
     assert [record.message.count("1.997 m apart, expected at least 2 m") for record in caplog.records] == [1]
 
 
+def test_robots_that_come_near_on_their_way_have_not_started_there(caplog: pytest.LogCaptureFixture) -> None:
+    """SB3's `evaluate_policy` goes on to call rows of which it has counted enough episodes first observations."""
+    log.told.clear()
+    starts = [(0.0, 0.0, 0.5 * math.pi), (0.0, 4.0, -0.5 * math.pi)]
+    simulation = Simulation(team_scenario([], starts, (8.0, 1.0)))
+    policy, seen = make_policy("com1_rev3", simulation), simulation.reset(seeds=[0])[0]
+    while math.dist(*simulation.world.pose[0, :, :2]) > 1.0:
+        policy.predict(seen, None, np.ones(2, dtype=bool))
+        seen = simulation.step(np.tile([0.5, 0.0], (1, 2, 1))).observation[0]
+    assert not caplog.records
+
+
 @pytest.mark.parametrize("seed", [1, 4, 5, 6])
 def test_sixteen_robots_that_change_places_do_not_lock_one_another_in(seed: int) -> None:
     """One that goes round others and holds keeps nobody from making room; who is held up beside its way back leaves it; and
