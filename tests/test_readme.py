@@ -36,7 +36,7 @@ def test_the_example_runs(title: str, code: str, tmp_path: Path, monkeypatch: py
         pytest.importorskip("minari")
         monkeypatch.setenv("MINARI_DATASETS_PATH", "datasets")
     monkeypatch.chdir(tmp_path)
-    exec(compile(code, title, "exec"), {"__name__": "readme"})
+    exec(compile(code, title, "exec", dont_inherit=True), {"__name__": "readme"})
 
 
 def test_there_is_an_example_of_each_face() -> None:
