@@ -42,6 +42,8 @@ Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
 Velocity = tuple[float, float]
 
 STANDING: Velocity = (0.0, 0.0)
+CREEP = 1e-6
+"""A speed that goes nowhere and keeps its direction, so that a robot that must turn first goes on turning [m/s]."""
 
 AT_ONCE = 64
 """Rows of a batch that are read in one call: what they show stays in a processor's caches until they are decided."""

@@ -46,12 +46,12 @@ from bug_gym.agents.critical_points.reading import JUMP, End, Reading, Scanner
 from bug_gym.agents.critical_points.scan_kernels import can_turn, sweep_leg
 from bug_gym.agents.critical_points.sub_goals import perpendicular_sub_goal, printed_sub_goal
 from bug_gym.agents.tracking.tracker import Tracker
-from bug_gym.agents.walls.boundary import STANDING, WAIT, side_of
+from bug_gym.agents.walls.boundary import WAIT, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED
 from bug_gym.agents.walls.open_points import TIE
 from bug_gym.agents.walls.sub_goals import is_seen_again
 from bug_gym.geometry import F64, Point, velocity_along, wrap
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import CREEP, STANDING, Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
 ALIGNED = math.radians(1.0)
@@ -63,9 +63,6 @@ where the leg from the last sub-goal would cut the corner."""
 
 ONWARD = 2.0
 """How long the way on from a sub-goal toward the goal, or the sub-goal itself, must be free in time too [s]."""
-
-CREEP = 1e-6
-"""A speed that only tells where to turn [m/s]."""
 
 
 class Sight(NamedTuple):

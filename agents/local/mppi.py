@@ -31,7 +31,7 @@ from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
 from bug_gym.geometry import F64, velocity_along
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
 from bug_gym.manoeuvring import sees_behind
-from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
+from bug_gym.policy import CREEP, Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
 KNOTS = 6
@@ -48,8 +48,6 @@ MOVER_GROWN = 0.15
 """What a mover is larger by, as nobody knows where it will turn [m]."""
 ROOM = 0.01
 """What the first step of a plan keeps from the scan [m]."""
-CREEP = 1e-6
-"""A speed that only tells where to turn [m/s]."""
 CONTACT_WEIGHT = 20.0
 """What a second of the horizon after a contact costs, in metres farther from the goal for as long [m]."""
 LEAST: dict[str, float] = {

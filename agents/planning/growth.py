@@ -19,6 +19,8 @@ from bug_gym.geometry import F64
 
 FACETS = 8
 """Sides of a grown corner, a quarter turn."""
+TOUCHING = 0.1
+"""Share of the margin by which they grow that is kept where the whole of it leaves no way."""
 FRAME = 1.0
 """Width of the wall that the border of a world is taken for [m]."""
 

@@ -18,6 +18,7 @@ from bug_gym.agents.mapping.goal_watch import GoalWatch
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.planning.clear_step import clear_velocity
 from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower
+from bug_gym.agents.planning.growth import TOUCHING
 from bug_gym.agents.planning.live import LiveMap, Maps, Moving
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.map_policy import MapMemory, MapPolicy
@@ -60,10 +61,6 @@ class Room(NamedTuple):
     def growth(self) -> float:
         """By how much obstacles grow [m]."""
         return self.radius + self.margin
-
-
-TOUCHING = 0.1
-"""Share of the margin that is kept where the whole of it leaves no way."""
 
 
 def rooms_for(sensors: Sensors, margin: float) -> tuple[Room, ...]:

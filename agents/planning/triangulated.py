@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import dijkstra
 from bug_gym.agents.planning.ants import Colony, aco, eaco, eaco_refined
 from bug_gym.agents.planning.clustering import Cluster, cluster, default_threshold
 from bug_gym.agents.planning.funnel import funnel
-from bug_gym.agents.planning.growth import FACETS, apart, frame, grow
+from bug_gym.agents.planning.growth import FACETS, TOUCHING, apart, frame, grow
 from bug_gym.agents.planning.mesh import Mesh, component, edges_of, triangulate
 from bug_gym.agents.planning.sleeve import Sleeve, find_sleeve, path_length
 from bug_gym.geometry import F64, Point
@@ -42,8 +42,6 @@ WALL = 2.0
 them and the wall would be lost."""
 SPLITS = (1.0, 0.5, 0.25)
 """Longest sides of all after splitting [m], one after the other."""
-TOUCHING = 0.1
-"""Share of the margin that is kept where the whole of it leaves no way."""
 OUTSIDE = 1e-4
 """How far off a grown obstacle a point is put that lay in it [m]."""
 

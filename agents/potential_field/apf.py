@@ -12,8 +12,8 @@ from typing import Any
 
 from bug_gym.agents.potential_field.field import Field, FieldMemory, FieldParameters
 from bug_gym.agents.potential_field.local_minimum import MinimumMemory, is_caught, travel_direction
-from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary
-from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
+from bug_gym.agents.walls.boundary import WAIT, Boundary
+from bug_gym.policy import STANDING, Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
 

@@ -36,12 +36,12 @@ from bug_gym.agents.potential_field.field import Field, FieldMemory, FieldParame
 from bug_gym.agents.potential_field.local_minimum import MinimumMemory, is_caught, travel_direction
 from bug_gym.agents.potential_field.turning import Turning
 from bug_gym.agents.potential_field.wall_follower import WallFollower
-from bug_gym.agents.walls.boundary import STANDING, Boundary, LeaveRule
+from bug_gym.agents.walls.boundary import Boundary, LeaveRule
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, Gate
 from bug_gym.agents.walls.laps import is_proof
 from bug_gym.checks import shortened
 from bug_gym.geometry import Point, wrap
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import STANDING, Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
 HEAD_ON = 0.2

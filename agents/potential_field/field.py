@@ -18,7 +18,7 @@ from bug_gym.agents.parameters import Length, Weight
 from bug_gym.agents.potential_field.forces import Gains, attractive_force, repulsive_force
 from bug_gym.agents.potential_field.nearest_points import find_nearest_points
 from bug_gym.geometry import Point, velocity_along
-from bug_gym.policy import Velocity
+from bug_gym.policy import CREEP, Velocity
 from bug_gym.view import Sensors, View
 
 LOOK_BACK = 0.5
@@ -38,9 +38,6 @@ KEPT = 0.5
 
 STRAIGHT_BACK = 0.02
 """Angle to straight back within which the force tells a robot that must turn no side [rad]; it turns left then."""
-
-CREEP = 1e-6
-"""A speed that goes nowhere and keeps its direction, so that a robot that must turn first goes on turning [m/s]."""
 
 
 @dataclass(frozen=True)

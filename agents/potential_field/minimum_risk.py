@@ -22,9 +22,9 @@ import numpy as np
 
 from bug_gym.agents.parameters import Length, Weight
 from bug_gym.agents.potential_field.risk_grid import DIRECTIONS, RiskGrid, Weights
-from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary
+from bug_gym.agents.walls.boundary import WAIT, Boundary
 from bug_gym.geometry import F64, Point, velocity_along, wrap
-from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
+from bug_gym.policy import STANDING, Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
 LEAST_CELL = 0.01

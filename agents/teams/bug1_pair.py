@@ -26,11 +26,11 @@ from typing import Any
 
 from bug_gym.agents.bugs.bug1 import Bug1, Bug1Memory
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, STANDING, BugTeam, BugTeamMemory
+from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, BugTeam, BugTeamMemory
 from bug_gym.agents.teams.partners import ROOM, Seen, closes, gap, least_gap
 from bug_gym.agents.walls.contour import CLOSER
 from bug_gym.kinematics import TURN_IN_PLACE, speed_and_error
-from bug_gym.policy import MisfitError, Velocity
+from bug_gym.policy import STANDING, MisfitError, Velocity
 from bug_gym.view import Sensors, View
 
 BEHIND = 2.0

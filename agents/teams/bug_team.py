@@ -15,11 +15,9 @@ from bug_gym.agents.teams.partners import Seen, SeeThrough
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.log import warn_once
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import STANDING, Drawing, Velocity
 from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors, View
-
-STANDING: Velocity = (0.0, 0.0)
 
 PATIENCE = 10.0
 """How long a robot waits in one encounter before it goes round its partner [s]."""

@@ -33,7 +33,7 @@ from typing import Any, Literal, NamedTuple
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import PATIENCE, STANDING, BugTeam, BugTeamMemory, check_distances
+from bug_gym.agents.teams.bug_team import PATIENCE, BugTeam, BugTeamMemory, check_distances
 from bug_gym.agents.teams.partners import (
     ROOM,
     closes,
@@ -46,7 +46,7 @@ from bug_gym.agents.teams.partners import (
 from bug_gym.agents.walls.boundary import LeaveRule
 from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.geometry import Point, velocity_along
-from bug_gym.policy import Velocity
+from bug_gym.policy import STANDING, Velocity
 from bug_gym.team_policy import TeamMemory
 from bug_gym.view import Sensors, View
 

@@ -22,11 +22,11 @@ from bug_gym.agents.bugs.bug0 import Bug0
 from bug_gym.agents.bugs.bug1 import Bug1
 from bug_gym.agents.bugs.bug2 import Bug2
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import STANDING, BugTeam, BugTeamMemory, check_distances
+from bug_gym.agents.teams.bug_team import BugTeam, BugTeamMemory, check_distances
 from bug_gym.agents.teams.partners import Seen, gap
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import Contour
-from bug_gym.policy import Velocity
+from bug_gym.policy import STANDING, Velocity
 from bug_gym.view import Sensors, View
 
 HAND = 0.1

@@ -21,7 +21,7 @@ from bug_gym.agents.walls.laps import Laps
 from bug_gym.agents.walls.rounding import Rounding
 from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import needs_care, passing_radius, speed_within
-from bug_gym.policy import Drawing, MisfitError, Velocity, braking_radius
+from bug_gym.policy import STANDING, Drawing, MisfitError, Velocity, braking_radius
 from bug_gym.steering import look_ahead
 from bug_gym.view import Sensors, View
 
@@ -30,7 +30,6 @@ LeaveRule = Literal["front", "any"]
 
 SIDES: dict[str, int] = {"left": 1, "right": -1}
 LEAVE_RULES = ("front", "any")
-STANDING: Velocity = (0.0, 0.0)
 
 SideAfter = Callable[[float], int]
 """The side to turn to at a wall after so much more way [m]."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.walls.boundary import STANDING, LeaveRule, Turn, side_of
+from bug_gym.agents.walls.boundary import LeaveRule, Turn, side_of
 from bug_gym.agents.walls.boundary_bug import BoundaryParameters
 from bug_gym.agents.walls.open_points import OpenPoint, Profile
 from bug_gym.agents.walls.sub_goals import SubGoalMemory, SubGoals
-from bug_gym.policy import Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import STANDING, Drawing, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
 

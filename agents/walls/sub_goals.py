@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from bug_gym import kernels
-from bug_gym.agents.walls.boundary import STANDING, WAIT, Boundary
+from bug_gym.agents.walls.boundary import WAIT, Boundary
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.open_points import Lookout, OpenPoint, Profile
 from bug_gym.agents.walls.roaming import Roaming
 from bug_gym.geometry import Point, wrap
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import STANDING, Drawing, Velocity
 from bug_gym.view import Sensors, View
 
 JUMP = 0.5

@@ -13,7 +13,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
 
-from bug_gym.agents.walls.boundary import FRESH_STARTS, STANDING, Boundary, side_of
+from bug_gym.agents.walls.boundary import FRESH_STARTS, Boundary, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, copied
 from bug_gym.agents.walls.laps import is_proof
 from bug_gym.agents.walls.m_line import (
@@ -27,7 +27,7 @@ from bug_gym.agents.walls.m_line import (
 from bug_gym.agents.walls.thinning import ThinningPolicy
 from bug_gym.agents.walls.visibility import NEAR, Scan
 from bug_gym.geometry import Point
-from bug_gym.policy import Drawing, Velocity
+from bug_gym.policy import STANDING, Drawing, Velocity
 from bug_gym.view import Sensors, View
 
 MOST_STEPS = 200
