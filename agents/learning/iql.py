@@ -4,9 +4,7 @@ The value of a state is an upper expectile of what its recorded actions were wor
 and the value of what came of it (equation 6), and the actor is fitted to the recorded actions, each weighted by
 exp(beta * advantage) (equation 7), at most 100 as in the authors' code.
 
-What came of an action is what came of some steps from it on (`n_steps`), as recorded: with steps of 0.1 s what lies one
-second ahead would else be ten targets away, each of which follows slowly. That looks at more than the one action; what was
-worth a second of good driving is then known soon, at the price that the seconds are those of who drove.
+What came of an action is what came of some steps from it on (`n_steps`), see bug_gym.agents.learning.regression.
 """
 
 from __future__ import annotations

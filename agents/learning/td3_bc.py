@@ -4,9 +4,7 @@ The actor climbs lambda Q(s, pi(s)) - (pi(s) - a)^2 with lambda = alpha over the
 so that alpha means the same whatever the scale of rewards. Inputs are scaled by the encoding of observations instead of by
 the mean and deviation of the data set. The actor is PPO's network, whose mean is cut to [-1, 1] instead of squashed.
 
-What came of an action is what came of some steps from it on (`n_steps`), as recorded: with steps of 0.1 s what lies one
-second ahead would else be ten targets away, each of which follows slowly. That looks at more than the one action; what was
-worth a second of good driving is then known soon, at the price that the seconds are those of who drove.
+What came of an action is what came of some steps from it on (`n_steps`), see bug_gym.agents.learning.regression.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ from bug_gym.evaluation.minari_files import (
 from bug_gym.evaluation.plan import Plan, data_digest, make_plan, own_code
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
-from bug_gym.evaluation.results_folder import differences
-from bug_gym.files import from_json, one_writer, released, replaced_when_done
+from bug_gym.evaluation.results_folder import differences, kept_manifest
+from bug_gym.files import one_writer, released
 from bug_gym.limits import MOST_WORKERS
 from bug_gym.workers import each, starred
 
@@ -351,15 +351,8 @@ def _drive_block(source: _Source, path: Path, seeds: range) -> None:
 def _agree(source: _Source) -> None:
     """Write down what the blocks of a folder are of, or find that they are of the same."""
     source.folder.mkdir(parents=True, exist_ok=True)
-    path, identity = source.folder / "manifest.json", source.identity()
-    if not path.exists():
-        with replaced_when_done(path) as partial_file:
-            partial_file.write_text(json.dumps(identity, indent=2) + "\n", encoding="utf-8")
-        return
-    try:
-        there = from_json(path.read_bytes())
-    except ValueError as error:
-        raise ValueError(f"{path} is damaged: {error}") from None
+    identity = source.identity()
+    there = kept_manifest(source.folder / "manifest.json", identity)
     if changes := list(differences(there, identity)):
         raise ValueError(f"{source.folder} holds another run: {'; '.join(changes[:3])}")
 

@@ -105,14 +105,10 @@ class ResultFolder:
     def _agree_on_manifest(self) -> None:
         """Write down what is asked, or find that the same was asked before."""
         path, manifest = self.path / MANIFEST, self._plan.manifest()
-        if not path.exists():
-            with replaced_when_done(path) as partial:
-                partial.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+        is_new = not path.exists()
+        there = kept_manifest(path, manifest)
+        if is_new:
             return
-        try:
-            there = from_json(path.read_bytes())
-        except ValueError as error:
-            raise ValueError(f"{path} is damaged: {error}") from None
         checked(Manifest, there, f"{path} is damaged")
         changes = list(differences(there, manifest))
         if changes:
@@ -299,6 +295,22 @@ class _Lines(Generic[T]):
 
 def _line(record: Mapping[str, Any]) -> str:
     return json.dumps(record, allow_nan=False) + "\n"
+
+
+def kept_manifest(path: Path, manifest: Mapping[str, Any]) -> Any:
+    """What the manifest on disk says; where there is none yet, it is written, and says what is handed in.
+
+    Raises:
+        ValueError: it is no JSON.
+    """
+    if not path.exists():
+        with replaced_when_done(path) as partial:
+            partial.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+        return manifest
+    try:
+        return from_json(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
 
 
 def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
