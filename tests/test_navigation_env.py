@@ -353,7 +353,7 @@ def test_standing_still_ends_at_the_time_limit() -> None:
 
 def test_the_shortest_path_is_given_on_request_only() -> None:
     env = NavigationEnv("empty")
-    assert "shortest_path_length" not in env.reset(seed=0, options={"anything": 1})[1]
+    assert "shortest_path_length" not in env.reset(seed=0, options={})[1]
     assert env.reset(seed=0, options={"shortest_path": True})[1]["shortest_path_length"] == pytest.approx(8.0)
     assert "shortest_path_length" not in env.reset(seed=0, options={"shortest_path": False})[1]
 
