@@ -149,23 +149,35 @@ def law_in_turn(laws: int, number: int) -> int:
 
 @called
 def set_motion(f: Floats, k: Integers, s: Record, p: Record, b: int, number: int, key: np.uint64, draw: int) -> int:
-    """Give mover number `number` its law and speed; returns the next draw."""
+    """Give mover number `number` its law and speed; returns the next draw, after that of its heading (`set_headings`)."""
     if is_pedestrian(p, b):
         k[s.body_law + b] = CROWD
         speed = between(key, draw, p.pedestrian_speed_min, p.pedestrian_speed_max)
     else:
         k[s.body_law + b] = law_in_turn(p.laws, number)
         speed = between(key, draw, p.speed_min, p.speed_max)
-    sin, cos = sin_cos(between(key, draw + 1, -math.pi, math.pi))
-    k[s.body_leg + b] = 0
+    k[s.body_leg + b] = draw + 1
     f[s.body_speed + b] = speed
-    f[s.body_vx + b] = speed * cos
-    f[s.body_vy + b] = speed * sin
     f[s.leg_min + b] = p.leg_min
     f[s.leg_max + b] = p.leg_max
     if k[s.body_law + b] == CROWD:
         f[s.body_foresight + b] = p.horizon
     return draw + 2
+
+
+@called
+def set_headings(f: Floats, k: Integers, s: Record, begin: int, count: int, key: np.uint64) -> None:
+    """Send movers begin ... begin + count - 1 off, each by the draw that `set_motion` has left for it in `body_leg`.
+
+    All at once and apart from what may be drawn in vain, as processors turn several angles into sines at a time.
+    """
+    leg, speed = np.uint64(s.body_leg + begin), np.uint64(s.body_speed + begin)
+    vx, vy = np.uint64(s.body_vx + begin), np.uint64(s.body_vy + begin)
+    for j in range(np.uint64(count)):
+        sin, cos = sin_cos(between(key, k[leg + j], -math.pi, math.pi))
+        k[leg + j] = 0
+        f[vx + j] = f[speed + j] * cos
+        f[vy + j] = f[speed + j] * sin
 
 
 @inlined
@@ -249,21 +261,21 @@ def place_obstacles(f: Floats, k: Integers, s: Record, p: Record, key: np.uint64
             return -1 - placed
         k[s.polygon_count] = number + 1
         placed += 1
-    mover = 0
     for m in range(p.moving_discs):
         draw = place_body(f, k, s, p, m, True, key, draw)
         if draw < 0:
             return -1 - placed
-        draw = set_motion(f, k, s, p, m, mover, key, draw)
-        mover += 1
+        draw = set_motion(f, k, s, p, m, m, key, draw)
         placed += 1
     for number in range(p.moving_polygons):
-        draw = place_body(f, k, s, p, s.discs + number, True, key, draw)
+        b = s.discs + number
+        draw = place_body(f, k, s, p, b, True, key, draw)
         if draw < 0:
             return -1 - placed
-        draw = set_motion(f, k, s, p, s.discs + number, mover, key, draw)
-        mover += 1
+        draw = set_motion(f, k, s, p, b, p.moving_discs + number, key, draw)
         placed += 1
+    set_headings(f, k, s, 0, p.moving_discs, key)
+    set_headings(f, k, s, s.discs, p.moving_polygons, key)
     return draw
 
 
