@@ -260,7 +260,7 @@ class Simulation:
 
     def _place_fields(self, rows: Rows, starts: Starts, record: NDArray[Any]) -> None:
         world = self.world
-        before = [part[rows] for part in world.placed]
+        before = world.copy_placed(rows)
         placed = np.zeros(len(rows), dtype=np.int64)
         world.seed[rows], world.episode[rows] = starts
         kernels.place_fields(world.floats, world.ints, world.common, record, rows, placed)

@@ -17,12 +17,12 @@ from bug_gym.kernels.geometry import HALF_PI, TWO_PI
 from bug_gym.kernels.layout import Floats, Integers, Ranges
 from bug_gym.kernels.vectors import (
     BEST,
+    DISCS,
     LANES,
     NEAR,
     QUEUE,
     TILE,
     append_close,
-    append_near,
     append_seen,
     gather,
     test_disc,
@@ -34,6 +34,7 @@ OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, s
 SLACK = 1e-9  # [m] more than the rounding of a range: what lies farther by this than all ranges shortens none
 CROWDED = 128  # so many discs at hand hide most of one another
 FOREMOST = 48  # of so many the nearest go first, roughly
+LIMITS = 32  # room for what `_set_limits` writes: nine numbers and the sectors
 SECTORS = 16  # of a full turn, half an octant each
 SECTOR = TWO_PI / SECTORS  # [rad]
 OCTANTS = (0, 4, 5, 1, 3, 7, 6, 2)  # of each octant, counter-clockwise from the x axis, its number in `append_seen`
@@ -98,12 +99,12 @@ class Beams(NamedTuple):
 
 def scratch_floats(beams: int) -> int:
     """Length of `scratch_f` that `cast_rays` needs."""
-    return BEST + beams + 2 * LANES + 9 + SECTORS
+    return BEST + 2 * (beams + 2 * LANES) + LIMITS
 
 
 def scratch_integers(obstacles: int) -> int:
-    """Length of `scratch_i` that `cast_rays` needs; `obstacles` is the larger of the numbers of discs and walls."""
-    return NEAR + obstacles + 2 * LANES
+    """Length of `scratch_i` that `cast_rays` needs; `obstacles` are discs and walls together."""
+    return NEAR + obstacles + 4 * LANES
 
 
 def beam_table(beams: int, first_angle: float, angle_step: float) -> tuple[Floats, Floats]:
@@ -170,20 +171,6 @@ def _store_blocks(index: Integers, k: int, low: float, high: float, period: floa
     index[k + np.uint64(TILE)] = _blocks(first, _first_beam(high, last))
     index[k + np.uint64(2 * TILE)] = first_2
     index[k + np.uint64(3 * TILE)] = _blocks(first_2, _first_beam(high + shift, last))
-
-
-@inlined
-def _compact(index: Integers, obstacles: int) -> np.uint64:
-    """Turns marks index[NEAR:] into the list of marked obstacles; returns its length."""
-    start = np.uint64(NEAR)
-    count = np.uint64(obstacles)
-    for lane in range(np.uint64(LANES)):
-        index[start + count + lane] = 0
-    end: np.uint64 = start
-    for j in range(np.uint64(0), count, np.uint64(LANES)):
-        end = append_near(index, j, end)
-    _fill_up(index, start, end)
-    return end - start
 
 
 @inlined
@@ -254,22 +241,21 @@ def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, count: np
 
 
 @inlined
-def _find_near_walls(walls: Walls, x: float, y: float, reach: float, index: Integers) -> np.uint64:
-    """Lists in index[NEAR:] the walls near the scan's circle; returns how many.
+def is_wall_near(ax: float, ay: float, bx: float, by: float, reach: float) -> bool:
+    """Whether a wall's bounding box comes within reach of the origin: exact for walls along an axis."""
+    gap_x = max(ax if ax < bx else bx, -(ax if ax > bx else bx))
+    gap_y = max(ay if ay < by else by, -(ay if ay > by else by))
+    gap_x = gap_x if gap_x > 0.0 else 0.0
+    gap_y = gap_y if gap_y > 0.0 else 0.0
+    return bool(gap_x * gap_x + gap_y * gap_y < reach * reach)
 
-    Near is what has a bounding box within reach: exact for walls along an axis, nearly so for short ones.
-    """
-    for j in range(np.uint64(walls.total)):
-        ax = walls.x1[j] - x
-        ay = walls.y1[j] - y
-        bx = walls.x2[j] - x
-        by = walls.y2[j] - y
-        gap_x = max(ax if ax < bx else bx, -(ax if ax > bx else bx))
-        gap_y = max(ay if ay < by else by, -(ay if ay > by else by))
-        gap_x = gap_x if gap_x > 0.0 else 0.0
-        gap_y = gap_y if gap_y > 0.0 else 0.0
-        index[j + np.uint64(NEAR)] = np.int64(gap_x * gap_x + gap_y * gap_y < reach * reach)
-    return _compact(index, walls.total)
+
+@inlined
+def _list_all(index: Integers, start: np.uint64, count: np.uint64) -> None:
+    """Lists all of so many obstacles in index[start:]."""
+    for j in range(count):
+        index[start + j] = np.int64(j)
+    _fill_up(index, start, start + count)
 
 
 @inlined
@@ -279,9 +265,12 @@ def _padded(count: np.uint64) -> np.uint64:
 
 
 @inlined
-def _invert(f: Floats, padded: np.uint64) -> None:
+def _merge(f: Floats, padded: np.uint64, inverse: np.uint64) -> None:
+    """Lowers the beams' ranges f[BEST:] to those whose inverses are f[inverse:]."""
     for i in range(padded):
-        f[i + np.uint64(BEST)] = 1.0 / f[i + np.uint64(BEST)]
+        distance = 1.0 / f[i + inverse]
+        best = f[i + np.uint64(BEST)]
+        f[i + np.uint64(BEST)] = distance if distance < best else best
 
 
 @inlined
@@ -289,7 +278,7 @@ def _prepare_discs(f: Floats, index: Integers, padded: np.uint64, origin: Origin
     """Turns a tile of discs (x, y, radius) into the robot's frame and finds their beams; returns how many hold it."""
     around = np.int64(0)
     margin = ANGLE_MARGIN * beams.per_rad
-    for k in range(padded):
+    for k in range(np.uint64(DISCS), np.uint64(DISCS) + padded):
         dx = f[k]
         dy = f[k + np.uint64(TILE)]
         radius = f[k + np.uint64(2 * TILE)]
@@ -350,19 +339,21 @@ def _prepare_walls(f: Floats, index: Integers, padded: np.uint64, origin: Origin
 
 
 @inlined
-def _test_block(f: Floats, is_wall: bool, k: np.uint64, beam: np.uint64, beams: Beams) -> None:
+def _test_block(f: Floats, is_wall: bool, k: np.uint64, beam: np.uint64, beams: Beams, best: np.uint64) -> None:
     """Tests eight beams against obstacle k of the tile. Which kind it is is known where this is copied to."""
     if is_wall:
-        test_wall(f, k, beam, beams.cos, beams.sin)
+        test_wall(f, k, beam, beams.cos, beams.sin, best)
     else:
-        test_disc(f, k, beam, beams.cos, beams.sin)
+        test_disc(f, k, beam, beams.cos, beams.sin, best)
 
 
 @inlined
-def _queue_blocks(f: Floats, index: Integers, is_wall: bool, k: np.uint64, end: np.uint64, beams: Beams) -> np.uint64:
+def _queue_blocks(
+    f: Floats, index: Integers, is_wall: bool, k: np.uint64, end: np.uint64, beams: Beams, best: np.uint64
+) -> np.uint64:
     """Appends the blocks of obstacle k to the queue, or tests those of a piece of more than four; returns the new end.
 
-    Branch-free up to four, like `append_near`. Obstacles have one, two or three blocks in no order that a processor
+    Branch-free up to four, like `append_close`. Obstacles have one, two or three blocks in no order that a processor
     foresees, and each wrong guess at the end of a loop over them costs more than the tests themselves.
     """
     for piece in range(np.uint64(0), np.uint64(4 * TILE), np.uint64(2 * TILE)):
@@ -378,59 +369,65 @@ def _queue_blocks(f: Floats, index: Integers, is_wall: bool, k: np.uint64, end: 
                 end += blocks
         else:
             for number in range(blocks):
-                _test_block(f, is_wall, k, np.uint64(first) + np.uint64(LANES) * number, beams)
+                _test_block(f, is_wall, k, np.uint64(first) + np.uint64(LANES) * number, beams, best)
     return end
 
 
 @inlined
-def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beams: Beams) -> None:
+def _test_queued(f: Floats, index: Integers, is_wall: bool, end: np.uint64, beams: Beams, best: np.uint64) -> None:
     """Tests all blocks of the queue."""
     for m in range(np.uint64(QUEUE), end):
         block = index[m]
-        _test_block(f, is_wall, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beams)
+        _test_block(f, is_wall, np.uint64(block >> 32), np.uint64(block & 0xFFFFFFFF), beams, best)
 
 
 @inlined
-def _cast_discs(discs: Discs, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
-    """Lowers the beams' ranges f[BEST:] to those of the near discs; True if one of them holds the robot."""
+def _take_discs(
+    discs: Discs, origin: Origin, beams: Beams, first: np.uint64, count: np.uint64, f: Floats, index: Integers
+) -> np.int64:
+    """Prepares the tile of the near discs from the list's place `first` on; returns how many hold the robot."""
     tile = np.uint64(TILE)
-    for start in range(np.uint64(0), near, tile):
-        count = min(near - start, tile)
-        for k in range(np.uint64(0), count, np.uint64(LANES)):
-            at = np.uint64(NEAR) + start + k
-            gather(f, k, discs.x, index, at, origin.x)
-            gather(f, k + tile, discs.y, index, at, origin.y)
-            gather(f, k + np.uint64(2 * TILE), discs.radius, index, at, 0.0)
-        if _prepare_discs(f, index, _padded(count), origin, beams) > 0:
-            return True
-        end = np.uint64(QUEUE)
-        for k in range(count):
-            end = _queue_blocks(f, index, False, np.uint64(k), end, beams)
-        _test_queued(f, index, False, end, beams)
-    return False
+    for k in range(np.uint64(0), count, np.uint64(LANES)):
+        at, to = first + k, np.uint64(DISCS) + k
+        gather(f, to, discs.x, index, at, origin.x)
+        gather(f, to + tile, discs.y, index, at, origin.y)
+        gather(f, to + np.uint64(2 * TILE), discs.radius, index, at, 0.0)
+    return _prepare_discs(f, index, _padded(count), origin, beams)
 
 
 @inlined
-def _cast_walls(walls: Walls, origin: Origin, beams: Beams, near: np.uint64, f: Floats, index: Integers) -> bool:
-    """Raises the beams' inverse ranges f[BEST:] to those of the near walls; True if the robot stands in one."""
+def _take_walls(
+    walls: Walls, origin: Origin, beams: Beams, first: np.uint64, count: np.uint64, f: Floats, index: Integers
+) -> np.int64:
+    """Prepares the tile of the near walls from the list's place `first` on; returns how many the robot touches."""
     tile = np.uint64(TILE)
-    for start in range(np.uint64(0), near, tile):
-        count = min(near - start, tile)
-        for k in range(np.uint64(0), count, np.uint64(LANES)):
-            at = np.uint64(NEAR) + start + k
-            gather(f, k, walls.x1, index, at, origin.x)
-            gather(f, k + tile, walls.y1, index, at, origin.y)
-            gather(f, k + np.uint64(2 * TILE), walls.x2, index, at, origin.x)
-            gather(f, k + np.uint64(3 * TILE), walls.y2, index, at, origin.y)
-        if _prepare_walls(f, index, _padded(count), origin, beams) > 0:
-            return True
-        end = np.uint64(QUEUE)
-        # Sides of one polygon share beams: worked on in a row, each would wait for the other's result.
-        for side in range(np.uint64(4)):
-            for k in range(side, count, np.uint64(4)):
-                end = _queue_blocks(f, index, True, np.uint64(k), end, beams)
-        _test_queued(f, index, True, end, beams)
-    return False
+    for k in range(np.uint64(0), count, np.uint64(LANES)):
+        at = first + k
+        gather(f, k, walls.x1, index, at, origin.x)
+        gather(f, k + tile, walls.y1, index, at, origin.y)
+        gather(f, k + np.uint64(2 * TILE), walls.x2, index, at, origin.x)
+        gather(f, k + np.uint64(3 * TILE), walls.y2, index, at, origin.y)
+    return _prepare_walls(f, index, _padded(count), origin, beams)
+
+
+@inlined
+def _cast_discs(f: Floats, index: Integers, count: np.uint64, beams: Beams) -> None:
+    """Lowers the beams' ranges f[BEST:] to those of a prepared tile."""
+    best, end = np.uint64(BEST), np.uint64(QUEUE)
+    for k in range(np.uint64(DISCS), np.uint64(DISCS) + count):
+        end = _queue_blocks(f, index, False, np.uint64(k), end, beams, best)
+    _test_queued(f, index, False, end, beams, best)
+
+
+@inlined
+def _cast_walls(f: Floats, index: Integers, count: np.uint64, beams: Beams, inverse: np.uint64) -> None:
+    """Raises the beams' inverse ranges f[inverse:] to those of a prepared tile."""
+    end = np.uint64(QUEUE)
+    # Sides of one polygon share beams: worked on in a row, each would wait for the other's result.
+    for side in range(np.uint64(4)):
+        for k in range(side, count, np.uint64(4)):
+            end = _queue_blocks(f, index, True, np.uint64(k), end, beams, inverse)
+    _test_queued(f, index, True, end, beams, inverse)
 
 
 @inlined
@@ -464,25 +461,38 @@ def cast_rays(
     """
     count = np.uint64(ranges.size)
     padded = (count // np.uint64(LANES) + np.uint64(2)) * np.uint64(LANES)
+    limits = np.uint64(BEST) + padded
+    inverse = limits + np.uint64(LIMITS)
     inside = False
-    near = _find_near_walls(walls, origin.x, origin.y, reach, scratch_i)
-    farthest = 1.0 / reach if near > np.uint64(0) else reach
+    tile = np.uint64(TILE)
+    listed_walls = np.uint64(NEAR) + np.uint64(discs.total) + np.uint64(2 * LANES)
+    near_walls = np.uint64(walls.total)
+    _list_all(scratch_i, listed_walls, near_walls)
     for i in range(padded):
-        scratch_f[i + np.uint64(BEST)] = farthest
-    if near > np.uint64(0):
-        inside = _cast_walls(walls, origin, beams, near, scratch_f, scratch_i)
-        _invert(scratch_f, padded)
+        scratch_f[i + np.uint64(BEST)] = reach
+        scratch_f[i + inverse] = 1.0 / reach
     # Among many discs the nearest go first: most others lie behind them.
     crowded = discs.total > CROWDED
     low = reach * math.sqrt(FOREMOST / discs.total) if crowded else reach
     near = find_near_discs(discs, origin.x, origin.y, low, scratch_i)
     for ring in range(2 if crowded else 1):
         if ring == 1:
-            limits = np.uint64(BEST) + padded
             _set_limits(scratch_f, beams, origin, reach, count, limits)
             near = _find_farther_discs(discs, origin.x, origin.y, low, scratch_f, limits, scratch_i)
-        if near > np.uint64(0) and not inside:
-            inside = _cast_discs(discs, origin, beams, near, scratch_f, scratch_i)
+        # Walls and discs are prepared together: how many blocks either has is known late, and what a processor has begun
+        # by a wrong guess at that is lost.
+        for start in range(np.uint64(0), max(near, near_walls), tile):
+            few_walls = min(near_walls - start, tile) if near_walls > start else np.uint64(0)
+            few = min(near - start, tile) if near > start else np.uint64(0)
+            touched = _take_walls(walls, origin, beams, listed_walls + start, few_walls, scratch_f, scratch_i)
+            touched += _take_discs(discs, origin, beams, np.uint64(NEAR) + start, few, scratch_f, scratch_i)
+            if touched > 0:
+                inside = True
+            _cast_walls(scratch_f, scratch_i, few_walls, beams, inverse)
+            _cast_discs(scratch_f, scratch_i, few, beams)
+        if near_walls > np.uint64(0):
+            _merge(scratch_f, padded, inverse)
+            near_walls = np.uint64(0)
     for i in range(count):
         distance = scratch_f[i + np.uint64(BEST)]
         # Inverting `reach` twice may end one bit off, which mustn't turn a beam without return into one with.

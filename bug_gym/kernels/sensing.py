@@ -23,7 +23,7 @@ from bug_gym.kernels.layout import (
 from bug_gym.kernels.neighbours import NOWHERE, in_eights, listed_discs, listed_walls
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
-from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs
+from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs, is_wall_near
 from bug_gym.kernels.vectors import NEAR
 
 
@@ -66,11 +66,9 @@ def gather_walls(
     x2, y2 = scratch[begin + 2 * room : begin + 3 * room], scratch[begin + 3 * room : begin + 4 * room]
     count = 0
     for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
-        x1[count] = f[s.wall + 4 * w]
-        y1[count] = f[s.wall + 4 * w + 1]
-        x2[count] = f[s.wall + 4 * w + 2]
-        y2[count] = f[s.wall + 4 * w + 3]
-        count += 1
+        ax, ay, cx, cy = f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        x1[count], y1[count], x2[count], y2[count] = ax, ay, cx, cy
+        count += int(is_wall_near(ax - x, ay - y, cx - x, cy - y, s.reach))
     if polygons.total == 0:
         return Walls(x1, y1, x2, y2, count)
     near = find_near_discs(polygons, x, y, s.reach, index)

@@ -22,11 +22,12 @@ LANES = 8
 WIDE = 0.38  # a disc's radius as a part of its distance: a bit less than the sine of half an octant
 TILE = 64  # near obstacles prepared together; a column of scratch is this long
 
-# scratch_f: four columns of obstacle data, then the best value of each beam.
-BEST = 4 * TILE
-# scratch_i: four columns of beam blocks, the queue (a tile's two pieces of at most four blocks each), near obstacles.
-QUEUE = 4 * TILE
-NEAR = 13 * TILE
+# scratch_f: four columns of wall data, four of disc data, then the best value of each beam.
+DISCS = 4 * TILE
+BEST = 8 * TILE
+# scratch_i: columns of beam blocks likewise, the queue (a tile's two pieces of at most four blocks each), near obstacles.
+QUEUE = 8 * TILE
+NEAR = 17 * TILE
 
 
 FLOATS = ir.VectorType(ir.DoubleType(), LANES)
@@ -138,20 +139,6 @@ def _append(context: Any, builder: Any, index: Any, lanes: Any, j: Any, end: Any
 
 
 @vectors
-def append_near(typingctx: Any, index: Any, j: Any, end: Any) -> Any:
-    """Writes those of j ... j + 7 whose mark index[NEAR + j] isn't 0 to index[end ...]; returns the new end."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array, j, end = arguments
-        data = _data(context, builder, signature.args[0], array)
-        marks = _load(builder, data, builder.add(j, _int64(NEAR)), INTEGERS)
-        lanes = builder.icmp_unsigned("!=", marks, ir.Constant(INTEGERS, [0] * LANES))
-        return _append(context, builder, data, lanes, j, end)
-
-    return types.uint64(index, types.uint64, types.uint64), codegen
-
-
-@vectors
 def append_close(
     typingctx: Any, index: Any, xs: Any, ys: Any, radii: Any, j: Any, x: Any, y: Any, reach: Any, end: Any
 ) -> Any:
@@ -251,12 +238,12 @@ def _load_block(context: Any, builder: Any, signature: Any, arguments: Any, coun
     Returns the data of scratch, `count` columns of the obstacle, cosines and sines of the beams, their best values and
     the place of these.
     """
-    scratch, row, beam, beam_cos, beam_sin = arguments
+    scratch, row, beam, beam_cos, beam_sin, best = arguments
     data = _data(context, builder, signature.args[0], scratch)
     columns = _columns(builder, data, row, count)
     cos = _load(builder, _data(context, builder, signature.args[3], beam_cos), beam)
     sin = _load(builder, _data(context, builder, signature.args[4], beam_sin), beam)
-    place = builder.add(beam, _int64(BEST))
+    place = builder.add(beam, best)
     # Best values are positive. A store of "the better one of what lies there" would become one with a mask, which some
     # processors do slowly.
     kind = ir.FunctionType(FLOATS, [FLOATS])
@@ -265,8 +252,11 @@ def _load_block(context: Any, builder: Any, signature: Any, arguments: Any, coun
 
 
 @vectors
-def test_disc(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, beam_sin: Any) -> Any:
-    """Ranges of beams beam ... beam + 7 to disc `row` (columns x, y, radius squared); the smaller one stays."""
+def test_disc(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, beam_sin: Any, best: Any) -> Any:
+    """Ranges of beams beam ... beam + 7 to disc `row` (columns x, y, radius squared).
+
+    The smaller one of each and its value at `best` stays.
+    """
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data, (x, y, radius2), cos, sin, best, place = _load_block(context, builder, signature, arguments, 3)
@@ -281,12 +271,14 @@ def test_disc(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, 
         _store(builder, _smaller(builder, builder.select(ahead, distance, NEVER_MET), best), data, place)
         return context.get_dummy_value()
 
-    return types.void(scratch, types.uint64, types.uint64, beam_cos, beam_sin), codegen
+    return types.void(scratch, types.uint64, types.uint64, beam_cos, beam_sin, types.uint64), codegen
 
 
 @vectors
-def test_wall(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, beam_sin: Any) -> Any:
-    """Inverse ranges of beams beam ... beam + 7 to wall `row` (columns x, y of both ends); the larger one stays.
+def test_wall(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, beam_sin: Any, best: Any) -> Any:
+    """Inverse ranges of beams beam ... beam + 7 to wall `row` (columns x, y of both ends).
+
+    The larger one of each and its value at `best` stays.
 
     The ends a, b are divided by a x b, which makes the inverse range the linear a x d + d x b: no division a beam.
     The beam d passes between the ends where both terms are positive, as a, b stand counter-clockwise.
@@ -301,4 +293,4 @@ def test_wall(typingctx: Any, scratch: Any, row: Any, beam: Any, beam_cos: Any, 
         _store(builder, _larger(builder, builder.select(between, inverse, ZEROS), best), data, place)
         return context.get_dummy_value()
 
-    return types.void(scratch, types.uint64, types.uint64, beam_cos, beam_sin), codegen
+    return types.void(scratch, types.uint64, types.uint64, beam_cos, beam_sin, types.uint64), codegen

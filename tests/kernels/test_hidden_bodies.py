@@ -54,6 +54,7 @@ CROWDS = {
     "large among small circles": large_among_small(),
     "squares": everywhere("squares", 0.1, 0.7),
     "polygons": everywhere("polygons", 0.05, 1.0),
+    "circles and polygons": everywhere("mixed", 0.05, 0.3) | {"obstacles": 800},
 }
 
 
