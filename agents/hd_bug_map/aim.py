@@ -11,6 +11,12 @@ from bug_gym.agents.hd_bug_map.perceive import Scene
 GOAL_STANDS = 0.02
 """A goal slower than this stands [m/s]."""
 
+NEAR = 0.8
+"""How near to a goal its way must lead, in its radius."""
+
+HALF_CELL = math.sqrt(0.5)
+"""Of the diagonal of a cell, in its side."""
+
 LEADS_TRIED = 5
 """How often the lead is halved until nothing stands in the goal's way."""
 
@@ -27,7 +33,8 @@ def aim(scene: Scene, memory: HDBugMapMemory, top: float, *, leads: bool) -> Non
     view = scene.view
     step, radius = view.sensors.drive.step, max(view.sensors.goal_radius, 1e-3)
     goal = view.goal_position
-    memory.goal, memory.goal_radius = goal, 0.8 * radius
+    near = radius + HALF_CELL * scene.grid.cells.size if memory.is_goal_by_wall else NEAR * radius
+    memory.goal, memory.goal_radius = goal, near
     memory.moving_goal.update(goal, step)
     velocity = memory.moving_goal.velocity
     if not leads or math.hypot(*velocity) < GOAL_STANDS:
@@ -40,4 +47,4 @@ def aim(scene: Scene, memory: HDBugMapMemory, top: float, *, leads: bool) -> Non
             break
         # It will have to turn before it gets there.
         lead *= 0.5
-    memory.goal_radius = max(0.8 * radius, 2.0 * math.hypot(*velocity) * step)
+    memory.goal_radius = max(near, 2.0 * math.hypot(*velocity) * step)

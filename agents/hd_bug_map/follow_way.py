@@ -9,9 +9,10 @@ import numpy as np
 from bug_gym.agents.hd_bug.frames import direction_to
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import Measures
-from bug_gym.agents.hd_bug_map.perceive import Scene
+from bug_gym.agents.hd_bug_map.perceive import BODY_MARGIN, Scene
 from bug_gym.agents.hd_bug_map.poses import TURNING, turn_to
 from bug_gym.agents.mapping.way import Way
+from bug_gym.agents.scan.way_in import way_in
 from bug_gym.geometry import F64
 from bug_gym.kinematics import TURN_IN_PLACE
 from bug_gym.policy import braking_radius, is_steered
@@ -43,6 +44,9 @@ def follow_way(scene: Scene, memory: HDBugMapMemory, way: Way, measures: Measure
     gap = math.dist(view.position, node)
     is_last = len(way.places) == 2
     memory.mode = "direct" if is_last else "following"
+    if memory.is_goal_by_wall and (inward := way_in(view, view.sensors.radius + BODY_MARGIN)) is not None:
+        memory.mode, memory.chosen = "direct", view.goal_position
+        return view.heading + inward[0], min(measures.top, inward[1] / view.sensors.drive.step)
     memory.candidates, memory.costs, memory.forecast = np.empty((0, 2)), np.empty(0), np.empty((0, 0, 2))
     direction = memory.direction
     if not is_turning(scene, memory, measures):

@@ -60,6 +60,10 @@ class HDBugMapMemory(Memory):
     """Where to: the goal or where it can be met, odometry frame [m]."""
     goal_radius: float = 0.0
     """Adaptive goal radius [m]."""
+    is_goal_by_wall: bool = False
+    """Whether the way is one to a goal by walls that ends before it, and the present scan tells how near the body comes."""
+    beside_goal: int = 0
+    """Decisions in which it has been near such a goal."""
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Pose at this decision."""
     light: LightArea | None = None

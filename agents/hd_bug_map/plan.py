@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from bug_gym.agents.hd_bug_map.aim import HALF_CELL
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import Measures
 from bug_gym.agents.hd_bug_map.perceive import Scene
@@ -42,6 +45,9 @@ class Planner:
 
     def plan(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
         """The planned path: the one there is, or a new one; None where there is none."""
+        if memory.is_goal_by_wall and self._is_beside_in_vain(scene, memory):
+            memory.verdict = "stuck"
+            return None
         if memory.way is not None:
             near = LEFT_NODE * self.measures.radius
             scene.grid.pass_nodes(memory.way, scene.view.position, near, cuts=not scene.grid.cells.is_weighted)
@@ -77,8 +83,30 @@ class Planner:
                 return memory.turns.way
         if grid.cells.clearance > self.measures.tight:
             grid.set_clearance(self.measures.tight)
-            return grid.find_way(position, goal, radius)
-        return None
+            found = grid.find_way(position, goal, radius)
+        return self._find_way_to_wall(scene, memory) if found is None else found
+
+    def _find_way_to_wall(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
+        """The same to a goal by walls, at the least clearance: to where it may be that the body comes as near as counts."""
+        if memory.is_goal_by_wall or not self._is_by_wall(scene):
+            return None
+        view, cells = scene.view, scene.grid.cells
+        found = scene.grid.find_way(
+            view.position, view.goal_position, view.sensors.goal_radius + HALF_CELL * cells.size
+        )
+        memory.is_goal_by_wall = found is not None
+        return found
+
+    def _is_by_wall(self, scene: Scene) -> bool:
+        """Whether remembered points lie nearer to the goal than lets the body stand there."""
+        points = scene.grid.points() - scene.view.goal_position
+        return bool((np.hypot(*points.T) < self.measures.radius).any())
+
+    def _is_beside_in_vain(self, scene: Scene, memory: HDBugMapMemory) -> bool:
+        """Whether it has been near a goal by walls for so long that it comes no nearer: its way may end before a wall."""
+        view = scene.view
+        memory.beside_goal += view.goal_distance <= memory.goal_radius + 2.0 * self.measures.clearance
+        return memory.goal_watch.has_settled and memory.beside_goal * view.sensors.drive.step > STILL_FOR
 
     def _no_way(self, scene: Scene, memory: HDBugMapMemory) -> None:
         """The remembered points close the goal off: wait, forget, or say so."""

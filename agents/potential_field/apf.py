@@ -55,8 +55,9 @@ class Apf(ScriptedPolicy):
         if is_blocked and memory.minimum.waited > WAIT:
             memory.verdict = "stuck"
             return STANDING
-        if self.boundary.can_reach_goal(view, view.goal_bearing, view.goal_distance):
-            return self.field.safe_step(view, view.goal_bearing, self.sensors.drive.max_speed)
+        heading = self.boundary.goal_heading(view)
+        if heading is not None:
+            return self.field.safe_step(view, heading, self.sensors.drive.max_speed)
         return self.field.velocity(view, forces)
 
     def draw(self, memory: ApfMemory) -> Drawing:

@@ -219,8 +219,9 @@ class ApfWallFollowing(ScriptedPolicy):
         self, view: View, memory: ApfWallFollowingMemory, forces: Forces, direction: float
     ) -> Velocity | None:
         """Velocity toward the target; None where a wall must be followed."""
-        if self.boundary.can_reach_goal(view, view.goal_bearing, view.goal_distance):
-            return self.field.safe_step(view, view.goal_bearing, self.sensors.drive.max_speed)
+        heading = self.boundary.goal_heading(view)
+        if heading is not None:
+            return self.field.safe_step(view, heading, self.sensors.drive.max_speed)
         if self.parameters.approach == "straight":
             return self.boundary.go(view, view.goal_bearing, view.goal_distance)
         if is_caught(view, memory.minimum, forces, direction) and not self._has_just_left(view, memory):
@@ -312,8 +313,10 @@ class ApfWallFollowing(ScriptedPolicy):
         memory.mode = "potential_field"
 
     def _may_leave(self, view: View, memory: ApfWallFollowingMemory, contour: Contour, turning: Turning) -> bool:
-        """Conditions 2 and 3."""
+        """Conditions 2 and 3; or that a goal by walls is within reach, whatever the angles say."""
         own = self.parameters
+        if self.boundary.way_in(view, view.goal_distance) is not None:
+            return True
         if not self.boundary.is_free(view, view.goal_bearing, view.goal_distance, contour):
             return False
         if own.leave == "distance":

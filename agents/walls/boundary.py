@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from bug_gym.agents.scan.motion import has_moved
+from bug_gym.agents.scan.way_in import is_goal_by_wall, way_in
 from bug_gym.agents.walls.contour import BugMemory, Contour
 from bug_gym.agents.walls.headings import TRIED, OpenHeadings
 from bug_gym.agents.walls.laps import Laps
@@ -289,6 +290,10 @@ class Boundary:
         """
         if distance <= 0.0:
             return STANDING
+        inward = self.way_in(view, distance)
+        if inward is not None:
+            bearing, ahead = inward
+            return velocity_along(bearing, min(min(ahead, self.step) / self.sensors.drive.step, self.pace))
         free = self.free_way(view, bearing, distance, radius=radius)
         ahead = min(self.step, distance, free)
         if ahead <= 0.0:
@@ -379,10 +384,36 @@ class Boundary:
 
     def can_reach_goal(self, view: View, bearing: float, distance: float) -> bool:
         """Whether the body passes to a goal that lies nearer to a wall than the clearance; False for any other place."""
-        is_goal = abs(distance - view.goal_distance) <= 1e-6
-        if not is_goal or distance > 2.0 * self.clearance + self.sensors.goal_radius:
+        if not self._is_near_goal(view, distance):
             return False
-        return view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius
+        if view.free_distance(bearing, self.safe_radius) >= distance - self.sensors.goal_radius:
+            return True
+        return self.way_in(view, distance) is not None
+
+    def way_in(self, view: View, distance: float) -> tuple[float, float] | None:
+        """The bearing [rad] and the way [m] that bring the body within the radius of a goal where it fits nowhere at the goal.
+
+        In the corner of a room that may be only on some bearings, and not straight on to the goal. None where the body fits at
+        the goal, for a distance [m] to any other place, and where no way is free.
+        """
+        if not self._is_near_goal(view, distance) or not is_goal_by_wall(view):
+            return None
+        return way_in(view, self.safe_radius)
+
+    def goal_heading(self, view: View) -> float | None:
+        """The bearing [rad] on which the body passes to a goal that lies nearer to a wall than the clearance; None: on none."""
+        if not self.can_reach_goal(view, view.goal_bearing, view.goal_distance):
+            return None
+        inward = self.way_in(view, view.goal_distance)
+        return view.goal_bearing if inward is None else inward[0]
+
+    def _is_near_goal(self, view: View, distance: float) -> bool:
+        """Whether a distance [m] is that to a goal so near that the last of the way may lead nearer to walls."""
+        return self._is_goal(view, distance) and distance <= self.exact_length
+
+    def _is_goal(self, view: View, distance: float) -> bool:
+        """Whether a distance [m] is that to the goal."""
+        return abs(distance - view.goal_distance) <= 1e-6
 
     def is_free(self, view: View, bearing: float, distance: float, contour: Contour | None = None) -> bool:
         """Whether the robot can head along a bearing [rad] toward a target at a distance [m].

@@ -88,8 +88,11 @@ def nearer_crossing(boundary: Boundary, view: View, contour: Contour, line: MLin
     """Distance to the goal [m] where the last step met the M-line, or None where it did not nearer than `limit` [m].
 
     A wall along the line may be met on it and left beside it, as far off its contour as a robot steers. On a lap after one
-    that met the line nowhere, but came by it, being beside it is enough (`laps.is_proof`).
+    that met the line nowhere, but came by it, being beside it is enough (`laps.is_proof`). Where a goal by walls is within
+    reach the line has led far enough.
     """
+    if boundary.way_in(view, view.goal_distance) is not None:
+        return math.dist(view.position, line.goal)
     crossing = line.crossing(contour.before, contour.position)
     reach = BESIDE_LINE if contour.takes_less else ON_LINE
     if crossing is None and abs(line.offset(view.position)) <= reach * boundary.step:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from bug_gym import kernels
+from bug_gym.agents.scan.way_in import is_goal_by_wall
 from bug_gym.agents.walls.boundary import WAIT, Boundary
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour
 from bug_gym.agents.walls.open_points import Lookout, OpenPoint, Profile
@@ -237,13 +238,19 @@ class SubGoals:
         if self.boundary.can_reach_goal(view, bearing, distance):
             return True
         is_in_sight = distance <= view.sensors.range
-        return is_in_sight and self._goal_way(view, memory, profile) >= distance - view.sensors.goal_radius
+        return is_in_sight and self._goal_way(view, memory, profile) >= distance - self._short_of_goal(view)
 
     def _is_open(self, view: View, memory: SubGoalMemory, profile: Profile) -> bool:
         """Whether nothing in sight is in the way to the goal; with the rule "front" only for a goal ahead."""
-        away = view.goal_distance - view.sensors.goal_radius  # so near to it the robot is there
+        away = view.goal_distance - self._short_of_goal(view)
         is_free = self._goal_way(view, memory, profile) >= min(away, view.sensors.range)
         return is_free and self.boundary.may_head(memory.contour, view.goal_bearing + view.heading)
+
+    def _short_of_goal(self, view: View) -> float:
+        """How far before the goal [m] its way may end: where the robot is there, or from where the rest shows (way_in)."""
+        near = self.boundary.exact_length
+        is_far = view.goal_distance > near
+        return near if is_far and is_goal_by_wall(view) else view.sensors.goal_radius
 
     def _goal_way(self, view: View, memory: SubGoalMemory, profile: Profile) -> float:
         """Free way toward the goal [m], for a robot on this way with less to spare, so that it does not waver."""

@@ -13,6 +13,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
 
+from bug_gym.agents.scan.way_in import is_goal_by_wall
 from bug_gym.agents.walls.boundary import FRESH_STARTS, Boundary, side_of
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory, Contour, copied
 from bug_gym.agents.walls.laps import is_proof
@@ -26,7 +27,7 @@ from bug_gym.agents.walls.m_line import (
 )
 from bug_gym.agents.walls.thinning import ThinningPolicy
 from bug_gym.agents.walls.visibility import NEAR, Scan
-from bug_gym.geometry import Point
+from bug_gym.geometry import Point, velocity_along
 from bug_gym.policy import STANDING, Drawing, Velocity
 from bug_gym.view import Sensors, View
 
@@ -256,9 +257,20 @@ class Vision:
     def _is_visible(self, scan: Scan, scout: Scout) -> bool:
         """Whether the scout's place is visible, and the wall that its hand is on."""
         boundary, contour = self.boundary, scout.contour
+        if self._may_end_by_wall(scan, scout):
+            return False
         if contour is not None and math.dist(scout.place, contour.wall) > boundary.clearance + boundary.step:
             return False
         return scan.sees(scout.place, self.reach - boundary.clearance)
+
+    def _may_end_by_wall(self, scan: Scan, scout: Scout) -> bool:
+        """Whether the scout is near a goal at which the body does not fit: it walks right before the robot there.
+
+        How near to the goal the body comes shows from near by alone: far away the lines between points cut corners.
+        """
+        if math.dist(scout.place, scan.view.goal_position) > self.boundary.exact_length:
+            return False
+        return is_goal_by_wall(scan.seen_from(scout.place))
 
     def _step(self, scan: Scan, scout: Scout) -> Scout:
         """The scout one step further on Bug2's path."""
@@ -326,7 +338,8 @@ class Vision:
         if not memory.is_goal_seen and scout.contour is not None:
             memory.mode = "boundary_following" if gap <= NEAR * self.boundary.step else "motion_to_sub_goal"
         if memory.is_goal_seen:
-            target = view.goal_position
+            inward = self.boundary.way_in(view, view.goal_distance)
+            target = view.goal_position if inward is None else view.to_odometry(*velocity_along(*inward))
         elif scan.is_open(scout.place):
             target = scout.place
         else:
