@@ -83,6 +83,8 @@ def drive_along(
     if not is_last and not is_steered(scene.view.sensors):
         # One that is steered rounds the node.
         speed = min(speed, max(gap, 1e-3) / drive.step)
+    if is_last and drive.latency > 0:
+        speed = min(speed, gap / (drive.step * (1 + drive.latency)))  # else it drives past the goal, and back, for ever
     return direction, max(speed, TURNING)
 
 

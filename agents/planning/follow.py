@@ -13,11 +13,13 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from bug_gym import kernels
 from bug_gym.agents.planning.live import Moving
 from bug_gym.agents.planning.map import Pose
 from bug_gym.agents.planning.route import Route, distances_to_chain
 from bug_gym.checks import shortened
 from bug_gym.geometry import Point
+from bug_gym.inertia import foreseen
 from bug_gym.policy import Velocity
 from bug_gym.view import Sensors, View
 
@@ -44,6 +46,18 @@ class Follower(Protocol):
     def follow(self, route: Route, view: View, scene: Scene) -> Velocity:
         """Desired velocity in the robot's frame [m/s], x ahead, y left; `route.done` is up to date."""
         ...
+
+
+def pose_to_be(view: View, pose: Pose) -> Pose:
+    """Where a command of now will find a robot whose pose is this, in the frame of the plan: here, or on with latency.
+
+    A way is followed from there: from here the robot would swing out of it, and back, by what it drives meanwhile.
+    """
+    if view.sensors.drive.latency == 0:
+        return pose
+    ahead, (x, y, heading) = foreseen(view), pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    return x + cos * ahead.x - sin * ahead.y, y + sin * ahead.x + cos * ahead.y, heading + ahead.turn
 
 
 FollowerName = Literal["pure_pursuit", "velocity_obstacle"]
@@ -93,7 +107,7 @@ class PurePursuit:
     def follow(self, route: Route, view: View, scene: Scene) -> Velocity:
         """One decision."""
         x, y = self._target(route)
-        px, py, heading = scene.pose
+        (px, py, _), heading = pose_to_be(view, scene.pose), scene.pose[2]
         away, bearing = math.hypot(x - px, y - py), math.atan2(y - py, x - px) - heading
         if away == 0.0:
             return 0.0, 0.0
@@ -122,5 +136,10 @@ class PurePursuit:
 
     def _free(self, view: View, bearing: float) -> float:
         """How far the body can go along a bearing before it touches what the scan shows [m]."""
-        free = view.free_distance(bearing, view.sensors.radius + 2.0 * view.sensors.range_noise)
+        radius = view.sensors.radius + 2.0 * view.sensors.range_noise
+        if view.sensors.drive.latency > 0:
+            ahead, (x, y) = foreseen(view), view.points
+            free = kernels.free_distance(x - ahead.x, y - ahead.y, bearing, radius, view.sensors.range)
+        else:
+            free = view.free_distance(bearing, radius)
         return max(free, 0.0) if np.isfinite(free) else view.sensors.range

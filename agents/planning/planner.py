@@ -17,7 +17,7 @@ import shapely
 from bug_gym.agents.mapping.goal_watch import GoalWatch
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.planning.clear_step import clear_velocity
-from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower
+from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower, pose_to_be
 from bug_gym.agents.planning.growth import TOUCHING
 from bug_gym.agents.planning.live import LiveMap, Maps, Moving
 from bug_gym.agents.planning.map import PlanningMap
@@ -155,7 +155,7 @@ class MapPlanner(MapPolicy):
         scene = self.look(view, memory)
         memory.pause -= view.sensors.drive.step
         memory.goal_watch.look(scene.goal, view.sensors.drive.step)
-        away = math.inf if memory.route is None else memory.route.advance(*scene.pose[:2])
+        away = math.inf if memory.route is None else memory.route.advance(*pose_to_be(view, scene.pose)[:2])
         is_due = memory.route is None or away > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
         if memory.pause <= 0.0:
             round_these = self.planned_round(scene)

@@ -14,7 +14,7 @@ from bug_gym.agents.mapping.lazy_theta import Search
 from bug_gym.agents.mapping.point_map import PointMap
 from bug_gym.agents.planning.clear_step import ROOM as CLEAR_ROOM
 from bug_gym.agents.planning.clear_step import clear_velocity
-from bug_gym.agents.planning.follow import Scene
+from bug_gym.agents.planning.follow import Scene, pose_to_be
 from bug_gym.agents.planning.grid import Grid, Lattice, Nodes, make_grid, relink_nodes
 from bug_gym.agents.planning.grid_planner import GridParameters
 from bug_gym.agents.planning.map import PlanningMap, in_frame, inverse
@@ -265,7 +265,8 @@ def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: Pla
         is_due = memory.pause <= 0.0
     else:
         is_new = (
-            memory.route.advance(*scene.pose[:2]) > STRAYED or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
+            memory.route.advance(*pose_to_be(view, scene.pose)[:2]) > STRAYED
+            or math.dist(memory.planned_for, scene.goal) > GOAL_MOVED
         )
         is_due = is_new or is_open or not seen.is_route_open(memory.route, scene.pose[:2])
         is_due |= memory.mode == "looking" and (memory.route.rest < LOOK_STEP or memory.pause <= 0.0)

@@ -298,7 +298,10 @@ class Boundary:
         ahead = min(self.step, distance, free)
         if ahead <= 0.0:
             return None
-        speed = min(ahead / self.sensors.drive.step, speed_within(self.sensors.drive, free))
+        drive = self.sensors.drive
+        speed = min(ahead / drive.step, speed_within(drive, free))
+        if drive.latency > 0 and self._is_goal(view, distance):
+            speed = min(speed, distance / (drive.step * (1 + drive.latency)))  # else it drives past, and back, for ever
         return velocity_along(bearing, speed)
 
     def go_until_hit(self, view: View, memory: BugMemory, side: SideAfter | int, bearing: float) -> Velocity | None:
