@@ -45,6 +45,8 @@ class Planner:
 
     def plan(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
         """The planned path: the one there is, or a new one; None where there is none."""
+        if memory.is_goal_by_wall and not self._is_by_wall(scene):  # what stood there has gone
+            memory.is_goal_by_wall, memory.beside_goal, memory.way = False, 0, None
         if memory.is_goal_by_wall and self._is_beside_in_vain(scene, memory):
             memory.verdict = "stuck"
             return None
