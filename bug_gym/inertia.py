@@ -114,7 +114,8 @@ def _steps_wide(sensors: Sensors) -> bool:
 
 def _is_sparse(sensors: Sensors) -> bool:
     """Whether at the end of a step much may lie between two beams."""
-    return hidden_at(sensors, sensors.radius + sensors.step_length) > UNSURE
+    steps = 1 + sensors.drive.latency
+    return hidden_at(sensors, sensors.radius + steps * sensors.step_length) > UNSURE
 
 
 def stopping_radius(sensors: Sensors, room: float = 0.0) -> float:
@@ -486,7 +487,7 @@ def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[Shown, float, flo
         cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
         dx, dy = x - ahead.x, y - ahead.y
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
-        margin += gap * math.hypot(ahead.x, ahead.y)  # what is hidden between beams is as wide as it is from here
+        margin += _fast_gap(view.sensors) * math.hypot(ahead.x, ahead.y)  # what is hidden between beams is as wide as it is from here
     return Shown(x, y, wide), margin, gap
 
 

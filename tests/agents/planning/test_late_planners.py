@@ -51,6 +51,13 @@ def test_a_late_robot_does_not_drive_past_its_goal_for_ever(policy: str, speed: 
     assert row.success
 
 
+@pytest.mark.parametrize(("speed", "step"), [(2.0, 0.5), (5.0, 0.2)])
+def test_what_lies_between_beams_is_as_wide_for_a_late_robot_as_it_is_from_here(speed: float, step: float) -> None:
+    """The corner of the box, met by no beam, was touched two steps after a scan that showed it 2.4 m away."""
+    (row,) = evaluate(["hd_bug_map"], described("holonomic", speed, step, 2), episodes=1)
+    assert row.success
+
+
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 @pytest.mark.parametrize("late", [0, 1, 3])
 def test_the_pose_to_be_is_the_one_that_comes(kinematics: str, late: int) -> None:
