@@ -30,8 +30,10 @@ class Spans(NamedTuple):
 class Standing(NamedTuple):
     """What stands in several worlds; corners, rings, polygons and circles of all of them lie in one array each."""
 
-    walls: F64
-    """Ends x1, y1, x2, y2 (w, 4) of the sides of all rings, each world's border first [m]."""
+    wall_begin: F64
+    """Where the sides of all rings begin (w, 2), each world's border first [m]."""
+    wall_next: Counts
+    """Number, in its world, of the side that begins where each one ends (w,)."""
     of_world: Spans
     """Walls by worlds."""
     corners: Counts
@@ -78,7 +80,7 @@ def standing(layouts: Sequence[Layout]) -> Standing:
     of_corner = spans([len(ring) for ring in all_rings])
     corners: F64 = np.concatenate(all_rings).astype(np.float64, copy=False)
     is_polygon = of_shape.place > 0
-    walls, walls_of = sides_of(corners, of_corner)
+    wall_begin, wall_next, walls_of = sides_of(corners, of_corner)
     walls_of_shape = np.bincount(of_ring.owner[walls_of], minlength=len(all_shapes))
     first = walls_of_shape.cumsum() - walls_of_shape
     of_world = spans(np.bincount(of_shape.owner, walls_of_shape, len(layouts)).astype(np.int64))
@@ -86,7 +88,8 @@ def standing(layouts: Sequence[Layout]) -> Standing:
     shells, shell_of = corners[of_ring.place[of_corner.owner] == 0], spans(of_corner.size[of_ring.place == 0])
     centre, radius = holding_discs(shells, shell_of)
     return Standing(
-        walls=walls,
+        wall_begin=wall_begin,
+        wall_next=wall_next - world_first[of_world.owner],
         of_world=of_world,
         corners=np.bincount(of_shape.owner[of_ring.owner], of_corner.size, len(layouts)).astype(np.int64),
         border_walls=walls_of_shape[~is_polygon],
@@ -101,23 +104,22 @@ def standing(layouts: Sequence[Layout]) -> Standing:
     )
 
 
-def next_corners(corners: F64, rings: Spans) -> F64:
-    """Of each corner (c, 2) the next one of its ring."""
-    after = np.arange(1, len(corners) + 1)
+def next_numbers(rings: Spans) -> Counts:
+    """Of each corner (c,) the number of the next one of its ring."""
+    after = np.arange(1, len(rings.owner) + 1)
     ends = rings.size.cumsum()[rings.size > 0]
     after[ends - 1] = ends - rings.size[rings.size > 0]
-    return corners[after]
+    return after
 
 
-def sides_of(corners: F64, rings: Spans) -> tuple[F64, Counts]:
-    """The sides (w, 4) of rings, without those that have no direction, and the number of each one's ring."""
-    after = next_corners(corners, rings)
-    is_side = np.hypot(*(after - corners).T) > SAME_POINT
+def sides_of(corners: F64, rings: Spans) -> tuple[F64, Counts, Counts]:
+    """Where the sides of rings begin (w, 2), without those that have no direction; the next one's number, the ring's."""
+    after = next_numbers(rings)
+    is_side = np.hypot(*(corners[after] - corners).T) > SAME_POINT
     if is_side.all():
-        return np.hstack([corners, after]), rings.owner
+        return corners, after, rings.owner
     corners, owner = corners[is_side], rings.owner[is_side]
-    kept = spans(np.bincount(owner, minlength=len(rings.size)))
-    return np.hstack([corners, next_corners(corners, kept)]), owner
+    return corners, next_numbers(spans(np.bincount(owner, minlength=len(rings.size)))), owner
 
 
 def holding_discs(corners: F64, rings: Spans) -> tuple[F64, F64]:
@@ -130,7 +132,7 @@ def holding_discs(corners: F64, rings: Spans) -> tuple[F64, F64]:
 def inner_sides(corners: F64, rings: Spans, polygons: Spans) -> Counts:
     """Side of the walls on which polygons lie (p,), as their rings run: 1 left, -1 right, 0 not the same for all."""
     x, y = corners.T
-    next_x, next_y = next_corners(corners, rings).T
+    next_x, next_y = corners[next_numbers(rings)].T
     starts = rings.size.cumsum() - rings.size
     left, right = np.add.reduceat(x * next_y, starts), np.add.reduceat(y * next_x, starts)
     area = left - right

@@ -196,8 +196,9 @@ class World:
         discs = capacity.discs + (robots - 1) * len(self.footprint)
         bodies = discs + capacity.polygons + self.goals
         polygons, ways = capacity.polygons, capacity.ways
-        disc_room, polygon_room = kernels.list_room(discs), kernels.list_room(polygons)
-        self.common["disc_room"], self.common["polygon_room"] = disc_room, polygon_room
+        rooms = [kernels.list_room(count) for count in (discs, polygons, walls)]
+        self.common["disc_room"], self.common["polygon_room"], self.common["wall_room"] = rooms
+        disc_room, polygon_room, wall_room = rooms
         counts = {"discs": discs, "polygons": polygons, "bodies": bodies, "walls": walls, "ways": ways}
         for name, value in counts.items():
             self.common[name] = value
@@ -218,7 +219,8 @@ class World:
             if table is kernels.FLOAT_ARRAYS:  # the scenario's own terms stand behind what kernels know
                 places["own_terms"] = (end, self._own_terms * robots)
                 end += self._own_terms * robots
-            widths.append(kernels.rounded_up(end))
+            # An odd number of pairs of lines: what lies at the same place in many rows is spread over all of a cache.
+            widths.append(kernels.rounded_up(end) | kernels.ALIGNED)
             self._places |= places
         # A snapshot is as large again, but few take one of very many worlds.
         self._describe_rows()
@@ -234,9 +236,9 @@ class World:
             for table, width in zip((kernels.FLOAT_ARRAYS, kernels.INT_ARRAYS), widths, strict=True)
         ]
         beams = int(self.spec["beams"][0])
-        floats = kernels.scratch_floats(beams) + robots + 4 * walls + kernels.COLUMNS * (disc_room + polygon_room)
+        floats = kernels.scratch_floats(beams) + robots + 4 * wall_room + kernels.COLUMNS * (disc_room + polygon_room)
         steering = kernels.steering_floats(walls, bodies, robots * len(self.footprint)) if capacity.steered else 0
-        integers = kernels.scratch_integers(max(disc_room, polygon_room) + walls) + robots
+        integers = kernels.scratch_integers(max(disc_room, polygon_room)) + robots
         self.scratch_sizes = (max(kernels.rounded_up(floats), steering), max(integers, bodies))
 
     def _describe_rows(self) -> None:
@@ -402,7 +404,10 @@ class World:
     def wall(self) -> F64:
         """Wall segments (N, S, 4) where they stand: x1, y1, x2, y2 [m], a copy; `wall_count` says how many count."""
         size = self.capacity.walls
-        walls = self.array("wall").reshape(self.count, size, 4).copy()
+        corners = self.array("corner").reshape(self.count, size, 2)
+        ends = np.take_along_axis(corners, self.array("wall_next")[:, :, None], axis=1)
+        walls = np.concatenate([corners, ends], axis=2)
+        walls[np.arange(size) >= self.array("wall_count")] = 0.0
         # The walls of a moving polygon are kept relative to its place; they come first, in the polygons' order.
         moving = np.arange(size) < self.array("moving_wall_count")
         rows, numbers = np.nonzero(np.arange(self.capacity.polygons) < self.array("moving_polygon_count"))
@@ -531,8 +536,9 @@ class World:
         radius[disc_rows, still.circles.place] = still.circle[:, 2]
         radius[polygon_rows, bodies] = still.radius
         radius[rows[:, None], goals] = [[layout.goal_room] for layout in layouts]
-        walls = self._view("wall").reshape(self.count, -1, 4)
-        walls[rows[still.of_world.owner], still.of_world.place] = still.walls
+        wall_rows, wall_places = rows[still.of_world.owner], still.of_world.place
+        self._view("corner").reshape(self.count, -1, 2)[wall_rows, wall_places] = still.wall_begin
+        self._view("wall_next")[wall_rows, wall_places] = still.wall_next
         for name in ("polygon_first", "polygon_walls", "polygon_side"):
             self._view(name)[polygon_rows, still.polygons.place] = getattr(still, name)
         counts = {
@@ -694,7 +700,8 @@ class _Writer:
     def _ring(self, ring: F64) -> None:
         ring = ring[np.hypot(*(following(ring) - ring).T) > SAME_POINT]
         a, first, end = self.arrays, self.walls, self.walls + len(ring)
-        a["wall"][4 * first : 4 * end] = np.hstack([ring, following(ring)]).ravel()
+        a["corner"][2 * first : 2 * end] = ring.ravel()
+        a["wall_next"][first:end] = [*range(first + 1, end), first][: len(ring)]
         self.walls = end
 
 
@@ -768,7 +775,8 @@ class _Reader:
         spans = {kernels.BORDER: (int(a["border_first"][0]), int(a["border_walls"][0]))}
         for number in range(int(a["polygon_count"][0])):
             spans[number] = int(a["polygon_first"][number]), int(a["polygon_walls"][number])
-        walls = a["wall"].reshape(-1, 4)
+        corners = a["corner"].reshape(-1, 2)
+        walls = np.hstack([corners, corners[a["wall_next"]]])
         return {number: cut_into_rings(walls[first : first + count]) for number, (first, count) in spans.items()}
 
 

@@ -16,6 +16,7 @@ from bug_gym.compiling import called, inlined
 from bug_gym.kernels.body import body_circle
 from bug_gym.kernels.geometry import length, sin_cos
 from bug_gym.kernels.layout import HOLONOMIC, RUNNING, Floats, Integers, Record
+from bug_gym.kernels.walls import wall_ends
 
 WALL_HORIZON = 0.5  # a body comes no nearer to a still thing than would bring it there in this time [s]
 SKIN = 0.02  # room that bodies of a crowd leave between them and to robots [m]
@@ -154,6 +155,7 @@ def add_half_plane(lines: Floats, count: int, nx: float, ny: float, c: float) ->
 @called
 def add_wall_half_planes(
     f: Floats,
+    k: Integers,
     s: Record,
     first: int,
     walls: int,
@@ -167,8 +169,8 @@ def add_wall_half_planes(
 ) -> int:
     """Half planes that keep a disc off a range of still walls; returns the new number of half planes."""
     for w in range(first, first + walls):
-        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
-        ux, uy = f[s.wall + 4 * w + 2] - x1, f[s.wall + 4 * w + 3] - y1
+        x1, y1, x2, y2 = wall_ends(f, k, s, w)
+        ux, uy = x2 - x1, y2 - y1
         square = ux * ux + uy * uy
         along = min(max(((x - x1) * ux + (y - y1) * uy) / square, 0.0), 1.0)
         dx, dy = x - x1 - along * ux, y - y1 - along * uy
@@ -203,13 +205,15 @@ def add_still_half_planes(f: Floats, k: Integers, s: Record, b: int, lines: Floa
             distance = math.sqrt(square)
             gap = max(distance - radius - f[s.body_radius + m], 0.0)
             count = add_half_plane(lines, count, dx / distance, dy / distance, -gap / horizon)
-    count = add_wall_half_planes(f, s, k[s.border_first], k[s.border_walls], x, y, radius, near, horizon, lines, count)
+    border, walls = k[s.border_first], k[s.border_walls]
+    count = add_wall_half_planes(f, k, s, border, walls, x, y, radius, near, horizon, lines, count)
     for number in range(k[s.moving_polygon_count], k[s.polygon_count]):
         p = s.discs + number
         dx, dy, limit = x - f[s.body_x + p], y - f[s.body_y + p], near + f[s.body_radius + p]
         if dx * dx + dy * dy < limit * limit:
             count = add_wall_half_planes(
                 f,
+                k,
                 s,
                 k[s.polygon_first + number],
                 k[s.polygon_walls + number],

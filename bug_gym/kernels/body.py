@@ -8,6 +8,7 @@ from bug_gym.compiling import called, inlined
 from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
 from bug_gym.kernels.geometry import length, sin_cos
 from bug_gym.kernels.layout import Floats, Footprint, Record
+from bug_gym.kernels.walls import wall_between
 
 
 @inlined
@@ -85,6 +86,7 @@ def swing_contact(
     my: float,
     reach: float,
     w: int,
+    after: int,
     end: float,
 ) -> tuple[float, float]:
     """First contact of circle c of robot r's body with what comes to (x, y) from (x - mx, y - my).
@@ -101,6 +103,7 @@ def swing_contact(
         my: the same.
         reach: distance at which they touch [m].
         w: number of the wall, or NO_WALL: it is a disc.
+        after: number of the wall that begins where that ends.
         end: fraction of the step up to which it counts.
 
     Returns:
@@ -121,7 +124,7 @@ def swing_contact(
             fraction = disc_contact(px, py, ex, ey, reach + margin)
             gap = nearest_on_chord(px, py, ex, ey, finish)
         else:
-            ax, ay, bx, by = f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+            ax, ay, bx, by = wall_between(f, s, w, after)
             fraction = wall_contact(px, py, ex, ey, ax, ay, bx, by, reach + margin)
             gap = nearest_to_wall(px, py, ex, ey, ax, ay, bx, by, finish)
         if fraction <= finish:

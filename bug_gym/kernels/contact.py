@@ -14,6 +14,7 @@ from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Footprin
 from bug_gym.kernels.neighbours import Near, listed_walls, near_motion
 from bug_gym.kernels.rays import Discs, find_near_discs
 from bug_gym.kernels.vectors import NEAR
+from bug_gym.kernels.walls import next_wall, wall_between
 
 
 @inlined
@@ -54,7 +55,7 @@ def disc_contacts(
         for c in range(s.footprint):
             reach = discs.radius[at] + circle_radius(s, footprint, c)
             if footprint is not None and is_beside(footprint, c):
-                fraction, gap = swing_contact(f, s, footprint, r, c, x, y, mx, my, reach, NO_WALL, end)
+                fraction, gap = swing_contact(f, s, footprint, r, c, x, y, mx, my, reach, NO_WALL, NO_WALL, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
             px, py, ex, ey = x0 - x + mx, y0 - y + my, nx - x0 - mx, ny - y0 - my
@@ -68,11 +69,13 @@ def disc_contacts(
 @called
 def wall_contacts(
     f: Floats,
+    k: Integers,
     s: Record,
     footprint: Footprint,
     r: int,
     begin: int,
     count: int,
+    is_ring: bool,
     bx: float,
     by: float,
     mx: float,
@@ -90,8 +93,8 @@ def wall_contacts(
     px, py, ex, ey = x0 - bx + mx, y0 - by + my, x3 - x0 - mx, y3 - y0 - my
     first, clearance = NEVER, math.inf
     for w in range(begin, begin + count):
-        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
-        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        after = next_wall(k, s, w, begin, count, is_ring)
+        x1, y1, x2, y2 = wall_between(f, s, w, after)
         gap_x = max(max(min(x1, x2) - nx, nx - max(x1, x2)), 0.0)
         gap_y = max(max(min(y1, y2) - ny, ny - max(y1, y2)), 0.0)
         if gap_x * gap_x + gap_y * gap_y >= need * need:
@@ -99,7 +102,7 @@ def wall_contacts(
         for c in range(s.footprint):
             radius = circle_radius(s, footprint, c)
             if footprint is not None and is_beside(footprint, c):
-                fraction, gap = swing_contact(f, s, footprint, r, c, bx, by, mx, my, radius, w, end)
+                fraction, gap = swing_contact(f, s, footprint, r, c, bx, by, mx, my, radius, w, after, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
             fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius)
@@ -127,7 +130,7 @@ def obstacle_contact(
     if near.discs.total > 0:
         first, clearance = disc_contacts(f, k, s, footprint, near.discs, r, need, end, index)
     contact, gap = wall_contacts(
-        f, s, footprint, r, k[s.border_first], k[s.border_walls], 0.0, 0.0, 0.0, 0.0, need, end
+        f, k, s, footprint, r, k[s.border_first], k[s.border_walls], True, 0.0, 0.0, 0.0, 0.0, need, end
     )
     first, clearance = min(first, contact), min(clearance, gap)
     if near.polygons.total == 0:
@@ -140,7 +143,9 @@ def obstacle_contact(
         if walls.moves:
             x, y = near.polygons.x[at], near.polygons.y[at]
             mx, my = near_motion(f, k, s, s.discs, k[s.moving_polygon_count], np.uint64(s.disc_room) + at)
-        contact, gap = wall_contacts(f, s, footprint, r, walls.first, walls.total, x, y, mx, my, need, end)
+        contact, gap = wall_contacts(
+            f, k, s, footprint, r, walls.first, walls.total, walls.is_ring, x, y, mx, my, need, end
+        )
         first, clearance = min(first, contact), min(clearance, gap)
     return first, clearance
 

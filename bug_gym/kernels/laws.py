@@ -34,6 +34,7 @@ from bug_gym.kernels.layout import (
 from bug_gym.kernels.motion import walker_number
 from bug_gym.kernels.placing import is_taken
 from bug_gym.kernels.randomness import between, hash64, uniform
+from bug_gym.kernels.walls import wall_ends
 
 PATIENCE, DETOUR = 5.0, 2.0  # a goal is given up after this time [s] and so many times that of the straight way
 MAX_SIDESTEP = 1.5  # how far at most a body of a crowd that is held up turns to its right [rad]
@@ -110,23 +111,22 @@ def crowd_velocity(
 
 
 @called
-def is_inside(f: Floats, s: Record, first: int, walls: int, x: float, y: float) -> bool:
+def is_inside(f: Floats, k: Integers, s: Record, first: int, walls: int, x: float, y: float) -> bool:
     """Whether a point lies within the rings that a range of walls makes (even-odd rule)."""
     inside = False
     for w in range(first, first + walls):
-        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
-        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        x1, y1, x2, y2 = wall_ends(f, k, s, w)
         if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
             inside = not inside
     return inside
 
 
 @called
-def has_room(f: Floats, s: Record, first: int, walls: int, x: float, y: float, room: float) -> bool:
+def has_room(f: Floats, k: Integers, s: Record, first: int, walls: int, x: float, y: float, room: float) -> bool:
     """Whether a range of walls keeps this distance from a point."""
     for w in range(first, first + walls):
-        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
-        if point_wall_square(x, y, x1, y1, f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]) < room * room:
+        x1, y1, x2, y2 = wall_ends(f, k, s, w)
+        if point_wall_square(x, y, x1, y1, x2, y2) < room * room:
             return False
     return True
 
@@ -135,13 +135,13 @@ def has_room(f: Floats, s: Record, first: int, walls: int, x: float, y: float, r
 def is_open(f: Floats, k: Integers, s: Record, x: float, y: float, room: float) -> bool:
     """Whether a point lies within the border and keeps this distance from it and from still obstacles."""
     first, walls = k[s.border_first], k[s.border_walls]
-    if not is_inside(f, s, first, walls, x, y) or not has_room(f, s, first, walls, x, y, room):
+    if not is_inside(f, k, s, first, walls, x, y) or not has_room(f, k, s, first, walls, x, y, room):
         return False
     if is_taken(f, s, k[s.moving_disc_count], k[s.disc_count], x, y, room):
         return False
     for number in range(k[s.moving_polygon_count], k[s.polygon_count]):
         first, walls = k[s.polygon_first + number], k[s.polygon_walls + number]
-        if is_inside(f, s, first, walls, x, y) or not has_room(f, s, first, walls, x, y, room):
+        if is_inside(f, k, s, first, walls, x, y) or not has_room(f, k, s, first, walls, x, y, room):
             return False
     return True
 
@@ -151,7 +151,7 @@ def draw_free_goal(f: Floats, k: Integers, s: Record, b: int) -> None:
     """Put body b's goal to a place that is free for it, or to its own where none is found."""
     xmin, ymin, xmax, ymax = math.inf, math.inf, -math.inf, -math.inf
     for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
-        x, y = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
+        x, y = f[s.corner + 2 * w], f[s.corner + 2 * w + 1]
         xmin, ymin, xmax, ymax = min(xmin, x), min(ymin, y), max(xmax, x), max(ymax, y)
     key = hash64(k[s.seed], k[s.episode], k[s.body_leg + b], STREAM_CROWD)
     k[s.body_leg + b] += 1

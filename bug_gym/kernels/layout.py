@@ -81,7 +81,7 @@ FLOAT_ARRAYS: dict[str, tuple[int, str]] = {
     "way_x": (1, "ways"),  # way-points, goals and records, body after body [m]
     "way_y": (1, "ways"),
     "way_time": (1, "ways"),  # of a record [s]
-    "wall": (4, "walls"),  # x1, y1, x2, y2 [m]; relative to the body's place where it moves
+    "corner": (2, "walls"),  # x, y where each wall begins [m]; relative to the body's place where it moves
     "body_goal_x": (1, "lookers"),  # where it is going [m]
     "body_goal_y": (1, "lookers"),
     "body_patience": (1, "lookers"),  # when it gives its goal up [s]
@@ -119,8 +119,9 @@ INT_ARRAYS: dict[str, tuple[int, str]] = {
     "polygon_first": (1, "polygons"),  # where its walls begin
     "polygon_walls": (1, "polygons"),
     "polygon_side": (1, "polygons"),  # 1 or -1: on which side of its walls the inside lies
+    "wall_next": (1, "walls"),  # number of the wall that begins where it ends
 }
-ALIGNED = 16  # rows and their walls begin at a multiple of so many numbers: processors fetch lines of 64 bytes in pairs
+ALIGNED = 16  # rows and their corners begin at a multiple of so many: processors fetch lines of 64 bytes in pairs
 
 
 def places(table: dict[str, tuple[int, str]], counts: dict[str, int]) -> dict[str, tuple[int, int]]:
@@ -128,7 +129,7 @@ def places(table: dict[str, tuple[int, str]], counts: dict[str, int]) -> dict[st
     result = {}
     begin = 0
     for name, (numbers, count) in table.items():
-        if name in ("wall", "near"):
+        if name in ("corner", "near"):
             begin = rounded_up(begin)
         size = numbers * counts[count]
         result[name] = (begin, size)
@@ -146,6 +147,7 @@ COUNTS = (
     "robots",
     "disc_room",
     "polygon_room",
+    "wall_room",
     "discs",
     "polygons",
     "goals",

@@ -9,6 +9,7 @@ from bug_gym.kernels.chords import NEVER, disc_contact, point_wall_distance, wal
 from bug_gym.kernels.geometry import length, sin_cos
 from bug_gym.kernels.layout import BOUNCE, CROWD, RANDOM_WALK, STILL, STREAM_WALK, WAYPOINTS, Floats, Integers, Record
 from bug_gym.kernels.randomness import between, hash64, uniform
+from bug_gym.kernels.walls import wall_ends
 
 # A body moves straight until its next event: it touches something still, reaches a way-point, or takes a new heading.
 # Event times are computed once a leg. Between events it is at line + velocity * time, whoever asks and whenever: so a step
@@ -45,8 +46,7 @@ def plan_reflection(f: Floats, k: Integers, s: Record, b: int, now: float) -> fl
             f[s.body_nx + b] = (dx + fraction * ex) / distance
             f[s.body_ny + b] = (dy + fraction * ey) / distance
     for w in range(k[s.moving_wall_count], k[s.wall_count]):
-        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
-        x2, y2 = f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
+        x1, y1, x2, y2 = wall_ends(f, k, s, w)
         ux, uy = x2 - x1, y2 - y1
         square = ux * ux + uy * uy
         beside, drift = (y - y1) * ux - (x - x1) * uy, vy * ux - vx * uy
@@ -91,8 +91,8 @@ def quiet_until(f: Floats, k: Integers, s: Record, b: int) -> float:
             gap = min(gap, length(x - f[s.body_x + m], y - f[s.body_y + m]) - f[s.body_radius + m])
         until = max(gap - radius, 0.0) / max(length(vx, vy), 1e-300)
     for w in range(k[s.moving_wall_count], k[s.wall_count]):
-        x1, y1 = f[s.wall + 4 * w], f[s.wall + 4 * w + 1]
-        ux, uy = f[s.wall + 4 * w + 2] - x1, f[s.wall + 4 * w + 3] - y1
+        x1, y1, x2, y2 = wall_ends(f, k, s, w)
+        ux, uy = x2 - x1, y2 - y1
         beside, drift = (y - y1) * ux - (x - x1) * uy, vy * ux - vx * uy
         gap = abs(beside) - radius * (abs(ux) + abs(uy))  # no wall is longer than both its sides
         if gap <= 0.0:

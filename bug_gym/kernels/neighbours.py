@@ -22,6 +22,7 @@ from bug_gym.kernels.layout import ACKERMANN, BOUNCE, CROWD, Floats, Integers, R
 from bug_gym.kernels.motion import UNPLANNED, body_motion, bring_forward, move_looker, quiet_until
 from bug_gym.kernels.rays import Discs
 from bug_gym.kernels.vectors import LANES, move_eight
+from bug_gym.kernels.walls import is_one_ring
 
 FEW = 64  # up to so many all are listed once an episode: to choose among them would cost more than it saves
 NOWHERE = 1e100  # x and y of what fills up the last eight of a list [m]
@@ -46,20 +47,23 @@ class ListedWalls(NamedTuple):
     total: int
     side: int
     """1 or -1: on which side of its walls the inside lies."""
+    is_ring: bool
+    """A single one, without holes."""
     moves: bool
 
 
 @inlined
 def pack_walls(walls: ListedWalls) -> int:
     """One number of 64 bits."""
-    return walls.first << 32 | walls.total << 3 | (walls.side + 1) << 1 | int(walls.moves)
+    return walls.first << 32 | walls.total << 4 | (walls.side + 1) << 2 | int(walls.is_ring) << 1 | int(walls.moves)
 
 
 @inlined
 def listed_walls(k: Integers, s: Record, at: np.uint64) -> ListedWalls:
     """Of the polygon at a place of the list of polygons."""
     packed = k[np.uint64(s.near_walls + s.disc_room) + at]
-    return ListedWalls(packed >> 32, packed >> 3 & 0x1FFFFFFF, (packed >> 1 & 3) - 1, packed & 1 != 0)
+    side = (packed >> 2 & 3) - 1
+    return ListedWalls(packed >> 32, packed >> 4 & 0xFFFFFFF, side, packed & 2 != 0, packed & 1 != 0)
 
 
 def list_room(bodies: int) -> int:
@@ -130,8 +134,9 @@ def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, tota
             continue
         k[s.near_number + count] = number = b - first
         if at > 0:
-            polygon_walls = k[s.polygon_first + number], k[s.polygon_walls + number], k[s.polygon_side + number]
-            k[s.near_walls + count] = pack_walls(ListedWalls(*polygon_walls, moves))
+            begin, walls = k[s.polygon_first + number], k[s.polygon_walls + number]
+            is_ring = is_one_ring(k, s, begin, walls)
+            k[s.near_walls + count] = pack_walls(ListedWalls(begin, walls, k[s.polygon_side + number], is_ring, moves))
         if waits and is_quiet(f, k, s, b, time):
             list_waiting(f, s, b, count)
         else:

@@ -27,7 +27,7 @@ TRIES = 1000  # for one obstacle
 ATTEMPTS = 20  # at a whole world
 PLACED = frozenset(
     [
-        *("seed", "episode", "pose", "goal_body", "wall", "border_first", "border_walls"),
+        *("seed", "episode", "pose", "goal_body", "corner", "wall_next", "border_first", "border_walls"),
         *("body_x", "body_y", "body_radius", "body_vx", "body_vy", "body_speed", "body_law", "body_leg"),
         *("leg_min", "leg_max", "body_foresight", "body_calm"),
         *("polygon_first", "polygon_walls", "polygon_side", "polygon_count", "moving_polygon_count"),
@@ -181,12 +181,11 @@ def set_headings(f: Floats, k: Integers, s: Record, begin: int, count: int, key:
 
 
 @inlined
-def add_wall(f: Floats, s: Record, w: int, x1: float, y1: float, x2: float, y2: float) -> None:
-    """Write wall segment w."""
-    f[s.wall + 4 * w] = x1
-    f[s.wall + 4 * w + 1] = y1
-    f[s.wall + 4 * w + 2] = x2
-    f[s.wall + 4 * w + 3] = y2
+def add_wall(f: Floats, k: Integers, s: Record, w: int, x: float, y: float, after: int) -> None:
+    """Write wall w, which begins at (x, y) and ends where wall `after` begins."""
+    f[s.corner + 2 * w] = x
+    f[s.corner + 2 * w + 1] = y
+    k[s.wall_next + w] = after
 
 
 @called
@@ -207,20 +206,17 @@ def shape_polygon(f: Floats, k: Integers, s: Record, p: Record, number: int, key
     shift = 0.0 if p.squares else between(key, draw, -0.2, 0.2)
     sin, cos = sin_cos(turn + 2.0 * math.pi * shift / corners)
     first = k[s.wall_count]
-    first_x, first_y = x0 + radius * cos, y0 + radius * sin
-    x, y = first_x, first_y
-    for i in range(1, corners + 1):
+    last = first + corners - 1
+    add_wall(f, k, s, first, x0 + radius * cos, y0 + radius * sin, first + 1)
+    for i in range(1, corners):
         reach = radius
         if p.squares:
             sin, cos = cos, -sin
-        elif i < corners:
+        else:
             sin, cos = sin_cos(turn + 2.0 * math.pi * (i + between(key, draw + 2 * i, -0.2, 0.2)) / corners)
             reach = radius * between(key, draw + 2 * i + 1, 0.6, 1.0)
-        next_x, next_y = x0 + reach * cos, y0 + reach * sin
-        if i == corners:
-            next_x, next_y = first_x, first_y
-        add_wall(f, s, first + i - 1, x, y, next_x, next_y)
-        x, y = next_x, next_y
+        after = first + i + 1 if first + i < last else first
+        add_wall(f, k, s, first + i, x0 + reach * cos, y0 + reach * sin, after)
     k[s.polygon_first + number] = first
     k[s.polygon_walls + number] = corners
     k[s.polygon_side + number] = 1
@@ -232,10 +228,10 @@ def shape_polygon(f: Floats, k: Integers, s: Record, p: Record, number: int, key
 def place_border(f: Floats, k: Integers, s: Record, p: Record) -> None:
     """Append the four walls of the bounds."""
     w = k[s.wall_count]
-    add_wall(f, s, w, p.xmin, p.ymin, p.xmax, p.ymin)
-    add_wall(f, s, w + 1, p.xmax, p.ymin, p.xmax, p.ymax)
-    add_wall(f, s, w + 2, p.xmax, p.ymax, p.xmin, p.ymax)
-    add_wall(f, s, w + 3, p.xmin, p.ymax, p.xmin, p.ymin)
+    add_wall(f, k, s, w, p.xmin, p.ymin, w + 1)
+    add_wall(f, k, s, w + 1, p.xmax, p.ymin, w + 2)
+    add_wall(f, k, s, w + 2, p.xmax, p.ymax, w + 3)
+    add_wall(f, k, s, w + 3, p.xmin, p.ymax, w)
     k[s.border_first] = w
     k[s.border_walls] = 4
     k[s.wall_count] = w + 4

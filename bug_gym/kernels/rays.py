@@ -25,8 +25,10 @@ from bug_gym.kernels.vectors import (
     append_close,
     append_seen,
     gather,
+    take_walls,
     test_disc,
     test_wall,
+    write_wall,
 )
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
@@ -55,17 +57,11 @@ class Discs(NamedTuple):
 
 
 class Walls(NamedTuple):
-    """Wall segments of one world. Sides of a polygon share their ends bit for bit."""
+    """Wall segments of one world, with room for as many in eights. Sides of a polygon share their ends bit for bit."""
 
-    x1: Floats
-    """One end (S,) [m]."""
-    y1: Floats
-    """One end (S,) [m]."""
-    x2: Floats
-    """The other end (S,) [m]."""
-    y2: Floats
-    """The other end (S,) [m]."""
-    total: int
+    ends: Floats
+    """x1, y1, x2, y2 of each (4 S,) [m]."""
+    total: np.uint64
     """How many of them count."""
 
 
@@ -103,7 +99,7 @@ def scratch_floats(beams: int) -> int:
 
 
 def scratch_integers(obstacles: int) -> int:
-    """Length of `scratch_i` that `cast_rays` needs; `obstacles` are discs and walls together."""
+    """Length of `scratch_i` that `cast_rays` needs; `obstacles` are discs."""
     return NEAR + obstacles + 4 * LANES
 
 
@@ -251,14 +247,6 @@ def is_wall_near(ax: float, ay: float, bx: float, by: float, reach: float) -> bo
 
 
 @inlined
-def _list_all(index: Integers, start: np.uint64, count: np.uint64) -> None:
-    """Lists all of so many obstacles in index[start:]."""
-    for j in range(count):
-        index[start + j] = np.int64(j)
-    _fill_up(index, start, start + count)
-
-
-@inlined
 def _padded(count: np.uint64) -> np.uint64:
     """The multiple of eight that holds so many."""
     return (count + np.uint64(LANES - 1)) // np.uint64(LANES) * np.uint64(LANES)
@@ -399,14 +387,9 @@ def _take_discs(
 def _take_walls(
     walls: Walls, origin: Origin, beams: Beams, first: np.uint64, count: np.uint64, f: Floats, index: Integers
 ) -> np.int64:
-    """Prepares the tile of the near walls from the list's place `first` on; returns how many the robot touches."""
-    tile = np.uint64(TILE)
+    """Prepares the tile of the walls from number `first` on; returns how many the robot touches."""
     for k in range(np.uint64(0), count, np.uint64(LANES)):
-        at = first + k
-        gather(f, k, walls.x1, index, at, origin.x)
-        gather(f, k + tile, walls.y1, index, at, origin.y)
-        gather(f, k + np.uint64(2 * TILE), walls.x2, index, at, origin.x)
-        gather(f, k + np.uint64(3 * TILE), walls.y2, index, at, origin.y)
+        take_walls(f, k, walls.ends, first + k, origin.x, origin.y)
     return _prepare_walls(f, index, _padded(count), origin, beams)
 
 
@@ -451,12 +434,12 @@ def cast_rays(
 
     Args:
         discs: Of one world's row.
-        walls: Likewise.
+        walls: Likewise; the last eight are filled up.
         origin: Where the robot is.
         beams: Of its scanner.
         reach: Largest range [m].
         scratch_f: (scratch_floats(B),) f8, overwritten; what it held doesn't matter.
-        scratch_i: (scratch_integers(max(M, S)),) i8, likewise.
+        scratch_i: (scratch_integers(M),) i8, likewise.
         ranges: (B,) f4 [m], the result.
     """
     count = np.uint64(ranges.size)
@@ -465,9 +448,9 @@ def cast_rays(
     inverse = limits + np.uint64(LIMITS)
     inside = False
     tile = np.uint64(TILE)
-    listed_walls = np.uint64(NEAR) + np.uint64(discs.total) + np.uint64(2 * LANES)
-    near_walls = np.uint64(walls.total)
-    _list_all(scratch_i, listed_walls, near_walls)
+    near_walls = walls.total
+    for number in range(near_walls, _padded(near_walls)):
+        write_wall(walls.ends, number, walls.ends[0], walls.ends[1], walls.ends[2], walls.ends[3])
     for i in range(padded):
         scratch_f[i + np.uint64(BEST)] = reach
         scratch_f[i + inverse] = 1.0 / reach
@@ -484,7 +467,7 @@ def cast_rays(
         for start in range(np.uint64(0), max(near, near_walls), tile):
             few_walls = min(near_walls - start, tile) if near_walls > start else np.uint64(0)
             few = min(near - start, tile) if near > start else np.uint64(0)
-            touched = _take_walls(walls, origin, beams, listed_walls + start, few_walls, scratch_f, scratch_i)
+            touched = _take_walls(walls, origin, beams, np.uint64(start), few_walls, scratch_f, scratch_i)
             touched += _take_discs(discs, origin, beams, np.uint64(NEAR) + start, few, scratch_f, scratch_i)
             if touched > 0:
                 inside = True

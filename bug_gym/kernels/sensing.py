@@ -24,7 +24,8 @@ from bug_gym.kernels.neighbours import NOWHERE, in_eights, listed_discs, listed_
 from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
 from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs, is_wall_near
-from bug_gym.kernels.vectors import NEAR
+from bug_gym.kernels.vectors import NEAR, write_wall
+from bug_gym.kernels.walls import after_ring, next_wall, wall_between, wall_ends
 
 
 class Look(NamedTuple):
@@ -60,17 +61,15 @@ def gather_walls(
     From outside a polygon only those are taken that face (x, y): the others lie behind them. They are written to the
     end of `scratch`.
     """
-    room = s.walls
-    begin = scratch.size - 4 * room
-    x1, y1 = scratch[begin : begin + room], scratch[begin + room : begin + 2 * room]
-    x2, y2 = scratch[begin + 2 * room : begin + 3 * room], scratch[begin + 3 * room : begin + 4 * room]
-    count = 0
-    for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
-        ax, ay, cx, cy = f[s.wall + 4 * w], f[s.wall + 4 * w + 1], f[s.wall + 4 * w + 2], f[s.wall + 4 * w + 3]
-        x1[count], y1[count], x2[count], y2[count] = ax, ay, cx, cy
-        count += int(is_wall_near(ax - x, ay - y, cx - x, cy - y, s.reach))
+    ends = scratch[scratch.size - 4 * s.wall_room :]
+    count = np.uint64(0)
+    first, total = k[s.border_first], k[s.border_walls]
+    for w in range(first, first + total):
+        ax, ay, cx, cy = wall_between(f, s, w, next_wall(k, s, w, first, total, True))
+        write_wall(ends, count, ax, ay, cx, cy)
+        count += np.uint64(is_wall_near(ax - x, ay - y, cx - x, cy - y, s.reach))
     if polygons.total == 0:
-        return Walls(x1, y1, x2, y2, count)
+        return Walls(ends, count)
     near = find_near_discs(polygons, x, y, s.reach, index)
     for j in range(near):
         at = np.uint64(index[np.uint64(NEAR) + j])
@@ -80,15 +79,21 @@ def gather_walls(
         side = 0.0 if dx * dx + dy * dy <= radius * radius else np.float64(walls.side)
         if not walls.moves:
             bx, by = 0.0, 0.0
-        for w in range(walls.first, walls.first + walls.total):
-            ax, ay = f[s.wall + 4 * w] + bx, f[s.wall + 4 * w + 1] + by
-            cx, cy = f[s.wall + 4 * w + 2] + bx, f[s.wall + 4 * w + 3] + by
-            x1[count] = ax
-            y1[count] = ay
-            x2[count] = cx
-            y2[count] = cy
-            count += int(side * ((ax - x) * (cy - y) - (ay - y) * (cx - x)) <= 0.0)
-    return Walls(x1, y1, x2, y2, count)
+        first, past = walls.first, walls.first + walls.total
+        while first < past:
+            after = past if walls.is_ring else after_ring(k, s, first)
+            begin, end = np.uint64(s.corner + 2 * first), np.uint64(s.corner + 2 * after)
+            # The wall comes first that ends at the ring's first corner: so each corner is read once.
+            cx, cy = f[end - np.uint64(2)] + bx, f[end - np.uint64(1)] + by
+            right, up = cx - x, cy - y
+            for corner in range(begin, end, np.uint64(2)):
+                ax, ay, left, down = cx, cy, right, up
+                cx, cy = f[corner] + bx, f[corner + np.uint64(1)] + by
+                right, up = cx - x, cy - y
+                write_wall(ends, count, ax, ay, cx, cy)
+                count += np.uint64(side * (left * up - down * right) <= 0.0)
+            first = after
+    return Walls(ends, count)
 
 
 @inlined
@@ -168,10 +173,10 @@ def peer_in_frame(f: Floats, s: Record, look: Look, other: int) -> tuple[float, 
 
 
 @inlined
-def wall_gap(f: Floats, s: Record, w: int, x: float, y: float) -> float:
+def wall_gap(f: Floats, k: Integers, s: Record, w: int, x: float, y: float) -> float:
     """Distance of a point to wall w, both in the frame in which the wall is kept."""
-    at = s.wall + 4 * w
-    return point_wall_distance(x, y, f[at], f[at + 1], f[at + 2], f[at + 3])
+    x1, y1, x2, y2 = wall_ends(f, k, s, w)
+    return point_wall_distance(x, y, x1, y1, x2, y2)
 
 
 @called
@@ -185,7 +190,7 @@ def clearance_at(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int
         x, y = body_circle(f, s, footprint, s.pose, r, c)
         radius = circle_radius(s, footprint, c)
         for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
-            nearest = min(nearest, wall_gap(f, s, w, x, y) - radius)
+            nearest = min(nearest, wall_gap(f, k, s, w, x, y) - radius)
         for m in range(k[s.disc_count]):
             dx, dy = x - f[s.body_x + m], y - f[s.body_y + m]
             reach = radius + f[s.body_radius + m]
@@ -201,7 +206,7 @@ def clearance_at(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int
                 bx, by = 0.0, 0.0
             first = k[s.polygon_first + number]
             for w in range(first, first + k[s.polygon_walls + number]):
-                nearest = min(nearest, wall_gap(f, s, w, x - bx, y - by) - radius)
+                nearest = min(nearest, wall_gap(f, k, s, w, x - bx, y - by) - radius)
         if footprint is None:
             continue
         for other in range(s.robots):

@@ -160,7 +160,7 @@ def fetch_row(f: Floats, k: Integers, s: Record) -> None:
         prefetch(f, line)
     for line in range(0, s.near_number, 8):
         prefetch(k, line)
-    for line in range(s.wall, s.wall + 4 * FETCHED, 8):  # of the border, where there are no polygons
+    for line in range(s.corner, s.corner + 2 * FETCHED, 8):  # of the border, where there are no polygons
         prefetch(f, line)
 
 
@@ -191,15 +191,15 @@ def fetch_polygons(f: Floats, k: Integers, s: Record) -> None:
 @called
 def fetch_near_walls(f: Floats, k: Integers, s: Record, columns: Floats, index: Integers) -> None:
     """Asks for the walls of the border, and of the polygons near the first robot."""
-    border = s.wall + 4 * k[s.border_first]
-    for line in range(border, border + 4 * FETCHED, 8):
+    border = s.corner + 2 * k[s.border_first]
+    for line in range(border, border + 2 * FETCHED, 8):
         prefetch(f, line)
     polygons = move_list(f, s, s.disc_room, k[s.near_polygons], f[s.time], columns)
     near = find_near_discs(polygons, f[s.pose], f[s.pose + 1], s.reach, index)
     for j in range(near):
         walls = listed_walls(k, s, np.uint64(index[np.uint64(NEAR) + j]))
-        first = s.wall + 4 * walls.first
-        for line in range(first, first + 4 * walls.total, 8):
+        first = s.corner + 2 * walls.first
+        for line in range(first, first + 2 * walls.total, 8):
             prefetch(f, line)
 
 
@@ -342,7 +342,7 @@ def run_rows(
         rows: numbers of the worlds.
     """
     s = spec[0]
-    columns = scratch[scratch.size - 4 * s.walls - COLUMNS * (s.disc_room + s.polygon_room) :]
+    columns = scratch[scratch.size - 4 * s.wall_room - COLUMNS * (s.disc_room + s.polygon_room) :]
     many = rows.size >= MANY_ROWS
     many_walls = many and s.walls >= MANY_WALLS
     ahead = 3 if many_walls else 2

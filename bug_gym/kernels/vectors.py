@@ -232,6 +232,58 @@ def gather(typingctx: Any, scratch: Any, k: Any, source: Any, index: Any, start:
     return types.void(scratch, types.uint64, source, index, types.uint64, types.float64), codegen
 
 
+WALL = ir.VectorType(ir.DoubleType(), 4)
+
+
+@vectors
+def write_wall(typingctx: Any, ends: Any, number: Any, x1: Any, y1: Any, x2: Any, y2: Any) -> Any:
+    """ends[4 number ... 4 number + 3] = x1, y1, x2, y2, at once, so that the processor forwards them to `take_walls`."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        ends, number, *values = arguments
+        data = _data(context, builder, signature.args[0], ends)
+        wall = ir.Constant(WALL, ir.Undefined)
+        for lane, value in enumerate(values):
+            wall = builder.insert_element(wall, value, ir.Constant(ir.IntType(32), lane))
+        _store(builder, wall, data, builder.mul(number, _int64(4)))
+        return context.get_dummy_value()
+
+    return types.void(ends, types.uint64, *(types.float64,) * 4), codegen
+
+
+@vectors
+def take_walls(typingctx: Any, scratch: Any, k: Any, ends: Any, first: Any, x: Any, y: Any) -> Any:
+    """Writes the walls first ... first + 7 to scratch[k ... k + 7] and the three columns behind, seen from (x, y)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        scratch, k, ends, first, x, y = arguments
+        target = _data(context, builder, signature.args[0], scratch)
+        source = _data(context, builder, signature.args[2], ends)
+        begin = builder.mul(first, _int64(4))
+        walls = [_load(builder, source, builder.add(begin, _int64(4 * lane)), WALL) for lane in range(LANES)]
+
+        def joined(one: Any, other: Any, lanes: list[int]) -> Any:
+            chosen = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
+            return builder.shuffle_vector(one, other, chosen)
+
+        # x and y of both ends of two walls side by side, then of four, then of all eight.
+        pairs = [
+            [joined(one, other, [0, 4, 2, 6]), joined(one, other, [1, 5, 3, 7])]
+            for one, other in zip(walls[::2], walls[1::2], strict=True)
+        ]
+        for column in range(4):
+            halves = []
+            for one, other in (pairs[:2], pairs[2:]):
+                lanes = [0, 1, 4, 5] if column < 2 else [2, 3, 6, 7]
+                halves.append(joined(one[column % 2], other[column % 2], lanes))
+            values = joined(halves[0], halves[1], list(range(LANES)))
+            origin = _splat(builder, y if column % 2 else x)
+            _store(builder, builder.fsub(values, origin), target, builder.add(k, _int64(column * TILE)))
+        return context.get_dummy_value()
+
+    return types.void(scratch, types.uint64, ends, types.uint64, types.float64, types.float64), codegen
+
+
 def _load_block(context: Any, builder: Any, signature: Any, arguments: Any, count: int) -> tuple[Any, ...]:
     """What `test_disc` and `test_wall` read.
 
