@@ -487,7 +487,9 @@ def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[Shown, float, flo
         cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
         dx, dy = x - ahead.x, y - ahead.y
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
-        margin += _fast_gap(view.sensors) * math.hypot(ahead.x, ahead.y)  # what beams hide is as wide as it is from here
+        margin += _fast_gap(view.sensors) * math.hypot(
+            ahead.x, ahead.y
+        )  # what beams hide is as wide as it is from here
     return Shown(x, y, wide), margin, gap
 
 
