@@ -487,9 +487,8 @@ def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[Shown, float, flo
         cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
         dx, dy = x - ahead.x, y - ahead.y
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
-        margin += _fast_gap(view.sensors) * math.hypot(
-            ahead.x, ahead.y
-        )  # what beams hide is as wide as it is from here
+        # What lies between two beams is as wide as it is from here.
+        margin += _fast_gap(view.sensors) * math.hypot(ahead.x, ahead.y)
     return Shown(x, y, wide), margin, gap
 
 
