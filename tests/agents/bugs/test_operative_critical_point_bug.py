@@ -13,7 +13,8 @@ from episodes import Episode, canonical_world, run_episode, tolerance
 from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.agents.critical_points.circle import leg_along
-from bug_gym.agents.walls.boundary import STANDING, WAIT
+from bug_gym.agents.walls.boundary import WAIT
+from bug_gym.policy import STANDING
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
 
