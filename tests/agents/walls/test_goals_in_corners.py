@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bug_gym.agents import make_policy
 from bug_gym.agents.scan.way_in import is_goal_by_wall, way_in
 from bug_gym.evaluation import evaluate
+from bug_gym.navigation_env import NavigationEnv
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
@@ -106,3 +108,17 @@ def test_a_way_in_touches_nothing_and_ends_within_the_radius(seed: int) -> None:
     cos, sin = math.cos(turn), math.sin(turn)
     end = x + cos * ends[0] - sin * ends[1], y + sin * ends[0] + cos * ends[1]
     assert 5.0 - max(end) >= RADIUS
+
+
+def test_a_goal_is_by_no_wall_any_more_when_what_stood_there_has_gone() -> None:
+    """Else the map planner would end its way short of it, and say "stuck" for what a mover did that stood there."""
+    env = NavigationEnv(described("holonomic", {"bounds": [-5, -5, 5, 5], "start": [-4, 0, 0], "goal": [4, 0]}))
+    policy = make_policy("hd_bug_map", env)
+    observation, _ = env.reset(seed=0)
+    state: Any = None
+    for step in range(20):
+        action, state = policy.predict(observation, state)
+        if step == 15:
+            state[0].is_goal_by_wall, state[0].beside_goal = True, 10_000
+        observation, *_ = env.step(action)
+    assert (state[0].is_goal_by_wall, state[0].beside_goal, state[0].verdict) == (False, 0, "")
