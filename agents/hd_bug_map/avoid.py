@@ -1,17 +1,16 @@
-"""The map planner avoids what moves: candidate velocities are rolled out against what is predicted."""
+"""The map planner avoids what moves: two velocities, one held after the other, are judged in sampled futures of movers."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from bug_gym.agents.hd_bug.frames import direction_to, in_odometry
-from bug_gym.agents.hd_bug.roll_out import Movers, RollOut, Velocities, roll_out
-from bug_gym.agents.hd_bug.sudden_turns import Turning, turn_risks, turning
-from bug_gym.agents.hd_bug_map.follow_way import HEADINGS
+from bug_gym.agents.hd_bug.futures import Futures, sample_futures
+from bug_gym.agents.hd_bug.roll_out import Movers, Velocities, roll_out
+from bug_gym.agents.hd_bug.sequences import Sequences, Surroundings, judge_sequences
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, Measures
 from bug_gym.agents.hd_bug_map.perceive import Scene
@@ -21,17 +20,23 @@ from bug_gym.agents.prediction.predictor import Predictor
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
-RINGS = 4
-"""Speeds of the candidates at each heading, beside to stand."""
+FIRST: F64 = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+"""Headings of the first velocities, from that of the way on [rad]."""
+
+SECOND: F64 = FIRST[::2]
+"""Headings of the second ones [rad]: those of the first, so that what may be planned for later may be done now."""
+
+PACES = (1.0, 0.5)
+"""Speeds of the first velocities, as shares of the top speed; it may also stand."""
+
+HELD = 0.4
+"""How long the first velocity is held [s]."""
+
+HIT, HABIT = 24.0, 0.1
+"""Weights of a hit [m], and of a turn [m/rad]."""
 
 SHADOW_RISK, SHADOW_SPEED, SHADOW_STEPS = 0.5, 0.3, 10
 """Weight of what may come out of the shadow [m], how fast it comes [m/s], and for how many steps it is feared."""
-
-RISK, HABIT, CONTACT = 6.0, 0.1, 2.0
-"""Weights of a near miss [m], of a turn [m/rad], and of a contact, for each second that it comes sooner [m/s]."""
-
-TURN_RISK = 12.0
-"""Weight of the chance to be hit by a mover that turns [m]."""
 
 
 class Near(NamedTuple):
@@ -39,8 +44,8 @@ class Near(NamedTuple):
 
     movers: Movers
     """Where they are predicted."""
-    turning: Turning
-    """Where they may turn."""
+    futures: Futures
+    """Where they may be."""
 
 
 class Avoidance:
@@ -56,15 +61,22 @@ class Avoidance:
         self.parameters = parameters
         self.measures = measures
         self.drive = sensors.drive
-        self.backward = replace(sensors.drive, kinematics="holonomic")
-        """The robot as it drives straight back."""
         self.spacing = max(0.1, sensors.drive.step)
         """Time between two that are looked at [s]."""
         count = max(round(parameters.horizon / self.spacing), 2)
         self.times: F64 = self.spacing * np.arange(1, count + 1, dtype=np.float64)
         """The times up to the horizon (K,) [s]."""
-        self.speeds: F64 = np.tile(measures.top * np.arange(1, RINGS + 1) / RINGS, len(HEADINGS))
-        """Speed of each candidate that goes on [m/s]."""
+        self.held = min(max(round(HELD / self.spacing), 1), count - 1)
+        """For how many of them the first velocity is held."""
+        self.speeds: F64 = np.append(np.repeat(measures.top * np.array(PACES), len(FIRST)), 0.0)
+        """Speeds of the first velocities [m/s]."""
+        farthest = measures.top * count * self.spacing
+        self.second = Velocities(
+            np.append(SECOND, 0.0),
+            np.append(np.full(len(SECOND), measures.top), 0.0),
+            np.full(len(SECOND) + 1, farthest),
+        )
+        """The second velocities; their headings are counted from where the way then leads."""
 
     def near_movers(self, scene: Scene, predictor: Predictor) -> Near | None:
         """The movers that could be met within the horizon; None: there are none."""
@@ -78,59 +90,37 @@ class Avoidance:
             return None
         chosen = tracks.select(near)
         radii = chosen.radius[:, None] + parameters.spread * self.times[None, :]
-        places, speeds = predictor.predict(chosen, self.times).places, np.hypot(*chosen.velocity.T)
-        may_turn = turning(chosen.position, chosen.radius, speeds, places, self.spacing, parameters.mover_turns)
-        return Near(Movers(places, radii, parameters.margin), may_turn)
+        places = predictor.predict(chosen, self.times).places
+        where = chosen.position, chosen.velocity
+        futures = sample_futures(chosen.id, *where, places, radii, self.spacing, parameters.mover_turns)
+        return Near(Movers(places, radii, parameters.margin), futures)
 
     def avoid(self, scene: Scene, memory: HDBugMapMemory, way: Way, near: Near) -> tuple[float, float]:
-        """Direction [rad] and speed [m/s] of the candidate velocity that costs least among movers."""
+        """Direction [rad] and speed [m/s] of the first velocity of the sequence that costs least among movers."""
         memory.mode, memory.forecast = "avoidance", near.movers.places
+        first = self._first_velocities(scene, way)
         behind = self._back_out(scene)
-        velocities, result = self._roll_out(scene, memory, way, near.movers, behind)
-        cost = self._costs(scene, memory, way, velocities, result)
-        if self.parameters.mover_turns > 0.0:
-            cost += self.parameters.beta * TURN_RISK * self._turn_risks(scene, velocities, behind, near.turning)
+        if behind is not None:
+            first = Velocities(*map(np.concatenate, zip(first, behind, strict=True)))
+        found = self._judge(scene, memory, way, near.futures, first, is_backing=behind is not None)
+        costs = self._costs(scene, way, found)
+        second = costs.argmin(axis=1)
+        number = np.arange(len(second))
+        cost = costs[number, second] + self._habit_and_shadow(scene, memory, first)
         best = int(cost.argmin())
         memory.is_backing = behind is not None and best == len(cost) - 1
-        memory.candidates, memory.costs = result.end, cost
-        memory.chosen = float(result.end[best, 0]), float(result.end[best, 1])
-        speed = min(float(velocities.speeds[best]), float(velocities.free[best]) / self.drive.step)
-        return float(velocities.directions[best]), max(speed, TURNING)
+        memory.candidates, memory.costs = found.end[number, second], cost
+        memory.chosen = float(memory.candidates[best, 0]), float(memory.candidates[best, 1])
+        speed = min(float(first.speeds[best]), float(first.free[best]) / self.drive.step)
+        return float(first.directions[best]), max(speed, TURNING)
 
-    def _roll_out(
-        self, scene: Scene, memory: HDBugMapMemory, way: Way, movers: Movers, behind: Velocities | None
-    ) -> tuple[Velocities, RollOut]:
-        """The candidate velocities, the one straight back as the last of them, and what comes of each."""
-        pose, radius = scene.view.pose, self.measures.radius
-        compare = min(max(round(scene.light.reach / self.measures.top / self.spacing), 3), len(self.times)) - 1
-        velocities = self._velocity_candidates(scene, memory, way)
-        result = roll_out(self.drive, pose, radius, velocities, movers, self.times, compare)
-        if behind is None:
-            return velocities, result
-        back = roll_out(self.backward, pose, radius, behind, movers, self.times, compare)
-        # That there is room for a step has been looked at.
-        behind = behind._replace(free=np.array([np.inf]))
-        return (
-            Velocities(*map(np.concatenate, zip(velocities, behind, strict=True))),
-            RollOut(*map(np.concatenate, zip(result, back, strict=True))),
-        )
-
-    def _turn_risks(self, scene: Scene, velocities: Velocities, behind: Velocities | None, turning: Turning) -> F64:
-        """Chance (m,) to be hit by a mover that turns; the last candidate is the one straight back, if there is one."""
-        pose, radius = scene.view.pose, self.measures.radius
-        risks = turn_risks(self.drive, pose, radius, velocities, turning)
-        if behind is not None:
-            risks[-1:] = turn_risks(self.backward, pose, radius, behind, turning)
-        return risks
-
-    def _velocity_candidates(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocities:
-        """The candidates among movers: headings about the next node at each speed, and to stand."""
-        directions = direction_to(scene.view, way.places[1]) + HEADINGS
+    def _first_velocities(self, scene: Scene, way: Way) -> Velocities:
+        """Headings about the next node at each pace, and to stand and turn toward it."""
+        toward = direction_to(scene.view, way.places[1])
+        directions = toward + FIRST
         free = np.maximum(scene.light.free(directions - scene.view.heading), 0.0)
         return Velocities(
-            np.append(np.repeat(directions, RINGS), memory.direction),
-            np.append(self.speeds, 0.0),
-            np.append(np.repeat(free, RINGS), 0.0),
+            np.append(np.tile(directions, len(PACES)), toward), self.speeds, np.append(np.tile(free, len(PACES)), 0.0)
         )
 
     def _back_out(self, scene: Scene) -> Velocities | None:
@@ -142,19 +132,65 @@ class Avoidance:
         free = scene.light.free(direction - scene.view.heading)
         if free[0] < speed * self.drive.step:
             return None
-        return Velocities(direction, np.array([speed]), free)
+        # That there is room for a step has been looked at.
+        return Velocities(direction, np.array([speed]), np.array([np.inf]))
 
-    def _costs(self, scene: Scene, memory: HDBugMapMemory, way: Way, velocities: Velocities, result: RollOut) -> F64:
-        """Costs (m,) of the candidate velocities: what is left to go, and the risk [m]."""
-        parameters, ends = self.parameters, result.end
-        straight_on = np.hypot(*(ends - scene.view.position).T) + float(way.rest[0])
-        rest = np.minimum(scene.grid.rest_distances(ends, way), straight_on)
-        turned = np.abs(np.angle(np.exp(1j * (velocities.directions - memory.direction))))
-        cost: F64 = parameters.alpha * rest + parameters.beta * (RISK * result.nearness + HABIT * turned)
-        cost += CONTACT * np.where(np.isfinite(result.contact), parameters.horizon - result.contact, 0.0)
-        if parameters.use_shadow:
-            cost += parameters.beta * SHADOW_RISK * self._shadow_risk(scene, velocities)
+    def _judge(
+        self,
+        scene: Scene,
+        memory: HDBugMapMemory,
+        way: Way,
+        futures: Futures,
+        first: Velocities,
+        *,
+        is_backing: bool,
+    ) -> Sequences:
+        """What comes of each first velocity (m,) and each second one (n,)."""
+        view, light, cells = scene.view, scene.light, scene.grid.cells
+        x, y = in_odometry(view.pose, np.column_stack([light.x, light.y])).T
+        # As far as it goes in a step it may go past a goal that is nearer than that.
+        near_goal = max(memory.goal_radius, 0.5 * self.measures.top * self.spacing)
+        around = Surroundings(
+            np.ascontiguousarray(x),
+            np.ascontiguousarray(y),
+            light.radius,
+            (float(way.places[1, 0]), float(way.places[1, 1])),
+            memory.goal,
+            near_goal,
+            (cells.x, cells.y),
+            cells.size,
+            cells.blocked,
+        )
+        return judge_sequences(
+            self.drive,
+            view.pose,
+            self.measures.radius,
+            first,
+            is_backing,
+            self.held,
+            self.second,
+            around,
+            futures,
+            self.parameters.margin,
+            self.spacing,
+        )
+
+    def _costs(self, scene: Scene, way: Way, found: Sequences) -> F64:
+        """Costs (m, n) of the sequences: what is left to go, and the risk [m]."""
+        ends = found.end.reshape(-1, 2)
+        straight_back = np.hypot(*(ends - scene.view.position).T) + float(way.rest[0])
+        rest = np.minimum(scene.grid.rest_distances(ends, way), straight_back).reshape(found.risk.shape)
+        rest = np.where(found.early > 0.0, -self.measures.top * found.early, rest)
+        cost: F64 = self.parameters.alpha * rest + self.parameters.beta * HIT * found.risk
         return cost
+
+    def _habit_and_shadow(self, scene: Scene, memory: HDBugMapMemory, first: Velocities) -> F64:
+        """Costs (m,) of turning aside from where it goes, and of what may come out of the shadow [m]."""
+        turned = np.abs(np.angle(np.exp(1j * (first.directions - memory.direction))))
+        cost: F64 = HABIT * turned
+        if self.parameters.use_shadow:
+            cost = cost + SHADOW_RISK * self._shadow_risk(scene, first)
+        return self.parameters.beta * cost
 
     def _shadow_risk(self, scene: Scene, velocities: Velocities) -> F64:
         """Nearness (m,) to movers that could come out of the shadow beside the ends of what is seen."""

@@ -37,7 +37,7 @@ class HDBugMapParameters:
     spread: Length = 0.08
     """How fast the predicted discs of movers grow [m/s]: they don't keep their course."""
     mover_turns: Weight = 1.0
-    """How often a mover is feared to turn to wherever it likes [1/s]; 0: never."""
+    """How often a mover turns to wherever it likes in the futures that are looked at [1/s]; 0: never."""
     patience: Annotated[int, AtMost(1e6)] = 20
     """Decisions in a row without any way before the goal counts as unreachable."""
     lead: bool = True

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,8 @@ from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
-from bug_gym.agents.hd_bug.roll_out import Velocities
-from bug_gym.agents.hd_bug.sudden_turns import turn_risks, turning
-from bug_gym.agents.hd_bug_map.policy import HDBugMap
 from bug_gym.agents.prediction import predictor_names
 from bug_gym.evaluation import evaluate
-from bug_gym.kinematics import Drive
 from bug_gym.reproductions import barn, cylinder_claims
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
@@ -243,22 +238,6 @@ def least_gap(mover_turns: float, kinematics: str) -> float:
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_who_fears_turns_leaves_movers_more_room(kinematics: str) -> None:
     assert least_gap(1.0, kinematics) > least_gap(0.0, kinematics) + 0.1
-
-
-def test_to_drive_straight_back_is_feared_for_as_that() -> None:
-    agent = make_policy("hd_bug_map", Simulation("rush", 1))
-    assert isinstance(agent, HDBugMap)
-    avoidance, pose = agent.avoidance, (0.0, 0.0, 0.4)
-    behind = Velocities(np.array([0.4 + math.pi]), np.array([0.3]), np.array([np.inf]))
-    predicted = np.array([[-0.9, -0.2]]) + np.zeros((1, 30, 2))
-    movers = turning(predicted[:, 0], np.array([0.3]), np.array([0.6]), predicted, 0.1, 1.0)
-    scene: Any = SimpleNamespace(view=SimpleNamespace(pose=pose))
-    found = avoidance._turn_risks(scene, behind, behind, movers)
-    # A robot that turns round to go that way stands for a while, where it is farther from the mover.
-    round_about = avoidance._turn_risks(scene, behind, None, movers)
-    holonomic = Drive("holonomic", 1.0, 0.3, 1.5, 0.1)
-    np.testing.assert_allclose(found, turn_risks(holonomic, pose, avoidance.measures.radius, behind, movers))
-    assert found[0] > round_about[0] + 0.01
 
 
 def chase(policy: str, velocity: tuple[float, float], kinematics: str) -> float:
