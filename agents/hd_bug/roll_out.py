@@ -17,7 +17,7 @@ from bug_gym.kernels.layout import Floats
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE, Drive
 
 FADING = 1.5
-"""Time constant with which a near miss ahead fades [s]."""
+"""Time constant with which a hit ahead fades [s]."""
 
 
 class Velocities(NamedTuple):
@@ -38,8 +38,6 @@ class Movers(NamedTuple):
     """Centres (T, K, 2) [m]."""
     radii: F64
     """Radii with what is not known of their places (T, K) [m]."""
-    margin: float
-    """Nearer than this is near [m]."""
 
 
 class Steering(NamedTuple):
@@ -61,37 +59,9 @@ class RollOut(NamedTuple):
     contact: F64
     """Time until it meets something predicted (m,) [s]; infinite where it doesn't within the horizon."""
     nearness: F64
-    """Penalty for passing nearer than the margin (m,): the squared shortfall as a share, fading with time.
-
-    Above 1, and no longer squared, within what is predicted, so that the way out is cheapest for who is there already."""
+    """The greatest chance of a hit, fading with time, summed over the discs (m,)."""
     end: F64
     """Where it is after the time to be compared at (m, 2) [m]."""
-
-
-def roll_out(
-    drive: Drive,
-    pose: tuple[float, float, float],
-    radius: float,
-    velocities: Velocities,
-    movers: Movers,
-    times: F64,
-    compare: int,
-) -> RollOut:
-    """Roll out desired velocities.
-
-    Args:
-        drive: kinematics and limits of the robot.
-        pose: x, y [m], heading [rad].
-        radius: of the robot [m].
-        velocities: desired ones.
-        movers: what is to be avoided.
-        times: (K,) rising, evenly spaced, the first one spacing from now [s].
-        compare: index of the time at which `end` is taken.
-    """
-    m = len(velocities.directions)
-    result = RollOut(np.empty(m), np.empty(m), np.empty((m, 2)))
-    _roll_out(steering_of(drive), pose, radius, velocities, movers, times, compare, result)
-    return result
 
 
 def steering_of(drive: Drive) -> Steering:
@@ -117,47 +87,6 @@ def go_on(
     way = min(speed * math.cos(error) * dt, left) if abs(error) <= turn_in_place else 0.0
     middle = theta + 0.5 * turn
     return px + way * math.cos(middle), py + way * math.sin(middle), theta + turn, way
-
-
-@kernel
-def _roll_out(
-    steering: Steering,
-    pose: tuple[float, float, float],
-    radius: float,
-    velocities: Velocities,
-    movers: Movers,
-    times: Floats,
-    compare: int,
-    result: RollOut,
-) -> None:
-    directions, speeds, free = velocities
-    predicted, radii, margin = movers
-    contact, nearness, end = result
-    tracks, count = radii.shape
-    dt = times[0]
-    for i in range(len(directions)):
-        px, py, theta = pose
-        left = free[i]
-        contact[i] = np.inf
-        nearness[i] = 0.0
-        ox, oy = px, py
-        for k in range(count):
-            px, py, theta, way = go_on(steering, directions[i], speeds[i], left, dt, px, py, theta)
-            left -= way
-            fade = math.exp(-times[k] / FADING)
-            for t in range(tracks):
-                reach = radius + radii[t, k]
-                dx, dy = predicted[t, k, 0] - px, predicted[t, k, 1] - py
-                square = dx * dx + dy * dy
-                if square >= (reach + margin) ** 2:
-                    continue
-                if square < reach * reach and contact[i] == np.inf:
-                    contact[i] = times[k]
-                short = 1.0 - (math.sqrt(square) - reach) / margin
-                nearness[i] = max(nearness[i], min(short, short * short) * fade)
-            if k == compare:
-                ox, oy = px, py
-        end[i, 0], end[i, 1] = ox, oy
 
 
 def hit_risks(

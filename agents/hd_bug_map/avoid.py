@@ -9,7 +9,7 @@ import numpy as np
 
 from bug_gym.agents.hd_bug.frames import direction_to, in_odometry
 from bug_gym.agents.hd_bug.futures import Futures, sample_futures
-from bug_gym.agents.hd_bug.roll_out import Movers, Velocities, roll_out
+from bug_gym.agents.hd_bug.roll_out import Movers, Velocities
 from bug_gym.agents.hd_bug.sequences import Sequences, Surroundings, judge_sequences
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, Measures
@@ -34,9 +34,6 @@ HELD = 0.4
 
 HIT, HABIT = 24.0, 0.1
 """Weights of a hit [m], and of a turn [m/rad]."""
-
-SHADOW_RISK, SHADOW_SPEED, SHADOW_STEPS = 0.5, 0.3, 10
-"""Weight of what may come out of the shadow [m], how fast it comes [m/s], and for how many steps it is feared."""
 
 
 class Near(NamedTuple):
@@ -93,7 +90,7 @@ class Avoidance:
         places = predictor.predict(chosen, self.times).places
         where = chosen.position, chosen.velocity
         futures = sample_futures(chosen.id, *where, places, radii, self.spacing, parameters.mover_turns)
-        return Near(Movers(places, radii, parameters.margin), futures)
+        return Near(Movers(places, radii), futures)
 
     def avoid(self, scene: Scene, memory: HDBugMapMemory, way: Way, near: Near) -> tuple[float, float]:
         """Direction [rad] and speed [m/s] of the first velocity of the sequence that costs least among movers."""
@@ -106,7 +103,8 @@ class Avoidance:
         costs = self._costs(scene, way, found)
         second = costs.argmin(axis=1)
         number = np.arange(len(second))
-        cost = costs[number, second] + self._habit_and_shadow(scene, memory, first)
+        turned = np.abs(np.angle(np.exp(1j * (first.directions - memory.direction))))
+        cost = costs[number, second] + self.parameters.beta * HABIT * turned
         best = int(cost.argmin())
         memory.is_backing = behind is not None and best == len(cost) - 1
         memory.candidates, memory.costs = found.end[number, second], cost
@@ -183,24 +181,3 @@ class Avoidance:
         rest = np.where(found.early > 0.0, -self.measures.top * found.early, rest)
         cost: F64 = self.parameters.alpha * rest + self.parameters.beta * HIT * found.risk
         return cost
-
-    def _habit_and_shadow(self, scene: Scene, memory: HDBugMapMemory, first: Velocities) -> F64:
-        """Costs (m,) of turning aside from where it goes, and of what may come out of the shadow [m]."""
-        turned = np.abs(np.angle(np.exp(1j * (first.directions - memory.direction))))
-        cost: F64 = HABIT * turned
-        if self.parameters.use_shadow:
-            cost = cost + SHADOW_RISK * self._shadow_risk(scene, first)
-        return self.parameters.beta * cost
-
-    def _shadow_risk(self, scene: Scene, velocities: Velocities) -> F64:
-        """Nearness (m,) to movers that could come out of the shadow beside the ends of what is seen."""
-        view, light = scene.view, scene.light
-        edges = light.edges()
-        edges = edges[np.hypot(*edges.T) < light.reach]
-        if len(edges) == 0:
-            return np.zeros(len(velocities.directions))
-        times = self.times[:SHADOW_STEPS]
-        places = np.repeat(in_odometry(view.pose, edges)[:, None], len(times), axis=1)
-        radii = np.tile(SHADOW_SPEED * times, (len(edges), 1))
-        hidden = Movers(places, radii, self.parameters.margin)
-        return roll_out(self.drive, view.pose, self.measures.radius, velocities, hidden, times, 0).nearness

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bug_gym import kernels
 from bug_gym.compiling import kernel
 from bug_gym.geometry import F64
-from bug_gym.kernels.layout import Flags, Floats
+from bug_gym.kernels.layout import Floats
 
 EDGE = 1e-6
 """Tolerance of the test for bearings [rad]."""
@@ -70,12 +70,6 @@ class LightArea:
         _gaps(self.x, self.y, points, result)
         return result
 
-    def edges(self) -> F64:
-        """Edges of the shadows: the places (k, 2) where the disc just passes the end of a cluster of scan points."""
-        vertices = np.empty((2 * len(self.angles), 2))
-        count = _find_ends(self.angles, self.ranges, self._used, self.radius, vertices)
-        return vertices[:count]
-
     def light_ring(self) -> F64:
         """Outline (k, 2) of what the beams light up within the detection radius; k is B, or B + 1 with the robot's place."""
         ways = np.minimum(self.ranges, self.reach)
@@ -114,27 +108,6 @@ def _is_round(angles: Floats) -> bool:
     beams = len(angles)
     spacing = 2.0 * math.pi if beams < 2 else angles[1] - angles[0]
     return bool(spacing * beams > 2.0 * math.pi - 0.5 * spacing)
-
-
-@kernel
-def _find_ends(angles: Floats, ranges: Floats, used: Flags, radius: float, vertices: Floats) -> int:
-    """Where neighbouring beams see different things: the places where a disc just passes; returns how many."""
-    beams = len(angles)
-    k = 0
-    for i in range(beams if _is_round(angles) else beams - 1):
-        j = (i + 1) % beams
-        if not used[i] and not used[j]:
-            continue
-        if used[i] and used[j] and abs(ranges[i] - ranges[j]) <= 2.0 * radius:
-            continue
-        near, side = (i, 1.0) if used[i] and (not used[j] or ranges[i] < ranges[j]) else (j, -1.0)
-        away = ranges[near]
-        if away > radius:
-            bearing = angles[near] + side * math.asin(radius / away)
-            way = math.sqrt(away * away - radius * radius)
-            vertices[k, 0], vertices[k, 1] = way * math.cos(bearing), way * math.sin(bearing)
-            k += 1
-    return k
 
 
 @kernel

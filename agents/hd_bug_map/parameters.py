@@ -42,8 +42,6 @@ class HDBugMapParameters:
     """Decisions in a row without any way before the goal counts as unreachable."""
     lead: bool = True
     """Whether a moving goal is met where it will be; else the robot heads for where it is: pure pursuit."""
-    use_shadow: bool = True
-    """Whether movers are expected to come out of the shadow."""
     adapt_radius: bool = True
     """Whether the detection radius adapts; else it is 4 r_base."""
     remember: bool = True

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import norm
 
-from bug_gym.agents.hd_bug.roll_out import FADING, Movers, RollOut, Velocities, roll_out
+from bug_gym.agents.hd_bug.roll_out import FADING, RollOut, Velocities, hit_risks
 from bug_gym.kinematics import TURN_IN_PLACE, Drive, steering
 from bug_gym.simulation import Simulation
 
@@ -17,7 +18,7 @@ F64 = NDArray[np.float64]
 
 STEP, COUNT = 0.1, 30
 TIMES = STEP * np.arange(1, COUNT + 1, dtype=np.float64)
-RADIUS, MARGIN = 0.2, 0.3
+RADIUS, SPREAD = 0.2, 0.1
 HOLONOMIC = Drive("holonomic", 1.0, 0.3, 1.5, STEP)
 DIFFERENTIAL = Drive("differential", 1.0, 0.3, 1.5, STEP)
 
@@ -31,17 +32,18 @@ def rolled(
     free: Any = 99.0,
     places: F64 | None = None,
     radii: Any = 0.3,
+    spread: Any = SPREAD,
     compare: int = COUNT - 1,
     times: F64 = TIMES,
 ) -> RollOut:
-    """A roll-out; places (T, K, 2), radii a number or (T, K)."""
+    """A roll-out; places (T, K, 2), radii a number or (T,), spread a number or (T, K)."""
     directions = np.atleast_1d(np.asarray(directions, dtype=float))
     speeds = np.broadcast_to(np.asarray(speeds, dtype=float), directions.shape).copy()
     free = np.broadcast_to(np.asarray(free, dtype=float), directions.shape).copy()
     places = np.empty((0, len(times), 2)) if places is None else places
-    radii = np.broadcast_to(np.asarray(radii, dtype=float), places.shape[:2]).copy()
-    velocities, movers = Velocities(directions, speeds, free), Movers(places, radii, MARGIN)
-    return roll_out(drive, pose, RADIUS, velocities, movers, times, compare)
+    radii = np.broadcast_to(np.asarray(radii, dtype=float), places.shape[:1]).copy()
+    spread = np.broadcast_to(np.asarray(spread, dtype=float), places.shape[:2]).copy()
+    return hit_risks(drive, pose, RADIUS, Velocities(directions, speeds, free), places, radii, spread, times, compare)
 
 
 def moving(place: tuple[float, float], velocity: tuple[float, float]) -> F64:
@@ -66,41 +68,31 @@ def test_what_goes_ahead_as_fast_is_not_met(speed: float) -> None:
     assert result.contact[0] == math.inf
 
 
-@pytest.mark.parametrize(("beyond", "is_near"), [(0.001, False), (-0.001, True)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_only_within_the_margin_passing_is_dear(side: float, beyond: float, is_near: bool) -> None:
-    aside = side * (RADIUS + 0.3 + MARGIN + beyond)
-    result = rolled(0.0, 1.0, places=moving((1.5, aside), (0.0, 0.0)))
-    assert result.contact[0] == math.inf
-    assert (result.nearness[0] > 0.0) == is_near
+@pytest.mark.parametrize("beside", [-0.1, 0.0, 0.1, 0.2])
+def test_the_chance_to_be_hit_by_what_it_passes_is_that_of_a_normal_deviation(side: float, beside: float) -> None:
+    away = 1.5
+    result = rolled(0.0, 1.0, places=moving((away, side * (RADIUS + 0.3 + beside)), (0.0, 0.0)))
+    # A little before it is abreast it is nearly as near and less faded.
+    chance = 0.5 * math.erfc(beside / (math.sqrt(2.0) * SPREAD))
+    assert result.nearness[0] * math.exp(away / FADING) == pytest.approx(chance, rel=0.12)
+    assert (result.contact[0] < math.inf) == (beside <= 0.0)
 
 
-def test_a_near_miss_costs_the_squared_shortfall_and_fades_with_time() -> None:
-    costs = []
-    for away in (0.5, 1.5):
-        result = rolled(0.0, 1.0, places=moving((away, RADIUS + 0.3 + 0.5 * MARGIN), (0.0, 0.0)))
-        costs.append(result.nearness[0] * math.exp(away / FADING))
-    # Half the margin is missing when it is abreast; a little before that it is nearly as near and less faded.
-    assert costs[0] == pytest.approx(0.25, rel=0.05)
-    assert costs[1] == pytest.approx(0.25, rel=0.05)
+def test_the_sooner_a_hit_the_dearer_it_is() -> None:
+    costs = [rolled(0.0, 1.0, places=moving((away, 0.0), (0.0, 0.0))).nearness[0] for away in (0.6, 1.0, 2.0, 3.0)]
+    assert costs == sorted(costs, reverse=True) and costs[-1] > 0.0
 
 
-def test_within_what_is_predicted_the_way_out_is_cheapest() -> None:
-    places = moving((0.3, 0.0), (0.0, 0.0))
-    result = rolled([math.pi, math.pi / 2, 0.0, 0.0], [0.5, 0.5, 0.5, 0.0], places=places, times=TIMES)
-    assert (result.contact == TIMES[0]).all()
-    away, aside, into, standing = result.nearness
-    assert 1.0 < away < aside < standing < into
-
-
-def plain(direction: float, speed: float, free: float, places: F64, radii: F64) -> tuple[float, float, F64]:
+def plain(
+    direction: float, speed: float, free: float, places: F64, radii: F64, spread: F64
+) -> tuple[float, float, F64]:
     """Contact, nearness and places (K, 2) of a holonomic robot, from their definitions."""
     at = np.minimum(speed * TIMES, free)[:, None] * np.array([math.cos(direction), math.sin(direction)])
-    gaps = np.hypot(*(places - at).transpose(2, 0, 1)) - RADIUS - radii
-    met = np.flatnonzero((gaps < 0.0).any(axis=0))
-    short = np.maximum(1.0 - gaps / MARGIN, 0.0)
-    nearness = (np.minimum(short**2, short) * np.exp(-TIMES / FADING)).max(initial=0.0)
-    return (float(TIMES[met[0]]) if len(met) else math.inf), float(nearness), at
+    gaps = np.hypot(*(places - at).transpose(2, 0, 1)) - RADIUS - radii[:, None]
+    met = np.flatnonzero((gaps <= 0.0).any(axis=0))
+    chances = np.where(gaps > 4.0 * spread, 0.0, norm.sf(gaps / spread)) * np.exp(-TIMES / FADING)
+    return (float(TIMES[met[0]]) if len(met) else math.inf), float(chances.max(axis=1).sum()), at
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -111,11 +103,11 @@ def test_a_holonomic_robot_fares_as_the_definitions_say(seed: int) -> None:
     away, turn = rng.uniform(0.8, 2.0, (tracks, 1)), rng.uniform(-math.pi, math.pi, (tracks, 1))
     first = away[:, :, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     places = first + TIMES[None, :, None] * velocities
-    radii = 0.2 + 0.05 * TIMES * rng.random((tracks, 1))
+    radii, spread = rng.uniform(0.1, 0.3, tracks), 0.02 + 0.1 * TIMES * rng.random((tracks, 1))
     directions, speeds, free = rng.uniform(-4.0, 4.0, many), rng.uniform(0.0, 1.0, many), rng.uniform(0.0, 3.0, many)
-    result = rolled(directions, speeds, free=free, places=places, radii=radii, compare=12)
+    result = rolled(directions, speeds, free=free, places=places, radii=radii, spread=spread, compare=12)
     for i in range(many):
-        contact, nearness, at = plain(directions[i], speeds[i], free[i], places, radii)
+        contact, nearness, at = plain(directions[i], speeds[i], free[i], places, radii, spread)
         assert result.contact[i] == contact
         assert result.nearness[i] == pytest.approx(nearness, abs=1e-9)
         np.testing.assert_allclose(result.end[i], at[12], atol=1e-9)
@@ -186,7 +178,7 @@ def test_a_larger_disc_is_met_no_later() -> None:
 
 
 def test_what_it_touches_already_is_met_at_once() -> None:
-    result = rolled([0.0, math.pi], 1.0, places=moving((0.4, 0.0), (0.0, 0.0)))
+    result = rolled([0.0, math.pi], 1.0, places=moving((0.45, 0.0), (0.0, 0.0)))
     assert result.contact[0] == pytest.approx(STEP) and result.contact[1] == math.inf
 
 

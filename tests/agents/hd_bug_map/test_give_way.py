@@ -23,7 +23,7 @@ DRIVE = Drive("differential", 1.0, 0.3, 1.5, 0.1)
 
 def movers(places: F64, radius: float) -> Movers:
     """One disc that is at places (K, 2)."""
-    return Movers(places[None], np.full((1, len(places)), radius), 0.3)
+    return Movers(places[None], np.full((1, len(places)), radius))
 
 
 def test_a_body_that_turns_sweeps_what_it_would_pass_if_it_did_not() -> None:

@@ -76,7 +76,6 @@ def test_out_of_range_all_is_light_within_the_detection_radius(angles: F64) -> N
     places = random_places(0)
     np.testing.assert_array_equal(is_light(light, places), np.hypot(*places.T) <= REACH)
     assert density(light.ranges, light.reach) == 0.0 and light.shadow_rings() == []
-    assert len(light.edges()) == 0
 
 
 def test_in_contact_all_round_nothing_is_light() -> None:
@@ -85,7 +84,6 @@ def test_in_contact_all_round_nothing_is_light() -> None:
     away = np.hypot(*places.T)
     assert not is_light(light, places[away > 1e-3]).any()
     assert density(light.ranges, light.reach) == 1.0
-    assert len(light.edges()) == 0
 
 
 @pytest.mark.parametrize("away", [0.1, 1.0, SENSOR_RANGE])
@@ -93,7 +91,6 @@ def test_one_beam_is_no_error(away: float) -> None:
     light = area(np.zeros(1), np.array([away]))
     assert not is_light(light, np.array([[1.5, 0.0]]))[0] or away == SENSOR_RANGE
     assert density(light.ranges, light.reach) == float(away < REACH)
-    assert len(light.edges()) == 0
     assert all(np.isfinite(ring).all() for ring in [light.light_ring(), *light.shadow_rings()])
 
 
@@ -113,39 +110,6 @@ def test_the_detection_radius_is_not_above_the_range() -> None:
 def test_density_is_the_share_of_short_beams(seed: int) -> None:
     ranges = random_ranges(FULL, seed)
     assert density(ranges, REACH) == pytest.approx(sum(r < REACH for r in ranges) / len(ranges))
-
-
-# -------------------------------------------------------------------------------------------------------- edges
-
-
-@pytest.mark.parametrize(("angles", "seed"), SCANS)
-def test_at_a_vertex_the_disc_just_touches_the_end_of_a_cluster(angles: F64, seed: int) -> None:
-    ranges = random_ranges(angles, seed)
-    points = hits(angles, ranges)
-    vertices = area(angles, ranges).edges()
-    assert len(vertices) > 0
-    for vertex in vertices:
-        gaps = np.hypot(*(points - vertex).T)
-        # The way there is a tangent to the disc about the end: it passes without turning.
-        touching = points[np.abs(gaps - RADIUS) < 1e-9]
-        assert any(abs((end - vertex) @ vertex) < 1e-9 for end in touching)
-
-
-@pytest.mark.parametrize("turn", [0, 30, 88])
-def test_a_lone_post_has_a_vertex_on_either_side(turn: int) -> None:
-    ranges = np.roll(np.where(np.arange(len(FULL)) < 5, 1.5, SENSOR_RANGE), turn)
-    vertices = area(FULL, ranges).edges()
-    aside = math.asin(RADIUS / 1.5)
-    first, last = FULL[turn % 90], FULL[(turn + 4) % 90]
-    way = math.sqrt(1.5**2 - RADIUS**2)
-    expected = [(way * math.cos(a), way * math.sin(a)) for a in (first - aside, last + aside)]
-    np.testing.assert_allclose(sorted(map(tuple, vertices)), sorted(expected), atol=1e-12)
-
-
-def test_an_end_nearer_than_the_radius_has_no_vertex() -> None:
-    ranges = np.where(np.arange(len(FULL)) < 5, 0.9 * RADIUS, SENSOR_RANGE)
-    vertices = area(FULL, ranges).edges()
-    assert len(vertices) == 0
 
 
 # ------------------------------------------------------------------------------------------------------------- rings
