@@ -240,6 +240,15 @@ def test_who_fears_turns_leaves_movers_more_room(kinematics: str) -> None:
     assert least_gap(1.0, kinematics) > least_gap(0.0, kinematics) + 0.1
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [{"alpha": 4.0}, {"beta": 3.0}, {"horizon": 1.0}, {"margin": 1.0}, {"spread": 0.6}, {"mover_turns": 0.0}],
+)
+def test_each_parameter_of_the_avoidance_does_work(parameters: dict[str, Any]) -> None:
+    usual = run_episode("hd_bug_map", "dynamic", seed=5, max_steps=80).path
+    assert not np.array_equal(run_episode("hd_bug_map", "dynamic", seed=5, max_steps=80, **parameters).path, usual)
+
+
 def chase(policy: str, velocity: tuple[float, float], kinematics: str) -> float:
     """Time that a policy takes to a target that starts at (10, 0) and keeps its velocity [s]."""
     motion = {"law": "bounce", "velocity": list(velocity)}
