@@ -4,7 +4,8 @@ How long decisions and plans take depends on what else the machine does. Where n
 keeps its numbers, is said to be confirmed at the commit of the new one, and the pages are to be made again. Else the
 differences are told, the exit status is 1, and the new file is the one to commit. `--keep-times` commits it, but with the
 times of the old one where both have them, for what was made again on a machine with other work; its page says so.
-`--policy=NAME[,NAME...]` does so for the rows of policies, whose files alone have changed, and leaves all others as they are.
+`--policy=NAME[,NAME...]` does so for the rows of policies, whose files alone have changed, and leaves all others as they are;
+with `--new-times` these rows have their new times, as of a policy that takes another time than before.
 """
 
 from __future__ import annotations
@@ -96,13 +97,13 @@ def is_of(policy: str, item: Any) -> bool:
     return policy in (item.values() if isinstance(item, dict) else item if isinstance(item, list) else ())
 
 
-def replace_policies(policies: Sequence[str], new: Path, committed: Path) -> None:
-    """Commit what a new result says of some policies, with the old times where there are some, and say so in it."""
+def replace_policies(policies: Sequence[str], new: Path, committed: Path, *, new_times: bool = False) -> None:
+    """Commit what a new result says of some policies, with the old times where there are some and they are wanted."""
     found = json.loads(new.read_text(encoding="utf-8"))
     rows = known = json.loads(committed.read_text(encoding="utf-8"))
     for policy in policies:
         rows = with_rows_of(policy, rows, found)
-    merged = with_times_of(known, rows)
+    merged = rows if new_times else with_times_of(known, rows)
     if merged != rows:
         merged.setdefault("times_of", known["commit"])
     if known["holds"] is not None:
@@ -119,7 +120,7 @@ def main(arguments: Sequence[str]) -> int:
     policies = [name for one in told for name in one.split(",")]
     for path in (Path(one) for one in arguments if one not in options):
         if policies:
-            replace_policies(policies, path, RESULTS / path.name)
+            replace_policies(policies, path, RESULTS / path.name, new_times="--new-times" in options)
             continue
         different = confirm(path, RESULTS / path.name)
         if different and "--keep-times" in options:

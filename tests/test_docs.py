@@ -117,6 +117,10 @@ def test_the_rows_of_one_policy_may_be_made_again_alone(tmp_path: Path) -> None:
         "made_again": {"apf": "b"},
         "times_of": "a",
     }
+    committed.write_text(json.dumps(result("a", 0.5, 0.6, [["bug", 1], ["apf", 2]])))
+    script("confirm_results.py")["replace_policies"](["apf"], made, committed, new_times=True)
+    expected["rows"]["apf jackal"]["ms"] = "b"
+    assert json.loads(committed.read_text()) == {**expected, "made_again": {"apf": "b"}}
 
 
 def test_rows_of_a_policy_that_are_as_many_as_before_keep_their_places() -> None:
