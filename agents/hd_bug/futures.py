@@ -74,8 +74,7 @@ def sample_futures(
     """
     count, times, _ = predicted.shape
     which = number % MOVERS
-    with np.errstate(divide="ignore"):
-        when = -np.log1p(-SHARES[which]) / rate if rate > 0.0 else np.full((count, COUNT), np.inf)
+    when = -np.log1p(-SHARES[which]) / rate if rate > 0.0 else np.full((count, COUNT), np.inf)
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])[:, None] + TURNS[which]
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     result = Futures(
