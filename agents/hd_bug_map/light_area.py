@@ -52,7 +52,6 @@ class LightArea:
         self.x: F64 = ranges[used] * np.cos(angles[used])
         """Scan points x (k,) and y (k,) that count."""
         self.y: F64 = ranges[used] * np.sin(angles[used])
-        self._used = used
         self._trusts_blind = trusts_blind or _is_round(angles)
 
     def free(self, bearings: F64) -> F64:

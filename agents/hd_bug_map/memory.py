@@ -78,5 +78,9 @@ class HDBugMapMemory(Memory):
     """Direction of the last velocity, odometry frame [rad]."""
     is_backing: bool = False
     """Whether it drives straight back."""
+    has_stood: bool = False
+    """Whether it stood since the decision before."""
+    arc: tuple[float, float] | None = None
+    """Forward speed [m/s] and turn rate [rad/s] with which it leaves what has come up on it; None: it need not."""
     forecast: F64 = field(default_factory=lambda: np.empty((0, 0, 2)))
     """Predicted places (T, K, 2) of the movers, odometry frame [m]."""

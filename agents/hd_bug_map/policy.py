@@ -3,7 +3,7 @@
 Source: this package; the HD-BUG paper (Hasibuzzaman, Jan and Wu) gave the detection radius, the prediction of movers and
 the meeting of a moving target. Sensing assumed: ranges all round, goal, own position; the terrain around where the
 scenario has regions. Memory kept: points of still obstacles (mapping.point_map), tracks of what moves. States: direct,
-following, avoidance, emergency, turning, waiting. Guarantee: among still obstacles it reaches the goal or declares it
+following, avoidance, leaving, emergency, turning, waiting. Guarantee: among still obstacles it reaches the goal or declares it
 unreachable, for every way with the clearance (see mapping.point_map). Length: that of the shortest way among what it
 has seen, planned again as it sees more.
 
@@ -22,7 +22,8 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
    predicted until it turns, at random, to wherever it likes (hd_bug/futures.py). What is left to go, and the mean of hits
    and near misses over the futures cost (hd_bug/sequences.py); the first velocity of the cheapest two is driven. Where
    there is no way out at all it heads for the place within the detection radius r' that is farthest from everything; r'
-   climbs and descends a ladder (hd_bug/ladder.py).
+   climbs and descends a ladder (hd_bug/ladder.py). What comes nearer than it goes to anything itself it leaves, known to
+   move or not (leave.py).
 4. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by
    no longer than its velocity has foretold where it went. The goal radius grows with what it moves in a step.
 5. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for
@@ -48,6 +49,7 @@ from bug_gym.agents.hd_bug_map.aim import aim
 from bug_gym.agents.hd_bug_map.avoid import Avoidance
 from bug_gym.agents.hd_bug_map.follow_way import follow_way
 from bug_gym.agents.hd_bug_map.give_way import give_way
+from bug_gym.agents.hd_bug_map.leave import STOOD, arc_out, can_leave, is_pressed, sidestep, start_of
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, measures_of
 from bug_gym.agents.hd_bug_map.perceive import Perception, Scene
@@ -93,6 +95,7 @@ class HDBugMap(ScriptedPolicy):
         self.perception = Perception(sensors, self.parameters, self.measures, self.tracker)
         self.planner = Planner(self.measures, self.parameters.patience)
         self.avoidance = Avoidance(sensors, self.parameters, self.measures)
+        self.leaves = can_leave(sensors)
 
     def start(self) -> HDBugMapMemory:
         """Memory of a new episode."""
@@ -114,20 +117,21 @@ class HDBugMap(ScriptedPolicy):
 
     def look(self, view: View, memory: HDBugMapMemory) -> Scene:
         """What is there, and where to."""
-        memory.is_backing = False
+        memory.is_backing, memory.arc = False, None
+        memory.has_stood = memory.steps > 0 and math.dist(memory.pose[:2], view.position) < STOOD
         scene = self.perception.perceive(view, memory)
         aim(scene, memory, self.measures.top, leads=self.parameters.lead)
         return scene
 
     def drive(self, scene: Scene, memory: HDBugMapMemory, way: Way) -> Velocity:
-        """Along the way, or among movers what costs least."""
+        """Along the way, or among movers what costs least, and away from what comes up on it."""
         near = self.avoidance.near_movers(scene, self.predictor)
         if near is not None:
             direction, speed = self.avoidance.avoid(scene, memory, way, near)
         else:
             direction, speed = follow_way(scene, memory, way, self.measures)
         memory.direction = direction
-        return velocity_along(direction - scene.view.heading, speed)
+        return self._or_leave(scene, memory, velocity_along(direction - scene.view.heading, speed))
 
     def _turn(self, scene: Scene, memory: HDBugMapMemory, velocity: Velocity) -> Velocity:
         """On with the poses of a long body, or out of the way of what moves."""
@@ -136,19 +140,34 @@ class HDBugMap(ScriptedPolicy):
             return velocity
         return give_way(scene, memory, memory.turns, velocity, near.movers, self.avoidance.times, self.measures)
 
+    def _or_leave(self, scene: Scene, memory: HDBugMapMemory, velocity: Velocity) -> Velocity:
+        """The velocity, or another that leads away from what has come up on it."""
+        view, knows_movers = scene.view, memory.moved_at > 0
+        if not self.leaves or not (knows_movers or memory.has_stood) or not is_pressed(view, knows_movers=knows_movers):
+            return velocity
+        if self.sensors.drive.kinematics == "holonomic":
+            away = sidestep(view, velocity, self.measures.top)
+        else:
+            memory.arc = arc_out(view, self.measures.top)
+            away = start_of(memory.arc, self.sensors.drive.step)
+        if away is None:
+            return velocity
+        memory.mode = "leaving"
+        return away
+
     def _wait(self, scene: Scene, memory: HDBugMapMemory) -> Velocity:
-        """Stand, but for movers that come near: there is no way now."""
+        """Stand, but for what comes near: there is no way now."""
         if memory.verdict:
             return 0.0, 0.0
         near = self.avoidance.near_movers(scene, self.predictor)
         if near is None:
-            return 0.0, 0.0
+            return self._or_leave(scene, memory, (0.0, 0.0))
         view = scene.view
         gap = math.dist(view.position, memory.goal)
         straight = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
         direction, speed = self.avoidance.avoid(scene, memory, straight, near)
         memory.mode = "waiting"
-        return velocity_along(direction - view.heading, speed)
+        return self._or_leave(scene, memory, velocity_along(direction - view.heading, speed))
 
     def course(self, view: View, memory: HDBugMapMemory, velocity: Velocity) -> Course | None:
         """The planned way, where nothing moves and no step is turned aside from it."""
@@ -162,8 +181,12 @@ class HDBugMap(ScriptedPolicy):
         return Course(places, corner_cut(self.sensors.drive))
 
     def last_word(self, view: View, memory: Memory, action: NDArray[Any]) -> NDArray[Any]:
-        """Straight back, where it has to."""
-        if isinstance(memory, HDBugMapMemory) and memory.is_backing and not memory.verdict and not self.discrete:
+        """Straight back, where it has to, and out of the way of what comes up on it."""
+        if not isinstance(memory, HDBugMapMemory) or memory.verdict or self.discrete:
+            return action
+        if memory.arc is not None:
+            return differential_action(self.sensors.drive, *memory.arc)
+        if memory.is_backing:
             return differential_action(self.sensors.drive, -self.sensors.drive.max_reverse, 0.0)
         return action
 
