@@ -287,7 +287,7 @@ def side_by_side(found: Record) -> Page:
         tables,
         f"The worlds are the same for all; SPL where the goal stands, times of successes. The intervals say "
         "what so many worlds tell apart. The real maps were scanned by robots.\n\n"
-        "Among fast and many movers the networks win, for they learnt what a scan of movers means: `ppo_mixed` reaches "
+        "Among fast and many movers `ppo_mixed`, which learnt what a scan of movers means, reaches "
         f"{says('ppo_mixed', 'rush', 'denser', 'faster')}. `hd_bug_map`, which tracks and predicts them, comes near: "
         f"{says('hd_bug_map', 'rush', 'denser', 'faster')} (and more with a learned predictor, see "
         "[hd-bug-dynamic](hd-bug-dynamic.md)). In mazes, rooms and traps, where one has to remember, the networks "

@@ -97,11 +97,13 @@ def worth(found: Record) -> str:
     """What conditions 1 and 3 are worth."""
     parts = found["What parts are worth, traps"]
     told = [f"`{name}` {percent(parts[name]['success'])} %" for name in PARTS]
+    low, high = parts["whole"]["success_interval"]
+    apart = [name for name in PARTS if (own := parts[name]["success_interval"])[0] > high or own[1] < low]
     return (
-        f"In random traps arrive: {listed(told)}. The signed angle does the main work. The reset gains nothing: on the map "
-        "all lengths are the same without it, and as it takes the angle to the target anew between -180 and 180 degrees it "
-        "may lose a whole turn. The projection is what the three routes into the pocket of the map need, where the two rules "
-        "that the paper calls too simple cycle too."
+        f"In random traps arrive: {listed(told)}. Of these the intervals of {code(apart) if apart else 'none'} lie apart "
+        "from that of the whole. The reset gains nothing: on the map all lengths are the same without it, and as it takes "
+        "the angle to the target anew between -180 and 180 degrees it may lose a whole turn. The projection is what the "
+        "three routes into the pocket of the map need, where the two rules that the paper calls too simple cycle too."
     )
 
 
