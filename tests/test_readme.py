@@ -57,3 +57,8 @@ BADGES = ("https://img.shields.io/badge/", "https://colab.research.google.com/as
 def test_each_picture_is_there() -> None:
     for path in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README.read_text(encoding="utf-8")):
         assert (README.parent / path).is_file() or path.startswith(BADGES), path
+
+
+def test_each_notebook_is_named() -> None:
+    text = README.read_text(encoding="utf-8")
+    assert all(f"](notebooks/{path.name})" in text for path in (README.parent / "notebooks").glob("*.ipynb"))

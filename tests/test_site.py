@@ -230,6 +230,13 @@ def test_the_pages_by_hand_lead_to_where_things_lie_on_the_site(tmp_path: Path) 
     assert {path.stem for path in (tmp_path / "tutorials").glob("*.ipynb")} == notebooks
 
 
+def test_the_site_has_each_page_that_the_documentation_lists() -> None:
+    staging = part("site_pages.staging")
+    text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    pages = {f"docs/{page}" for page in re.findall(r"\]\(([a-z_/]+\.md)\)", text)}
+    assert len(pages) > 10 and pages <= {*staging.places(), *staging.INSTEAD}
+
+
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
     (tmp_path / "a.html").write_text('<a href="b.html#there">x</a><a href="https://example.org/">y</a><p id="here">')
     (tmp_path / "b.html").write_text(

@@ -14,6 +14,7 @@ BY_HAND: dict[str, str] = {
     "docs/index.md": "index.md",
     "docs/architecture.md": "architecture.md",
     "docs/speed.md": "speed.md",
+    "docs/planner_speed.md": "planner_speed.md",
     "docs/trials.md": "trials.md",
     "docs/worlds.md": "worlds.md",
     "docs/examples/README.md": "examples/README.md",
