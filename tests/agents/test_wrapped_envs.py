@@ -23,7 +23,7 @@ CHANGED: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", CHANGED)
 def test_wrappers_that_change_spaces_are_refused(name: str) -> None:
-    """Gymnasium flattens by the names of fields, sorted: goal before ranges, in as many numbers as here."""
+    """Gymnasium flattens to the same numbers in the same order; what a policy reads is the env's own all the same."""
     env = CHANGED[name]()
     kind = "actions" if name == "rescaled" else "observations"
     with pytest.raises(ValueError, match=f"policy 'bug2' reads the env's own {kind}: got Box.* expected "):
