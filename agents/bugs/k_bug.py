@@ -3,9 +3,9 @@
 Source: Langer, Coelho and Oliveira (2007), whose paper is not at hand, as Hasibuzzaman, Jan and Wu report it: it
 analyses the boundary of an obstacle for the shortest way round it, and keeps track of the points where the bug collides
 with obstacles to tell how to go round them. Assumed here: which vertices are looked at, those of the blocking obstacle
-in sight, and how ways over them are measured, as taut strings at the clearance (vertex_chain.py) with all that is out of
-sight as free; that a collision point met again means the other side; a disc in place of a point. Sensing assumed: a scan
-all round; goal, own position. Memory kept: the collision points, where the straight way to the goal was blocked, and the
+in sight, and how ways over them are measured, as taut strings at the clearance (walls/vertex_chain.py) with all that is
+out of sight as free; that a collision point met again means the other side; a disc in place of a point. Sensing assumed: a
+scan all round; goal, own position. Memory kept: the collision points, where the straight way to the goal was blocked, and the
 side taken at each. States: motion_to_goal, motion_to_sub_goal, corner_rounding. Where the straight way is blocked the
 robot takes the shorter one of two chains of vertices to the goal, one past the left end in sight of what blocks it, one
 past the right end; at the chain's first vertex it looks again. At a collision point met again it takes the other side.

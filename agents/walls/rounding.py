@@ -2,8 +2,8 @@
 
 A robot that cannot go sideways would stand and turn at each corner. So a foot walks the contour for it, exactly as the hand
 leads, always where the contour is nearest to the robot; the contour that is seen ahead of the foot is the robot's course
-(steering.py). The hand is on the wall at the foot. Where the contour does not lead on plainly (a gap that is hardly one, a
-way that is blocked, a wall that has moved away) there is no foot, and the rule of Boundary.follow decides.
+(bug_gym/steering.py). The hand is on the wall at the foot. Where the contour does not lead on plainly (a gap that is hardly
+one, a way that is blocked, a wall that has moved away) there is no foot, and the rule of Boundary.follow decides.
 """
 
 from __future__ import annotations
