@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bug_gym.agents.planning.clear_step import ROOM, clear_velocity, swept
+from bug_gym.agents.planning.clear_step import clear_velocity, swept
 from bug_gym.agents.planning.live import LiveMap
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.kinematics import Drive, steering
@@ -109,4 +109,3 @@ def test_the_clearance_of_a_chain() -> None:
     assert not still.is_clear(np.array([[0.0, 0.0], [0.5, 0.0]]), 0.501)
     assert still.is_clear(np.array([[0.0, 0.0], [0.0, -4.0]]), 0.999)  # the border
     assert not still.is_clear(np.array([[0.0, 0.0], [0.0, -4.0]]), 1.001)
-    assert ROOM > 0.0
