@@ -357,7 +357,7 @@ def add_robots(
             sin, cos = sin_cos(f[s.pose + 3 * r + 2])
             vx, vy = cos * ahead - sin * left, sin * ahead + cos * left
         for c in range(s.footprint):
-            cx, cy = body_circle(f, s, footprint, s.pose, r, c)
+            cx, cy = body_circle(f, footprint, s.pose, r, c)
             if cx != x or cy != y:
                 together = f[s.body_radius + b] + footprint[c, 2] + SKIN
                 hard, soft = add_avoidance(

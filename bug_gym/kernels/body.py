@@ -12,7 +12,7 @@ from bug_gym.kernels.walls import wall_between
 
 
 @inlined
-def body_circle(f: Floats, s: Record, footprint: Footprint, at: int, r: int, c: int) -> tuple[float, float]:
+def body_circle(f: Floats, footprint: Footprint, at: int, r: int, c: int) -> tuple[float, float]:
     """Centre of circle c of robot r's body at the pose stored at `at` (s.pose or s.next_pose)."""
     x, y = f[at + 3 * r], f[at + 3 * r + 1]
     if footprint is None:
@@ -62,9 +62,9 @@ def swing(f: Floats, s: Record, footprint: Floats, r: int, c: int) -> tuple[int,
 def swung_circle(f: Floats, s: Record, footprint: Floats, r: int, c: int, share: float) -> tuple[float, float]:
     """Centre of circle c of robot r's body after a share of this step's motion."""
     if share == 0.0:
-        return body_circle(f, s, footprint, s.pose, r, c)
+        return body_circle(f, footprint, s.pose, r, c)
     if share == 1.0:
-        return body_circle(f, s, footprint, s.next_pose, r, c)
+        return body_circle(f, footprint, s.next_pose, r, c)
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     x += share * (f[s.next_pose + 3 * r] - x)
     y += share * (f[s.next_pose + 3 * r + 1] - y)
@@ -111,7 +111,7 @@ def swing_contact(
     """
     first, clearance = NEVER, math.inf
     pieces, margin = swing(f, s, footprint, r, c)
-    x0, y0 = body_circle(f, s, footprint, s.pose, r, c)
+    x0, y0 = body_circle(f, footprint, s.pose, r, c)
     for piece in range(pieces):
         finish = min(end * pieces - piece, 1.0)
         if finish < 0.0:

@@ -165,8 +165,8 @@ def robots_contact(
         for cb in range(s.footprint):
             b_pieces, b_margin = swing(f, s, footprint, b, cb)
             pieces, reach = max(a_pieces, b_pieces), footprint[ca, 2] + footprint[cb, 2]
-            ax, ay = body_circle(f, s, footprint, s.pose, a, ca)
-            bx, by = body_circle(f, s, footprint, s.pose, b, cb)
+            ax, ay = body_circle(f, footprint, s.pose, a, ca)
+            bx, by = body_circle(f, footprint, s.pose, b, cb)
             px, py = ax - bx, ay - by
             # Both move until one has stopped, then the other one does.
             begin = 0.0

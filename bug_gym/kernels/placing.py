@@ -38,7 +38,7 @@ PLACED = frozenset(
 
 
 @called
-def place_start_and_goal(f: Floats, k: Integers, s: Record, p: Record, key: np.uint64, draw: int) -> int:
+def place_start_and_goal(f: Floats, s: Record, p: Record, key: np.uint64, draw: int) -> int:
     """Draw the robots' starts (side by side, 2 m apart) and the goal; returns the next draw, or -1 where none fits."""
     goal = s.discs + s.polygons
     side = s.robots - 1.0  # the outermost robot stands this far from the middle [m]
@@ -289,7 +289,7 @@ def place_field(f: Floats, k: Integers, s: Record, p: Record) -> int:
     draw = 0
     best = -1
     for _ in range(ATTEMPTS):
-        start = place_start_and_goal(f, k, s, p, key, draw)
+        start = place_start_and_goal(f, s, p, key, draw)
         if start < 0:
             return best
         result = place_obstacles(f, k, s, p, key, start)

@@ -106,7 +106,7 @@ def stand_in(f: Floats, k: Integers, s: Record, footprint: Footprint, columns: F
     for other in range(s.robots):
         if other != r:
             for c in range(s.footprint):
-                cx, cy = body_circle(f, s, footprint, s.pose, other, c)
+                cx, cy = body_circle(f, footprint, s.pose, other, c)
                 columns[count] = cx
                 columns[room + count] = cy
                 columns[2 * room + count] = footprint[c, 2]
@@ -187,7 +187,7 @@ def clearance_at(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int
     """
     nearest = math.inf
     for c in range(s.footprint):
-        x, y = body_circle(f, s, footprint, s.pose, r, c)
+        x, y = body_circle(f, footprint, s.pose, r, c)
         radius = circle_radius(s, footprint, c)
         for w in range(k[s.border_first], k[s.border_first] + k[s.border_walls]):
             nearest = min(nearest, wall_gap(f, k, s, w, x, y) - radius)
@@ -212,6 +212,6 @@ def clearance_at(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int
         for other in range(s.robots):
             if other != r:
                 for d in range(s.footprint):
-                    ox, oy = body_circle(f, s, footprint, s.pose, other, d)
+                    ox, oy = body_circle(f, footprint, s.pose, other, d)
                     nearest = min(nearest, length(x - ox, y - oy) - radius - footprint[d, 2])
     return nearest
