@@ -55,7 +55,7 @@ SHARED = {
     "com1_rev3": (2, 4, 8, 16),
 }
 """Robots of worlds that several share, by who drives them; the laws of a team drive alone beside it."""
-BATCHED = ("bug0", "bug2", "tangent_bug", "ppo_dynamic")
+BATCHED = ("bug0", "bug2", "tangent_bug", "orca", "ppo_dynamic")
 """Whose decisions for many worlds at once are counted."""
 ELSEWHERE = {"ppo_crossing_robots": "crossing_robots"}
 """Where policies decide that were made for another robot than that of `dynamic`."""
