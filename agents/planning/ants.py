@@ -187,21 +187,15 @@ def aco(sleeve: Sleeve, colony: Colony = Colony(), *, seed: int = 0) -> Found:  
     return eaco(sleeve, replace(colony, levy_rate=0.0), seed=seed)
 
 
-def eaco_refined(
-    sleeve: Sleeve,
-    colony: Colony = Colony(),  # noqa: B008 (it is frozen)
-    *,
-    seed: int = 0,
-    sweeps: int = SWEEPS,
-) -> Found:
-    """The best ant's way, then its shares one after the other by golden section, so many sweeps over all."""
-    return refined(sleeve, eaco(sleeve, colony, seed=seed), sweeps=sweeps)
+def eaco_refined(sleeve: Sleeve, colony: Colony = Colony(), *, seed: int = 0) -> Found:  # noqa: B008 (it is frozen)
+    """The best ant's way, then its shares one after the other by golden section, SWEEPS times over all."""
+    return refined(sleeve, eaco(sleeve, colony, seed=seed))
 
 
-def refined(sleeve: Sleeve, found: Found, *, sweeps: int = SWEEPS) -> Found:
+def refined(sleeve: Sleeve, found: Found) -> Found:
     """A way with each share in turn at its best between its neighbours; never longer."""
     gamma = found.gamma.copy()
-    sweep_shares(sleeve.left, sleeve.right, sleeve.start, sleeve.goal, gamma, sweeps, np.empty_like(gamma))
+    sweep_shares(sleeve.left, sleeve.right, sleeve.start, sleeve.goal, gamma, SWEEPS, np.empty_like(gamma))
     total = path_length(sleeve.crossings(gamma))
     if total > found.length:
         return found

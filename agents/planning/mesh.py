@@ -76,10 +76,9 @@ def triangulate(shapes: Sequence[shapely.Polygon], extra: F64) -> Mesh:
     alias[delaunay.coplanar[:, 0]] = delaunay.coplanar[:, 2]  # a point on another one is no vertex
     sides = alias[sides]
     crossed = np.zeros((len(corners), 3), dtype=np.bool_)
-    missing = np.zeros(len(sides), dtype=np.bool_)
-    mark_crossings(points, corners, neighbours, sides, crossed, missing, np.full(len(points), -1, np.int32))
+    mark_crossings(points, corners, neighbours, sides, crossed, np.full(len(points), -1, np.int32))
     free = np.asarray(~crossed.any(axis=1))
-    free[_inside(shapes, points, owner, corners, sides[missing])] = False
+    free[_inside(shapes, points, owner, corners)] = False
     return Mesh(points, owner, corners, neighbours, free, crossed, alias[len(points) - len(extra) :])
 
 
@@ -114,7 +113,6 @@ def _inside(
     points: F64,
     owner: NDArray[np.int64],
     corners: Triangles,
-    missing: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """Indices of the triangles that lie within a shape: all corners are that shape's, and so is the middle."""
     owners = owner[corners]
@@ -217,7 +215,6 @@ def mark_crossings(
     neighbours: Triangles,
     sides: NDArray[np.int64],
     crossed: NDArray[np.bool_],
-    missing: NDArray[np.bool_],
     at: Triangles,
 ) -> None:
     """Walk along the sides of shapes and mark the edges of the triangulation that they cross.
@@ -228,7 +225,6 @@ def mark_crossings(
         neighbours: triangle beyond each edge (t, 3).
         sides: pairs of vertices (s, 2).
         crossed: edges (t, 3), written here.
-        missing: whether a side is no edge, nor several in a row (s,), written here.
         at: (p,) -1; a triangle at each vertex is written here.
     """
     for triangle in range(corners.shape[0]):
@@ -243,7 +239,6 @@ def mark_crossings(
             if vertex < 0 and triangle < 0:
                 break
             if vertex < 0:
-                missing[side] = True
                 vertex = walk(points, corners, neighbours, triangle, edge, a, b, crossed)
             a = vertex
 

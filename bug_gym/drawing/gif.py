@@ -64,7 +64,7 @@ def encoded(clip: Clip, fps: float) -> Iterator[bytes]:
     for letters in clip.changes:
         places, colors = np.frombuffer(zlib.decompress(letters), dtype=np.uint32).reshape(2, -1)
         shown = np.full_like(last, SAME)
-        pixels.apply_changes(places, colors, nearest, last, shown, SAME, box)
+        pixels.apply_changes(places, colors, nearest, last, shown, box)
         top, bottom, left, right = box.tolist() if box[1] >= 0 else (0, 0, 0, 0)  # a frame has a pixel at least
         part = np.ascontiguousarray(shown[top : bottom + 1, left : right + 1])
         out = np.zeros(lzw.room_for(part.size), dtype=np.uint8)

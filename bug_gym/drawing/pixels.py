@@ -100,18 +100,16 @@ def apply_changes(
     nearest: npt.NDArray[np.uint8],
     last: npt.NDArray[np.uint8],
     shown: npt.NDArray[np.uint8],
-    same: int,
     box: npt.NDArray[np.int64],
 ) -> None:
-    """Write the next frame in the numbers of a palette, `same` where it is like the last one.
+    """Write the next frame in the numbers of a palette, where it is not like the last one.
 
     Args:
         places: numbers of the pixels that differ (n,).
         colors: their new colours (n,).
         nearest: (2^24,) numbers of the palette by colour.
         last: (H, W) the last frame in numbers, which becomes the next one.
-        shown: (H, W), `same` all over; what differs is written into it.
-        same: a number that is no colour.
+        shown: (H, W), a number that is no colour all over; what differs is written into it.
         box: first and last line, first and last column of what differs; the last ones are -1 where nothing does.
     """
     width = last.shape[1]

@@ -134,10 +134,10 @@ class Again:
         return action[None], (_Tape(step, LET_GO if is_over else ""),)
 
 
-def again(scenario: Scenario, episode: DrivenEpisode, *, label: str = "by hand") -> Rollout:
+def again(scenario: Scenario, episode: DrivenEpisode) -> Rollout:
     """A rollout that drives an episode once more."""
     seeds = range(episode.seed, episode.seed + 1)
-    return Rollout(PolicyEntry.of((label, Again(episode))), ScenarioEntry(scenario.name, scenario, seeds), seeds)
+    return Rollout(PolicyEntry.of(("by hand", Again(episode))), ScenarioEntry(scenario.name, scenario, seeds), seeds)
 
 
 def require_same_end(scenario: Scenario, episode: DrivenEpisode) -> None:

@@ -88,11 +88,11 @@ BEACH = "d2t_beach"
 """The scenario of the beach: 28 umbrellas and loungers in nine groups, too close within for the robot, and two walkers."""
 
 
-def beach(*, start: Point = (25.0, 3.0), goal: Point = (25.0, 96.0)) -> Task:
-    """The 28 obstacles of the beach, from one end to the other unless said."""
+def beach() -> Task:
+    """The 28 obstacles of the beach, from one end to the other."""
     world: Any = load(BEACH).world
     shapes = [shapely.Polygon(polygon.shell) for polygon in world.polygons]
-    return Task(shapes, np.array(rectangle(50.0, 100.0)), start, goal, RADIUS)
+    return Task(shapes, np.array(rectangle(50.0, 100.0)), (25.0, 3.0), (25.0, 96.0), RADIUS)
 
 
 def is_clear(place: Point, room: float) -> bool:

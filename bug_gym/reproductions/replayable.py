@@ -114,7 +114,7 @@ def typical(episodes: Sequence[Replayable]) -> list[Replayable]:
     return found[:TYPICAL]
 
 
-def replays(episodes: Sequence[Replayable], workers: Workers, *, progress: bool = True) -> dict[Key, str]:
+def replays(episodes: Sequence[Replayable], workers: Workers) -> dict[Key, str]:
     """Some episodes, driven once more and packed."""
-    with progress_bar(shown=progress) as track:
+    with progress_bar(shown=True) as track:
         return replays_of([one.wanted() for one in episodes], workers, track)

@@ -178,9 +178,9 @@ class Across:
         return team_scenario(polygons, [(0.0, 0.0, 0.0)], (total, 0.0), circles=circles)
 
 
-def obstacles_across(count: int, seed: int = 0) -> list[Across]:
-    """Rectangles on and off the axis and discs, in turn, of random sizes."""
-    rng = np.random.default_rng(seed)
+def obstacles_across(count: int) -> list[Across]:
+    """Rectangles on and off the axis and discs, in turn, of random sizes, always the same."""
+    rng = np.random.default_rng(0)
     found = []
     for number in range(count):
         before, behind = rng.uniform(3.0, 8.0), rng.uniform(2.0, 8.0)
