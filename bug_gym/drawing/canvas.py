@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from bug_gym.drawing import pixels
 from bug_gym.drawing.brush import (
@@ -157,22 +156,6 @@ class Canvas:
     def _clear(self) -> None:
         for trail in (*self._trails, *self._goal_trails):
             trail.clear()
-
-    def follow(self, poses: ArrayLike) -> None:
-        """Take poses (T, R, 3) of the row's present episode, or places (T, R, 2), as the path so far.
-
-        Raises:
-            ValueError: another shape.
-        """
-        array = np.asarray(poses, dtype=np.float64)
-        if array.ndim != 3 or array.shape[1] != self.simulation.robots or array.shape[2] not in (2, 3):
-            raise ValueError(f"poses have shape {array.shape}, expected (T, {self.simulation.robots}, 2 or 3)")
-        self._clear()
-        self._recorded = (-1, -1, -1)
-        self.record()
-        view = self.view.enlarged(PAINT)
-        for robot, trail in enumerate(self._trails):
-            trail[:0] = view.pixels(array[:, robot, :2])
 
     # ------------------------------------------------------------------------------------------ drawing
 
@@ -406,32 +389,3 @@ def round_length(length: float) -> float:
     """The largest of 1, 2, 5, 10, ... (and their tenths) that is at most a length [m]."""
     power = 10.0 ** math.floor(math.log10(length))
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= length)
-
-
-def episode_picture(
-    simulation: Simulation,
-    poses: ArrayLike,
-    drawing: Drawing | Sequence[Drawing | None] | None = None,
-    *,
-    row: int = 0,
-    size: int = 600,
-    title: str = "",
-    note: str = "",
-) -> Frame:
-    """The row as it is now with the whole path of its episode, without the scan.
-
-    Args:
-        simulation: the worlds; the row still stands where the episode has ended.
-        poses: poses (T, R, 3) or places (T, R, 2) of the robots since the start.
-        drawing: what a policy adds, see `Canvas.draw`.
-        row: which world.
-        size: longer side [pixels].
-        title: put before the scenario's name, such as the policy's name.
-        note: put behind the outcome, such as a policy's verdict.
-
-    Returns:
-        RGB pixels (H, W, 3) uint8.
-    """
-    canvas = Canvas(simulation, size=size, row=row, title=title)
-    canvas.follow(poses)
-    return canvas.draw(drawing, scan=False, note=note)

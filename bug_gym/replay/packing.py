@@ -29,12 +29,6 @@ def changes(frames: Sequence[ArrayLike], unit: float) -> list[int]:
     return [int(value) for value in np.diff(table, axis=0, prepend=0).T.ravel()]
 
 
-def unchanged(numbers: Sequence[int], frames: int, unit: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The values (T, K) that `changes` was given, to half a unit."""
-    columns = np.array(numbers, dtype=np.int64).reshape(-1, frames)
-    return np.asarray(unit * columns.cumsum(axis=1).T)
-
-
 def runs(numbers: Sequence[int]) -> list[int]:
     """Numbers as first, count, first, count, ... of those that follow one another: 4 5 6 9 as 4 3 9 1."""
     found: list[int] = []

@@ -40,7 +40,6 @@ SCENARIOS: dict[str, Described] = {
 }
 """By label."""
 
-OPTIMUM = "visibility_graph (privileged)"
 UNKNOWN = "d_star_lite (unknown terrain)"
 PLANNERS: tuple[Any, ...] = (
     {"name": "d_star_lite", "label": UNKNOWN, "parameters": {"known": False}},

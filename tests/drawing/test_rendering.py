@@ -19,7 +19,7 @@ from bug_gym.checks import install_command
 from bug_gym.drawing import brush, pixels
 from bug_gym.drawing import canvas as rendering
 from bug_gym.drawing import parts as painting
-from bug_gym.drawing.canvas import Canvas, episode_picture
+from bug_gym.drawing.canvas import Canvas
 from bug_gym.drawing.clips import Frame
 from bug_gym.drawing.window import UNSEEN, Window, open_screen
 from bug_gym.policy import Drawing
@@ -347,23 +347,6 @@ def test_a_world_that_goes_back_in_time_begins_a_new_path() -> None:
     canvas.draw()
     simulation.restore(state)
     np.testing.assert_array_equal(canvas.draw(), Canvas(simulation).draw())
-
-
-def test_a_path_handed_over_looks_like_one_recorded() -> None:
-    simulation = yard()
-    canvas = Canvas(simulation)
-    poses = [simulation.world.pose[0].copy()]
-    canvas.record()
-    for velocity in ((0.0, -1.0), (1.0, 0.0)):
-        for _ in range(15):
-            drive(simulation, velocity, steps=1, canvas=canvas)
-            poses.append(simulation.world.pose[0].copy())
-    np.testing.assert_array_equal(episode_picture(simulation, poses), canvas.draw(scan=False))
-
-
-def test_poses_of_another_shape_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"shape \(5, 3\), expected \(T, 1, 2 or 3\)"):
-        episode_picture(yard(), np.zeros((5, 3)))
 
 
 # ---------------------------------------------------------------------------------------------- a policy's drawing

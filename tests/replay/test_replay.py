@@ -10,6 +10,7 @@ import math
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from bug_gym.cli import main
 from bug_gym.evaluation.replays import record_episode
 from bug_gym.policy import Drawing
 from bug_gym.replay import Episode, Recorder, write_player
-from bug_gym.replay.packing import CENTI, MILLI, changes, runs, unchanged, unpacked
+from bug_gym.replay.packing import CENTI, MILLI, changes, runs, unpacked
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
 
@@ -46,6 +47,12 @@ def driven(title: str = "one", drawing: Drawing | None = None, steps: int = 20, 
         simulation.step([[[0.5, 0.0]]])
         recorder.record(drawing)
     return recorder.episode()
+
+
+def unchanged(numbers: Sequence[int], frames: int, unit: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """The values (T, K) that `changes` was given, to half a unit."""
+    columns = np.array(numbers, dtype=np.int64).reshape(-1, frames)
+    return np.asarray(unit * columns.cumsum(axis=1).T)
 
 
 def read(episode: Episode, name: str, unit: float) -> np.ndarray[Any, np.dtype[np.float64]]:
