@@ -24,7 +24,7 @@ TIMES = {
 }
 """What depends on the machine and on what else it does."""
 
-MADE_BY = {"bug_gym", "commit", "confirmed", "made_again", "python", "remark", "times_of"}
+MADE_BY = {"bug_gym", "commit", "confirmed", "made_again", "new_times", "python", "remark", "times_of"}
 """What tells of the run itself, at the top of a file."""
 
 
@@ -73,6 +73,8 @@ def replace_all_but_times(new: Path, committed: Path) -> None:
     known = json.loads(committed.read_text(encoding="utf-8"))
     merged = with_times_of(known, found)
     merged["times_of"] = known.get("times_of", known["commit"])
+    if "new_times" in known:
+        merged["new_times"] = known["new_times"]
     committed.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
 
 
@@ -108,6 +110,8 @@ def replace_policies(policies: Sequence[str], new: Path, committed: Path, *, new
         merged.setdefault("times_of", known["commit"])
     if known["holds"] is not None:
         merged["holds"] = known["holds"] and found["holds"]
+    if new_times:
+        merged["new_times"] = sorted({*known.get("new_times", []), *policies})
     merged["made_again"] = known.get("made_again", {}) | dict.fromkeys(policies, found["commit"])
     committed.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
 

@@ -28,7 +28,7 @@ from result_pages import (
     tracking,
     triangulation,
 )
-from result_pages.words import table
+from result_pages.words import code, table
 
 from bug_gym.files import released
 from bug_gym.reproductions import REPRODUCTIONS
@@ -134,9 +134,8 @@ def page(name: str, found: Record) -> str:
     release = released(found["bug_gym"])
     again = f" The same were found at commit `{found['confirmed']}`, but for times." if "confirmed" in found else ""
     if "times_of" in found:
-        again += (
-            f" Times of decisions and plans are those of commit `{found['times_of']}`, measured on a quieter machine."
-        )
+        newer = f", but for those of {code(found['new_times'])}" if "new_times" in found else ""
+        again += f" Times of decisions and plans are those of commit `{found['times_of']}`{newer}."
     made = (
         f"Numbers: [{name}.json]({name}.json), made at commit `{found['commit']}` with bug_gym {release} and "
         f"Python {found['python']}.{again} This page is made of it {MADE}"

@@ -120,7 +120,12 @@ def test_the_rows_of_one_policy_may_be_made_again_alone(tmp_path: Path) -> None:
     committed.write_text(json.dumps(result("a", 0.5, 0.6, [["bug", 1], ["apf", 2]])))
     script("confirm_results.py")["replace_policies"](["apf"], made, committed, new_times=True)
     expected["rows"]["apf jackal"]["ms"] = "b"
-    assert json.loads(committed.read_text()) == {**expected, "made_again": {"apf": "b"}}
+    known = {**expected, "made_again": {"apf": "b"}, "new_times": ["apf"]}
+    assert json.loads(committed.read_text()) == known
+    made.write_text(json.dumps(result("c", 0.4, 0.9, [])))
+    script("confirm_results.py")["replace_all_but_times"](made, committed)
+    kept = json.loads(committed.read_text())
+    assert (kept["times_of"], kept["new_times"], kept["rows"]["apf jackal"]["ms"]) == ("a", ["apf"], "b")
 
 
 def test_rows_of_a_policy_that_are_as_many_as_before_keep_their_places() -> None:
@@ -136,7 +141,10 @@ def test_a_page_says_where_its_numbers_were_found_again() -> None:
     assert "The same were found at commit `abc`, but for times." in made["page"](
         "learned", {**found, "confirmed": "abc"}
     )
-    assert "are those of commit `abc`" in made["page"]("learned", {**found, "times_of": "abc"})
+    of_abc = {**found, "times_of": "abc"}
+    assert "are those of commit `abc`." in made["page"]("learned", of_abc)
+    newer = made["page"]("learned", {**of_abc, "new_times": ["bug", "apf"]})
+    assert "are those of commit `abc`, but for those of `bug` and `apf`." in newer
 
 
 def test_the_page_of_policies_is_what_the_table_of_agents_says() -> None:
