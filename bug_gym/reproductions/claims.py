@@ -13,7 +13,7 @@ from bug_gym.intervals import exact_mcnemar, wilson_interval
 from bug_gym.reproductions.result import Settings
 
 FIRST_SEED = 10_000
-"""First seed of every figure; the parameters of HD-BUG and of the map planner were set on seeds below 1,000."""
+"""First seed of every figure; parameters were set on other seeds."""
 
 ROBOT = {"kinematics": "holonomic", "radius": 0.2, "max_speed": 1.0}
 """The paper's point robot gets a body; its top speed is the paper's."""
