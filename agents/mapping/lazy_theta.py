@@ -64,8 +64,6 @@ class Trip(NamedTuple):
     gx: float
     """Where the goal is [m]."""
     gy: float
-    tolerance: float
-    """Within this distance of the goal [m] blocked cells don't count."""
     escape: float
     """Within this distance of the start [m] blocked cells don't count."""
     stamp: int
@@ -104,7 +102,7 @@ def find_way(
         places: (k, 2) the places of the way, written here [m].
         rest: (k,) what is left to go from each, written here [m].
     """
-    trip = trip_of(cells, sx, sy, gx, gy, tolerance, stamp)
+    trip = trip_of(cells, sx, sy, gx, gy, stamp)
     count = open_node(scratch, trip, 0, trip.start, trip.start, 0.0, length(gx - sx, gy - sy))
     while count > 0:
         node = scratch.heap[0]
@@ -126,13 +124,13 @@ def find_way(
 
 
 @inlined
-def trip_of(cells: Cells, sx: float, sy: float, gx: float, gy: float, tolerance: float, stamp: int) -> Trip:
+def trip_of(cells: Cells, sx: float, sy: float, gx: float, gy: float, stamp: int) -> Trip:
     """The trip from one place to another; a start beside the grid is in the nearest cell of it."""
     rows, columns = cells.blocked.shape
     column = min(max(int((sx - cells.x) / cells.size), 0), columns - 1)
     row = min(max(int((sy - cells.y) / cells.size), 0), rows - 1)
     escape = escape_from(cells, sx, sy)
-    return Trip(row * columns + column, sx, sy, rows * columns, gx, gy, tolerance, escape, stamp)
+    return Trip(row * columns + column, sx, sy, rows * columns, gx, gy, escape, stamp)
 
 
 @inlined
