@@ -104,7 +104,10 @@ def required_policy(found: Any, told: str) -> type[Any]:
         raise ValueError(f"{told} is no policy: got {came}, expected {expected}")
     if missing := sorted(getattr(found, "__abstractmethods__", ())):
         raise ValueError(f"{told} is no whole policy: it lacks {', '.join(missing)}")
-    for name, takes in TAKEN.items() if issubclass(found, ScriptedPolicy) else ():
+    if not issubclass(found, ScriptedPolicy):
+        _require_predict(found, told)
+        return found
+    for name, takes in TAKEN.items():
         try:
             inspect.signature(getattr(found, name)).bind(*["self", *takes])
         except TypeError as error:
@@ -112,14 +115,36 @@ def required_policy(found: Any, told: str) -> type[Any]:
     return found
 
 
+def _require_predict(found: type[Any], told: str) -> None:
+    """Refuse a class whose `predict` takes other arguments than an evaluation hands in."""
+    begins = () if getattr(found, "one_by_one", False) else ("episode_start",)
+    try:
+        inspect.signature(found.predict).bind("self", "observation", "state", *begins, deterministic=True)
+    except TypeError as error:
+        expected = "predict takes (self, observation, state, episode_start, deterministic)"
+        raise ValueError(f"{told}: {expected}: {error}") from None
+    except ValueError:  # written in C, without a signature: it will be seen when it is asked
+        return
+
+
 def require_memory(policy: Any, told: str) -> None:
-    """Refuse a policy whose episodes begin with something else than a Memory.
+    """Refuse a policy that is not whole, or whose episodes do not begin with a Memory of their own.
 
     Raises:
-        ValueError: `start` answers with anything else.
+        ValueError: its `__init__` leaves out that of ScriptedPolicy, or `start` answers with anything else, or with one
+            memory for all.
     """
-    if isinstance(policy, ScriptedPolicy) and not isinstance(memory := policy.start(), Memory):
-        raise ValueError(f"{told}: start answered {shortened(memory)}, expected a bug_gym.policy.Memory")
+    if not isinstance(policy, ScriptedPolicy):
+        return
+    if not all(hasattr(policy, name) for name in ("sensors", "parameters")):
+        expected = "super().__init__(sensors, discrete=discrete, **parameters)"
+        raise ValueError(f"{told}: its __init__ does not call that of ScriptedPolicy, expected {expected}")
+    first, second = policy.start(), policy.start()
+    for memory in (first, second):
+        if not isinstance(memory, Memory):
+            raise ValueError(f"{told}: start answered {shortened(memory)}, expected a bug_gym.policy.Memory")
+    if first is second:
+        raise ValueError(f"{told}: start answered the same memory twice, expected a new one for each episode")
 
 
 def require_constructor(policy_class: type[Any], told: str, keywords: Iterable[str], *, whole: bool = True) -> None:

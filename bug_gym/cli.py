@@ -20,12 +20,12 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO, cast
 
 from bug_gym import __version__
 from bug_gym.commands import COMMANDS
+from bug_gym.references import raised_in, told_of
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -103,14 +103,17 @@ def _run(arguments: Sequence[str] | None) -> int:
         if error is getattr(sys.stdout, "failure", None):
             _drop_output()
             return _complain(UNWRITTEN, f"error: standard output: {getattr(error, 'strerror', error)}")
-        notes = "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
-        return _complain(BAD_INPUT, f"error: {_told(error)}{_raised_in(error)}{notes}")
+        return _complain(BAD_INPUT, f"error: {told_of(error)}")
     except KeyboardInterrupt as error:
         out = getattr(options, "out", None)
         goes_on = out and COMMANDS[options.command].goes_on
         hint = f"; {out} keeps what is done, the same command goes on" if goes_on else ""
         number = error.number if isinstance(error, Ended) else signal.SIGINT
         return _complain(SIGNALLED + number, f"interrupted{hint}")
+    except Exception as error:
+        if not raised_in(error):
+            raise  # a fault of ours: who reports it sends the whole of it
+        return _complain(BAD_INPUT, f"error: {told_of(error)}")
     return code or DONE
 
 
@@ -124,31 +127,6 @@ def _without_gaps(arguments: Sequence[str]) -> Sequence[str]:
         if re.fullmatch(r"(--[\w-]+=)?", argument):
             raise ValueError(f"got an empty argument after {before or 'the command'!r}, expected a value")
     return arguments
-
-
-def _told(error: Exception) -> str:
-    """What an error says, that of a file without the system's number."""
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{error.filename}: {error.strerror}"
-    return str(error)
-
-
-def _raised_in(error: Exception) -> str:
-    """Where in a caller's own code, which the command runs, an error arose; "" where the package found a fault by itself.
-
-    The package refuses what a caller's code answers in words of its own; here the code itself has failed.
-    """
-    import sysconfig  # only where something has failed
-    import traceback
-
-    package = Path(__file__).resolve().parent
-    known = [package, (package / "agents").resolve()]
-    known += [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")]
-    for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        place = Path(frame.filename)
-        if place.is_file() and not any(place.resolve().is_relative_to(folder) for folder in known):
-            return f" ({place}, line {frame.lineno})"
-    return ""
 
 
 def _complain(code: int, message: str) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import compress
 from pathlib import Path
@@ -441,6 +441,44 @@ def checked_velocity(policy: object, answered: Any) -> Velocity:
     raise ValueError(f"{type(policy).__name__}.act answered {shortened(answered)}, expected {expected}")
 
 
+def checked_drawing(policy: object, shown: Any) -> Drawing:
+    """What a `draw` has answered, where it can be drawn.
+
+    Raises:
+        ValueError: it is no Drawing, or one of its parts cannot be one.
+    """
+    told = f"{type(policy).__name__}.draw answered"
+    if not isinstance(shown, Drawing):
+        raise ValueError(f"{told} {shortened(shown)}, expected a bug_gym.policy.Drawing")
+    for name, (expected, fits) in PARTS.items():
+        try:
+            wrong = [part for part in getattr(shown, name) if not fits(part)]
+        except (TypeError, ValueError) as error:  # no sequence, another number of parts, or no numbers
+            raise ValueError(f"{told} {name} of another form, expected {expected} each: {error}") from None
+        if wrong:
+            raise ValueError(f"{told} {shortened(wrong[0])} among its {name}, expected {expected}")
+    return shown
+
+
+def _are_numbers(part: Any, count: int) -> bool:
+    *numbers, _ = part
+    return len(numbers) == count and all(map(math.isfinite, numbers))
+
+
+def _is_area(part: Any) -> bool:
+    ring, _ = part
+    places = np.asarray(ring, dtype=np.float64)
+    return places.ndim == 2 and places.shape[1] == 2 and bool(np.isfinite(places).all())
+
+
+PARTS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "points": ("(x, y, label) of finite numbers and text", lambda part: _are_numbers(part, 2)),
+    "segments": ("(x1, y1, x2, y2, label) of finite numbers and text", lambda part: _are_numbers(part, 4)),
+    "areas": ("(ring, label), a ring (k, 2) of finite numbers", _is_area),
+}
+"""What each part of a Drawing is, by its field."""
+
+
 def checked_actions(answered: Any, robots: int, numbered: NDArray[np.float32]) -> NDArray[Any]:
     """What a policy has answered for some robots, as actions.
 
@@ -457,11 +495,13 @@ def checked_actions(answered: Any, robots: int, numbered: NDArray[np.float32]) -
     """
     actions = np.asarray(answered)
     kind, shape = actions.dtype.kind, actions.shape
-    if kind == "f" and actions.itemsize <= 4 and shape == (robots, 2):
-        return actions
     if kind in "fiu" and shape == (robots, 2):
         with np.errstate(over="ignore"):  # what is beyond all numbers is refused as not finite
-            return actions.astype(np.float32)
+            numbers = actions.astype(np.float32, copy=False)
+        if np.count_nonzero(np.isfinite(numbers)) < numbers.size:  # .all() takes twice the time
+            came = actions[~np.isfinite(numbers)][0]
+            raise ValueError(f"the policy answered with {came} among its actions, expected finite numbers")
+        return numbers
     if kind in "iu" and shape == (robots,) and not ((actions < 0) | (actions >= len(numbered))).any():
         return np.asarray(numbered[actions])
     came = f"{shape} of {actions.dtype}" if actions.ndim else shortened(answered)

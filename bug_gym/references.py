@@ -49,6 +49,10 @@ def imported(reference: str, kind: str) -> Any:
         module = _module_of_file(place) if place.endswith(".py") else _module(place)
     except SyntaxError as error:
         raise ValueError(f"{error.filename}, line {error.lineno}: {error.msg}") from None
+    except SystemExit as left:  # a script, whose last line leaves with what it has done
+        expected = 'expected one that can be imported: what is to be run stands below if __name__ == "__main__"'
+        told = f"{place} ends the process when it is imported (exit code {left.code}), {expected}"
+        raise ValueError(told).with_traceback(left.__traceback__) from None
     if not hasattr(module, name):
         own = [key for key, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__]
         raise ValueError(f"{place} has no {kind} {shortened(name)}{nearest_hint(name, own)}")
@@ -59,6 +63,42 @@ def reference_of(code: Any) -> str:
     """Module and name of a class or function as "module:name"; one of a script says `__main__`."""
     named = code if hasattr(code, "__qualname__") else type(code)
     return f"{named.__module__}:{named.__qualname__}"
+
+
+def raised_in(error: BaseException) -> str:
+    """Where in a caller's own code an error arose, as " (file, line 3)"; "" where the package found a fault by itself.
+
+    The package refuses what a caller's code answers in words of its own; here the code itself has failed.
+    """
+    import sysconfig  # only where something has failed
+    import traceback
+
+    package = Path(__file__).resolve().parent
+    known = [package, (package / "agents").resolve()]
+    known += [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")]
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        place = Path(frame.filename)
+        if place.is_file() and not any(place.resolve().is_relative_to(folder) for folder in known):
+            return f" ({place}, line {frame.lineno})"
+    return ""
+
+
+def told_of(error: BaseException) -> str:
+    """What an error says in one line, with its place in a caller's own code and its notes.
+
+    Which kind of error it is stands before what the package does not raise by itself.
+    """
+    kind = "" if isinstance(error, (ValueError, OSError, ImportError)) else type(error).__name__
+    said = ": ".join(filter(None, (kind, _told(error))))
+    notes = "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
+    return "; ".join(f"{said}{raised_in(error)}{notes}".splitlines())
+
+
+def _told(error: BaseException) -> str:
+    """What an error says, that of a file without the system's number."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 def code_digest(code: Any) -> str:

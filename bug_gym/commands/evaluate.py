@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> None:
     """Run the command."""
     from rich.console import Console
 
-    from bug_gym.evaluation import evaluate  # loads the compiler
+    from bug_gym.evaluation import FailedPolicyError, evaluate  # loads the compiler
     from bug_gym.evaluation.matrix import print_matrix  # loads the compiler
     from bug_gym.evaluation.replays import REPLAYS  # loads the compiler
     from bug_gym.evaluation.report import print_text_table  # loads the compiler
@@ -69,25 +69,31 @@ def run(options: argparse.Namespace) -> None:
 
     if options.replays is not None and options.out is None:
         raise ValueError("got --replays and no folder, expected one (--out FOLDER), whose report replays them")
+    failed = None
     with workers_of(options) as workers:
-        rows = evaluate(
-            [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
-            load_suite(options.suite) if options.suite else options.scenario,
-            episodes=options.episodes,
-            seed=options.seed,
-            workers=workers,
-            out=options.out,
-            overrides=assignments(options.overrides),
-            progress=True,
-            data=options.data,
-            baseline=options.baseline,
-            repair=options.repair,
-            privileged=options.privileged,
-            trust=options.trust,
-            pictures=options.pictures,
-            replays=REPLAYS if options.replays is None else options.replays,
-            replay_successes=options.replay_successes,
-        )
+        try:
+            rows = evaluate(
+                [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
+                load_suite(options.suite) if options.suite else options.scenario,
+                episodes=options.episodes,
+                seed=options.seed,
+                workers=workers,
+                out=options.out,
+                overrides=assignments(options.overrides),
+                progress=True,
+                data=options.data,
+                baseline=options.baseline,
+                repair=options.repair,
+                privileged=options.privileged,
+                trust=options.trust,
+                pictures=options.pictures,
+                replays=REPLAYS if options.replays is None else options.replays,
+                replay_successes=options.replay_successes,
+            )
+        except FailedPolicyError as error:
+            if not error.rows:
+                raise
+            rows, failed = error.rows, error  # what is there is told first
     console, summaries = Console(), summarise(rows)
     print_matrix(summaries, console)
     for team in team_tables(rows):
@@ -95,6 +101,8 @@ def run(options: argparse.Namespace) -> None:
     if options.details:
         _print_details(rows, summaries, options.baseline, console)
     _tell_files(options)
+    if failed is not None:
+        raise failed
 
 
 def _print_details(rows: list[EpisodeRow], summaries: list[Summary], baseline: str | None, console: Console) -> None:
@@ -103,7 +111,8 @@ def _print_details(rows: list[EpisodeRow], summaries: list[Summary], baseline: s
     from bug_gym.evaluation.summary import compare, default_baseline  # loads the compiler
     from bug_gym.evaluation.teams import team_differences  # loads the compiler
 
-    baseline = baseline or default_baseline(rows)
+    if baseline is None or all(row.policy != baseline for row in rows):  # it may have failed
+        baseline = default_baseline(rows)
     print_table(summaries, console)
     print_differences(compare(rows, baseline), console)
     for table in team_differences(rows, baseline):

@@ -8,12 +8,14 @@ are done.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
 from bug_gym.checks import checked_count, shortened
+from bug_gym.evaluation.failures import FailedPolicyError, Failure
 from bug_gym.evaluation.page import PAGE, write_page
 from bug_gym.evaluation.pictures import draw_typical
 from bug_gym.evaluation.plan import Plan, make_plan
@@ -26,7 +28,9 @@ from bug_gym.evaluation.summary import compare, default_baseline, summarise
 from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds
 from bug_gym.workers import Workers, checked_workers, on_this_machine
 
-__all__ = ["evaluate", "make_plan", "record_episode"]
+__all__ = ["FailedPolicyError", "evaluate", "make_plan", "record_episode"]
+
+logger = logging.getLogger("bug_gym")
 
 
 def evaluate(
@@ -79,6 +83,9 @@ def evaluate(
 
     Raises:
         ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
+        FailedPolicyError: a policy fails on its way. The others have been driven to the end then, and `out` is written: the
+            error has their rows. Of a policy and a scenario where it failed none count, as its worlds would be others than
+            theirs; those that were done stay in `out`.
     """
     workers, replays = checked_workers(workers), checked_count("replays", replays, least=0)
     into = {"repair": repair, "pictures": pictures, "replay_successes": replay_successes}
@@ -103,13 +110,21 @@ def evaluate(
         track = stack.enter_context(progress_bar(shown=progress))
         missing = missing_worlds(plan, rows)
         lengths = known_lengths(missing, folder, workers, track)
+        failed: dict[tuple[str, str], Failure] = {}
         for world in drive_missing(missing, lengths, workers, track):
+            if isinstance(world, Failure):
+                if (world.scenario, world.policy) not in failed and len(missing) > 1:
+                    logger.warning("%s; the others go on", world.told)
+                failed.setdefault((world.scenario, world.policy), world)
+                continue
             if folder is not None:
                 folder.add_rows(world)
             rows.extend(world)
-        rows = _in_order(plan, rows)
-        if folder is not None:
-            summaries, differences = summarise(rows), compare(rows, baseline or default_baseline(rows))
+        rows = _in_order(plan, [row for row in rows if (row.scenario, row.policy) not in failed])
+        if folder is not None and rows:
+            if baseline is None or all(row.policy != baseline for row in rows):  # it may have failed everywhere
+                baseline = default_baseline(rows)
+            summaries, differences = summarise(rows), compare(rows, baseline)
             write_summary(folder.path, rows, summaries, differences)
             title = plan.suite or ", ".join(entry.label for entry in plan.scenarios)
             looked_at = wanted(plan, chosen(rows, replays, successes=replay_successes))
@@ -117,6 +132,11 @@ def evaluate(
             write_page(folder.path / PAGE, title, rows, summaries, differences, recorded)
             if pictures:
                 draw_typical(plan, rows, folder.path / "pictures", on_this_machine(workers), track)
+    if failed:
+        failures = [
+            failed[pair] for scenario, policy in plan.pairs() if (pair := (scenario.label, policy.label)) in failed
+        ]
+        raise FailedPolicyError(failures, rows) from failures[0].error
     return rows
 
 

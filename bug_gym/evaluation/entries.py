@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import NoneType
@@ -21,6 +22,24 @@ from bug_gym.simulation import Simulation
 EXPECTED = (
     "a name, a Spec, a path, a class, (label, name, parameters), a dict with those keys, or an object with predict"
 )
+
+
+class PolicyNote(str):
+    """A note on an exception: which policy has raised it, or has answered what it is about."""
+
+
+@contextmanager
+def kept_in_process() -> Iterator[None]:
+    """Have a caller's code that ends the process, as `exit()` does, raise an error that says so.
+
+    Raises:
+        RuntimeError: it does.
+    """
+    try:
+        yield
+    except SystemExit as left:
+        told = f"its code ends the process (exit code {left.code})"
+        raise RuntimeError(told).with_traceback(left.__traceback__) from None
 
 
 @dataclass(frozen=True)
@@ -123,12 +142,15 @@ class PolicyEntry:
                 raise ValueError(f"{self.label}: a planner reads the map of the env that it was made with: {expected}")
             return self.policy
         try:
-            return make_policy(self._made_of, simulation, **self.parameters)
+            with kept_in_process():
+                return make_policy(self._made_of, simulation, **self.parameters)
         except MisfitError:
             raise
         except Exception as error:  # of a caller's code: any
-            if self.reference and not is_reference(self.name):  # registered or installed, so errors name another place
-                error.add_note(f"policy {self.label}")
+            # Of who is registered or installed errors name another place, and what is not ours names nobody.
+            is_unnamed = not is_reference(self.name) or not isinstance(error, (ValueError, ImportError))
+            if (self.reference or self.policy_class) and is_unnamed:
+                error.add_note(PolicyNote(f"policy {self.label}"))
             raise
 
 

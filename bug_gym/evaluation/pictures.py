@@ -11,6 +11,7 @@ from bug_gym.drawing.brush import load_pygame
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.drawing.clips import Frame, load_pillow, save_png
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.failures import Failure
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.rollout import Rollout
@@ -76,10 +77,11 @@ def draw_typical(plan: Plan, rows: Sequence[EpisodeRow], folder: Path, workers: 
     for scenario, policy in plan.pairs():
         mine = [row for row in rows if (row.scenario, row.policy) == (scenario.label, policy.label)]
         path = folder / f"{file_name(f'{scenario.label}-{policy.label}')}.png"
-        if not path.exists():
+        if mine and not path.exists():  # who failed has no episode that counts
             wanted.append(_Picture(policy, scenario, typical(mine).seed, path))
-    for _ in track(each(_draw_picture, wanted, workers), "pictures", len(wanted)):
-        pass
+    for failure in track(each(_draw_picture, wanted, workers), "pictures", len(wanted)):
+        if failure is not None:
+            logger.warning("no picture: %s", failure.told)
 
 
 def typical(rows: Sequence[EpisodeRow]) -> EpisodeRow:
@@ -88,6 +90,12 @@ def typical(rows: Sequence[EpisodeRow]) -> EpisodeRow:
     return solved[(len(solved) - 1) // 2] if solved else rows[0]
 
 
-def _draw_picture(picture: _Picture) -> None:
+def _draw_picture(picture: _Picture) -> Failure | None:
+    """Draw an episode into its file; a policy that fails at it, as its `draw` may, has none."""
     rollout = Rollout(picture.policy, picture.scenario, [picture.seed])
-    save_png(picture.path, portrait(rollout, Canvas(rollout.simulation, title=picture.policy.label)))
+    try:
+        frame = portrait(rollout, Canvas(rollout.simulation, title=picture.policy.label))
+    except Exception as error:  # of a caller's code: any
+        return Failure.of(error, picture.policy, picture.scenario).as_text()
+    save_png(picture.path, frame)
+    return None

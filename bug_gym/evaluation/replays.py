@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.failures import Failure
 from bug_gym.evaluation.page.recorded import Ended, Key, has_failed
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.progress import Track
@@ -17,6 +19,8 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.replay import Episode, Recorder
 from bug_gym.workers import Workers, each
+
+logger = logging.getLogger("bug_gym")
 
 REPLAYS = 24
 """Episodes that a report holds unless it is asked for others."""
@@ -110,16 +114,22 @@ def replays_of(episodes: Sequence[Wanted], workers: Workers, track: Track[Any]) 
     room = MOST_LETTERS
     packed = track(each(_record, episodes, workers, in_order=True), "replays", len(episodes))
     for one, letters in zip(episodes, packed, strict=True):
-        if len(letters) <= room:
+        if isinstance(letters, Failure):
+            logger.warning("no replay: %s", letters.told)
+        elif len(letters) <= room:
             room -= len(letters)
             found[one.key] = letters
     return found
 
 
-def _record(one: Wanted) -> str:
-    steps = one.steps or _steps_of(Rollout(one.policy, one.scenario, [one.seed]))
-    every = max(1, math.ceil(steps / MOST_FRAMES))
-    return recorded(Rollout(one.policy, one.scenario, [one.seed]), every=every).packed
+def _record(one: Wanted) -> str | Failure:
+    """An episode, packed; or why there is none, as a policy's `draw` may fail where all else of it is well."""
+    try:
+        steps = one.steps or _steps_of(Rollout(one.policy, one.scenario, [one.seed]))
+        every = max(1, math.ceil(steps / MOST_FRAMES))
+        return recorded(Rollout(one.policy, one.scenario, [one.seed]), every=every).packed
+    except Exception as error:  # of a caller's code: any
+        return Failure.of(error, one.policy, one.scenario).as_text()
 
 
 def _steps_of(rollout: Rollout) -> int:

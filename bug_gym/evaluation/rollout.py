@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from bug_gym import kinematics
 from bug_gym.episodes import Episodes
-from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.entries import PolicyEntry, PolicyNote, ScenarioEntry, kept_in_process
 from bug_gym.evaluation.lengths import Lengths
 from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_and_turning
 from bug_gym.geometry import F32
 from bug_gym.observation import Field as ObservationField
 from bug_gym.observation import as_dict
-from bug_gym.policy import Drawing, Policy, ScriptedPolicy, checked_actions
+from bug_gym.policy import Drawing, Policy, ScriptedPolicy, checked_actions, checked_drawing
 from bug_gym.schema.errors import shortened
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
@@ -217,13 +217,18 @@ def prepared(
 def noted(
     entry: PolicyEntry, scenario: ScenarioEntry, simulation: Simulation, rows: NDArray[np.int64]
 ) -> Iterator[None]:
-    """Have an exception of a policy that is asked say who it is, and in which worlds, by a note."""
+    """Have an exception of a policy that is asked say who it is, and in which worlds, by a note.
+
+    Raises:
+        RuntimeError: the policy's code ends the process, as `exit()` does: nothing would say then what is missing.
+    """
     try:
-        yield
+        with kept_in_process():
+            yield
     except Exception as error:  # of a caller's code: any
         seeds = sorted(set(simulation.world.seed[rows].tolist()))
         many = f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"
-        error.add_note(f"policy {entry.label}, scenario {scenario.label}, {many}")
+        error.add_note(PolicyNote(f"policy {entry.label}, scenario {scenario.label}, {many}"))
         raise
 
 
@@ -293,10 +298,16 @@ class Rollout:
         return len(self._traces[robot].seconds) * self.scenario.scenario.time.step
 
     def drawings(self) -> list[Drawing | None]:
-        """What the policy shows of its mind for each robot of the first row."""
+        """What the policy shows of its mind for each robot of the first row.
+
+        Raises:
+            ValueError: it shows what is no Drawing.
+        """
         draw = getattr(self.policy, "draw", None)
         memories = [self.memory(robot) for robot in range(self.simulation.robots)]
-        return [None if draw is None or memory is None else draw(memory) for memory in memories]
+        with self._told(np.arange(self.simulation.robots)):
+            shown = [None if draw is None or memory is None else draw(memory) for memory in memories]
+            return [None if one is None else checked_drawing(self.policy, one) for one in shown]
 
     def verdict(self) -> str:
         """What the policy has decided in the first row, "" where nothing."""

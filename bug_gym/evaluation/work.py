@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.failures import Failure
 from bug_gym.evaluation.lengths import Lengths, World, shortest_lengths
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.progress import Track
@@ -80,8 +81,8 @@ def drive_missing(
     lengths: Lengths,
     workers: Workers,
     track: Track[Any],
-) -> Iterable[list[EpisodeRow]]:
-    """The rows of each missing world."""
+) -> Iterable[list[EpisodeRow] | Failure]:
+    """The rows of each missing world; a policy that fails ends the job that it fails in, and no other one."""
     numbered = []
     for policy, scenario, seeds in missing:
         chunk = CHUNK if are_several(workers) else len(seeds)
@@ -94,9 +95,12 @@ def drive_missing(
     return track(worlds, "episodes", sum(len(job.seeds) for job in jobs))
 
 
-def _drive_lazily(job: _Job) -> Iterator[list[EpisodeRow]]:
-    return Rollout(job.policy, job.scenario, job.seeds, lengths=job.lengths).worlds()
+def _drive_lazily(job: _Job) -> Iterator[list[EpisodeRow] | Failure]:
+    try:
+        yield from Rollout(job.policy, job.scenario, job.seeds, lengths=job.lengths).worlds()
+    except Exception as error:  # of a caller's code: any
+        yield Failure.of(error, job.policy, job.scenario)
 
 
-def _drive(job: _Job) -> list[list[EpisodeRow]]:
-    return list(_drive_lazily(job))
+def _drive(job: _Job) -> list[list[EpisodeRow] | Failure]:
+    return [done.as_text() if isinstance(done, Failure) else done for done in _drive_lazily(job)]

@@ -67,6 +67,25 @@ class OtherArguments:
 class NoPolicy:
     pass
 
+class NotBegun(ScriptedPolicy):
+    def __init__(self, sensors, *, discrete=False):
+        self.reach = sensors.range
+    def start(self):
+        return Memory()
+    def act(self, view, memory):
+        return 0.0, 0.0
+
+class OneForAll(MyBug):
+    memory = Memory()
+    def start(self):
+        return self.memory
+
+class OtherQuestion:
+    def __init__(self, sensors, *, discrete=False):
+        pass
+    def predict(self, observation, state=None):
+        return [[0.0, 0.0]] * len(observation), None
+
 policy = 3
 '''
 """A user's file: a bug, and what may be wrong with one."""
@@ -324,6 +343,19 @@ def test_the_manifest_of_the_packages_own_policies_is_as_it_was(place: Path) -> 
             "my_bug.py:OtherArguments",
             r"OtherArguments' cannot be made: .*expected OtherArguments\(sensors, \*, discrete",
         ),
+        ("my_bug.py:NotBegun", r"NotBegun': its __init__ does not call that of ScriptedPolicy, expected super\(\)"),
+        (
+            "my_bug.py:OneForAll",
+            "OneForAll': start answered the same memory twice, expected a new one for each episode",
+        ),
+        (
+            "my_bug.py:OtherQuestion",
+            r"OtherQuestion: predict takes \(self, observation, state, episode_start, deterministic\): ",
+        ),
+        (
+            "my_script.py:MyBug",
+            r"my_script\.py ends the process when it is imported \(exit code 0\), expected one that",
+        ),
         ("my_bug.py:MyBug:sped=1", r"has no parameter 'sped', did you mean 'speed'\?"),
         ("my_broken.py:MyBug", r"my_broken\.py, line 1: "),
     ],
@@ -332,6 +364,7 @@ def test_what_cannot_be_is_said_in_one_line(
     place: Path, name: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (place / "my_broken.py").write_text("class MyBug(:\n", encoding="utf-8")
+    (place / "my_script.py").write_text(f"{CODE}\nraise SystemExit(0)\n", encoding="utf-8")
     with pytest.raises(ValueError, match=message) as error:
         make_policy(name, OPEN)
     assert "\n" not in str(error.value)

@@ -263,7 +263,7 @@ def test_what_is_no_answer_of_a_policy_is_told_and_not_driven(answer: Any) -> No
         def predict(self, *_: Any, **__: Any) -> Any:
             return answer
 
-    with pytest.raises(ValueError, match="^the policy('s predict)? answered|^actions must be finite"):
+    with pytest.raises(ValueError, match="^the policy('s predict)? answered"):
         evaluate(Answers(), OPEN, episodes=1)
 
 

@@ -1,0 +1,201 @@
+"""A policy that fails on its way: it is told in a line, the others go on, and nothing that is done is lost."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bug_gym import agents
+from bug_gym.agents import AGENTS, REGISTERED, register
+from bug_gym.cli import main
+from bug_gym.evaluation import FailedPolicyError, evaluate, record_episode
+from bug_gym.evaluation.rows import EpisodeRow
+
+OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [3, 1]}, "lidar": {"beams": 8}}
+FAR = {**OPEN, "name": "far", "world": {"family": "empty", "start": [0, 0, 0], "goal": [6, 1]}}
+
+CODE = """
+import math
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+
+from bug_gym.policy import Drawing, Memory, ScriptedPolicy
+
+
+@dataclass
+class Steps(Memory):
+    steps: int = 0
+
+
+class Sound(ScriptedPolicy):
+    def start(self):
+        return Steps()
+
+    def act(self, view, memory):
+        memory.steps += 1
+        if memory.steps > 10:
+            self.later(view)
+        return 0.5 * math.cos(view.goal_bearing), 0.5 * math.sin(view.goal_bearing)
+
+    def later(self, view):
+        pass
+
+
+class TwoWords(Exception):
+    def __init__(self, one, other):
+        super().__init__(f"{one} and {other}")  # as Python makes it again it lacks an argument
+
+
+class Raises(Sound):
+    def later(self, view):
+        raise TwoWords("lost", "gone")
+
+
+class Leaves(Sound):
+    def later(self, view):
+        sys.exit(0)
+
+
+class FarAway(Sound):
+    def later(self, view):
+        if view.goal_distance > 4.0:
+            raise KeyError("goal")
+
+
+class Draws(Sound):
+    def draw(self, memory):
+        return 1 / 0
+
+
+class DrawsAnything(Sound):
+    def draw(self, memory):
+        return Drawing(points=[(0.0, 1.0)])
+
+
+class DrawsNowhere(Sound):
+    def draw(self, memory):
+        return Drawing(segments=[(0.0, 1.0, math.nan, 0.0, "m_line")])
+
+
+class Strays:
+    def __init__(self, sensors, *, discrete):
+        self.asked = 0
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        self.asked += 1
+        return np.full((len(observation), 2), math.nan if self.asked > 10 else 0.1), None
+"""
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with a user's file, in which the process works."""
+    (tmp_path / "mine.py").write_text(CODE)
+    (tmp_path / "open.yaml").write_text(json.dumps(OPEN))
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    REGISTERED.clear()
+
+
+def runs(rows: list[EpisodeRow]) -> list[tuple[Any, ...]]:
+    """What does not depend on clocks."""
+    return [(row.policy, row.scenario, row.seed, row.outcome, row.time, row.path_length) for row in rows]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("Raises", "TwoWords: lost and gone (FOLDER/mine.py, line "),
+        ("Leaves", "RuntimeError: its code ends the process (exit code 0) (FOLDER/mine.py, line "),
+        ("Strays", "the policy answered with nan among its actions, expected finite numbers; policy mine.py:Strays"),
+    ],
+)
+def test_the_others_go_on_to_the_end(name: str, told: str, workers: int, place: Path) -> None:
+    others = ["go_to_goal", "mine.py:Sound"]
+    expected = runs(evaluate(others, OPEN, episodes=9))
+    with pytest.raises(FailedPolicyError) as error:
+        evaluate([f"mine.py:{name}", *others], OPEN, episodes=9, workers=workers)
+    assert runs(error.value.rows) == expected
+    said = str(error.value)
+    assert said.startswith(told.replace("FOLDER", str(place))) and "\n" not in said
+    assert f"; policy mine.py:{name}, scenario open, seed" in said
+    assert [(one.policy, one.scenario) for one in error.value.failures] == [(f"mine.py:{name}", "open")]
+
+
+def test_the_cause_is_what_the_policy_has_raised() -> None:
+    with pytest.raises(FailedPolicyError) as error:
+        evaluate(["go_to_goal", "mine.py:Raises"], OPEN, episodes=1)
+    assert type(error.value.__cause__).__name__ == "TwoWords"
+
+
+def test_where_it_does_not_fail_its_rows_count() -> None:
+    expected = runs(evaluate(["go_to_goal", "mine.py:Sound"], [OPEN, FAR], episodes=2))
+    with pytest.raises(FailedPolicyError) as error:
+        evaluate(["go_to_goal", "mine.py:FarAway", "mine.py:Raises"], [OPEN, FAR], episodes=2)
+    mine = [(policy.replace("FarAway", "Sound"), *rest) for policy, *rest in runs(error.value.rows)]
+    assert mine == [row for row in expected if row[:2] != ("mine.py:Sound", "far")]
+    failed = [("mine.py:Raises", "open"), ("mine.py:FarAway", "far"), ("mine.py:Raises", "far")]
+    assert [(one.policy, one.scenario) for one in error.value.failures] == failed
+    assert str(error.value).endswith("; failed, too: mine.py:FarAway in far, mine.py:Raises in far")
+
+
+def test_an_evaluation_of_all_policies_reports_the_others_and_ends_with_an_error(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(agents, "AGENTS", {"go_to_goal": AGENTS["go_to_goal"]})
+    register("failing", "mine.py:Raises")
+    register("sound", "mine.py:Sound")
+    arguments = ["evaluate", "--scenario", "open.yaml", "--episodes", "2", "--out", "results", "--details"]
+    for _ in range(2):  # a run that goes on finds the same
+        assert main([*arguments, "--baseline", "failing"]) == 2
+        out, err = capsys.readouterr()
+        assert "sound" in out and "failing" not in out
+        assert err.splitlines()[-1].startswith("bug-gym: error: TwoWords: lost and gone")
+        kept = (place / "results" / "rows.jsonl").read_text().splitlines()
+        assert [json.loads(line)["policy"] for line in kept] == ["go_to_goal", "go_to_goal", "sound", "sound"]
+        summary = json.loads((place / "results" / "summary.json").read_text())
+        assert "failing" not in json.dumps(summary) and "sound" in json.dumps(summary)
+        assert (place / "results" / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("Draws", "ZeroDivisionError: division by zero (FOLDER/mine.py, line "),
+        ("DrawsAnything", "DrawsAnything.draw answered (0.0, 1.0) among its points, expected (x, y, label) of"),
+        ("DrawsNowhere", "DrawsNowhere.draw answered (0.0, 1.0, nan, 0.0, 'm_line') among its segments, expected (x1"),
+    ],
+)
+def test_what_cannot_be_drawn_costs_its_picture_alone(
+    name: str, told: str, place: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("pygame")
+    policies = ["go_to_goal", f"mine.py:{name}"]
+    rows = evaluate(policies, OPEN, episodes=1, out="results", pictures=True, replay_successes=True)
+    assert [row.policy for row in rows] == policies
+    assert (place / "results" / "report.html").exists()
+    assert [path.name for path in (place / "results" / "pictures").iterdir()] == ["open-go_to_goal.png"]
+    said = [record.getMessage() for record in caplog.records if f"mine.py:{name}" in record.getMessage()]
+    assert [one.partition(": ")[0] for one in said] == ["no replay", "no picture"]
+    assert all(one.partition(": ")[2].startswith(told.replace("FOLDER", str(place))) for one in said)
+    with pytest.raises((ValueError, ZeroDivisionError)):  # who asks for that episode alone is told
+        record_episode(f"mine.py:{name}", OPEN)
+
+
+def test_what_is_no_fault_of_a_policy_ends_all() -> None:
+    """A reward of one's own is the scenario's: it fails for every policy."""
+
+    def breaks(steps: Any) -> Any:
+        return np.array(1.0) if steps[0] > 5 else np.zeros(len(steps))
+
+    with pytest.raises(ValueError, match=r"reward_terms\.breaks") as error:
+        evaluate("go_to_goal", {**OPEN, "reward_terms": {"breaks": breaks}}, episodes=1)
+    assert not isinstance(error.value, FailedPolicyError)
