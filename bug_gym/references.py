@@ -12,6 +12,8 @@ import importlib.util
 import inspect
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -99,6 +101,20 @@ def _told(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return str(error)
+
+
+@contextmanager
+def kept_in_process() -> Iterator[None]:
+    """Have a caller's code that ends the process, as `exit()` does, raise an error that says so.
+
+    Raises:
+        RuntimeError: it does.
+    """
+    try:
+        yield
+    except SystemExit as left:
+        told = f"its code ends the process (exit code {left.code})"
+        raise RuntimeError(told).with_traceback(left.__traceback__) from None
 
 
 def code_digest(code: Any) -> str:

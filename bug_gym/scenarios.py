@@ -13,6 +13,7 @@ from bug_gym.worlds.clearance import share_of_box
 from bug_gym.worlds.field import FieldWorld
 from bug_gym.worlds.field_record import make_record
 from bug_gym.worlds.layout import Layout, Mover, Rings
+from bug_gym.worlds.own import OwnFamily
 from bug_gym.worlds.polygons import rectangle
 
 
@@ -24,7 +25,12 @@ def draw_layout(scenario: Scenario, seed: int, episode: int) -> Layout:
     """
     # The salt keeps these numbers apart from any other use of the same seed.
     rng = np.random.default_rng([kernels.STREAM_WORLD, seed, episode])
-    return scenario.world.layout(scenario.crew, rng)
+    try:
+        return scenario.world.layout(scenario.crew, rng)
+    except Exception as error:  # of a caller's code: any
+        if isinstance(scenario.world, OwnFamily):
+            error.add_note(f"world of {scenario.world.family}, seed {seed}, episode {episode}")
+        raise
 
 
 def field_record(scenario: Scenario, world: FieldWorld) -> np.ndarray:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import NoneType
@@ -16,7 +15,7 @@ from bug_gym.checks import shortened
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import MisfitError, Policy, ScriptedPolicy
-from bug_gym.references import code_digest, is_reference, reference_of
+from bug_gym.references import code_digest, is_reference, kept_in_process, reference_of
 from bug_gym.simulation import Simulation
 
 EXPECTED = (
@@ -26,20 +25,6 @@ EXPECTED = (
 
 class PolicyNote(str):
     """A note on an exception: which policy has raised it, or has answered what it is about."""
-
-
-@contextmanager
-def kept_in_process() -> Iterator[None]:
-    """Have a caller's code that ends the process, as `exit()` does, raise an error that says so.
-
-    Raises:
-        RuntimeError: it does.
-    """
-    try:
-        yield
-    except SystemExit as left:
-        told = f"its code ends the process (exit code {left.code})"
-        raise RuntimeError(told).with_traceback(left.__traceback__) from None
 
 
 @dataclass(frozen=True)

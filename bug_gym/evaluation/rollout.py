@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from bug_gym import kinematics
 from bug_gym.episodes import Episodes
-from bug_gym.evaluation.entries import PolicyEntry, PolicyNote, ScenarioEntry, kept_in_process
+from bug_gym.evaluation.entries import PolicyEntry, PolicyNote, ScenarioEntry
 from bug_gym.evaluation.lengths import Lengths
 from bug_gym.evaluation.rows import EpisodeRow, earliest_intercept, spl, turns_and_turning
 from bug_gym.geometry import F32
 from bug_gym.observation import Field as ObservationField
 from bug_gym.observation import as_dict
 from bug_gym.policy import Drawing, Policy, ScriptedPolicy, checked_actions, checked_drawing
+from bug_gym.references import kept_in_process
 from bug_gym.schema.errors import shortened
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES

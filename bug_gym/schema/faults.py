@@ -67,6 +67,8 @@ def fault(detail: ErrorDetails) -> tuple[str, str]:
     if kind == "scenario":
         key = ".".join(filter(None, [*keys, _cut(context["key"])]))
         return key, str(context["reason"])
+    if "error" in context:  # what the code of a family from outside has raised
+        return ".".join(keys), str(context["error"])
     known: tuple[str, ...] = ()
     if kind.startswith("union_tag"):
         discriminator = str(context["discriminator"]).strip("'")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import importlib.metadata
+import inspect
 import logging
 import re
 from collections.abc import Mapping
@@ -16,9 +17,11 @@ from typing import Any, ClassVar, cast
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from bug_gym.references import from_anywhere, imported, is_reference, reference_of
+from bug_gym.references import from_anywhere, imported, is_reference, kept_in_process, reference_of
 from bug_gym.schema.errors import ScenarioError, shortened, wrong
-from bug_gym.worlds.family import Family
+from bug_gym.worlds.family import Crew, Family, Rng
+from bug_gym.worlds.layout import Layout
+from bug_gym.worlds.own_layout import checked_layout
 
 logger = logging.getLogger("bug_gym")
 
@@ -43,6 +46,20 @@ class OwnFamily(Family):
     """Its name, or where its class is."""
     reference: ClassVar[str]
     found: ClassVar[type[Family]]
+    is_tried: ClassVar[bool] = False
+    """Whether a world of it has been drawn here twice, and came out the same."""
+
+    def layout(self, crew: Crew, rng: Rng) -> Layout:
+        """A world as its class draws it.
+
+        Raises:
+            ValueError: what cannot be one; whatever else its class raises.
+        """
+        with kept_in_process():
+            twice = not type(self).is_tried
+            made = checked_layout(self, super().layout, f"{self.reference}.layout", crew, rng, twice=twice)
+        type(self).is_tried = True
+        return made
 
     @property
     def source(self) -> Any:
@@ -115,6 +132,10 @@ def required_family(found: Any, told: str) -> type[Family]:
         raise ScenarioError(f"{told} is no family of worlds: got {came}, expected {expected}")
     if found.layout is Family.layout:
         raise ScenarioError(f"{told} is no whole family of worlds: it lacks layout(crew, rng)")
+    try:
+        inspect.signature(found.layout).bind("self", "crew", "rng")
+    except TypeError as error:
+        raise ScenarioError(f"{told}: layout takes (self, crew, rng): {error}") from None
     return found
 
 

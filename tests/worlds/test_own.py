@@ -238,6 +238,123 @@ def test_a_name_that_could_not_be_registered_is_free_for_the_next(reference: str
     assert len(circles_of({**MINE, "world": {"family": "mine", "pegs": 2}})) == 2
 
 
+BUILT = """
+import itertools
+import sys
+import numpy as np
+from bug_gym.config import Bounce
+from bug_gym.worlds.family import Family
+from bug_gym.worlds.layout import Layout, Mover
+from bug_gym.worlds.places import border_of
+
+NONE = np.zeros((0, 3))
+DRAWN = itertools.count()
+SQUARE = np.array([[4.0, 4.0], [5.0, 4.0], [5.0, 5.0], [4.0, 5.0]])
+MOTION = Bounce(law="bounce", velocity=(0.1, 0.0))
+
+
+class Built(Family):
+    def layout(self, crew, rng):
+        places = {"starts": np.array([[0.0, 0.0, 0.0]]), "goals": np.array([[3.0, 1.0]]), "circles": NONE}
+        return Layout(**{"border": border_of(self), **places, **dict(WHAT)})
+
+
+class Answers(Family):
+    def layout(self, crew, rng):
+        return "a maze"
+
+
+class Leaves(Family):
+    def layout(self, crew, rng):
+        sys.exit(0)
+
+
+class Takes(Family):
+    def layout(self, crew):
+        return None
+
+
+class Refuses(Built):
+    def check(self, robot):
+        raise ValueError("no robot at all")
+"""
+"""Families that build their layout by hand."""
+
+
+def built(place: Path, name: str, what: str = "") -> Any:
+    """A scenario of a family of BUILT, with what stands for WHAT in it."""
+    (place / "built.py").write_text(BUILT.replace("WHAT", what))
+    return load({**MINE, "world": {"family": f"built.py:{name}"}}, trust=True)
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ("circles=np.array([[np.nan, 5.0, 1.0]])", r"circles: got \[nan, 5.0, 1.0\], expected \(k, 3\) of finite"),
+        ("circles=np.zeros((2, 2))", r"circles: got shape \(2, 2\), expected \(k, 3\) of finite numbers"),
+        ("circles='none'", r"circles: got 'none', expected \(k, 3\) of finite numbers"),
+        ("circles=np.array([[5.0, 5.0, -1.0]])", "circles: got the radius -1, expected one above 0"),
+        ("circles=np.array([[0.0, 0.0, 1.0]])", r"robot 0 cannot start at \[0.0, 0.0, 0.0\]: an obstacle"),
+        ("circles=np.array([[3.0, 1.0, 0.5]])", r"the goal \[3.0, 1.0\] lies in an obstacle"),
+        (
+            "starts=np.array([[50.0, 0.0, 0.0]])",
+            r"robot 0 cannot start at \[50.0, 0.0, 0.0\]: an obstacle or the border",
+        ),
+        (
+            "starts=np.array([[np.inf, 0.0, 0.0]])",
+            r"starts: got \[inf, 0.0, 0.0\], expected \(1, 3\) of finite numbers",
+        ),
+        ("starts=NONE", r"starts: got shape \(0, 3\), expected \(1, 3\) of finite numbers"),
+        ("goals=np.zeros((2, 2))", r"goals: got shape \(2, 2\), expected \(1, 2\) of finite numbers"),
+        ("border=np.zeros((2, 2))", r"border: got shape \(2, 2\), expected \(k, 2\) of finite numbers, k at least 3"),
+        ("polygons=(SQUARE,)", r"polygons\.0: got array\(\[\[4.*, expected a tuple of them"),
+        ("polygons=((SQUARE[:2],),)", r"polygons\.0: got shape \(2, 2\), expected \(k, 2\) of finite"),
+        ("movers=(3,)", r"movers\.0: got 3, expected a bug_gym\.worlds\.layout\.Mover"),
+        ("movers=(Mover(0.3, (5.0, 5.0), 'bounce'),)", r"movers\.0\.motion: got 'bounce', expected a motion law"),
+        ("movers=(Mover(-0.3, (5.0, 5.0), MOTION),)", r"movers\.0\.outline: got the radius -0.3, expected one above 0"),
+        (
+            "movers=(Mover(0.3, (5.0, np.nan), MOTION),)",
+            r"movers\.0\.at: got \[5.0, nan\], expected \(1, 2\) of finite",
+        ),
+        ("target='bounce'", "target: got 'bounce', expected a motion law"),
+        (
+            "circles=np.array([[5.0, 5.0, 1.0 + next(DRAWN)]])",
+            "gave two layouts for the same arguments, expected the same: all chance comes from `rng`",
+        ),
+        (
+            "polygons=((SQUARE + np.random.default_rng().uniform(),),)",
+            "gave two layouts for the same arguments, expected the same",
+        ),
+    ],
+)
+def test_a_layout_that_cannot_be_is_told_with_family_and_world(parts: str, told: str, place: Path) -> None:
+    scenario = built(place, "Built", parts)
+    with pytest.raises(ValueError, match=rf"built\.py:Built\.layout.*{told}") as error:
+        Simulation(scenario).reset(seeds=[4])
+    assert error.value.__notes__ == [f"world of {place / 'built.py'}:Built, seed 4, episode 0"]
+
+
+def test_a_layout_by_hand_is_drawn_as_it_is(place: Path) -> None:
+    parts = "circles=[[5.0, -5.0, 1.0]], polygons=((SQUARE,),), movers=(Mover(0.3, (5.0, 0.0), MOTION),)"
+    simulation = Simulation(built(place, "Built", parts), 2)
+    simulation.reset(seeds=[4, 5])
+    for row in range(2):
+        layout = simulation.world.layout(row)
+        assert layout.circles.tolist() == [[5.0, -5.0, 1.0]] and layout.movers[0].at == (5.0, 0.0)
+        np.testing.assert_array_equal(layout.polygons[0][0], [[4, 4], [5, 4], [5, 5], [4, 5]])
+
+
+def test_what_a_family_does_otherwise_than_asked_is_told_in_a_line(place: Path) -> None:
+    with pytest.raises(ValueError, match=r"Answers\.layout gave 'a maze', expected a bug_gym\.worlds\.layout\.Layout"):
+        Simulation(built(place, "Answers")).reset(seeds=[0])
+    with pytest.raises(RuntimeError, match=r"its code ends the process \(exit code 0\)"):
+        Simulation(built(place, "Leaves")).reset(seeds=[0])
+    with pytest.raises(ScenarioError, match=r"built\.py:Takes: layout takes \(self, crew, rng\): too many"):
+        built(place, "Takes")
+    with pytest.raises(ScenarioError, match="^[^,{]*: no robot at all$"):
+        built(place, "Refuses")
+
+
 # ---------------------------------------------------------------------------------------------- a new one
 
 
