@@ -9,6 +9,7 @@ env and thousands. Compiled by `numba.njit` it is called the same way.
 from __future__ import annotations
 
 import inspect
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from bug_gym import kernels
 from bug_gym.config import Scenario
 from bug_gym.naming import nearest_hint
 from bug_gym.observation import Field
+from bug_gym.references import kept_in_process
 from bug_gym.schema.errors import ScenarioError, shortened
 from bug_gym.schema.own import ObservationField, RewardTerm, required_function, told_function
 from bug_gym.world import World
@@ -69,6 +71,8 @@ class OwnPart(NamedTuple):
     """Names of its arrays."""
     shape: tuple[int, ...]
     """Of its value for one robot."""
+    shared: frozenset[str] = frozenset()
+    """Names of arrays that others ask for, too: each gets a copy of its own, in which it may write."""
 
     def value(self, arrays: Arrays, count: int) -> NDArray[Any]:
         """What the function gives for n robots (n, *shape).
@@ -77,7 +81,10 @@ class OwnPart(NamedTuple):
             ValueError: something else than finite real numbers of that shape.
         """
         try:
-            value = self.function(*(arrays[name] for name in self.asks_for))
+            with kept_in_process():
+                value = self.function(
+                    *(arrays[name].copy() if name in self.shared else arrays[name] for name in self.asks_for)
+                )
         except BaseException as error:
             error.add_note(f"in {self.told}, called with {', '.join(self.asks_for)} of {count} robots")
             raise
@@ -120,6 +127,10 @@ class OwnParts:
         self._weights = [own.weight for own in scenario.reward_terms.values()]
         own_fields = scenario.observation_fields
         self._fields = [own_part(f"observation_fields.{name}", own, own.shape) for name, own in own_fields.items()]
+        times = Counter(name for part in (*self._terms, *self._fields) for name in part.asks_for)
+        shared = frozenset(name for name, count in times.items() if count > 1)
+        self._terms = [part._replace(shared=shared) for part in self._terms]
+        self._fields = [part._replace(shared=shared) for part in self._fields]
         places = {field.name: field for field in fields}
         self._places = [places[name] for name in own_fields]
         self._seen = {name: slice(places[name].begin, places[name].end) for name in ("ranges",)}

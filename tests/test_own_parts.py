@@ -518,6 +518,39 @@ def test_a_function_that_raises_is_named_beside_its_own_error() -> None:
     assert note.startswith("in reward_terms.t (") and note.endswith("called with ranges, pose of 1 robots")
 
 
+def test_a_function_that_ends_the_process_is_named_and_does_not() -> None:
+    def leaves(ranges: Any) -> Any:
+        raise SystemExit(0)
+
+    env = NavigationEnv("dynamic", reward_terms={"t": leaves})
+    env.reset(seed=0)
+    with pytest.raises(RuntimeError, match=r"its code ends the process \(exit code 0\)") as error:
+        env.step(np.zeros(2, dtype=np.float32))
+    assert error.value.__notes__[0].startswith("in reward_terms.t (")
+
+
+def test_what_a_function_writes_into_its_arrays_is_seen_by_no_other() -> None:
+    def overwrites(pose: F64, last_pose: F64, ranges: NDArray[np.float32]) -> F64:
+        for array in (pose, last_pose, ranges):
+            array[:] = 7.0
+        return np.zeros(len(pose))
+
+    def nearest(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+        least: NDArray[np.float32] = ranges.min(axis=1)
+        return least
+
+    sound: dict[str, Any] = {"moved": moved, "near_wall": near_wall}
+    fields: dict[str, Any] = {"nearest": ObservationField(function=nearest, low=0.0, high=9.0)}
+    alone = NavigationEnv("dynamic", reward_terms=sound, observation_fields=fields)
+    beside = NavigationEnv("dynamic", reward_terms={"overwrites": overwrites, **sound}, observation_fields=fields)
+    for env in (alone, beside):
+        env.reset(seed=3)
+    for _ in range(5):
+        one, other = (env.step(np.array([0.8, 0.3], dtype=np.float32)) for env in (alone, beside))
+        assert {**one[4]["reward_terms"], "overwrites": 0.0} == other[4]["reward_terms"]
+        assert one[0]["nearest"] == other[0]["nearest"]
+
+
 def test_arguments_with_values_of_their_own_keep_them() -> None:
     def scaled(clearance: F64, scale: float = 2.0, *, more: float = 1.0) -> F64:
         return scale * more * clearance
