@@ -25,8 +25,8 @@ from bug_gym.evaluation.report import write_summary
 from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import compare, default_baseline, summarise
-from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds
-from bug_gym.workers import Workers, checked_workers, on_this_machine
+from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds, require_sendable
+from bug_gym.workers import Workers, are_several, checked_workers, on_this_machine
 
 __all__ = ["FailedPolicyError", "evaluate", "make_plan", "record_episode"]
 
@@ -101,6 +101,8 @@ def evaluate(
         privileged=privileged,
         trust=trust,
     )
+    if are_several(workers):
+        require_sendable(plan)
     labels = [policy.label for policy in plan.policies]
     if baseline is not None and baseline not in labels:
         raise ValueError(f"baseline must be one of {', '.join(labels)}, came {shortened(baseline)}")

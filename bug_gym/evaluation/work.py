@@ -14,9 +14,14 @@ from bug_gym.evaluation.progress import Track
 from bug_gym.evaluation.results_folder import ResultFolder
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.references import is_reference
 from bug_gym.workers import Workers, are_several, each
+from bug_gym.worlds.own import OwnFamily
 
 T = TypeVar("T")
+
+TYPED_IN = "__main__:"
+"""Where what is typed in, or run as a script, has its classes: a worker has another such module."""
 
 CHUNK = 8
 """Seeds of a job: what a kill can cost a worker, and how finely workers share the work."""
@@ -29,6 +34,27 @@ class _Job(NamedTuple):
     scenario: ScenarioEntry
     seeds: tuple[int, ...]
     lengths: Lengths
+
+
+def require_sendable(plan: Plan) -> None:
+    """Refuse what cannot be sent to other processes, by its name: they would say that something cannot, and no more.
+
+    Raises:
+        ValueError: a policy or a scenario cannot be.
+    """
+    from joblib.externals.loky.backend.reduction import dumps
+
+    expected = "cannot be sent to workers, expected a class or function of a module or file, or one worker"
+    for scenario in plan.scenarios:
+        world = scenario.scenario.world
+        if isinstance(world, OwnFamily) and (not is_reference(world.reference) or world.reference.startswith(TYPED_IN)):
+            raise ValueError(f"scenario {scenario.label}: the family {world.reference} {expected}")
+    for kind, entries in (("policy", plan.policies), ("scenario", plan.scenarios)):
+        for entry in entries:
+            try:
+                dumps(entry)
+            except Exception as error:  # of a caller's code: any
+                raise ValueError(f"{kind} {entry.label} {expected}: {error}") from error
 
 
 def missing_worlds(plan: Plan, rows: Sequence[EpisodeRow]) -> list[tuple[PolicyEntry, ScenarioEntry, Sequence[int]]]:

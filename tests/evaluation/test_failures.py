@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ from bug_gym.agents import AGENTS, REGISTERED, register
 from bug_gym.cli import main
 from bug_gym.evaluation import FailedPolicyError, evaluate, record_episode
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.worlds.family import Crew, Family, Rng
+from bug_gym.worlds.layout import Layout
+from bug_gym.worlds.places import finish
 
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [3, 1]}, "lidar": {"beams": 8}}
 FAR = {**OPEN, "name": "far", "world": {"family": "empty", "start": [0, 0, 0], "goal": [6, 1]}}
@@ -188,6 +192,40 @@ def test_what_cannot_be_drawn_costs_its_picture_alone(
     assert all(one.partition(": ")[2].startswith(told.replace("FOLDER", str(place))) for one in said)
     with pytest.raises((ValueError, ZeroDivisionError)):  # who asks for that episode alone is told
         record_episode(f"mine.py:{name}", OPEN)
+
+
+def test_what_cannot_be_sent_to_workers_is_named_before_anything_is_written(place: Path) -> None:
+    class Holds:
+        def __init__(self) -> None:
+            self.lock = threading.Lock()
+
+        def predict(self, observation: Any, *_: Any, **__: Any) -> Any:
+            return np.zeros((len(observation), 2)), None
+
+    class Typed(Family):
+        def layout(self, crew: Crew, rng: Rng) -> Layout:
+            return finish(crew, self, (0.0, 0.0, 0.0), (3.0, 1.0))
+
+    lock = threading.Lock()
+
+    def locked(steps: Any) -> Any:
+        with lock:
+            return 0.0 * steps
+
+    asked: list[tuple[Any, Any, str]] = [
+        (["go_to_goal", Holds()], OPEN, "policy Holds cannot be sent to workers, expected .* or one worker: .*lock"),
+        ("go_to_goal", {**OPEN, "reward_terms": {"locked": locked}}, "scenario open cannot be sent to workers, .*lock"),
+        (
+            "go_to_goal",
+            {**OPEN, "world": {"family": Typed}},
+            "scenario open: the family .*Typed cannot be sent to workers",
+        ),
+    ]
+    for policies, scenario, told in asked:
+        with pytest.raises(ValueError, match=told):
+            evaluate(policies, scenario, episodes=9, workers=2, out="results")
+        assert not (place / "results").exists()
+        assert evaluate(policies, scenario, episodes=1)  # one process sends nothing
 
 
 def test_what_is_no_fault_of_a_policy_ends_all() -> None:
