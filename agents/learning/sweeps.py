@@ -1,7 +1,8 @@
 """Many trainings with other values each, every one or by a search, and which did best: Optuna proposes, workers train.
 
 What is done is kept in Optuna's own storage, `study.db` in the folder, and in a folder for each trial and seed: a sweep that
-was cut off goes on, and Optuna's tools read it.
+was cut off goes on, and Optuna's tools read it. A trial whose training comes to nothing, as one does whose step is so large
+that its network's numbers are none any more, counts as done, and says why in its folder and in the study.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import product
 from pathlib import Path
 from statistics import mean
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from bug_gym.agents.learning.elsewhere import Job, train_each
 from bug_gym.agents.learning.folder import read_config
+from bug_gym.agents.learning.settings import AnySettings
 from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings, trained_with
 from bug_gym.agents.learning.training import is_done, require_same, train
 from bug_gym.checks import needed_from, shortened
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 STUDY, TABLE = "study.db", "sweep.csv"
 """Files of a sweep: what Optuna keeps, and its trials as a table."""
+FAILED = "failed.txt"
+"""File of a model's folder that has none: why."""
 
 
 def sweep(
@@ -50,7 +53,7 @@ def sweep(
 
     Raises:
         ImportError: Optuna is not installed; the message names the extra.
-        ValueError: the folder is of another sweep, or in use.
+        ValueError: the folder is of another sweep, or in use, or no trial could be trained.
     """
     with needed_from("sweep", "a sweep"):
         import optuna
@@ -66,11 +69,19 @@ def sweep(
             trials = [study.ask() for _ in range(min(left, max(at_once // settings.seeds, 1)))]
             _train_trials(settings, out, trials, workers)
             for trial in trials:
+                if why := _why_failed(settings, out, trial.number):
+                    trial.set_user_attr(FAILED, why)
+                    study.tell(trial, state=optuna.trial.TrialState.FAIL)
+                    report(f"trial {trial.number}: failed with {trial.params}: {why}")
+                    continue
                 value = _value(settings, out, trial.number)
                 study.tell(trial, value)
                 report(f"trial {trial.number}: {100.0 * value:.1f} % with {trial.params}")
                 _write_table(study, out / TABLE)
-    return out / f"trial-{study.best_trial.number}"
+        if not any(trial.value is not None for trial in study.trials):
+            first = next(trial for trial in study.trials if FAILED in trial.user_attrs)
+            raise ValueError(f"{out}: no trial could be trained; {first.params}: {first.user_attrs[FAILED]}")
+        return out / f"trial-{study.best_trial.number}"
 
 
 def _study(settings: SweepSettings, out: Path) -> optuna.Study:
@@ -105,10 +116,15 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
     return study
 
 
-def _finished(study: optuna.Study) -> int:
+def _is_finished(trial: optuna.trial.FrozenTrial) -> bool:
+    """Whether a trial has a value, or could not have one; who was cut off has failed for Optuna, too, but not of itself."""
     from optuna.trial import TrialState
 
-    return sum(trial.state == TrialState.COMPLETE for trial in study.trials)
+    return trial.state == TrialState.COMPLETE or FAILED in trial.user_attrs
+
+
+def _finished(study: optuna.Study) -> int:
+    return sum(map(_is_finished, study.trials))
 
 
 def _begin_unfinished_again(study: optuna.Study) -> None:
@@ -125,7 +141,7 @@ def _ask_whole_grid(study: optuna.Study, grid: Mapping[str, Sequence[Choice]]) -
     """Have each combination waiting, but for those that are done or waiting already."""
     from optuna.trial import TrialState
 
-    done = [trial.params for trial in study.trials if trial.state == TrialState.COMPLETE]
+    done = [trial.params for trial in study.trials if _is_finished(trial)]
     waiting = [
         trial.system_attrs["fixed_params"] for trial in study.trials if trial.state == TrialState.WAITING
     ]  # where Optuna keeps what was enqueued
@@ -136,7 +152,6 @@ def _ask_whole_grid(study: optuna.Study, grid: Mapping[str, Sequence[Choice]]) -
 
 
 def _train_trials(settings: SweepSettings, out: Path, trials: Sequence[optuna.Trial], workers: Workers) -> None:
-    one = partial(train, threads=1, tensorboard=False)
     jobs = []
     for trial in trials:
         values = {
@@ -150,9 +165,24 @@ def _train_trials(settings: SweepSettings, out: Path, trials: Sequence[optuna.Tr
             folder = out / f"trial-{trial.number}" / f"seed-{seed}"
             require_same(folder, trained, [seed])
             if not is_done(trained, folder, seed):
-                jobs.append(Job(one, trained, seed, folder))
+                jobs.append(Job(_train, trained, seed, folder))
     for _ in train_each(jobs, workers):
         pass
+
+
+def _train(settings: AnySettings, out: str, *, seed: int) -> None:
+    """Train a model, or leave a word in its folder why there is none: no other trial is lost with it."""
+    try:
+        train(settings, out, seed=seed, threads=1, tensorboard=False)
+    except (ValueError, ArithmeticError) as error:
+        first, *_ = str(error).splitlines() or [""]  # torch goes on with all the numbers that are none
+        Path(out, FAILED).write_text(f"{type(error).__name__}: {shortened(first, 300)}", encoding="utf-8")
+
+
+def _why_failed(settings: SweepSettings, out: Path, number: int) -> str:
+    """Why a trial has no value, "" where it has."""
+    told = [out / f"trial-{number}" / f"seed-{seed}" / FAILED for seed in range(settings.seeds)]
+    return next((path.read_text(encoding="utf-8") for path in told if path.exists()), "")
 
 
 def _value(settings: SweepSettings, out: Path, number: int) -> float:

@@ -94,6 +94,38 @@ def test_a_grid_tries_each_combination_once_and_goes_on(tmp_path: Path, monkeypa
         sweeps.sweep(load_sweep(GRID | {"seeds": 2}), tmp_path)
 
 
+DIVERGES = 1e8
+"""A learning rate with which nothing is learnt but numbers that are none."""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_trial_that_cannot_be_trained_is_told_and_the_others_are(workers: int, tmp_path: Path) -> None:
+    overrides = {**SHORT, "batch_size": 64}
+    settings = load_sweep(
+        {"training": "ppo_static", "overrides": overrides, "space": {"learning_rate": [DIVERGES, 1e-3]}}
+    )
+    told: list[str] = []
+    best = sweeps.sweep(settings, tmp_path, workers=workers, report=told.append)
+    failed, sound = sorted(told, key=lambda line: "failed" not in line)
+    assert "failed with {'learning_rate': 100000000.0}: ValueError: " in failed and "\n" not in failed
+    assert sound.startswith(f"{best.name.replace('-', ' ')}: ") and "{'learning_rate': 0.001}" in sound
+    with (tmp_path / sweeps.TABLE).open() as file:
+        assert [row[2] for row in csv.reader(file)] == ["learning_rate", "0.001"]
+    assert sweeps.sweep(settings, tmp_path, workers=workers, report=told.append) == best and len(told) == 2, (
+        "all is done"
+    )
+
+
+def test_a_sweep_of_which_nothing_can_be_trained_says_why(tmp_path: Path) -> None:
+    settings = load_sweep({"training": "ppo_static", "overrides": SHORT, "space": {"learning_rate": [DIVERGES]}})
+    for _ in range(2):
+        with pytest.raises(
+            ValueError, match=r"no trial could be trained; \{'learning_rate': 1.*\}: ValueError: .*"
+        ) as error:
+            sweeps.sweep(settings, tmp_path)
+        assert "\n" not in str(error.value)
+
+
 def test_a_search_keeps_to_its_ranges(tmp_path: Path) -> None:
     space = {
         "gamma": {"low": 0.9, "high": 0.99},
