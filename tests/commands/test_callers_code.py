@@ -62,6 +62,21 @@ class LateStrays(Late):
 class Short(Bug):
     def act(self, view):
         return (0.0, 0.0)
+
+
+class Loses(Bug):
+    def act(self, view, memory):
+        return {}["way"]
+
+
+class Unmade(Bug):
+    def __init__(self, sensors, *, discrete=False):
+        raise RuntimeError("no luck")
+
+
+class Leaves(Bug):
+    def start(self):
+        raise SystemExit(0)
 """
 
 
@@ -69,6 +84,15 @@ class Short(Bug):
     ("policy", "told"),
     [
         ("mine.py:Raises", "error: no idea (FOLDER/mine.py, line 16); policy mine.py:Raises, scenario static, seed 0"),
+        (
+            "mine.py:Loses",
+            "error: KeyError: 'way' (FOLDER/mine.py, line 59); policy mine.py:Loses, scenario static, seed 0",
+        ),
+        ("mine.py:Unmade", "error: RuntimeError: no luck (FOLDER/mine.py, line 64); policy mine.py:Unmade"),
+        (
+            "mine.py:Leaves",
+            "error: RuntimeError: its code ends the process (exit code 0) (FOLDER/mine.py, line 69); policy mine.py:Leaves",
+        ),
         ("mine.py:Asks", "(FOLDER/mine.py, line 21); policy mine.py:Asks, scenario static, seed 0"),
         ("mine.py:Strays", "; policy mine.py:Strays, scenario static, seed 0"),
         ("mine.py:Forgets", "policy 'FOLDER/mine.py:Forgets': start answered None, expected a bug_gym.policy.Memory"),
