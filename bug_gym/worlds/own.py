@@ -164,6 +164,9 @@ def class_of(family: Any) -> type[Family]:
         found = imported(reference, "class")
     except ValueError as error:
         raise ScenarioError(str(error)) from None
+    except Exception as error:  # of a caller's code: any
+        error.add_note(f"family of worlds {family}" + (f" ({reference})" if reference != family else ""))
+        raise
     return family_class(required_family(found, reference), reference)
 
 

@@ -344,6 +344,20 @@ def test_a_layout_by_hand_is_drawn_as_it_is(place: Path) -> None:
         np.testing.assert_array_equal(layout.polygons[0][0], [[4, 4], [5, 4], [5, 5], [4, 5]])
 
 
+def test_a_family_whose_module_cannot_be_imported_is_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (place / "broken.py").write_text("1 / 0\n")
+    (place / "needy.py").write_text("import nowhere_to_be_found\n")
+    offered = [importlib.metadata.EntryPoint("theirs", f"{place / 'needy.py'}:Pegs", own.GROUP)]
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: offered if group == own.GROUP else [])
+    own.installed.cache_clear()
+    with pytest.raises(ModuleNotFoundError) as missing:
+        load({**MINE, "world": {"family": "theirs"}})
+    assert missing.value.__notes__ == [f"family of worlds theirs ({place / 'needy.py'}:Pegs)"]
+    with pytest.raises(ZeroDivisionError) as broken:
+        load({**MINE, "world": {"family": f"{place / 'broken.py'}:Pegs"}}, trust=True)
+    assert broken.value.__notes__ == [f"family of worlds {place / 'broken.py'}:Pegs"]
+
+
 def test_what_a_family_does_otherwise_than_asked_is_told_in_a_line(place: Path) -> None:
     with pytest.raises(ValueError, match=r"Answers\.layout gave 'a maze', expected a bug_gym\.worlds\.layout\.Layout"):
         Simulation(built(place, "Answers")).reset(seeds=[0])
