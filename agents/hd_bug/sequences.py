@@ -36,6 +36,10 @@ class Sequences(NamedTuple):
     """Where it is at the last time (m, n, 2) [m], or at the goal."""
     early: F64
     """How long before the last time it is at the goal (m, n) [s]; 0: it is not."""
+    bend: F64
+    """Where it comes nearest to the next place of the way (m, n, 2) [m]; the end where it does not come to it."""
+    left: F64
+    """How long before the end it is there (m, n) [s]."""
 
 
 class Surroundings(NamedTuple):
@@ -90,7 +94,8 @@ def judge_sequences(
         spacing: between the times [s].
     """
     shape = (len(first.directions), len(second.directions))
-    result = Sequences(np.zeros(shape), np.empty((*shape, 2)), np.zeros(shape))
+    places = np.empty((2, *shape, 2))
+    result = Sequences(np.zeros(shape), places[0], np.zeros(shape), places[1], np.zeros(shape))
     times, count = futures.x.shape[1:]
     fade = np.exp(-spacing * np.arange(1, times + 1) / FADING)
     points = len(around.x)
@@ -157,6 +162,18 @@ def _is_blocked(around: Surroundings, x: float, y: float) -> bool:
     return bool(0 <= row < rows and 0 <= column < columns and around.blocked[row, column] != 0)
 
 
+@inlined
+def _nearest_to_node(path: Floats, end: int, around: Surroundings) -> int:
+    """At which of the first `end` times a path is nearest to the next place of the way; -1: the disc comes over it at none."""
+    best, nearest = -1, around.radius * around.radius
+    for n in range(end):
+        dx, dy = path[n, 0] - around.node[0], path[n, 1] - around.node[1]
+        square = dx * dx + dy * dy
+        if square <= nearest:
+            best, nearest = n, square
+    return best
+
+
 @kernel
 def _judge(
     steering: Steering,
@@ -213,3 +230,8 @@ def _judge(
                 n -= 1
             ex, ey = (path[n, 0], path[n, 1]) if n >= 0 else (pose[0], pose[1])
             result.end[i, j, 0], result.end[i, j, 1] = ex, ey
+            n_bend = _nearest_to_node(path, n + 1, around)
+            if n_bend >= 0:
+                ex, ey = path[n_bend, 0], path[n_bend, 1]
+                result.left[i, j] = spacing * (n - n_bend)
+            result.bend[i, j, 0], result.bend[i, j, 1] = ex, ey

@@ -119,6 +119,29 @@ def test_risks_and_ends_are_those_of_a_plain_roll_out(kinematics: str, seed: int
     assert 0.0 < found.risk.min() < found.risk.max() and not found.early.any()
 
 
+@pytest.mark.parametrize("kinematics", DRIVES)
+def test_it_says_where_it_comes_nearest_to_the_next_place_of_the_way_and_how_long_before_the_end(
+    kinematics: str,
+) -> None:
+    drive, node = DRIVES[kinematics], (1.24, 0.15)
+    first = velocities((0.0, 1.0), (0.0, 0.5), (0.0, 0.0), (1.5, 1.0))
+    second = velocities((0.0, 1.0), (0.1, 1.0), (1.0, 1.0), (math.pi, 1.0))
+    found = judge(drive, first, second, nobody(), around(node=node))
+    passed = 0
+    for i in range(4):
+        before = driven(drive, np.zeros(3), float(first.directions[i]), float(first.speeds[i]), HELD)
+        toward = math.atan2(node[1] - before[-1, 1], node[0] - before[-1, 0])
+        for j in range(4):
+            after = driven(drive, before[-1], toward + float(second.directions[j]), 1.0, TIMES - HELD)
+            path = np.concatenate([before, after])[:, :2]
+            gaps = np.hypot(*(path - node).T)
+            nearest = int(gaps.argmin()) if gaps.min() <= RADIUS else TIMES - 1
+            np.testing.assert_allclose(found.bend[i, j], path[nearest], atol=2e-6)
+            assert found.left[i, j] == pytest.approx(SPACING * (TIMES - 1 - nearest))
+            passed += nearest < TIMES - 1
+    assert 4 <= passed < 16
+
+
 def test_without_movers_nothing_is_risky() -> None:
     found = judge(HOLONOMIC, velocities((0.0, 1.0)), velocities((1.0, 1.0), (0.0, 0.0)), nobody())
     assert not found.risk.any()
