@@ -1,5 +1,7 @@
 """What would come of two desired velocities, one held after the other, in sampled futures of what moves.
 
+In place of the second one the robot may also follow its way.
+
 Source: this package; model predictive control in scenarios, each sequence judged by its mean over them. All coordinates are
 in the odometry frame [m].
 """
@@ -28,7 +30,7 @@ NEAR_MISS = 0.5
 
 
 class Sequences(NamedTuple):
-    """What comes of each of m first and n second velocities."""
+    """What comes of each of m first and n second velocities, the last of which is to follow the way."""
 
     risk: F64
     """Hits and near misses (m, n), fading with time, the worst of a future counted; their mean over the futures."""
@@ -36,10 +38,6 @@ class Sequences(NamedTuple):
     """Where it is at the last time (m, n, 2) [m], or at the goal."""
     early: F64
     """How long before the last time it is at the goal (m, n) [s]; 0: it is not."""
-    bend: F64
-    """Where it comes nearest to the next place of the way (m, n, 2) [m]; the end where it does not come to it."""
-    left: F64
-    """How long before the end it is there (m, n) [s]."""
 
 
 class Surroundings(NamedTuple):
@@ -51,8 +49,8 @@ class Surroundings(NamedTuple):
     """Points that have been seen (P,) [m]."""
     radius: float
     """Of the disc that keeps off them [m]."""
-    node: tuple[float, float]
-    """Place of the way that comes next [m], from which the second directions are counted."""
+    nodes: F64
+    """Places of the way that come next (k, 2) [m]; second directions are counted from that of the first of them."""
     goal: tuple[float, float]
     """Where to [m]."""
     goal_radius: float
@@ -87,15 +85,14 @@ def judge_sequences(
         first: velocities held at first.
         backs: whether the last of them is to drive straight back.
         held: how many times long.
-        second: velocities held then, up to the last time.
+        second: velocities held then, up to the last time; to follow the way at the first one's speed is added to them.
         around: what stands still.
         futures: of the movers.
         margin: nearer than this is a near miss [m].
         spacing: between the times [s].
     """
-    shape = (len(first.directions), len(second.directions))
-    places = np.empty((2, *shape, 2))
-    result = Sequences(np.zeros(shape), places[0], np.zeros(shape), places[1], np.zeros(shape))
+    shape = (len(first.directions), len(second.directions) + 1)
+    result = Sequences(np.zeros(shape), np.empty((*shape, 2)), np.zeros(shape))
     times, count = futures.x.shape[1:]
     fade = np.exp(-spacing * np.arange(1, times + 1) / FADING)
     points = len(around.x)
@@ -155,23 +152,44 @@ def _drive(
 
 
 @inlined
+def _follow_way(
+    steering: Steering,
+    speed: float,
+    free: float,
+    spacing: float,
+    place: tuple[float, float, float],
+    around: Surroundings,
+    path: Floats,
+    begin: int,
+    end: int,
+) -> int:
+    """Goes from node to node of the way, `free` at most up to the first; after how many times it is at the goal, or `end`."""
+    px, py, theta = place
+    nodes, node = around.nodes, 0
+    for n in range(begin, end):
+        gap = math.hypot(nodes[node, 0] - px, nodes[node, 1] - py)
+        while gap <= speed * spacing and node < len(nodes) - 1:
+            node += 1
+            gap = math.hypot(nodes[node, 0] - px, nodes[node, 1] - py)
+        left = free if node == 0 else math.inf
+        if node == len(nodes) - 1:
+            left = min(left, gap)
+        direction = math.atan2(nodes[node, 1] - py, nodes[node, 0] - px)
+        px, py, theta, way = go_on(steering, direction, speed, left, spacing, px, py, theta)
+        free -= way
+        path[n, 0], path[n, 1] = px, py
+        dx, dy = px - around.goal[0], py - around.goal[1]
+        if dx * dx + dy * dy <= around.goal_radius * around.goal_radius:
+            return n + 1
+    return end
+
+
+@inlined
 def _is_blocked(around: Surroundings, x: float, y: float) -> bool:
     """Whether the cell of a place is blocked; there are none beyond the map."""
     row, column = math.floor((y - around.corner[1]) / around.size), math.floor((x - around.corner[0]) / around.size)
     rows, columns = around.blocked.shape
     return bool(0 <= row < rows and 0 <= column < columns and around.blocked[row, column] != 0)
-
-
-@inlined
-def _nearest_to_node(path: Floats, end: int, around: Surroundings) -> int:
-    """At which of the first `end` times a path is nearest to the next place of the way; -1: the disc comes over it at none."""
-    best, nearest = -1, around.radius * around.radius
-    for n in range(end):
-        dx, dy = path[n, 0] - around.node[0], path[n, 1] - around.node[1]
-        square = dx * dx + dy * dy
-        if square <= nearest:
-            best, nearest = n, square
-    return best
 
 
 @kernel
@@ -208,20 +226,26 @@ def _judge(
                 if dx * dx + dy * dy < reach * reach:
                     near_x[count], near_y[count] = dx, dy
                     count += 1
-        toward = math.atan2(around.node[1] - py, around.node[0] - px)
-        for j in range(second.directions.size):
-            direction = toward + second.directions[j]
+        dx, dy = around.nodes[0, 0] - px, around.nodes[0, 1] - py
+        toward, gap = math.atan2(dy, dx), math.hypot(dx, dy)
+        along = second.directions.size
+        for j in range(along + 1):
             for k in range(worst.size):
                 worst[k] = before[k]
             end = stop
             if not is_there:
-                room = 0.0
-                if second.speeds[j] > 0.0:
-                    room = free_distance(near_x[:count], near_y[:count], direction, around.radius, second.free[j])
                 place = px, py, theta
-                _, _, _, end = _drive(
-                    steering, direction, second.speeds[j], room, spacing, place, around, path, held, times
-                )
+                if j == along:
+                    room = free_distance(near_x[:count], near_y[:count], toward, around.radius, gap)
+                    room = math.inf if room >= gap else room
+                    end = _follow_way(steering, second.speeds[0], room, spacing, place, around, path, held, times)
+                else:
+                    direction, room = toward + second.directions[j], 0.0
+                    if second.speeds[j] > 0.0:
+                        room = free_distance(near_x[:count], near_y[:count], direction, around.radius, second.free[j])
+                    _, _, _, end = _drive(
+                        steering, direction, second.speeds[j], room, spacing, place, around, path, held, times
+                    )
                 _count_hits(futures, path, held, end, radius, margin, fade, worst)
             result.risk[i, j] = worst.sum() / worst.size
             result.early[i, j] = spacing * (times - end)
@@ -230,8 +254,3 @@ def _judge(
                 n -= 1
             ex, ey = (path[n, 0], path[n, 1]) if n >= 0 else (pose[0], pose[1])
             result.end[i, j, 0], result.end[i, j, 1] = ex, ey
-            n_bend = _nearest_to_node(path, n + 1, around)
-            if n_bend >= 0:
-                ex, ey = path[n_bend, 0], path[n_bend, 1]
-                result.left[i, j] = spacing * (n - n_bend)
-            result.bend[i, j, 0], result.bend[i, j, 1] = ex, ey

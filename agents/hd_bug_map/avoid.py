@@ -152,7 +152,7 @@ class Avoidance:
             np.ascontiguousarray(x),
             np.ascontiguousarray(y),
             light.radius,
-            (float(way.places[1, 0]), float(way.places[1, 1])),
+            way.places[1:],
             memory.goal,
             near_goal,
             (cells.x, cells.y),
@@ -174,21 +174,10 @@ class Avoidance:
         )
 
     def _costs(self, scene: Scene, way: Way, found: Sequences) -> F64:
-        """Costs (m, n) of the sequences: what is left to go, and the risk [m].
-
-        One that passes the next place of the way could turn there; else to go back, so that it passes it later, would be
-        the shorter way, and the robot go to and fro before each bend.
-        """
-        rest, passes = self._rest(scene, way, found.end), found.left > 0.0
-        turned = self._rest(scene, way, found.bend[passes]) - self.measures.top * found.left[passes]
-        rest[passes] = np.minimum(rest[passes], turned)
+        """Costs (m, n) of the sequences: what is left to go, and the risk [m]."""
+        ends = found.end.reshape(-1, 2)
+        straight_back = np.hypot(*(ends - scene.view.position).T) + float(way.rest[0])
+        rest = np.minimum(scene.grid.rest_distances(ends, way), straight_back).reshape(found.risk.shape)
         rest = np.where(found.early > 0.0, -self.measures.top * found.early, rest)
         cost: F64 = self.parameters.alpha * rest + self.parameters.beta * HIT * found.risk
         return cost
-
-    def _rest(self, scene: Scene, way: Way, places: F64) -> F64:
-        """What is left to go from places (..., 2): along the way, or straight back to where it is now [m]."""
-        flat = places.reshape(-1, 2)
-        straight_back = np.hypot(*(flat - scene.view.position).T) + float(way.rest[0])
-        rest: F64 = np.minimum(scene.grid.rest_distances(flat, way), straight_back).reshape(places.shape[:-1])
-        return rest

@@ -18,13 +18,12 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
    A cell of the map before which the swept disc was turned back three times counts as blocked: cells are open up to half
    their diagonal too near to a point. Where only such cells close the goal off the verdict is "stuck".
 3. Movers. Each candidate is two velocities, one held for 0.4 s (24 headings, two speeds, to stand, to back out) and another up
-   to the horizon (12 headings, to stand), rolled out with the robot's kinematics in 24 futures of the movers: each goes as
-   predicted until it turns, at random, to wherever it likes (hd_bug/futures.py). What is left to go, from the
-   end or from where it passes the next place of the way, and the mean of hits and near misses over the futures cost
-   (hd_bug/sequences.py); the first velocity of the cheapest two is driven. Where
-   there is no way out at all it heads for the place within the detection radius r' that is farthest from everything; r'
-   climbs and descends a ladder (hd_bug/ladder.py). What comes nearer than it goes to anything itself it leaves, known to
-   move or not (leave.py).
+   to the horizon (12 headings, to stand, or to follow the way), rolled out with the robot's kinematics in 24 futures of the
+   movers: each goes as predicted until it turns, at random, to wherever it likes (hd_bug/futures.py). What is left to go, and
+   the mean of hits and near misses over the futures cost (hd_bug/sequences.py); the first velocity of the cheapest two is
+   driven. Where there is no way out at all it heads for the place within the detection radius r' that is farthest from
+   everything; r' climbs and descends a ladder (hd_bug/ladder.py). What comes nearer than it goes to anything itself it
+   leaves, known to move or not (leave.py).
 4. Moving target. Its velocity is that of the last half second; the goal is the point where the robot can meet it, led by
    no longer than its velocity has foretold where it went. The goal radius grows with what it moves in a step.
 5. Weighted regions. Factors seen are remembered; ground beyond the field's reach is supposed to go on as it is seen for

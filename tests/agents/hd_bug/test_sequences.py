@@ -29,13 +29,14 @@ def around(
     points: list[tuple[float, float]] | None = None,
     *,
     node: tuple[float, float] = (1e6, 0.0),
+    nodes: list[tuple[float, float]] | None = None,
     goal: tuple[float, float] = NOWHERE,
     blocked: NDArray[np.int16] = OPEN,
     corner: tuple[float, float] = NOWHERE,
 ) -> Surroundings:
     """What stands about the robot; the node is so far ahead that second headings are counted from the x axis."""
     x, y = np.array(points or [], dtype=np.float64).reshape(-1, 2).T
-    return Surroundings(x.copy(), y.copy(), RADIUS, node, goal, 0.3, corner, 0.1, blocked)
+    return Surroundings(x.copy(), y.copy(), RADIUS, np.array(nodes or [node]), goal, 0.3, corner, 0.1, blocked)
 
 
 def nobody() -> Futures:
@@ -120,26 +121,51 @@ def test_risks_and_ends_are_those_of_a_plain_roll_out(kinematics: str, seed: int
 
 
 @pytest.mark.parametrize("kinematics", DRIVES)
-def test_it_says_where_it_comes_nearest_to_the_next_place_of_the_way_and_how_long_before_the_end(
-    kinematics: str,
-) -> None:
-    drive, node = DRIVES[kinematics], (1.24, 0.15)
-    first = velocities((0.0, 1.0), (0.0, 0.5), (0.0, 0.0), (1.5, 1.0))
-    second = velocities((0.0, 1.0), (0.1, 1.0), (1.0, 1.0), (math.pi, 1.0))
-    found = judge(drive, first, second, nobody(), around(node=node))
-    passed = 0
-    for i in range(4):
-        before = driven(drive, np.zeros(3), float(first.directions[i]), float(first.speeds[i]), HELD)
-        toward = math.atan2(node[1] - before[-1, 1], node[0] - before[-1, 0])
-        for j in range(4):
-            after = driven(drive, before[-1], toward + float(second.directions[j]), 1.0, TIMES - HELD)
-            path = np.concatenate([before, after])[:, :2]
-            gaps = np.hypot(*(path - node).T)
-            nearest = int(gaps.argmin()) if gaps.min() <= RADIUS else TIMES - 1
-            np.testing.assert_allclose(found.bend[i, j], path[nearest], atol=2e-6)
-            assert found.left[i, j] == pytest.approx(SPACING * (TIMES - 1 - nearest))
-            passed += nearest < TIMES - 1
-    assert 4 <= passed < 16
+def test_the_last_of_the_second_follows_the_way(kinematics: str) -> None:
+    drive, nodes = DRIVES[kinematics], [(1.0, 0.0), (1.0, 0.8), (9.0, 0.8)]
+    found = judge(drive, velocities((0.0, 1.0)), velocities((0.0, 1.0)), nobody(), around(nodes=nodes))
+    # In 3 s: 1 m to the first bend, 0.8 m to the next, and the rest on; who turns on the spot loses time.
+    x, y = found.end[0, -1]
+    if kinematics == "holonomic":
+        assert (x, y) == pytest.approx((2.2, 0.8), abs=0.15)  # it turns when a node is nearer than a step
+    else:
+        assert 0.8 < x < 1.6
+    assert y == pytest.approx(0.8, abs=0.25)
+    np.testing.assert_allclose(found.end[0, 0], (3.0, 0.0), atol=1e-9)  # straight on it had gone past both
+
+
+def test_the_way_is_followed_no_farther_than_to_what_stands_before_its_first_node() -> None:
+    wall = [(1.5, 0.05 * i) for i in range(-20, 21)]
+    moving = velocities((0.0, 1.0))
+    shut = judge(HOLONOMIC, moving, moving, nobody(), around(wall, nodes=[(3.0, 0.0)]))
+    np.testing.assert_allclose(shut.end[0, -1], (1.5 - RADIUS, 0.0), atol=1e-6)
+    beyond = judge(HOLONOMIC, moving, moving, nobody(), around(wall, nodes=[(1.1, 0.0), (1.1, 9.0)]))
+    x, y = beyond.end[0, -1]
+    assert 1.0 <= x <= 1.1
+    assert y > 1.5  # the wall stands beyond the node, where it turns
+
+
+def test_the_way_ends_at_its_last_place_or_at_the_goal() -> None:
+    moving = velocities((0.0, 1.0))
+    ends = judge(HOLONOMIC, moving, moving, nobody(), around(nodes=[(1.0, 0.0), (1.0, 0.5)]))
+    np.testing.assert_allclose(ends.end[0, -1], (1.0, 0.5), atol=1e-9)
+    assert ends.early[0, -1] == 0.0
+    there = judge(HOLONOMIC, moving, moving, nobody(), around(nodes=[(1.0, 0.0), (1.0, 0.8)], goal=(1.0, 0.8)))
+    assert there.early[0, -1] == pytest.approx(3.0 - 1.5, abs=0.2)  # the goal's radius is 0.3 m
+
+
+def test_movers_on_the_way_are_met_on_it() -> None:
+    """The risk of following is that of the bent path, not of going straight on."""
+    position, still = np.array([[1.0, 1.5]]), np.zeros((1, 2))
+    predicted, radii = np.repeat(position[:, None], TIMES, axis=1), np.full((1, TIMES), 0.3)
+    futures = sample_futures(np.array([1]), position, still, predicted, radii, SPACING, 0.0)
+    moving = velocities((0.0, 1.0))
+    found = judge(HOLONOMIC, moving, moving, futures, around(nodes=[(1.0, 0.0), (1.0, 4.0)]))
+    assert found.risk[0, 0] == 0.0
+    assert found.risk[0, -1] > 0.2
+    # From the first velocity's end it goes toward the node, wherever that has led.
+    beside = judge(HOLONOMIC, velocities((0.5 * math.pi, 1.0)), moving, nobody(), around(nodes=[(0.0, 3.0)]))
+    np.testing.assert_allclose(beside.end[0, -1], (0.0, 3.0), atol=1e-9)
 
 
 def test_without_movers_nothing_is_risky() -> None:
@@ -164,7 +190,7 @@ def test_each_velocity_ends_where_something_stands() -> None:
     found = judge(
         HOLONOMIC, velocities((0.0, 1.0)), velocities((0.0, 1.0), (math.pi / 2.0, 1.0)), nobody(), around(wall)
     )
-    np.testing.assert_allclose(found.end[0], [[0.8, 0.0], [0.4, 2.6]], atol=1e-6)
+    np.testing.assert_allclose(found.end[0, :2], [[0.8, 0.0], [0.4, 2.6]], atol=1e-6)
     # The first one by what is free there.
     found = judge(HOLONOMIC, velocities((0.0, 1.0), free=0.25), velocities((0.0, 0.0)), nobody(), around(wall))
     np.testing.assert_allclose(found.end[0, 0], [0.25, 0.0], atol=1e-12)
