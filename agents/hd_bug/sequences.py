@@ -237,7 +237,7 @@ def _judge(
                 place = px, py, theta
                 if j == along:
                     room = free_distance(near_x[:count], near_y[:count], toward, around.radius, gap)
-                    room = math.inf if room >= gap else room
+                    room = math.inf if room >= gap else room  # from node to node the way is open
                     end = _follow_way(steering, second.speeds[0], room, spacing, place, around, path, held, times)
                 else:
                     direction, room = toward + second.directions[j], 0.0

@@ -145,6 +145,12 @@ def test_the_way_is_followed_no_farther_than_to_what_stands_before_its_first_nod
     assert y > 1.5  # the wall stands beyond the node, where it turns
 
 
+def test_a_curve_to_the_first_node_may_be_longer_than_the_straight_way() -> None:
+    drive, moving = DIFFERENTIAL, velocities((0.0, 1.0))
+    found = judge(drive, moving, moving, nobody(), around(nodes=[(0.9, 0.25), (0.9, 9.0)]))
+    assert found.end[0, -1][1] > 0.6
+
+
 def test_the_way_ends_at_its_last_place_or_at_the_goal() -> None:
     moving = velocities((0.0, 1.0))
     ends = judge(HOLONOMIC, moving, moving, nobody(), around(nodes=[(1.0, 0.0), (1.0, 0.5)]))
