@@ -38,8 +38,8 @@ SHARE = 0.5
 BEARINGS: F64 = np.linspace(-math.pi, math.pi, 72, endpoint=False)
 """Ways that a holonomic robot may take [rad]."""
 
-
 AHEAD_OR_BEHIND: F64 = np.array([0.0, math.pi])
+"""Those of a differential one [rad]."""
 
 
 def can_leave(sensors: Sensors) -> bool:
@@ -52,8 +52,8 @@ def can_leave(sensors: Sensors) -> bool:
 def is_pressed(view: View, *, knows_movers: bool) -> bool:
     """Whether something is nearer to the body than it comes to anything by itself.
 
-    Ranges scatter, so one of them says so only where it is much too short, two where they are, and three as they are; all
-    of them by so much more where nothing is known to have moved so far.
+    Ranges scatter, so one of them says so where it is shorter than that by two standard deviations, two by one, and three
+    as they are; all of them by one more where nothing is known to have moved so far.
 
     Args:
         view: what it sees.

@@ -219,3 +219,16 @@ def test_the_command_names_sweeps_and_extras(
     assert main(["sweep", "ppo_dynamic", "--out", "nowhere"]) == 2
     assert "a sweep needs optuna, of the extra `sweep`" in capsys.readouterr().err
     assert not Path("nowhere").exists()
+
+
+def test_a_training_that_fails_before_it_has_a_folder_says_why_in_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*arguments: Any, **named: Any) -> None:
+        raise ValueError("no such start")
+
+    monkeypatch.setattr(sweeps, "train", fails)
+    sweeps._train(load_settings("ppo_mixed"), str(tmp_path / "trial-0" / "seed-0"), seed=0)
+    told = (tmp_path / "trial-0" / "seed-0" / sweeps.FAILED).read_text()
+    assert told.startswith("ValueError: ")
+    assert "no such start" in told
