@@ -177,7 +177,8 @@ def _train(settings: AnySettings, out: str, *, seed: int) -> None:
     except (ValueError, ArithmeticError) as error:
         first, *_ = str(error).splitlines() or [""]  # torch goes on with all the numbers that are none
         Path(out).mkdir(parents=True, exist_ok=True)  # it may have failed before it made its folder
-        Path(out, FAILED).write_text(f"{type(error).__name__}: {shortened(first, 300)}", encoding="utf-8")
+        with replaced_when_done(Path(out, FAILED)) as partial:
+            partial.write_text(f"{type(error).__name__}: {shortened(first, 300)}", encoding="utf-8")
 
 
 def _why_failed(settings: SweepSettings, out: Path, number: int) -> str:
