@@ -91,9 +91,20 @@ SHORTEST = 0.05
 SLACK = 0.4
 """Share of a way's margin by which the straight line there may leave it."""
 
+STILL = 1e-3
+"""A robot that goes and turns by less stands [m/s, rad/s]."""
+
+
+def is_held(view: View) -> bool:
+    """Whether a robot stands though it has a way to go; not a car, which stands between the moves of a turn."""
+    return view.sensors.drive.kinematics != "ackermann" and max(map(abs, view.velocity)) < STILL
+
 
 class PurePursuit:
     """Head for a place of the way a little ahead, and stand where the scan shows something on the way there.
+
+    A robot that turns while it drives may swing out of its way so far that its brake holds it at a thing beside. Then it
+    goes back to the way first.
 
     Args:
         sensors: what a driver knows of the robot.
@@ -103,11 +114,15 @@ class PurePursuit:
 
     def __init__(self, sensors: Sensors) -> None:
         self.sensors = sensors
+        half = 0.5 * sensors.step_length
+        self._least = half if half < LOOKAHEAD else SHORTEST
 
     def follow(self, route: Route, view: View, scene: Scene) -> Velocity:
         """One decision."""
-        x, y = self._target(route)
         (px, py, _), heading = pose_to_be(view, scene.pose), scene.pose[2]
+        is_beside = math.dist((px, py), route.at(route.done)) > SLACK * route.margin
+        route.is_left = is_beside and (route.is_left or is_held(view))
+        x, y = route.at(route.done + self._least) if route.is_left else self._target(route)
         away, bearing = math.hypot(x - px, y - py), math.atan2(y - py, x - px) - heading
         if away == 0.0:
             return 0.0, 0.0
@@ -124,9 +139,8 @@ class PurePursuit:
 
     def _target(self, route: Route) -> Point:
         """The place of the way that is headed for."""
-        half = 0.5 * self.sensors.step_length
-        reach, least = LOOKAHEAD, half if half < LOOKAHEAD else SHORTEST
-        while reach > least:
+        reach = LOOKAHEAD
+        while reach > self._least:
             chain = route.ahead(reach)
             chord = chain[[0, -1]]
             if distances_to_chain(chord, chain).max() <= SLACK * route.margin:

@@ -30,6 +30,8 @@ class Route:
         """How far it is to each place along the way (k,) [m]."""
         self.done = 0.0
         """How far along the way the robot has come [m]; it never falls."""
+        self.is_left = False
+        """Whether the robot was held beside it, and goes back to it."""
 
     @property
     def length(self) -> float:
