@@ -1,7 +1,8 @@
-"""How sure a figure is: intervals of shares and of means, and an exact test of paired successes.
+"""How sure a figure is: intervals of shares and of means, an exact test of paired successes, and what many tests leave of it.
 
 Sources: Wilson 1927 (score interval of a share); Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the
-Statistical Precipice" (interquartile mean, resampling within strata); McNemar 1947, in its exact binomial form.
+Statistical Precipice" (interquartile mean, resampling within strata); McNemar 1947, in its exact binomial form; Holm 1979,
+"A Simple Sequentially Rejective Multiple Test Procedure".
 """
 
 from collections.abc import Callable, Sequence
@@ -96,6 +97,21 @@ def exact_mcnemar(only_a: int, only_b: int) -> float:
     from scipy.stats import binomtest  # a second of import, for this line only
 
     return float(binomtest(only_a, only_a + only_b, 0.5).pvalue)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P values of many tests as one has to read them where all were looked at, in the same order.
+
+    Whoever rejects what is below a level here rejects nothing true in all with that probability at most, whatever the tests
+    have to do with one another.
+    """
+    if not all(0.0 <= one <= 1.0 for one in p_values):
+        raise ValueError(f"p values must lie between 0 and 1, came {list(p_values)}")
+    adjusted, so_far = [0.0] * len(p_values), 0.0
+    for rank, index in enumerate(sorted(range(len(p_values)), key=lambda index: p_values[index])):
+        so_far = max(so_far, min(1.0, (len(p_values) - rank) * p_values[index]))
+        adjusted[index] = so_far
+    return adjusted
 
 
 def _tail(confidence: float) -> float:

@@ -69,6 +69,28 @@ def test_a_result_that_contradicts_its_own_numbers_makes_no_page() -> None:
         script("make_results.py")["page"]("learned", {**found, "holds": False})
 
 
+def test_a_part_is_worth_something_where_its_tests_say_so_for_all_that_were_made() -> None:
+    """Not where one of many intervals leaves 0 out, as that of four worlds gained and none lost does (p = 0.125)."""
+    found = json.loads(text_of(RESULTS / "hd-bug-ablation.json"))
+    nothing = {
+        "success_minus_whole": [0.0, 0.0, 0.0], "p_value": 1.0, "path_minus_whole": None, "path_p_value": None,
+        "changed": 0,
+    }  # fmt: skip
+    changes = {
+        "risk": {"success_minus_whole": [0.04, 0.01, 0.08], "p_value": 0.125, "changed": 4},
+        "goal": {"p_value": 1e-9},
+    }
+    results = {key: one | nothing for key, one in found["results"].items()}
+    for part, change in changes.items():
+        results[f"dynamic, {part}"] = results[f"dynamic, {part}"] | change
+    parts = {key.split(", ")[1].replace("_", " ") for key in results} - {"whole", "hd bug map"}
+    text = script("make_results.py")["page"]("hd-bug-ablation", {**found, "results": results})
+    (idle,) = re.findall(r"no difference in any kind of world is left for: (.*?)\.", text)
+    assert set(re.split(", | and ", idle)) == parts - {"goal"}
+    (still,) = re.findall(r"These change no run: (.*?)\.", text)
+    assert set(re.split(", | and ", still)) == parts - {"risk"}
+
+
 @pytest.mark.parametrize(
     ("new", "told"),
     [

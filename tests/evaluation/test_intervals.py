@@ -1,7 +1,7 @@
 """Statistics over rows, each against a closed form or a slow plain version of itself."""
 
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, product
 from math import comb, inf, isnan, nan, sqrt
 from typing import Any
 
@@ -15,6 +15,7 @@ from bug_gym.evaluation.rows import OUTCOMES, EpisodeRow
 from bug_gym.evaluation.summary import COMPARED, OVERALL, Summary, compare, paired_difference, summarise
 from bug_gym.intervals import (
     exact_mcnemar,
+    holm,
     interquartile_mean,
     interquartile_means,
     means,
@@ -192,6 +193,22 @@ def test_mcnemar_of_no_disagreement_is_one() -> None:
 def test_mcnemar_refuses_negative_counts() -> None:
     with pytest.raises(ValueError, match="counts"):
         exact_mcnemar(-1, 3)
+
+
+@pytest.mark.parametrize("p_values", [(0.04,), (0.01, 0.04), (0.04, 0.01, 0.03, 0.03), (0.5, 0.0, 1.0, 0.02, 0.02)])
+def test_holm_rejects_what_bonferroni_rejects_together_with_any_others(p_values: tuple[float, ...]) -> None:
+    """The closed test: each set of tests by Bonferroni, and one test by the worst set that it is in."""
+    sets = [some for size in range(1, len(p_values) + 1) for some in combinations(range(len(p_values)), size)]
+    of_set = {some: min(1.0, len(some) * min(p_values[index] for index in some)) for some in sets}
+    expected = [max(p for some, p in of_set.items() if index in some) for index in range(len(p_values))]
+    assert holm(p_values) == pytest.approx(expected)
+
+
+def test_holm_refuses_what_is_no_p_value() -> None:
+    assert holm([]) == []
+    for wrong in (-0.1, 1.1, nan):
+        with pytest.raises(ValueError, match="p values"):
+            holm([0.5, wrong])
 
 
 def test_paired_difference_is_the_mean_over_common_worlds() -> None:
