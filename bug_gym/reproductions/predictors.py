@@ -220,7 +220,8 @@ def check(found: dict[str, Any], names: Sequence[str]) -> Iterator[tuple[str, bo
         if label in TO_BEAT:
             yield f"{label}: rl's mean error at 4.8 s is at least 10 % below kalman's", ratio["value"] <= SHORTFALL
         else:
-            yield f"{label}: rl's mean error at 4.8 s is no worse than kalman's (95 %)", ratio["low"] <= 1.0
+            # All of the interval: that it reaches below 1 would be so of anything that is asked too seldom.
+            yield f"{label}: rl's mean error at 4.8 s is no worse than kalman's (95 %)", ratio["high"] <= 1.0
 
 
 def _header() -> list[str]:

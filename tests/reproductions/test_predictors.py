@@ -47,6 +47,9 @@ def test_claims_are_of_the_learned_one_against_the_filter() -> None:
     ratio = {"mean_ratio": {"rl": [{"value": 0.95, "low": 0.9, "high": 1.0}]}}
     found = {"crowd": ratio, "ETH": ratio}
     assert [holds for _, holds in check(found, NAMES)] == [False, True]
+    # An interval on both sides of 1 tells nothing, and so shows nothing.
+    wide = {"ETH": {"mean_ratio": {"rl": [{"value": 1.1, "low": 0.6, "high": 1.6}]}}}
+    assert [holds for _, holds in check(wide, NAMES)] == [False]
     assert not list(check(found, ("none", "kalman")))
 
 
