@@ -268,10 +268,9 @@ def claim(settings: Settings) -> Part:
         saved = [one["bug1_pair"] - one["com1_rev3"] for one in both]
         less = sum(value > 0.0 for value in saved)
         by_half = sum(value >= 0.5 * one["length"] for value, one in zip(saved, both, strict=True))
-        interval = stratified_bootstrap([saved], means)
         data[title] = {"n": len(found), "both": len(both), "less": less, "by_half": by_half, "saved": saved}
-        mean = f"{np.mean(saved):.2f} [{interval.low:.2f}, {interval.high:.2f}]"
-        rows.append([title, str(len(found)), str(len(both)), share(less, len(both)), share(by_half, len(both)), mean])
+        shares = [share(count, len(both)) for count in (less, by_half)]
+        rows.append([title, str(len(found)), str(len(both)), *shares, difference(saved)])
     header = ["worlds", "n", "both arrive", "less way [%]", "less by half the obstacle [%]", "saved [m]"]
     note = (
         "The paper claims that it is less by half the obstacle's length always; half the length is that of the longest "
@@ -300,9 +299,11 @@ def across(scenario: dict[str, Any]) -> float:
 
 
 def share(count: int, n: int) -> str:
-    """A share in percent with its Wilson interval."""
+    """A share in percent with its Wilson interval; a dash of nothing."""
+    if n == 0:
+        return "–"
     interval = wilson_interval(count, n)
-    return f"{100.0 * count / max(n, 1):.1f} [{100.0 * interval.low:.1f}, {100.0 * interval.high:.1f}]"
+    return f"{100.0 * count / n:.1f} [{100.0 * interval.low:.1f}, {100.0 * interval.high:.1f}]"
 
 
 # ------------------------------------------------------------------------------------------------ making room

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from bug_gym.reproductions import barn, bug_bounds, bug_no_way, odometry_drift, operative_critical_points
+from bug_gym.intervals import exact_mcnemar, wilson_interval
+from bug_gym.reproductions import barn, bug_bounds, bug_no_way, dynabarn, odometry_drift, operative_critical_points
 from bug_gym.reproductions.com1_rev3 import ROOMY, difference
 from bug_gym.reproductions.com1_rev3 import share as share_of
 from bug_gym.reproductions.still_things import POLICIES, marked
@@ -48,8 +49,13 @@ def com1_rev3(found: Record) -> Page:
     quarter = found["formulas"]["(20)"]
     halves = [one["by_half"] == one["both"] for one in worlds.values()]
     pays = {name: one for name, one in found["pays"].items() if name != "holds"}
-    rarer = [name for name, one in pays.items() if one["arrived"][0] < one["arrived"][1]]
-    beside = f"less often than it in {code(rarer)}" if rarer else "as often as it everywhere"
+    rarer = {name: one for name, one in pays.items() if one["arrived"][0] < one["arrived"][1]}
+    counts = listed(
+        f"`{name}` ({one['arrived'][0]} instead of {one['arrived'][1]} of {one['n']} worlds)" for name, one in rarer.items()
+    ) if rarer else ""  # fmt: skip
+    apart = [name for name, one in rarer.items() if clearly_rarer(one["arrived"], one["n"])]
+    sure = f"the intervals lie apart in {code(apart)}" if apart else "so few worlds do not tell that from chance"
+    beside = f"less often than it in {counts}; {sure}" if rarer else "as often as it everywhere"
     return Page(
         [
             com1_rev3_facts(found["facts"]["routes"]),
@@ -70,7 +76,7 @@ def com1_rev3(found: Record) -> Page:
         "which the goal is reached, and efficiency what the way of all routes is shorter than Bug2's; a route that fails (F) "
         "leaves no efficiency. The paper has 19.6 % and 1.5 % for Rev3 on its two maps, which are not printed.\n\n"
         "The best member is the one that would arrive first alone, which nobody knows beforehand. "
-        f"The team arrives {beside}: who makes room and waits may come too late.",
+        f"The team arrives {beside}.",
         [
             ("winner, s*, total, sum and place of the stop are within 1.5 % or three steps", found["facts"]["holds"]),
             ("totals on one obstacle are those of the formulas", found["formulas"]["holds"]),
@@ -82,6 +88,12 @@ def com1_rev3(found: Record) -> Page:
             ("Rev3 drives about as far as Rev2 wherever that arrives (Table 2)", found["table_2"]["holds"]),
         ],
     )
+
+
+def clearly_rarer(arrived: Sequence[int], n: int) -> bool:
+    """Whether the interval of the first share of n lies below that of the second."""
+    mine, other = (wilson_interval(count, n) for count in arrived)
+    return mine.high < other.low
 
 
 def com1_rev3_facts(routes: Record) -> str:
@@ -280,12 +292,19 @@ def cylinder_claims(found: Record) -> Page:
             )
         ],
         f"{runs:,} runs, {claims} wrong claims. Wrong is also a timeout, a collision, and of a complete algorithm any end "
-        "that is not as the configuration space says" + (f": {listed(ends)}." if ends else "; there is none."),
+        "that is not as the configuration space says" + (f": {listed(ends)}." if ends else "; there is none.") + MENDED,
         [
             ("nobody calls a goal unreachable that a way leads to", claims == 0),
             ("each run ends, and those of complete algorithms as the configuration space says", not wrong),
         ],
     )
+
+
+MENDED = (
+    " What failed in these very worlds before was looked at and mended ([trials](../trials.md)): so the count says that "
+    "nothing is known to fail here, not how often something would in others."
+)
+"""Of pages whose worlds are those that code was mended by."""
 
 
 def counts_by_kind(of_policies: Iterable[Record]) -> dict[tuple[str, str], list[int]]:
@@ -329,7 +348,8 @@ def still_things(found: Record) -> Page:
         f"{driven:,} episodes, {len(touched)} contacts{told}{where} An episode ends after a minute, which is short for a maze: "
         "whether a policy arrives is asked elsewhere. Robots that a scripted policy is shown too little to drive, such as "
         "holonomic ones with a blind side, are refused in one line when it is made."
-        + (f" Not driven this time: {listed(f'`{name}`' for name in left_out)}." if left_out else ""),
+        + (f" Not driven this time: {listed(f'`{name}`' for name in left_out)}." if left_out else "")
+        + MENDED,
         [("nobody touches what stands still", not touched)],
     )
 
@@ -421,13 +441,17 @@ def dynabarn_worlds(found: Record) -> Page:
         ]
         for policy, one in results.items()
     ]  # fmt: skip
-    best = max(results, key=lambda policy: float(results[policy]["success"]))
+    best, second = sorted(results, key=lambda policy: -float(results[policy]["success"]))[:2]
+    missed = {name: {run.split(": ")[0] for run in results[name]["missed"]} for name in (best, second)}
+    p = exact_mcnemar(len(missed[second] - missed[best]), len(missed[best] - missed[second]))
     return Page(
         [table("Worlds of DynaBARN", header, rows)],
         f"`{best}` reaches the goal most often, in {percent(results[best]['success'])} % of its runs, with a score of "
-        f"{results[best]['as_meant']:.4f} as meant. As coded a success is 0.125, whatever its time. Jumped on: by a mover "
-        "that had jumped from the end of its spline to its beginning less than a second before, a success spoilt by being "
-        "overlapped among them. The robot is the faithful one of `barn`: no limit of angular acceleration, no slip.",
+        f"{results[best]['as_meant']:.4f} as meant; next comes `{second}` with {percent(results[second]['success'])} % (p = "
+        f"{p:.2g}, McNemar). There are {dynabarn.PHASES} runs in each world, which intervals and p take for independent. As "
+        "coded a success is 0.125, whatever its time. Jumped on: by a mover that had jumped from the end of its spline to its "
+        "beginning less than a second before, a success spoilt by being overlapped among them. The robot is the faithful one "
+        "of `barn`: no limit of angular acceleration, no slip.",
         [],
     )
 

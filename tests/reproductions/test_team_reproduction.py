@@ -29,6 +29,10 @@ def test_the_claim_is_counted_in_both_kinds_of_worlds() -> None:
     assert all(one["by_half"] <= one["both"] and one["less"] <= one["both"] for one in part.data.values())
 
 
+def test_where_nobody_arrives_there_is_no_share_and_no_difference() -> None:
+    assert com1_rev3.share(0, 0) == com1_rev3.difference([]) == "–"
+
+
 def test_a_run_that_is_not_as_its_fact_says_is_marked() -> None:
     fact = FACTS["AD"]
     came = {"winner": 0, "named": fact.named, "total": fact.total, "both": fact.both, "stops": [21.0, 2.75]}
