@@ -165,6 +165,11 @@ def index(everything: Mapping[str, Record]) -> str:
         "commit, the tables and what was found. A claim that was found false stands as false. `bug-gym list "
         "reproductions` names them. Somebody else's data (`--data`: the worlds of the BARN benchmark, recorded "
         "pedestrians, maps of ROS's map_server) is not part of this package.\n\n"
+        "Networks and predictors are judged in worlds that neither training nor validation saw, the claims of HD-BUG in worlds "
+        "from seed 10,000 on. Most other pages count from seed 0, where scripted policies were mended by what failed: a zero "
+        "there says that nothing is known to fail, not how often something would in new worlds. A claim with a bar is about "
+        "the number found, not about its interval, where it does not say so; intervals and p are not corrected for the number "
+        "of comparisons, where a page does not say so.\n\n"
         f"These pages are made {MADE.replace('its', 'their')}\n\n"
         + listing("Reproductions", [name for name in everything if name not in CHECKS])
         + "\n\nChecks that take too long for each change, with the figures of their last run:\n\n"

@@ -18,11 +18,11 @@ all, as the complete bugs walk it (walls/laps.py).
 
 Reported: paths shorter than those of the minimum risk method, TangentBug and Bug2, one scene each (the table is lost), and
 no harm by odometry that drifts. Found: shorter than minimum risk and Bug2 in three scenes made in its manner, against
-TangentBug it depends on the scene and on how far that sees; drift does little harm while the target is sensed, with the
-target by odometry it fails as Bug2 and TangentBug do. In mazes and some traps it does not arrive. Rebuilt, as no formula
-can be read: all conditions; with the projection (condition 3) all 24 ways of the map of Oni and Wang arrive, without it
-three cycle; the reset point, whose worth a figure of the paper is to prove, changes no length there. Numbers:
-docs/results/apf-wall-following.md.
+TangentBug it depends on the scene and on how far that sees; drift does little harm while the target is sensed, but for
+noise of over 0.1 m/sqrt(m), which Bug2 stands better; with the target by odometry it fails as Bug2 and TangentBug do. In
+mazes and some traps it does not arrive. Rebuilt, as no formula can be read: all conditions; with the projection (condition
+3) all 24 ways of the map of Oni and Wang arrive, without it three cycle; the reset point, whose worth a figure of the paper
+is to prove, changes no length there. Numbers: docs/results/apf-wall-following.md.
 """
 
 from __future__ import annotations
