@@ -88,7 +88,10 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class PairedDifference:
-    """Mean of a field of `policy` minus that of `baseline` in the same worlds, with its 95 % interval."""
+    """Mean of a field of `policy` minus that of `baseline` in the same worlds, with its 95 % interval.
+
+    Of success, where few pairs differ, the bootstrap's interval leaves 0 out too often; `p_value` does not.
+    """
 
     policy: str
     baseline: str
