@@ -39,11 +39,8 @@ def tables(found: Record) -> Page:
         of_range = [ours[f"{lidar}, {count}, hd_bug"]["path_ratio"] for count in counts]
         ratios.append(f"{listed(f'{ratio:.3f}' for ratio in of_range)} with a LIDAR of {lidar}")
     dense = {name: results[f"{ranges[0]}, 500, {name}"]["path_length"] for name in policies}
-    walks = listed(
-        f"`{name}` walks {abs(gap):.1f} m {'more' if gap >= 0.0 else 'less'}"
-        for name in ("tangent_bug", "e_bug", "k_bug")
-        if (gap := dense[name] - dense["hd_bug"]) is not None
-    )
+    gaps = {name: dense[name] - dense["hd_bug"] for name in ("tangent_bug", "e_bug", "k_bug")}
+    walks = listed(f"`{name}` walks {abs(gap):.1f} m {'more' if gap >= 0.0 else 'less'}" for name, gap in gaps.items())
     planned = [results[f"{ranges[0]}, {count}, hd_bug_map"]["path_ratio"] for count in counts]
     shorter = [more for more in longer if more is not None and more >= 0.0]
     return Page(
