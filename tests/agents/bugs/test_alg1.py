@@ -205,6 +205,31 @@ def test_the_routes_of_oni_and_wang(name: str, route: str) -> None:
     assert ("walking_back" in episode.modes) == ((name, route) in TURNING)
 
 
+# ------------------------------------------------------------------------------------------ crossings
+
+COVE = [(-4, 5), (6, 5), (6, -4), (5, -4), (5, 4), (-3, 4), (-3, -8), (15, -8), (15, 4), (10, 4), (10, -2)]
+COVE += [(9, -2), (9, 5), (16, 5), (16, -9), (-4, -9)]
+"""Turning left at (4.5, 0), a robot on its way to (22, 0) comes by the M-line behind the start, before the wall at x = 15 and
+on the far side of a plate at x = 10, before it gets out between that and the first wall."""
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(("name", "hits"), [("bug2", 2), ("alg1", 1), ("rev1", 1)])
+def test_a_crossing_is_passed_by_that_is_farther_than_one_at_a_wall(name: str, hits: int, mirrored: bool) -> None:
+    """Bug2 leaves at x = 10.5, nearer to the goal than where it hit; Alg1 has been nearer, where the wall was in the way."""
+    sign = -1 if mirrored else 1
+    world = {"family": "explicit", "bounds": [-9, -14, 27, 14], "polygons": [[(x, sign * y) for x, y in COVE]]}
+    scenario = {
+        "lidar": {"beams": 360},
+        "time": {"limit": 300.0},
+        "world": {**world, "start": [0, 0, 0], "goal": [22, 0]},
+    }
+    episode = run_episode(name, scenario, turn="right" if mirrored else "left", clearance=0.5)
+    assert episode.outcome == "success"
+    assert len(episode.memory.hits) == len(episode.memory.leaves) == hits
+    assert math.dist(episode.memory.leaves[-1], (16.5, 0.0)) <= 0.15
+
+
 # ------------------------------------------------------------------------------------------ turning round
 
 
@@ -285,6 +310,19 @@ def test_noise_of_the_ranges_changes_no_outcome(name: str, kinematics: str) -> N
     scenario["lidar"] |= {"noise": 0.02, "dropout": 0.01}
     scenario["robot"] = {"kinematics": kinematics}
     assert run(name, scenario, clearance=0.5).outcome == "success"
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_marks_met_on_the_way_to_another_place_of_the_target_are_forgotten(name: str) -> None:
+    """It stirs until the robot has left the slab, then goes 16 m farther."""
+    points = [[18.0, 0.0], [18.0, 0.3]] * 24 + [[34.0, 0.0]]
+    motion = {"law": "waypoints", "points": points, "speed": 0.6, "stop": True}
+    scenario = canonical_world("slab")
+    del scenario["world"]["goal"]
+    scenario["world"] |= {"target": {"at": points[0], "motion": motion}, "bounds": [-5, -20, 40, 20]}
+    episode = run(name, scenario, clearance=0.5)
+    assert episode.outcome == "success"
+    assert len(episode.memory.leaves) == 1 and not episode.memory.marks
 
 
 @pytest.mark.parametrize("name", ALL)
