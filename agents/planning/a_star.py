@@ -2,7 +2,8 @@
 
 Source: Hart, Nilsson and Raphael (1968). Sensing assumed: the map, own place on it. Memory kept: the way. States:
 planning, following, waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells. Length: the
-shortest over the cells before it is smoothed, at most 8.3 % over the shortest of all with eight neighbours.
+shortest from cell to cell before it is smoothed. Over the shortest of all that touch free cells only that is at most 8.3 %
+with eight neighbours in the open, and 41.5 % where cells beside them stop diagonal steps.
 
 Among equals the one nearer to the goal comes first.
 """

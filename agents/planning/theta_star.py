@@ -2,7 +2,7 @@
 
 Source: Nash, Daniel, Koenig and Felner (2007), the basic one. Sensing assumed: the map, own place on it. Memory kept: the
 way. States: planning, following, waiting. Guarantee: reaches the goal in still worlds if there is a way over the cells.
-Length: near the shortest of all, without a bound; never over that of A*'s way over the same cells by more than chance.
+Length: near the shortest of all; on even ground never over that of A*'s way over the same cells.
 
 A cell is reached from its neighbour's parent where the two are in sight ("path 2" of the paper's UpdateVertex), else from
 the neighbour itself ("path 1"). In sight: all cells that the straight line touches are free. Cells are taken for blocked

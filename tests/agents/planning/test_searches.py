@@ -254,7 +254,10 @@ def test_theta_star_lies_between_the_straight_line_and_a_star(seed: int) -> None
         places = grid.lattice.places(found.nodes)
         length = float(np.hypot(*np.diff(places, axis=0).T).sum())
         assert found.length == pytest.approx(length, abs=1e-6)
-        assert math.dist(places[0], places[-1]) - 1e-6 <= length <= cells.length * 1.05 + 1e-6
+        # Each step that A* takes it may take too, and what it takes in its place is straighter.
+        assert math.dist(places[0], places[-1]) - 1e-6 <= length <= cells.length + 1e-6
+        # A straight line touches cells side by side, whose straight steps are at most sqrt(2) times as long.
+        assert cells.length <= math.sqrt(2.0) * length + 1e-6
         for a, b in itertools.pairwise(places):
             assert is_clear_of_squares(grid, a, b)
 
@@ -268,6 +271,17 @@ def is_clear_of_squares(grid: Grid, a: Any, b: Any) -> bool:
             if not grid.is_free(grid.lattice.node_at((float(place[0]), float(place[1])))):
                 return False
     return True
+
+
+def test_where_cells_beside_them_stop_diagonal_steps_a_star_goes_a_third_farther_than_straight() -> None:
+    grid = make_grid(np.array([[0, 0, 1], [1, 0, 0]], dtype=np.uint8))
+    ends = node(grid, 0, 0), node(grid, 1, 2)
+    a, b = grid.lattice.places(np.array(ends))
+    assert is_clear_of_squares(grid, a, b) and math.dist(a, b) == pytest.approx(math.sqrt(5.0))
+    assert a_star(grid, *ends).length == pytest.approx(3.0)
+    # With corners cut the way is the one in the open again.
+    cut = make_grid(np.array([[0, 0, 1], [1, 0, 0]], dtype=np.uint8), cut_corners=True)
+    assert a_star(cut, *ends).length == pytest.approx(1.0 + math.sqrt(2.0))
 
 
 def test_in_the_open_theta_star_goes_straight() -> None:
