@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -23,6 +23,9 @@ from episodes import (
 )
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.bugs.rev3 import Rev3Memory
+from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
 BETTER = "follow_wall_to_better_take_off"
@@ -97,6 +100,49 @@ def test_a_hit_point_elsewhere_nearer_to_the_goal_is_no_proof_that_there_is_no_w
     assert episode.outcome == "success"
 
 
+class Decision(NamedTuple):
+    """What Rev3 keeps after a decision."""
+
+    memory: Rev3Memory
+    """Only read it before the next one: it changes."""
+    view: View
+    """What it has seen."""
+    is_free: bool
+    """Whether it is at a wall with a free way to the goal."""
+
+
+def decisions(scenario: Any, overrides: dict[str, Any], seed: int = 0, **parameters: Any) -> Iterator[Decision]:
+    """The decisions of Rev3 until the episode ends, or it gives a verdict."""
+    simulation = Simulation(scenario, 1, overrides=overrides)
+    agent: Any = make_policy("rev3", simulation, **parameters)
+    observation, state = simulation.reset(seeds=[seed]), None
+    while True:
+        action, state = agent.predict(observation[:, 0], state)
+        memory, view = state[0], View(observation[0, 0], agent.sensors)
+        is_free = memory.contour is not None and agent.boundary.is_free(
+            view, view.goal_bearing, view.goal_distance, memory.contour
+        )
+        yield Decision(memory, view, is_free)
+        step = simulation.step(action[:, None])
+        if memory.verdict or (step.terminated | step.truncated).any():
+            return
+        observation = step.observation
+
+
+def test_a_lap_without_a_better_take_off_lowers_the_demand_to_the_nearest_place_with_a_free_way() -> None:
+    nearest, was_lowered = math.inf, False
+    for memory, view, is_free in decisions(HOOK_WORLD, {}, clearance=0.5):
+        distance = view.goal_distance
+        if was_lowered and memory.contour is None:
+            break
+        was_lowered = memory.is_searching and memory.is_lowered
+        if memory.is_searching and is_free and not was_lowered:
+            nearest = min(nearest, distance)
+    assert was_lowered and memory.contour is None
+    # Two steps are what "nearer" has to be, one it may have gone since.
+    assert nearest < distance <= nearest + 0.3
+
+
 def test_taken_literally_it_calls_that_goal_unreachable_which_can_be_reached() -> None:
     episode = run_episode("rev3", HOOK_WORLD, clearance=0.5, literal=True)
     assert (episode.outcome, episode.verdict) == ("running", "unreachable")
@@ -168,6 +214,36 @@ def test_a_cycle_over_more_than_two_hit_points_ends_as_looping(seed: int) -> Non
 @pytest.mark.parametrize("seed", CYCLES)
 def test_the_guard_ends_such_cycles(seed: int) -> None:
     assert run_episode("rev3", "maze", MAZE, seed=seed, guard=True).outcome == "success"
+
+
+@pytest.mark.parametrize("seed", CYCLES)
+def test_a_better_take_off_is_nearer_than_the_last_two_hit_points_or_than_all(seed: int) -> None:
+    nearer_than_all: dict[str, list[bool]] = {"two": [], "all": []}
+    for saved, found in nearer_than_all.items():
+        was_searching, leaves, hits = False, 0, []
+        for memory, view, _ in decisions("maze", MAZE, seed, mspdg=saved):
+            if len(memory.leaves) > leaves and was_searching:
+                of_hits = [math.dist(hit, view.goal_position) for hit in hits]
+                assert view.goal_distance < min(of_hits[-2:])
+                found.append(view.goal_distance < min(of_hits))
+            leaves, hits = len(memory.leaves), memory.hits[:]
+            was_searching = memory.is_searching and not memory.is_lowered
+    assert nearer_than_all["all"] and all(nearer_than_all["all"])
+    assert not all(nearer_than_all["two"])
+
+
+def test_the_guard_minds_a_hit_point_met_again_with_the_same_side_only() -> None:
+    """In this maze it meets an early hit point again with the other side: it goes on as the paper's robot does."""
+    is_met_otherwise, hits = False, 0
+    for memory, _, _ in decisions("maze", MAZE, 3, guard=True):
+        if len(memory.hits) > hits:
+            hits = len(memory.hits)
+            *earlier, (here, side) = zip(memory.hits, memory.hit_sides, strict=True)
+            met = [other for place, other in earlier[:-2] if math.dist(place, here) <= 0.1]
+            if met and side not in met and math.dist(here, memory.hits[-2]) > 1.0 < math.dist(here, memory.hits[-3]):
+                is_met_otherwise = True
+                assert not memory.is_searching
+    assert is_met_otherwise
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
