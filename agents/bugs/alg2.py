@@ -3,7 +3,8 @@
 Source: Sankaranarayanan and Vidyasagar (1990). Sensing assumed: contact (here the scan within the clearance), goal, own
 position. Memory kept: the smallest distance to the goal on the whole trip, all hit and leave points, the trace along
 the present boundary. States: motion_to_goal, boundary_following, walking_back. Guarantee: reaches the goal or declares
-it unreachable. Length: at most D + 2 sum(p_i), p_i the perimeter of obstacle i at the clearance.
+it unreachable. Length: at most D + 2 sum(p_i), p_i the perimeter of obstacle i at the clearance. `leave_rule` says the
+same either way, as in class1.
 """
 
 from __future__ import annotations

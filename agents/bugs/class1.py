@@ -4,6 +4,9 @@ Source: Noborio (1992); rules as compared by McGuire et al. (2019). Sensing assu
 clearance), goal. Memory kept: the smallest distance to the goal on the whole way, a gate at the last hit point. States:
 motion_to_goal, boundary_following. Guarantee: reaches the goal or declares it unreachable, when a lap brings no nearer
 point with a free way. Length: at most D and one perimeter a hit.
+
+A step that brings it nearer than ever leads toward the goal: `leave_rule` says the same either way, but for places where
+less is asked (walls/laps.py).
 """
 
 from __future__ import annotations

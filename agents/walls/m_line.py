@@ -114,7 +114,8 @@ class MLineParameters(BoundaryParameters):
 
     leave_rule: LeaveRule = "any"
     """Where a wall may be left: "any" at a crossing wherever the goal lies (the algorithms as published), "front" only
-    with the goal within 90 degrees of the direction of travel."""
+    with the goal within 90 degrees of the direction of travel: then it may pass by the crossing that counts, and no guarantee
+    and no bound holds."""
 
 
 class MLineBug(BoundaryBug):

@@ -230,6 +230,31 @@ def test_a_crossing_is_passed_by_that_is_farther_than_one_at_a_wall(name: str, h
     assert math.dist(episode.memory.leaves[-1], (16.5, 0.0)) <= 0.15
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("name", ["bug2", "alg1", "rev1"])
+def test_a_crossing_on_a_face_that_leads_away_is_taken_as_published_and_passed_by_with_the_rule_front(
+    name: str, mirrored: bool
+) -> None:
+    """The face behind the obstacle leans toward the start, so that along it the goal lies 117 degrees aside."""
+    sign = -1 if mirrored else 1
+    polygon = [[8, sign * -3], [10, sign * -3], [14, sign * 5], [8, sign * 5]]
+    world = {
+        "family": "explicit",
+        "bounds": [-9, -14, 30, 14],
+        "polygons": [polygon],
+        "start": [0, 0, 0],
+        "goal": [22, 0],
+    }
+    scenario = {"lidar": {"beams": 360}, "time": {"limit": 300.0}, "world": world}
+    behind = (11.5 + 0.5 * math.hypot(1.0, 0.5), 0.0)
+    turn = "right" if mirrored else "left"
+    published = run_episode(name, scenario, clearance=0.5, turn=turn)
+    assert published.outcome == "success"
+    assert math.dist(published.memory.leaves[0], behind) <= 0.15
+    front = run_episode(name, scenario, clearance=0.5, turn=turn, leave_rule="front")
+    assert front.length > published.length + 5.0
+
+
 # ------------------------------------------------------------------------------------------ turning round
 
 

@@ -7,7 +7,17 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from episodes import CLOSED_FORM_SENSORS, OTHER, Disc, Slab, UTrap, canonical_world, run_episode, tolerance
+from episodes import (
+    CLOSED_FORM_SENSORS,
+    OTHER,
+    Disc,
+    Slab,
+    UTrap,
+    canonical_world,
+    goal_distances,
+    run_episode,
+    tolerance,
+)
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load
@@ -93,6 +103,52 @@ def test_without_a_place_step_nearer_it_leaves_from_the_nearest_point_after_a_la
     expected = 4.5 + 1.5 * lap + 2.0 + 1.5 * lap + 3.5
     assert episode.outcome == "success"
     assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize("turn", ["left", "right"])
+def test_a_goal_in_sight_is_gone_to_whatever_the_step(turn: str) -> None:
+    episode = run_episode("dist_bug", canonical_world("slab"), turn=turn, clearance=0.5, step=50.0)
+    expected = SLAB.until_free(turn)
+    assert episode.outcome == "success"
+    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_leave_is_measured_by_the_nearest_that_the_boundary_has_come_and_not_by_the_hit_point(mirrored: bool) -> None:
+    """A wall with an arm toward the goal; from the arm's end another leans back, whose tip is as near as the hit point."""
+    wall = [[8, -10], [9, -10], [9, 5], [8, 5]]
+    arm = [[8, 4], [16.2, 4], [16.2, 5], [8, 5]]
+    leaning = [[16, 4.5], [16.2, 5], [14.2, 9], [13.8, 9], [15.8, 4.5]]
+    sign = -1 if mirrored else 1
+    polygons = [[[x, sign * y] for x, y in polygon] for polygon in (wall, arm, leaning)]
+    world = {"family": "explicit", "bounds": [-35, -35, 35, 35], "polygons": polygons}
+    scenario = {
+        "lidar": {"beams": 360},
+        "time": {"limit": 200.0},
+        "world": {**world, "start": [0, 0, 0], "goal": [20, 0]},
+    }
+    step, r_max, turn = 0.5, 1.5, "right" if mirrored else "left"
+    episode = run_episode("dist_bug", scenario, clearance=0.5, turn=turn, step=step, r_max=r_max)
+    assert episode.outcome == "success"
+    distances = goal_distances(episode)
+    at = episode.modes.index("boundary_following")
+    left = episode.modes.index("motion_to_goal", at)
+    nearest = distances[at : left + 1].min()
+    assert distances[at : left + 1].max() > nearest + r_max + 1.0, "it comes by the tip"
+    # The way that it sees is no longer than r_max.
+    assert distances[left] - r_max <= nearest - step
+
+
+def test_a_target_that_has_gone_further_away_is_measured_anew() -> None:
+    """It goes from 10 to 26 m while the robot is at the slab: no place of that is nearer to it than to its old one."""
+    motion = {"law": "waypoints", "points": [[18.0, 0.0], [34.0, 0.0]], "speed": 0.8, "stop": True}
+    scenario = canonical_world("slab")
+    del scenario["world"]["goal"]
+    scenario["world"] |= {"target": {"at": [18.0, 0.0], "motion": motion}, "bounds": [-5, -20, 40, 20]}
+    episode = run_episode("dist_bug", scenario, clearance=0.5, r_max=2.0)
+    assert (episode.outcome, episode.verdict) == ("success", "")
+    # Round by the left half of the slab, and no lap.
+    assert episode.length <= 34.0 + 0.5 * SLAB.perimeter
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
