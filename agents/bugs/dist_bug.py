@@ -3,9 +3,9 @@
 Source: Kamon and Rivlin (1997), who turn to that side of a wall that leads less away from the goal; turning always left
 is from Ng and Braeunl (2007), `side_rule="fixed"`. That a wall may be followed back once it leads away is left out. Sensing
 assumed: contact (here the scan within the clearance), the free way toward the goal up to r_max, goal, own position. Memory
-kept: the least distance to the goal on this boundary (d_min), how far the scan is believed, a gate there. States: motion_to_goal, boundary_following. Guarantee:
-reaches the goal or declares it unreachable. Length: a lap for each hit at most, and not over D / STEP hits; two laps
-and further hits only where the last resort below is needed.
+kept: the least distance to the goal on this boundary (d_min), how far the scan is believed, a gate there. States:
+motion_to_goal, boundary_following. Guarantee: reaches the goal or declares it unreachable. Length: a lap for each hit at
+most, and not over D / STEP hits; two laps and further hits only where the last resort below is needed.
 
 With F the free way toward the goal, a wall is left where the goal is in sight (d - F <= 0) or d - F <= d_min - STEP.
 The published proof asks for a STEP not above the thickness of walls. Where the next obstacle stands nearer than STEP no

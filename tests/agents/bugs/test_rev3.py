@@ -211,6 +211,11 @@ def test_a_cycle_over_more_than_two_hit_points_ends_as_looping(seed: int) -> Non
     assert np.sum(np.abs(pairs - pairs[-1]).max(axis=1) < 0.5) == 3
 
 
+def test_hit_points_before_one_nearer_than_all_belong_to_no_cycle() -> None:
+    """In this maze a pair comes the third time, but has been left nearer to the goal than all hit points in between."""
+    assert run_episode("rev3", "maze", MAZE, seed=26, mspdg="all").outcome == "success"
+
+
 @pytest.mark.parametrize("seed", CYCLES)
 def test_the_guard_ends_such_cycles(seed: int) -> None:
     assert run_episode("rev3", "maze", MAZE, seed=seed, guard=True).outcome == "success"

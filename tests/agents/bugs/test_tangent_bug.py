@@ -66,6 +66,31 @@ def test_with_short_sight_the_way_is_longer_but_leads_there(world: str, r_max: f
     assert 0.99 * SHORTEST[world] <= episode.full_length <= 2.0 * SHORTEST[world]
 
 
+@pytest.mark.parametrize(("leave_rule", "is_taken"), [("any", True), ("front", False)])
+def test_the_rule_front_passes_by_a_place_nearer_to_the_goal_that_lies_behind(leave_rule: str, is_taken: bool) -> None:
+    """From A to B of the paper's map it leaves the wall backwards once, seeing 5 m."""
+    places = {"world.start": "A", "world.goal": "B"}
+    settings = {**CLOSED_FORM_SENSORS, **places}
+    episode = run_episode("tangent_bug", "oni_wang", settings, clearance=1.0, r_max=5.0, leave_rule=leave_rule)
+    assert episode.outcome == "success"
+    steps = np.diff(episode.path[:, :2], axis=0)
+    leaving = [k for k in range(1, len(episode.modes)) if episode.modes[k] == "leaving" != episode.modes[k - 1]]
+    backwards = [bool(steps[k] @ steps[k - 1] < 0.0) for k in leaving if k < len(steps)]
+    assert any(backwards) == is_taken
+
+
+def test_a_target_that_has_gone_further_away_is_measured_anew() -> None:
+    """It goes from 10 to 26 m while the robot is at the slab: no place of that is nearer to it than to its old one."""
+    motion = {"law": "waypoints", "points": [[18.0, 0.0], [34.0, 0.0]], "speed": 0.8, "stop": True}
+    scenario = canonical_world("slab")
+    del scenario["world"]["goal"]
+    scenario["world"] |= {"target": {"at": [18.0, 0.0], "motion": motion}, "bounds": [-5, -20, 40, 20]}
+    episode = run_episode("tangent_bug", scenario, clearance=0.5, r_max=1.0)
+    assert (episode.outcome, episode.verdict) == ("success", "")
+    # Round by the longer half of the slab at most, and no lap.
+    assert episode.length <= 34.0 + 0.5 * Slab().perimeter
+
+
 @pytest.mark.parametrize("turn", ["left", "right"])
 def test_equal_ways_round_a_disc_are_decided_by_the_turn(turn: str) -> None:
     episode = run_episode("tangent_bug", seen_from_afar("disc"), turn=turn, clearance=0.5)
