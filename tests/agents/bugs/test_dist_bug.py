@@ -116,9 +116,9 @@ def test_a_goal_in_sight_is_gone_to_whatever_the_step(turn: str) -> None:
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_leave_is_measured_by_the_nearest_that_the_boundary_has_come_and_not_by_the_hit_point(mirrored: bool) -> None:
     """A wall with an arm toward the goal; from the arm's end another leans back, whose tip is as near as the hit point."""
-    wall = [[8, -10], [9, -10], [9, 5], [8, 5]]
-    arm = [[8, 4], [16.2, 4], [16.2, 5], [8, 5]]
-    leaning = [[16, 4.5], [16.2, 5], [14.2, 9], [13.8, 9], [15.8, 4.5]]
+    wall: list[list[float]] = [[8, -10], [9, -10], [9, 5], [8, 5]]
+    arm: list[list[float]] = [[8, 4], [16.2, 4], [16.2, 5], [8, 5]]
+    leaning: list[list[float]] = [[16, 4.5], [16.2, 5], [14.2, 9], [13.8, 9], [15.8, 4.5]]
     sign = -1 if mirrored else 1
     polygons = [[[x, sign * y] for x, y in polygon] for polygon in (wall, arm, leaning)]
     world = {"family": "explicit", "bounds": [-35, -35, 35, 35], "polygons": polygons}

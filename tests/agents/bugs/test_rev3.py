@@ -225,7 +225,8 @@ def test_the_guard_ends_such_cycles(seed: int) -> None:
 def test_a_better_take_off_is_nearer_than_the_last_two_hit_points_or_than_all(seed: int) -> None:
     nearer_than_all: dict[str, list[bool]] = {"two": [], "all": []}
     for saved, found in nearer_than_all.items():
-        was_searching, leaves, hits = False, 0, []
+        was_searching, leaves = False, 0
+        hits: list[tuple[float, float]] = []
         for memory, view, _ in decisions("maze", MAZE, seed, mspdg=saved):
             if len(memory.leaves) > leaves and was_searching:
                 of_hits = [math.dist(hit, view.goal_position) for hit in hits]
