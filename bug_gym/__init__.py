@@ -106,6 +106,11 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
+def __dir__() -> list[str]:
+    """With what is imported on first use, for who completes a name by the tab key."""
+    return sorted({*globals(), *__all__})
+
+
 def _version() -> str:
     """Of git's tags, when it was installed."""
     from importlib.metadata import PackageNotFoundError, version  # half of the time that an import would take

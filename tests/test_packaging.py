@@ -216,6 +216,14 @@ def test_no_module_bears_the_name_of_a_public_function() -> None:
     assert not modules & set(bug_gym.__all__)
 
 
+def test_names_that_are_imported_on_first_use_are_listed_before() -> None:
+    script = "import json, bug_gym; print(json.dumps(dir(bug_gym)))"
+    run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    names = json.loads(run.stdout)
+    assert {*bug_gym.__all__, "register_envs", "__doc__"} <= {*names}
+    assert len(names) == len({*names})
+
+
 def test_every_dependency_has_its_locked_version() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
