@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
@@ -149,7 +150,10 @@ class Simulation:
         self._seeded = np.zeros(count, dtype=bool)
         self._all_seeded = False
         self._threads = threads
-        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="bug_gym") if threads > 1 else None
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_of = 0
+        if threads > 1:
+            self._start_threads()
         self._scratch: list[Scratch] = []
         self._bound_world: object = None
         self._bind()
@@ -193,6 +197,10 @@ class Simulation:
     def has_episode(self, row: int) -> bool:
         """Whether a row has been reset."""
         return bool(self._seeded[row])
+
+    def seeds(self) -> tuple[int, ...]:
+        """The seed of each row's episode (N,); -1 for a row that has not been reset."""
+        return tuple(np.where(self._seeded, self.world.seed, -1).tolist())
 
     def begin(self, rows: Rows) -> None:
         """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
@@ -358,12 +366,15 @@ class Simulation:
         """Have the rows do a task of the kernels, in blocks where there are threads to share them."""
         if self._bound_world is not self.world.floats:
             self._bind()
-        if self._pool is None or len(rows) < 2 * self._threads:
+        pool = self._pool
+        if pool is None or len(rows) < 2 * self._threads:
             self._do_block(task, self._scratch[0], actions, rows)
             return
+        if self._pool_of != os.getpid():  # forked: the threads are the parent's alone, and would never answer
+            pool = self._start_threads()
         blocks = np.array_split(np.arange(len(rows)), self._threads)
         jobs = [
-            self._pool.submit(self._do_block, task, scratch, actions[block], rows[block])
+            pool.submit(self._do_block, task, scratch, actions[block], rows[block])
             for scratch, block in zip(self._scratch, blocks, strict=True)
         ]
         wait(jobs)
@@ -581,6 +592,11 @@ class Simulation:
             seeds[copies] = words >> np.uint64(2)
         return seeds
 
+    def _start_threads(self) -> ThreadPoolExecutor:
+        self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="bug_gym")
+        self._pool_of = os.getpid()
+        return self._pool
+
     def close(self) -> None:
         """Let the threads go."""
         if self._pool is not None:
@@ -602,7 +618,7 @@ class Simulation:
         """Unpickle and start the threads again."""
         self.__dict__.update(state)
         if self._threads > 1:
-            self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="bug_gym")
+            self._start_threads()
 
 
 def robot_step_of(

@@ -1,7 +1,10 @@
 """The composed core: goals, rewards, odometry, the clock; a row depends on nothing but its seed and actions."""
 
 import math
+import os
 import pickle
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -636,6 +639,34 @@ def test_a_pickled_simulation_continues_bit_for_bit(threads: int) -> None:
     assert (simulation.reset() == copy.reset()).all()
     simulation.close()
     copy.close()
+
+
+FORKED = """
+import os, signal, numpy as np
+from bug_gym.simulation import Simulation
+
+one = Simulation("empty", count=4, threads=2)
+one.reset(seeds=range(4))
+actions = np.full((4, 1, 2), 0.5)
+one.step(actions)
+read, write = os.pipe()
+for has_work in (True, False):
+    if os.fork() == 0:
+        signal.alarm(60)  # ends a child that waits for threads that it does not have
+        if has_work:
+            os.write(write, one.step(actions).observation.tobytes())
+        one.close()
+        os._exit(0)
+os.close(write)
+with os.fdopen(read, "rb") as child:
+    print(child.read() == one.step(actions).observation.tobytes(), os.wait()[1], os.wait()[1])
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no process forks here")
+def test_a_simulation_with_threads_goes_on_in_a_forked_process() -> None:
+    run = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["True", "0", "0"], run.stderr
 
 
 # ------------------------------------------------------------------------------------------------ invariance
