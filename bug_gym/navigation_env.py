@@ -176,9 +176,13 @@ class NavigationEnv(gym.Env[Any, Any]):
             ValueError: a seed that is no integer from 0 on, options that are no dict, or of another name.
         """
         wanted = checked_options(options, OPTIONS)
+        # A seed is there before the first world where someone has asked for it: Gymnasium drew it, and no world comes from
+        # it. That of a generator which was set by hand is -1.
+        is_none_of_ours = not self.simulation.has_episode(0) and self._np_random_seed != -1
         flat = self.simulation.reset(seeds=None if seed is None else [seed])
         self._is_over = False
-        if seed is not None or self._np_random is None:  # then `np_random_seed` is what drew the world
+        if seed is not None or is_none_of_ours or self._np_random is None:
+            # Then `np_random_seed` is what drew the world.
             super().reset(seed=int(self.simulation.world.seed[0]))
         info = self.simulation.robot_step().info | asked_info(self.simulation, wanted)
         self._pictures.record()

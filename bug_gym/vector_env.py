@@ -149,6 +149,11 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self._pictures.record()
         return self.spaces.present_batch(self.simulation.observations()[:, 0]), infos
 
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]  # as SyncVectorEnv's
+        """The seed of each row, which starts its first episode again; -1 for one that has not been reset."""
+        return self.simulation.seeds()
+
     def _seeds(self, seed: Any) -> list[int | None] | None:
         """A seed for each row; None where all rows go on with their own."""
         if seed is None:
@@ -222,7 +227,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of each row, or read an attribute, as `SyncVectorEnv.call`.
 
-        Rows are rows of arrays: they share what this env has but for their spaces, `render`, and what `set_attr` gave them.
+        Rows are rows of arrays: they share what this env has but for their spaces, their seeds, `render`, and what
+        `set_attr` gave them.
 
         Raises:
             AttributeError: nothing of this name, or a method that rows do not have: `reset`, `step`, `close`.
@@ -231,6 +237,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             found = self._of_rows[name]
         elif name == "render":
             return self.render() or (None,) * self.num_envs
+        elif name == "np_random_seed":
+            found = self.np_random_seed
         elif name in ("observation_space", "action_space"):
             found = (getattr(self, f"single_{name}"),) * self.num_envs
         elif callable(getattr(type(self), name, None)):

@@ -135,14 +135,24 @@ def test_the_next_episode_of_a_seed_is_another_world(env: NavigationEnv) -> None
     assert not data_equivalence(first, second)
 
 
-def test_a_first_reset_without_a_seed_tells_which_one_it_took() -> None:
+@pytest.mark.parametrize("is_asked_before", [False, True])
+def test_a_first_reset_without_a_seed_tells_which_one_it_took(is_asked_before: bool) -> None:
     fresh, other = NavigationEnv("dynamic"), NavigationEnv("dynamic")
+    if is_asked_before:
+        assert isinstance(fresh.np_random_seed, int)
     drawn, _ = fresh.reset()
     seed = fresh.np_random_seed
     fresh.reset()
     assert fresh.np_random_seed == seed
     again, _ = other.reset(seed=seed)
     assert all(np.array_equal(again[name], drawn[name]) for name in drawn)
+
+
+def test_a_first_reset_without_a_seed_keeps_a_generator_that_was_set_by_hand() -> None:
+    env, generator = NavigationEnv("empty"), np.random.default_rng(3)
+    env.np_random = generator
+    env.reset()
+    assert env.np_random is generator and env.np_random_seed == -1
 
 
 def test_envs_without_a_seed_differ() -> None:

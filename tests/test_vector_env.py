@@ -285,6 +285,26 @@ def test_a_row_without_a_seed_goes_on_with_its_next_episode() -> None:
     np.testing.assert_array_equal(mixed[1], NavigationEnv("rush", SHORT, observation="flat").reset(seed=6)[0])
 
 
+@pytest.mark.parametrize("seed", [4, [9, 2, 7]])
+def test_each_row_tells_its_seed_as_in_sync_vector_env(seed: Any) -> None:
+    ours, sync = make(3), make_sync(3, AutoresetMode.NEXT_STEP)
+    assert ours.np_random_seed == (-1, -1, -1)
+    for env in (ours, sync):
+        env.reset(seed=seed)
+        env.reset()
+    assert ours.np_random_seed == sync.np_random_seed
+    assert ours.get_attr("np_random_seed") == sync.get_attr("np_random_seed")
+    wrapped: Any = wrappers.RecordEpisodeStatistics(ours)
+    assert wrapped.np_random_seed == sync.np_random_seed
+
+
+def test_rows_that_began_without_seeds_tell_which_ones_they_took() -> None:
+    ours = make(3, observation="flat")
+    drawn, _ = ours.reset()
+    seeds = list(ours.np_random_seed)
+    np.testing.assert_array_equal(make(3, observation="flat").reset(seed=seeds)[0], drawn)
+
+
 def test_rows_without_seeds_differ() -> None:
     worlds = make(4, observation="flat").reset()[0]
     assert len(np.unique(worlds, axis=0)) == 4
