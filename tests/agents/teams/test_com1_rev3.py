@@ -164,6 +164,19 @@ def test_a_winner_that_falls_silent_on_its_way_wins_no_longer() -> None:
     assert state[0].winner == 0 and np.abs(actions["robot_0"]).max() > 0.5
 
 
+def test_a_winner_whose_way_turns_out_to_be_blocked_wins_no_longer() -> None:
+    """A disc comes to stand in its way, and beside the other's."""
+    scenario = team_scenario([], [(0.0, 0.0, 0.0), (1.0, 4.0, 0.0)], (8.0, 1.0))
+    motion = {"law": "waypoints", "points": [[5.0, 9.0], [5.0, 2.3]], "speed": 3.0, "stop": True}
+    scenario["world"]["movers"] = [{"shape": {"circle": 0.6}, "at": [5.0, 9.0], "motion": motion}]
+    run = run_team("com1_rev3", scenario, clearance=0.5)
+    assert run.winner == 1 and "success" in run.outcomes
+    modes = [one for one, _ in run.modes], [other for _, other in run.modes]
+    blocked = modes[1].index("boundary_following")
+    assert set(modes[0][run.named_at : blocked]) == {"stopped"}
+    assert modes[0][blocked + 1] == "motion_to_goal" and run.lengths[0] > 0.0
+
+
 def test_a_winner_that_has_arrived_keeps_the_others_standing() -> None:
     scenario = team_scenario([], [(0.0, 0.0, 0.0), (1.0, 4.0, 0.0)], (8.0, 1.0))
     env = bug_gym.parallel_env({**scenario, "mission": "all"})
@@ -177,7 +190,30 @@ def test_a_winner_that_has_arrived_keeps_the_others_standing() -> None:
     np.testing.assert_array_equal(env.simulation.world.pose[0, 0, :2], [0.0, 0.0])
 
 
+def test_a_winner_holds_for_nobody_who_has_stopped_beside_it() -> None:
+    """Else one that comes later in the order would hold for ever: who has stopped never gets out of its way."""
+    scenario = team_scenario([], [(0.0, 0.0, 0.0), (1.2, 0.3, 0.0)], (8.0, 1.0))
+    run = run_team("com1_rev3", scenario, clearance=1.0, max_steps=200)
+    assert run.winner == 1 and run.outcomes[1] == "success" and run.lengths[0] == 0.0
+    assert all(modes == ("stopped", "motion_to_goal") for modes in run.modes[run.named_at + 1 :])
+    assert run.lengths[1] == pytest.approx(math.hypot(6.8, 0.7), abs=0.1)
+
+
 # ------------------------------------------------------------------------------------------ no way
+
+
+def test_what_rev3_finds_out_alone_ends_nothing_as_it_is_not_complete() -> None:
+    simulation = Simulation(team_scenario([[[9, -9], [10, -9], [10, 9], [9, 9]]], [(0, 0, 0), (0, 4, 0)], (20.0, 0.0)))
+    policy: Any = make_policy("com1_rev3", simulation)
+    flat = simulation.reset(seeds=[0])[0]
+    _, state = policy.predict(flat)
+    state[1].own.verdict = "unreachable"
+    actions, state = policy.predict(flat, state)
+    assert [memory.verdict for memory in state] == ["", ""]
+    assert np.abs(actions[0]).max() > 0.5 and np.abs(actions[1]).max() == 0.0, "Com1 goes on to decide"
+    state[0].own.verdict = "unreachable"
+    _, state = policy.predict(flat, state)
+    assert [memory.verdict for memory in state] == ["unreachable", "unreachable"]
 
 
 def test_com1s_lap_proves_that_there_is_no_way() -> None:
