@@ -286,6 +286,21 @@ def test_a_robot_that_does_not_hold_yet_does_so_only_below_its_distance(distance
     assert (state[1].mode == "hold") == is_held and state[0].mode == "motion_to_goal"
 
 
+@pytest.mark.parametrize("room", [1, -1])
+def test_room_is_made_on_or_back_whichever_leads_farther_away_within_a_metre(room: int) -> None:
+    """One way leads round to the robot that waits and the other straight off; the first step of either is away from it."""
+    starts = [(-0.65, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    simulation = Simulation(team_scenario([[[9, -9], [10, -9], [10, 9], [9, 9]]], starts, (20.0, 0.0)))
+    policy: Any = make_policy("com1_rev3", simulation)
+    state = policy.start(2)
+    trace = [(0.0, -1.0), (0.0, 0.0), (0.0, 0.3), (-0.7, 0.3)]
+    state[1].trace = trace[::-room]
+    state[1].at = state[1].trace.index((0.0, 0.0))
+    actions, state = policy.predict(simulation.reset(seeds=[0])[0], state)
+    assert state[0].mode == "waiting" and state[1].mode == "making_room"
+    assert state[1].room == room and actions[1][1] < -0.5
+
+
 def test_what_a_partner_hides_is_seen_by_it() -> None:
     rng = np.random.default_rng(4)
     wrong: list[bool] = []
