@@ -200,6 +200,16 @@ def test_conditions_2_and_3_ask_for_the_angle_of_the_entry_and_for_progress() ->
     assert one.has_come_nearer((0.5, 7.0), 0.0) and not one.has_come_nearer((-0.5, 7.0), 0.0)
 
 
+@pytest.mark.parametrize(("short", "faces"), [(0.0, True), (5.0, True), (10.5, False)])
+def test_the_gyroscope_may_have_lost_five_degrees_and_no_more_than_ten(short: float, faces: bool) -> None:
+    one = turning()
+    go(one, 90.0, short)
+    assert one.faces_target(unwrapped=False) == one.faces_target(unwrapped=True) == faces
+    other = turning()
+    go(other, 90.0, 180.0, 90.0 + short)
+    assert (other.resets == 1) == faces
+
+
 def test_facing_the_target_after_a_full_turn_away_is_not_facing_it() -> None:
     one = turning()
     go(one, 90.0, 180.0, 270.0, 360.0)

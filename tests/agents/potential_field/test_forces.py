@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from episodes import canonical_world, goal_distances, run_episode
 from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.potential_field.field import Forces, Obstacle
+from bug_gym.agents.potential_field.field import Field, FieldMemory, FieldParameters, Forces, Obstacle
 from bug_gym.agents.potential_field.forces import (
     LEAST_CLOSING,
     LEAST_GAP,
@@ -22,7 +23,7 @@ from bug_gym.agents.potential_field.forces import (
     repulsive_force,
     repulsive_potential,
 )
-from bug_gym.agents.potential_field.local_minimum import MinimumMemory, is_caught
+from bug_gym.agents.potential_field.local_minimum import MinimumMemory, is_caught, travel_direction
 from bug_gym.agents.potential_field.nearest_points import find_nearest_points
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -189,6 +190,70 @@ def test_a_scanner_that_sees_less_far_than_the_influence_is_refused_with_what_wo
     make_policy("apf", simulation, influence=0.9)
 
 
+# ---------------------------------------------------------------------------------------------- what is felt
+
+
+def felt(
+    world: dict[str, Any], moves: list[tuple[float, float]], **overrides: Any
+) -> tuple[Field, View, FieldMemory, Forces]:
+    """The field, the last view, the memory and the forces after some actions, from (0, 0) with the heading 0."""
+    world = {"family": "explicit", "bounds": [-9, -9, 9, 9], "start": [0, 0, 0], "goal": [8, 0], **world}
+    settings = {"lidar.beams": 720, "lidar.noise": 0.0, "time.step": 0.1, **overrides}
+    simulation = Simulation({"world": world}, overrides=settings)
+    sensors = Sensors.of(simulation.scenario)
+    field, memory = Field(FieldParameters(), sensors, safe_radius=sensors.radius), FieldMemory()
+    view = View(simulation.reset(seeds=[0])[0, 0], sensors)
+    forces = field.feel(view, memory)
+    for move in moves:
+        view = View(simulation.step([[move]]).observation[0, 0], sensors)
+        forces = field.feel(view, memory)
+    return field, view, memory, forces
+
+
+def test_what_stands_has_the_robots_own_velocity_turned_round_however_it_moves() -> None:
+    wall = {"polygons": [[[1.9, -5], [2.9, -5], [2.9, 5], [1.9, 5]]]}
+    for moves in ([(0.0, 0.0)], [(0.8, 0.0)] * 3, [(0.8, 0.0)] * 8, [(0.4, 0.6)] * 8):
+        _, view, _, forces = felt(wall, moves)
+        (one,) = forces.obstacles
+        assert not one.is_moving and one.velocity == view.own_velocity
+        assert view.own_velocity == pytest.approx(moves[-1], abs=1e-5)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5, -0.5])
+def test_what_moves_has_its_own_velocity_though_the_robot_turns(turn: float) -> None:
+    """A disc that comes straight on: its nearest point goes as fast as it does."""
+    motion = {"law": "bounce", "velocity": [-0.5, 0.0]}
+    disc = {"movers": [{"shape": {"circle": 0.4}, "at": [2.4, 0.0], "motion": motion}]}
+    _, view, _, forces = felt(disc, [(0.0, turn)] * 8, **{"robot.kinematics": "differential", "robot.max_reverse": 1.0})
+    (one,) = forces.obstacles
+    assert abs(view.heading) >= (0.5 if turn else 0.0), (
+        "it has turned by more than the disc's place could be mistaken for"
+    )
+    toward = (math.cos(view.heading), -math.sin(view.heading))
+    assert one.is_moving
+    assert one.velocity[0] * toward[0] + one.velocity[1] * toward[1] == pytest.approx(0.5, abs=0.02)
+    # Two beams are 1.8 cm apart at 2 m, in half a second.
+    assert one.velocity == pytest.approx((0.5 * toward[0], 0.5 * toward[1]), abs=0.08)
+
+
+def test_what_stands_behind_the_goal_is_not_felt() -> None:
+    wall = {"polygons": [[[1.5, -5], [2.5, -5], [2.5, 5], [1.5, 5]]]}
+    assert len(felt({**wall, "goal": [-8, 0]}, [])[-1].obstacles) == 1
+    assert len(felt({**wall, "goal": [1.0, 0]}, [])[-1].obstacles) == 0
+
+
+@pytest.mark.parametrize("distance", [0.4, 0.8, 3.0])
+@pytest.mark.parametrize("target_speed", [0.0, 0.3])
+def test_the_speed_falls_with_the_distance_to_the_target_but_not_below_its_own(
+    distance: float, target_speed: float
+) -> None:
+    field, view, _, _ = felt(
+        {"goal": [distance, 0]}, [], **{"robot.kinematics": "differential", "robot.max_speed": 0.9}
+    )
+    x, y = field.velocity(view, Forces((1.0, 0.0), (1.0, 0.0), [], target_speed))
+    assert x == pytest.approx(min(0.9, 0.9 * distance + target_speed), abs=1e-6) and y == pytest.approx(0.0, abs=1e-6)
+
+
 # ---------------------------------------------------------------------------------------------- local minima
 
 
@@ -234,3 +299,28 @@ def test_after_three_seconds_it_is_a_swing_whatever_else_it_is() -> None:
 
 def test_what_moves_makes_no_minimum() -> None:
     assert looks((0.0, 0.0), math.pi, blocked=False, count=100).why == ""
+
+
+@pytest.mark.parametrize(("away", "is_found"), [(0.29, False), (0.31, True)])
+def test_within_the_goals_radius_nothing_is_a_minimum(away: float, is_found: bool) -> None:
+    sensors = Sensors.of(Simulation("static", overrides={"goal.radius": 0.3}).scenario)
+    view: Any = SimpleNamespace(goal_distance=away, goal_bearing=0.0, sensors=sensors)
+    wall, memory = Obstacle(place=(0.8, 0.0), velocity=(0.0, 0.0), is_moving=False), MinimumMemory()
+    forces = Forces((1.0, 0.0), (0.0, 0.0), [wall], 0.0)
+    assert [is_caught(view, memory, forces, 0.0) for _ in range(2)] == [False, is_found]
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_the_direction_of_travel_is_that_of_the_last_three_tenths_of_a_second_and_of_who_stands_the_heading(
+    heading: float,
+) -> None:
+    world = {"family": "empty", "start": [0, 0, heading], "goal": [8, 0]}
+    simulation = Simulation({"world": world}, overrides={"time.step": 0.1, "robot.kinematics": "holonomic"})
+    sensors, memory = Sensors.of(simulation.scenario), MinimumMemory()
+    found = [travel_direction(View(simulation.reset(seeds=[0])[0, 0], sensors), memory)]
+    for move in [(0.0, 1.0)] * 4 + [(-0.5, -0.5)] * 4 + [(0.0, 0.0)] * 4:
+        observation = simulation.step([[move]]).observation[0, 0]
+        found.append(travel_direction(View(observation, sensors), memory))
+    assert found[0] == found[-1] == 0.0
+    assert found[4] == pytest.approx(0.5 * math.pi, abs=1e-4)
+    assert found[5] > 0.5 * math.pi and found[8] == pytest.approx(-0.75 * math.pi, abs=1e-4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -12,6 +13,7 @@ from episodes import canonical_world, run_episode
 from bug_gym.agents import make_policy
 from bug_gym.agents.potential_field.risk_grid import DIRECTIONS, RiskGrid, Weights
 from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 
 def test_the_risk_of_a_direction_is_the_sum_of_the_dots_in_its_sector() -> None:
@@ -47,6 +49,25 @@ def test_own_tracks_make_a_direction_unattractive_and_the_grid_keeps_them_as_it_
     assert track[:, 0].min() == pytest.approx(0.125) and np.abs(track[:, 1] - 0.125).max() < 1e-9
     risks = grid.risks((39.9, 0.1), 2.0, Weights(3.0, 1.0))
     assert risks[8] > 0.0 and risks[[0, 4, 12]].max() == 0.0
+
+
+def test_of_directions_of_the_same_risk_that_nearest_to_the_goals_is_searched() -> None:
+    for turns, goal in itertools.product((0, 7), (0.4, 1.9, -1.2, 3.0)):
+        world = {"family": "empty", "start": [0, 0, 0], "goal": [5 * math.cos(goal), 5 * math.sin(goal)]}
+        simulation = Simulation({"world": world}, overrides={"robot.kinematics": "differential"})
+        policy: Any = make_policy("minimum_risk", simulation)
+        observation = simulation.reset(seeds=[0])
+        for _ in range(turns):
+            observation = simulation.step([[[-1.0, 1.0]]]).observation
+        view = View(observation[0, 0], policy.sensors)
+        gaps = np.abs(np.angle(np.exp(1j * (policy.directions - view.heading - view.goal_bearing))))
+        for nearest in np.argsort(gaps)[:3]:  # one after the other is blocked
+            free = gaps >= gaps[nearest]
+            assert policy._search(view, policy.start(), free) == policy.directions[nearest]
+        free = gaps > 0.5 * math.pi
+        assert policy._aside(view, free) is None, "all that is free leads away from the goal"
+        free[np.argsort(gaps)[[1, 2]]] = True
+        assert math.cos(policy._aside(view, free) + view.heading - policy.directions[np.argsort(gaps)[1]]) > 1.0 - 1e-9
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
