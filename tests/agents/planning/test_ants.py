@@ -8,7 +8,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from bug_gym.agents.planning import ants
 from bug_gym.agents.planning.ants import (
     LEVY_CAP,
     Colony,
@@ -21,6 +23,7 @@ from bug_gym.agents.planning.ants import (
 from bug_gym.agents.planning.funnel import funnel_length
 from bug_gym.agents.planning.sleeve import Sleeve, path_length
 from bug_gym.agents.planning.triangulated import Manner, find_way
+from bug_gym.geometry import F64
 from bug_gym.reproductions import d2t_worlds
 
 ONE = Sleeve(np.zeros(2), np.array([10.0, 0.0]), np.array([[5.0, 6.0]]), np.array([[5.0, 2.0]]), np.array([0, 1]))
@@ -135,6 +138,71 @@ def test_each_rule_of_the_colony_works() -> None:
     assert len(eaco(sleeve, Colony(iterations=7), seed=5).curve) <= 7
     curve = eaco(sleeve, seed=5).curve
     assert len(curve) == 50 or (curve[-15:] == curve[-1]).all()
+
+
+@pytest.mark.parametrize(("evaporate", "kept"), [("best", 1.0), ("all", 0.75)])
+def test_pheromone_evaporates_by_rho_and_the_best_way_is_given_rho_over_its_length(
+    evaporate: ants.Evaporate, kept: float
+) -> None:
+    """Equation 6: tau <- (1 - rho) tau + rho / L."""
+    before = np.random.default_rng(0).uniform(0.1, 1.0, (3, 21))
+    after, tour = before.copy(), np.array([20, 0, 7])
+    ants._update(after, Colony(rho=0.25, evaporate=evaporate), tour, 8.0)
+    expected = kept * before
+    expected[[0, 1, 2], tour] = 0.75 * before[[0, 1, 2], tour] + 0.25 / 8.0
+    np.testing.assert_allclose(after, expected, rtol=1e-12)
+
+
+def test_pheromone_is_laid_on_the_best_way_so_far_and_not_on_that_of_the_iteration(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    laid: list[tuple[list[int], float]] = []
+
+    def noted(pheromone: F64, colony: Colony, tour: NDArray[np.int64], best: float) -> None:
+        laid.append((tour.tolist(), best))
+
+    monkeypatch.setattr(ants, "_update", noted)
+    found = eaco(max(sleeves(), key=lambda one: len(one.left)), Colony(ants=2), seed=5)
+    assert [best for _, best in laid] == found.curve.tolist()
+    assert laid[-1][0] == np.rint(20.0 * found.gamma).astype(int).tolist()
+
+
+def test_a_greedy_ant_goes_where_the_way_there_and_straight_on_to_the_goal_is_shortest() -> None:
+    is_shorter = 0
+    for sleeve in sleeves():
+        at, way, shares = sleeve.start, [sleeve.start], np.linspace(0.0, 1.0, 21)
+        for a, b in zip(sleeve.left, sleeve.right, strict=True):
+            options = a + shares[:, None] * (b - a)
+            at = options[(np.hypot(*(options - at).T) + np.hypot(*(options - sleeve.goal).T)).argmin()]
+            way.append(at)
+        greedy, middles = path_length(np.array([*way, sleeve.goal])), path_length(sleeve.crossings(sleeve.middles))
+        found = eaco(sleeve, Colony(q0=1.0, ants=1, iterations=1))
+        assert found.length == pytest.approx(min(greedy, middles), abs=1e-9)
+        is_shorter += greedy < middles
+    assert is_shorter > 8
+
+
+def test_the_unit_of_length_chooses_nothing() -> None:
+    """Weights are scaled before a Levy step is added, and pheromone begins and is laid by lengths alike."""
+    colony = Colony(q0=0.2, levy_rate=0.8)
+    for number, sleeve in enumerate(sleeves()[:6]):
+        larger = sleeve._replace(
+            **{name: 1024.0 * getattr(sleeve, name) for name in ("start", "goal", "left", "right")}
+        )
+        found, scaled = (eaco(one, colony, seed=number) for one in (sleeve, larger))
+        np.testing.assert_array_equal(scaled.gamma, found.gamma)
+        np.testing.assert_array_equal(scaled.curve, 1024.0 * found.curve)
+
+
+def test_it_ends_after_so_many_iterations_without_a_shorter_way() -> None:
+    ended = 0
+    for number, sleeve in enumerate(sleeves()):
+        curve = eaco(sleeve, Colony(patience=4), seed=number).curve
+        gains = np.flatnonzero(np.diff([path_length(sleeve.crossings(sleeve.middles)), *curve]) < 0.0)
+        last = int(gains[-1]) + 1 if len(gains) else 0
+        assert len(curve) == min(last + 4, 50)
+        ended += len(curve) < 50
+    assert ended > 8
 
 
 @pytest.mark.parametrize(
