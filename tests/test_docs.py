@@ -6,6 +6,7 @@ import importlib.util
 import json
 import re
 import runpy
+from argparse import _SubParsersAction
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import yaml
 
 import bug_gym
 from bug_gym.agents.learning.settings import training_names
-from bug_gym.cli import main
+from bug_gym.cli import main, make_parser
 from bug_gym.files import released
 from bug_gym.reproductions import REPRODUCTIONS
 
@@ -234,6 +235,16 @@ def test_commands_and_modules_that_are_named_exist(page: Path, capsys: pytest.Ca
     assert set(re.findall(r"bug-gym train ([a-z]\w*)", text)) <= set(training_names())
     assert all(map(importlib.util.find_spec, re.findall(r"python -m (bug_gym[\w.]*\w)", text)))
     assert all((ROOT / path).is_file() for path in re.findall(r"python (docs/\w+\.py)", text))
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "SECURITY.md", ROOT / "ros" / "README.md"], ids=lambda page: page.name)
+def test_options_that_are_named_with_a_command_are_options_of_it(page: Path) -> None:
+    (commands,) = (action.choices for action in make_parser()._actions if isinstance(action, _SubParsersAction))
+    for code in code_in(text_of(page)):
+        lines = code.replace("\\\n", " ") if code.endswith("\n") else code.replace("\n", " ")
+        for name, said in re.findall(r"\bbug-gym ([a-z-]+)\b([^#\n]*)", lines):
+            unknown = {*re.findall(r"(?<![\w-])--[a-z][a-z-]*", said)} - {*commands[name]._option_string_actions}
+            assert not unknown, f"bug-gym {name}{said}"
 
 
 def code_in(text: str) -> list[str]:
