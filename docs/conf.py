@@ -36,7 +36,7 @@ myst_links_external_new_tab = False
 
 nb_execution_mode = os.environ.get("BUG_GYM_DOCS_NOTEBOOKS", "force")
 nb_execution_in_temp = True
-nb_execution_timeout = 120
+nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 

@@ -7,6 +7,7 @@ import json
 import re
 import runpy
 from argparse import _SubParsersAction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -216,6 +217,14 @@ def test_links_and_pictures_lead_somewhere(page: Path) -> None:
 def test_a_page_has_one_title(page: Path) -> None:
     text = re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL)  # a drawing that is no code would make more
     assert len(re.findall(r"^#(?!#)", text, re.MULTILINE)) == 1
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "SECURITY.md", ROOT / "ros" / "README.md"])
+def test_no_level_of_headings_is_left_out(page: Path) -> None:
+    """The site's builder warns of one, and its warnings are errors."""
+    text = re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL)
+    levels = [len(marks) for marks in re.findall(r"^(#+) ", text, re.MULTILINE)]
+    assert all(level <= before + 1 for before, level in pairwise(levels))
 
 
 def test_paths_in_the_page_of_the_architecture_exist() -> None:
