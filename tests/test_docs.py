@@ -219,7 +219,11 @@ def test_a_page_has_one_title(page: Path) -> None:
     assert len(re.findall(r"^#(?!#)", text, re.MULTILINE)) == 1
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "SECURITY.md", ROOT / "ros" / "README.md"])
+@pytest.mark.parametrize(
+    "page",
+    [*PAGES, *(ROOT / name for name in ("CHANGELOG.md", "SECURITY.md", "ros/README.md"))],
+    ids=lambda page: page.name,
+)
 def test_no_level_of_headings_is_left_out(page: Path) -> None:
     """The site's builder warns of one, and its warnings are errors."""
     text = re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL)
