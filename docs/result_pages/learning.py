@@ -318,5 +318,5 @@ def side_by_side(found: Record) -> Page:
         f"({says('ppo_mixed', 'map tb3_sandbox')}). They also are bound to the robot and scanner of their training, and to the "
         "processor: their actions differ by rounding from one kind to the next, which grows to another episode "
         "([learned](learned.md)). On another one the same code had `ppo_rush` arrive in 97 of the 100 worlds of `rush` and "
-        "`ppo_mixed` in 94; rows of scripted policies did not change.",
+        "`ppo_mixed` in 94; the rows of `hd_bug` were the same.",
     )  # fmt: skip
