@@ -130,6 +130,15 @@ def canonical_world(world: str, *, angle: float = 0.0, mirrored: bool = False) -
     return {"lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 600.0}, "world": explicit}
 
 
+def slab_and_target_that_leaves() -> dict[str, Any]:
+    """A target goes from 10 to 26 m while the robot is at the slab, of which no place is nearer to it than to its old one."""
+    motion = {"law": "waypoints", "points": [[18.0, 0.0], [34.0, 0.0]], "speed": 0.8, "stop": True}
+    scenario = canonical_world("slab")
+    del scenario["world"]["goal"]
+    scenario["world"] |= {"target": {"at": [18.0, 0.0], "motion": motion}, "bounds": [-5, -20, 40, 20]}
+    return scenario
+
+
 def tolerance(expected: float, step_length: float = 0.1) -> float:
     """How far a robot may be from the closed form [m]: 1.5 % or three steps."""
     return max(0.015 * expected, 3.0 * step_length)

@@ -96,7 +96,7 @@ STILL = 1e-3
 
 
 def is_held(view: View) -> bool:
-    """Whether a robot stands though it has a way to go; not a car, which stands between the moves of a turn."""
+    """Whether a robot stands, as before its first step; not a car, which stands between the moves of a turn."""
     return view.sensors.drive.kinematics != "ackermann" and max(map(abs, view.velocity)) < STILL
 
 

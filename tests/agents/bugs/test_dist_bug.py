@@ -16,6 +16,7 @@ from episodes import (
     canonical_world,
     goal_distances,
     run_episode,
+    slab_and_target_that_leaves,
     tolerance,
 )
 
@@ -140,12 +141,7 @@ def test_a_leave_is_measured_by_the_nearest_that_the_boundary_has_come_and_not_b
 
 
 def test_a_target_that_has_gone_further_away_is_measured_anew() -> None:
-    """It goes from 10 to 26 m while the robot is at the slab: no place of that is nearer to it than to its old one."""
-    motion = {"law": "waypoints", "points": [[18.0, 0.0], [34.0, 0.0]], "speed": 0.8, "stop": True}
-    scenario = canonical_world("slab")
-    del scenario["world"]["goal"]
-    scenario["world"] |= {"target": {"at": [18.0, 0.0], "motion": motion}, "bounds": [-5, -20, 40, 20]}
-    episode = run_episode("dist_bug", scenario, clearance=0.5, r_max=2.0)
+    episode = run_episode("dist_bug", slab_and_target_that_leaves(), clearance=0.5, r_max=2.0)
     assert (episode.outcome, episode.verdict) == ("success", "")
     # Round by the left half of the slab, and no lap.
     assert episode.length <= 34.0 + 0.5 * SLAB.perimeter
