@@ -14,7 +14,7 @@ from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Footprin
 from bug_gym.kernels.neighbours import Near, listed_walls, near_motion
 from bug_gym.kernels.rays import Discs, find_near_discs
 from bug_gym.kernels.vectors import NEAR
-from bug_gym.kernels.walls import next_wall, wall_between
+from bug_gym.kernels.walls import next_wall, room_about, wall_between
 
 
 @inlined
@@ -129,10 +129,12 @@ def obstacle_contact(
     first, clearance = NEVER, math.inf
     if near.discs.total > 0:
         first, clearance = disc_contacts(f, k, s, footprint, near.discs, r, need, end, index)
-    contact, gap = wall_contacts(
-        f, k, s, footprint, r, k[s.border_first], k[s.border_walls], True, 0.0, 0.0, 0.0, 0.0, need, end
-    )
-    first, clearance = min(first, contact), min(clearance, gap)
+    room = room_about(f, k, s, nx, ny)
+    if not room.holds or room.nearest < need:
+        contact, gap = wall_contacts(
+            f, k, s, footprint, r, k[s.border_first], k[s.border_walls], True, 0.0, 0.0, 0.0, 0.0, need, end
+        )
+        first, clearance = min(first, contact), min(clearance, gap)
     if near.polygons.total == 0:
         return first, clearance
     count = find_near_discs(near.polygons, nx, ny, need, index)

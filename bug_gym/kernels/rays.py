@@ -30,6 +30,7 @@ from bug_gym.kernels.vectors import (
     test_wall,
     write_wall,
 )
+from bug_gym.kernels.walls import TOUCH, Room
 
 ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
@@ -40,7 +41,6 @@ LIMITS = 32  # room for what `_set_limits` writes: nine numbers and the sectors
 SECTORS = 16  # of a full turn, half an octant each
 SECTOR = TWO_PI / SECTORS  # [rad]
 OCTANTS = (0, 4, 5, 1, 3, 7, 6, 2)  # of each octant, counter-clockwise from the x axis, its number in `append_seen`
-TOUCH = 1e-9  # [m] an origin this near to a wall stands in it
 
 
 class Discs(NamedTuple):
@@ -253,11 +253,30 @@ def _padded(count: np.uint64) -> np.uint64:
 
 
 @inlined
+def _cast_room(
+    f: Floats, room: Room, origin: Origin, beams: Beams, reach: float, count: np.uint64, inverse: np.uint64
+) -> None:
+    """Sets the beams' inverse ranges f[inverse:] to those of the room.
+
+    From inside, its sides can be lines without end: a beam meets its own first, so nobody asks which beams that are.
+    """
+    east, west, north, south = 1.0 / room.east, -1.0 / room.west, 1.0 / room.north, -1.0 / room.south
+    least = 1.0 / reach
+    for i in range(_padded(count)):
+        x = origin.cos * beams.cos[i] - origin.sin * beams.sin[i]
+        y = origin.cos * beams.sin[i] + origin.sin * beams.cos[i]
+        across = x * (east if x > 0.0 else west)
+        along = y * (north if y > 0.0 else south)
+        nearer = across if across > along else along
+        f[i + inverse] = nearer if nearer > least else least
+
+
+@inlined
 def _merge(f: Floats, padded: np.uint64, inverse: np.uint64) -> None:
     """Lowers the beams' ranges f[BEST:] to those whose inverses are f[inverse:]."""
     for i in range(padded):
         distance = 1.0 / f[i + inverse]
-        best = f[i + np.uint64(BEST)]
+        best = abs(f[i + np.uint64(BEST)])  # so that nothing is stored with a mask, as `vectors` has it
         f[i + np.uint64(BEST)] = distance if distance < best else best
 
 
@@ -417,6 +436,7 @@ def _cast_walls(f: Floats, index: Integers, count: np.uint64, beams: Beams, inve
 def cast_rays(
     discs: Discs,
     walls: Walls,
+    room: Room,
     origin: Origin,
     beams: Beams,
     reach: float,
@@ -435,6 +455,7 @@ def cast_rays(
     Args:
         discs: Of one world's row.
         walls: Likewise; the last eight are filled up.
+        room: If it holds the origin, its sides are four more walls.
         origin: Where the robot is.
         beams: Of its scanner.
         reach: Largest range [m].
@@ -454,6 +475,10 @@ def cast_rays(
     for i in range(padded):
         scratch_f[i + np.uint64(BEST)] = reach
         scratch_f[i + inverse] = 1.0 / reach
+    to_merge = bool(near_walls > np.uint64(0))
+    if room.holds and room.nearest < reach:
+        _cast_room(scratch_f, room, origin, beams, reach, count, inverse)
+        to_merge = True
     # Among many discs the nearest go first: most others lie behind them.
     crowded = discs.total > CROWDED
     low = reach * math.sqrt(FOREMOST / discs.total) if crowded else reach
@@ -473,9 +498,9 @@ def cast_rays(
                 inside = True
             _cast_walls(scratch_f, scratch_i, few_walls, beams, inverse)
             _cast_discs(scratch_f, scratch_i, few, beams)
-        if near_walls > np.uint64(0):
+        if to_merge:
             _merge(scratch_f, padded, inverse)
-            near_walls = np.uint64(0)
+            near_walls, to_merge = np.uint64(0), False
     for i in range(count):
         distance = scratch_f[i + np.uint64(BEST)]
         # Inverting `reach` twice may end one bit off, which mustn't turn a beam without return into one with.

@@ -25,7 +25,7 @@ from bug_gym.kernels.noise import add_noise
 from bug_gym.kernels.randomness import hash64
 from bug_gym.kernels.rays import Beams, Discs, Origin, Walls, cast_rays, find_near_discs, is_wall_near
 from bug_gym.kernels.vectors import NEAR, write_wall
-from bug_gym.kernels.walls import after_ring, next_wall, wall_between, wall_ends
+from bug_gym.kernels.walls import after_ring, next_wall, room_about, wall_between, wall_ends
 
 
 class Look(NamedTuple):
@@ -54,16 +54,24 @@ class Look(NamedTuple):
 
 @inlined
 def gather_walls(
-    f: Floats, k: Integers, s: Record, polygons: Discs, x: float, y: float, scratch: Floats, index: Integers
+    f: Floats,
+    k: Integers,
+    s: Record,
+    polygons: Discs,
+    has_room: bool,
+    x: float,
+    y: float,
+    scratch: Floats,
+    index: Integers,
 ) -> Walls:
-    """Walls of the border and of the polygons that reach into the scan's circle round (x, y), where they stand.
+    """Walls of the border, unless it is a room, and of the polygons that reach into the scan's circle round (x, y).
 
     From outside a polygon only those are taken that face (x, y): the others lie behind them. They are written to the
     end of `scratch`.
     """
     ends = scratch[scratch.size - 4 * s.wall_room :]
     count = np.uint64(0)
-    first, total = k[s.border_first], k[s.border_walls]
+    first, total = k[s.border_first], 0 if has_room else k[s.border_walls]
     for w in range(first, first + total):
         ax, ay, cx, cy = wall_between(f, s, w, next_wall(k, s, w, first, total, True))
         write_wall(ends, count, ax, ay, cx, cy)
@@ -132,9 +140,10 @@ def scan(f: Floats, k: Integers, s: Record, ranges: Ranges, look: Look, footprin
     origin = Origin(look.x, look.y, look.cos, look.sin)
     discs = stand_in(f, k, s, footprint, look.columns, look.robot)
     polygons = listed_discs(s, s.disc_room, in_eights(k[s.near_polygons]), look.columns)
-    walls = gather_walls(f, k, s, polygons, look.x, look.y, look.scratch, look.scratch_int)
+    room = room_about(f, k, s, look.x, look.y)
+    walls = gather_walls(f, k, s, polygons, room.holds, look.x, look.y, look.scratch, look.scratch_int)
     fan = Beams(look.beams[0], look.beams[1], s.first_angle, 1.0 / s.angle_step, np.float64(s.beams) - 1.0)
-    cast_rays(discs, walls, origin, fan, s.reach, look.scratch, look.scratch_int, ranges)
+    cast_rays(discs, walls, room, origin, fan, s.reach, look.scratch, look.scratch_int, ranges)
     if s.range_noise > 0.0 or s.dropout > 0.0 or s.min_range > 0.0:
         key = hash64(k[s.seed], k[s.episode], k[s.steps] * s.robots + look.robot, STREAM_RANGES)
         add_noise(ranges, s.beams, s.reach, s.min_range, s.range_noise, s.dropout, key)

@@ -2,8 +2,27 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.layout import Floats, Integers, Record
+
+TOUCH = 1e-9  # [m] an origin this near to a wall stands in it
+
+
+class Room(NamedTuple):
+    """A rectangular border with sides along the axes, seen from a point: how far each side is [m]."""
+
+    east: float
+    west: float
+    north: float
+    south: float
+    nearest: float
+    """Of the four."""
+    holds: bool
+    """Whether there is one and the point lies in it, else the numbers mean nothing."""
 
 
 @inlined
@@ -41,3 +60,17 @@ def after_ring(k: Integers, s: Record, first: int) -> int:
     while k[s.wall_next + w] != first:
         w += 1
     return w + 1
+
+
+@inlined
+def room_about(f: Floats, k: Integers, s: Record, x: float, y: float) -> Room:
+    """The border as a room about (x, y), if it is one."""
+    if k[s.border_walls] != 4:
+        return Room(0.0, 0.0, 0.0, 0.0, 0.0, False)
+    corner = np.uint64(s.corner + 2 * k[s.border_first])
+    west, south, east, north = f[corner], f[corner + np.uint64(1)], f[corner + np.uint64(4)], f[corner + np.uint64(5)]
+    is_level = f[corner + np.uint64(3)] == south and f[corner + np.uint64(7)] == north
+    is_upright = f[corner + np.uint64(2)] == east and f[corner + np.uint64(6)] == west
+    to_east, to_west, to_north, to_south = east - x, x - west, north - y, y - south
+    nearest = min(min(to_east, to_west), min(to_north, to_south))
+    return Room(to_east, to_west, to_north, to_south, nearest, is_level and is_upright and nearest > TOUCH)

@@ -81,3 +81,45 @@ def test_a_robot_runs_into_the_walls_of_the_hole_that_it_is_in(heading: float, r
         simulation.step(np.array([[[1.0, 0.0]]]))
         way = float(np.hypot(*world.pose[0, 0, :2]))
     assert way == pytest.approx(room - 0.2)
+
+
+# ------------------------------------------------------------------------------------------------ the border as a room
+
+FIFTH = [
+    [-3.0, -2.0],
+    [1.0, -2.0],
+    [4.0, -2.0],
+    [4.0, 2.5],
+    [-3.0, 2.5],
+]  # the rectangle -3, -2, 4, 2.5 with one more corner
+
+
+@pytest.mark.parametrize("polygons", [[], [[[1.0, 0.5], [2.0, 0.5], [2.0, 1.5]]]])
+@pytest.mark.parametrize("reach", [1.2, 10.0])
+def test_a_rectangular_border_is_seen_and_touched_as_the_same_ring_with_a_corner_more(
+    reach: float, polygons: list[list[list[float]]]
+) -> None:
+    rng = np.random.default_rng(3)
+    actions = rng.uniform(-1.0, 1.0, (400, 1, 1, 2))
+    actions[..., 0] = 0.5 + 0.5 * actions[..., 0]
+    seen: list[list[F64]] = []
+    for bounds in ([-3.0, -2.0, 4.0, 2.5], FIFTH):
+        world = {
+            "family": "explicit",
+            "bounds": bounds,
+            "polygons": polygons,
+            "start": [0, -1, 0.3],
+            "goal": [-2.5, 2.0],
+        }
+        lidar = {"beams": 61, "range": reach}
+        simulation = Simulation({"robot": {"radius": 0.2, "max_speed": 1.0}, "lidar": lidar, "world": world})
+        told, collisions = [simulation.reset(seeds=[0])[0, 0].astype(np.float64)], 0
+        for action in actions:
+            told.append(simulation.step(action).observation[0, 0].astype(np.float64))
+            told.append(np.array([simulation.info()["min_clearance"][0, 0]]))
+            if not simulation.world.active[0, 0]:
+                collisions += int(simulation.info()["collision"][0, 0])
+                simulation.reset(seeds=[0])
+        assert collisions > 3
+        seen.append(told)
+    assert all(one == pytest.approx(other, abs=1e-6) for one, other in zip(*seen, strict=True))
