@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
+from bug_gym.foresight import as_it_lies, seen_then
 from bug_gym.inertia import (
     are_cut_at_once,
     as_it_will_lie,
@@ -218,6 +219,8 @@ class ScriptedPolicy(ABC):
     """Whether it needs a robot that can: an ackermann robot is refused then."""
     looks_while_turning: ClassVar[bool] = True
     """Whether it is asked while an ackermann robot turns in several moves; else that is one step to it."""
+    foresight: ClassVar[bool] = False
+    """Whether it decides by what it will see where its command finds the robot, if commands act late: see foresight.py."""
     one_by_one: ClassVar[bool] = True
     """Whether an evaluation may ask for each robot alone, so that each decision has a time of its own."""
 
@@ -235,6 +238,19 @@ class ScriptedPolicy(ABC):
         self._plans_arcs = sensors.drive.kinematics == "ackermann"
         self._follows_course = not discrete and is_steered(sensors)
         self.parameters = self.Parameters(**parameters)
+
+    @functools.cached_property
+    def foresees(self) -> bool:
+        """Whether commands act late and it decides by what it will see then; discrete ones are kept by nobody."""
+        return self.foresight and self.sensors.drive.latency > 0 and not self.discrete
+
+    def _seen(self, view: View) -> View:
+        """What it decides by."""
+        return seen_then(view) if self.foresees else view
+
+    def _meant(self, view: View, velocity: Velocity) -> Velocity:
+        """A velocity that it has decided for, in the robot's frame of now."""
+        return as_it_lies(view, velocity) if self.foresees else velocity
 
     @abstractmethod
     def start(self) -> Memory:
@@ -337,8 +353,11 @@ class ScriptedPolicy(ABC):
         """The action for what one robot sees."""
         view.under_way, view.lately = memory.under_way, memory.lately
         driver = self.driver(memory)
-        velocity = checked_velocity(self, driver.act(view, memory)) if driver._is_asked(view, memory) else STANDING
-        course, arc = driver._beside(view, memory, velocity)
+        seen, velocity = driver._seen(view), STANDING
+        if driver._is_asked(seen, memory):
+            velocity = checked_velocity(self, driver.act(seen, memory))
+        course, arc = driver._beside(seen, memory, velocity)
+        velocity = driver._meant(view, velocity)
         action = action_of(self.sensors, view, velocity, self._velocities, driver.room, course, arc)
         return self._sent(view, memory, action)
 
@@ -356,15 +375,17 @@ class ScriptedPolicy(ABC):
         for view, memory in zip(views, memories, strict=True):
             view.under_way, view.lately = memory.under_way, memory.lately
         drivers = [self.driver(memory) for memory in memories]  # as the decision begins
-        asked = zip(drivers, views, memories, strict=True)
-        goes = [driver._is_asked(view, memory) for driver, view, memory in asked]
-        answers = iter(self.act_each(list(compress(views, goes)), list(compress(memories, goes))))
+        seen = [driver._seen(view) for driver, view in zip(drivers, views, strict=True)]
+        asked = zip(drivers, seen, memories, strict=True)
+        goes = [driver._is_asked(then, memory) for driver, then, memory in asked]
+        answers = iter(self.act_each(list(compress(seen, goes)), list(compress(memories, goes))))
         actions: list[Any] = [None] * len(views)
         plain, wishes = [], []
         for row, (view, memory) in enumerate(zip(views, memories, strict=True)):
             velocity = checked_velocity(self, next(answers)) if goes[row] else STANDING
             driver = drivers[row]
-            course, arc = driver._beside(view, memory, velocity)
+            course, arc = driver._beside(seen[row], memory, velocity)
+            velocity = driver._meant(view, velocity)
             if self._are_cut_at_once and driver is self and (course is None or course.aside <= 0.0):
                 plain.append(row)
                 wishes.append(velocity)

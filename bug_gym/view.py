@@ -262,6 +262,11 @@ class View:
         other.ranges = ranges
         return other
 
+    def stand_at(self, pose: tuple[float, float, float], goal: tuple[float, float]) -> None:
+        """Have the robot stand at another pose, in the odometry frame, from where the goal lies elsewhere [m, rad]."""
+        self.pose, self.goal = pose, goal
+        self._trig = math.cos(pose[2]), math.sin(pose[2])
+
     @property
     def terrain(self) -> F32 | None:
         """What a metre of ground costs (32, 16), 1 or more: row k at bearing 2 pi k / 32, column j at (j + 1) / 4 m.

@@ -37,10 +37,11 @@ class Apf(ScriptedPolicy):
 
     Parameters = FieldParameters
     parameters: FieldParameters
+    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
-        self.boundary = Boundary(sensors)
+        self.boundary = Boundary(sensors, foresees=self.foresees)
         self.field = Field(self.parameters, sensors, safe_radius=self.boundary.safe_radius)
 
     def start(self) -> ApfMemory:

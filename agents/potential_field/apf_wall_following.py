@@ -136,13 +136,14 @@ class ApfWallFollowing(ScriptedPolicy):
 
     Parameters = ApfWallFollowingParameters
     parameters: ApfWallFollowingParameters
+    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
         check_words(own)
         check_follower(own, sensors)
-        self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
+        self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule, foresees=self.foresees)
         alpha, gain = math.radians(own.alpha), math.radians(own.alpha_gain)
         self.follower = WallFollower(self.boundary, alpha=alpha, gain=gain)
         self.field = Field(own, sensors, safe_radius=self.boundary.safe_radius)

@@ -94,6 +94,7 @@ class MinimumRisk(ScriptedPolicy):
 
     Parameters = MinimumRiskParameters
     parameters: MinimumRiskParameters
+    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
@@ -105,7 +106,7 @@ class MinimumRisk(ScriptedPolicy):
             raise ValueError(f"cell must be at least {LEAST_CELL} m, or the grid fills the memory, got {own.cell!r}")
         if own.sector / own.cell > 200.0:
             raise ValueError(f"cell must be at least a 200th of the sector of {own.sector:g} m, got {own.cell!r}")
-        self.boundary = Boundary(sensors)
+        self.boundary = Boundary(sensors, foresees=self.foresees)
         self.weights = Weights(own.obstacle_weight, own.trajectory_weight)
         self.free_way = max(own.free_way, sensors.step_length)
         self.directions: F64 = np.arange(DIRECTIONS, dtype=np.float64) * (2.0 * math.pi / DIRECTIONS)

@@ -83,7 +83,7 @@ class Bug1Pair(BugTeam):
         if self.robots != 2:
             raise MisfitError(f"Bug1Pair drives 2 robots, the scenario has {self.robots}")
         self.by_side = {
-            side: Bug1(sensors, clearance=self.parameters.clearance, turn=turn).without_course()
+            side: Bug1(sensors, clearance=self.parameters.clearance, turn=turn).driven_late()
             for side, turn in ((1, "left"), (-1, "right"))
         }
         self.laws = [self.by_side[1], self.by_side[-1]]

@@ -157,9 +157,9 @@ class Com1Rev3(BugTeam):
         turns = TURNS[own.sides]
         settings: dict[str, Any] = {"clearance": own.clearance, "leave_rule": own.leave_rule}
         self.laws = [
-            Com1(sensors, turn=turns[0][robot % 2], **settings).without_course()
+            Com1(sensors, turn=turns[0][robot % 2], **settings).driven_late()
             if robot < self.leaders
-            else Rev3(sensors, turn=turns[1][(robot - self.leaders) % 2], **settings).without_course()
+            else Rev3(sensors, turn=turns[1][(robot - self.leaders) % 2], **settings).driven_late()
             for robot in range(self.robots)
         ]
 

@@ -79,7 +79,7 @@ class Swarm(BugTeam):
         turns = ("right", "left") if self.parameters.first == "right" else ("left", "right")
         clearance = self.parameters.clearance
         laws = (self.law(sensors, clearance=clearance, turn=turns[robot % 2]) for robot in range(self.robots))
-        self.laws = [law.without_course() for law in laws]
+        self.laws = [law.driven_late() for law in laws]
 
     def start(self, robots: int) -> tuple[SwarmMemory, ...]:
         """Memories of a new episode."""

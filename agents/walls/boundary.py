@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -126,26 +127,36 @@ class Boundary:
             `default_margin`.
         leave_rule: "front": a heading is free only within 90 degrees of the direction of travel, as a robot sees it
             that looks ahead; "any": a free heading in any direction counts.
+        foresees: whether what it is shown is what the robot sees when its command acts.
 
     Raises:
         ValueError: a clearance not above the body's radius, or an unknown leave rule.
         MisfitError: a scanner that does not see walls at the clearance, or not as far as a way must be free to be gone.
     """
 
-    def __init__(self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "front") -> None:
+    def __init__(
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        leave_rule: str = "front",
+        foresees: bool = False,
+    ) -> None:
         radius, step = sensors.radius, sensors.step_length
         clearance = radius + default_margin(sensors) if clearance is None else clearance
         if not clearance > radius or not math.isfinite(clearance):
             raise ValueError(f"clearance must be above the body's radius of {radius} m, got {clearance!r}")
         self.sensors = sensors
+        self.drive = replace(sensors.drive, latency=0)
+        """How its commands act after what it is shown: at once, where it is shown what the robot sees when they act."""
         self.step = step
         """The way of one step [m]."""
-        # A late robot comes off its contour by what it drives until it is told better.
-        look = step if sensors.drive.latency == 0 else min(step, clearance - radius)
-        self.pace = speed_within(sensors.drive, look)
-        """Speed along walls [m/s]: a robot with inertia can stop within the step that it looks ahead, a late one within what
-        it keeps from walls, if that is less."""
+        self.pace = speed_within(self.drive, step)
+        """Speed along walls [m/s]: a robot with inertia can stop within the step that it looks ahead, a late one that decides
+        by what it sees now within what it keeps from walls, if that is less."""
         self.clearance = clearance
+        if not foresees:
+            self.decide_late()
         self.leave_rule = checked_leave_rule(leave_rule)
         margin = clearance - radius
         # The contour is kept at `clearance`, but a gap counts as one down to `inner`: a disc of exactly the gap's
@@ -203,6 +214,14 @@ class Boundary:
         """How corners are rounded; None: the contour is kept to exactly."""
         self.exact_length = 2.0 * clearance + sensors.goal_radius
         """Distance to the goal within which it is in any case [m]: a goal in a corner may be seen from there alone."""
+
+    def decide_late(self) -> None:
+        """From now on be shown what the robot sees as it decides, also where its command acts later.
+
+        It comes off its contour then by what it drives until it is told better.
+        """
+        self.drive, kept = self.sensors.drive, self.clearance - self.sensors.radius
+        self.pace = speed_within(self.drive, min(self.step, kept) if self.drive.latency > 0 else self.step)
 
     def _require_sight(self) -> None:
         """Refuse a scanner to which walls at the clearance look farther away, or no heading ever free."""
@@ -298,7 +317,7 @@ class Boundary:
         ahead = min(self.step, distance, free)
         if ahead <= 0.0:
             return None
-        drive = self.sensors.drive
+        drive = self.drive
         speed = min(ahead / drive.step, speed_within(drive, free))
         if drive.latency > 0 and self._is_goal(view, distance):
             speed = min(speed, distance / (drive.step * (1 + drive.latency)))  # else it drives past, and back, for ever

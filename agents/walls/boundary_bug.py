@@ -59,7 +59,7 @@ class BoundaryBug(ThinningPolicy):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
-        self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule)
+        self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule, foresees=self.foresees)
         self.boundary.require_corners()
         self.boundary.fresh_starts = self.fresh_starts
         self.room = self.boundary.safe_radius - sensors.radius
@@ -77,6 +77,11 @@ class BoundaryBug(ThinningPolicy):
         """Itself, for who drives by its velocities alone: it keeps to contours exactly."""
         self.boundary.rounding = None
         return self
+
+    def driven_late(self) -> Self:
+        """The same, for a team, which decides by what its robots see now, also where commands act late."""
+        self.boundary.decide_late()
+        return self.without_course()
 
     def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
         """Straight on, taken up in an arc; exactly where the velocity leads along walls, back as it came, and with inertia."""

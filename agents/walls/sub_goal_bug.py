@@ -42,11 +42,13 @@ class SubGoalBug(ScriptedPolicy):
     looks_while_turning = False
     Parameters = SubGoalParameters
     parameters: SubGoalParameters
+    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
-        self.sub_goals = SubGoals(sensors, clearance=own.clearance, leave_rule=own.leave_rule, jump=own.jump)
+        settings: dict[str, Any] = {"clearance": own.clearance, "leave_rule": own.leave_rule, "jump": own.jump}
+        self.sub_goals = SubGoals(sensors, **settings, foresees=self.foresees)
         self.side = side_of(own.turn)
 
     def start(self) -> SubGoalMemory:

@@ -102,15 +102,22 @@ class SubGoals:
         clearance: see Boundary; also from a corner to its sub-goal [m].
         leave_rule: see Boundary; here it says where a goal may lie that is open only as far as the scan reaches.
         jump: change of the reading that makes an open point [m]; None: JUMP, or half the gap it passes if that is less.
+        foresees: see Boundary.
 
     Raises:
         ValueError: a clearance not above the body's radius, an unknown leave rule, a jump not above 0.
     """
 
     def __init__(
-        self, sensors: Sensors, *, clearance: float | None = None, leave_rule: str = "any", jump: float | None = None
+        self,
+        sensors: Sensors,
+        *,
+        clearance: float | None = None,
+        leave_rule: str = "any",
+        jump: float | None = None,
+        foresees: bool = False,
     ) -> None:
-        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule)
+        self.boundary = Boundary(sensors, clearance=clearance, leave_rule=leave_rule, foresees=foresees)
         jump = min(JUMP, self.boundary.inner) if jump is None else jump
         if not jump > 0.0 or not math.isfinite(jump):
             raise ValueError(f"jump must be above 0 m, got {jump!r}")

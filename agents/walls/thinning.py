@@ -33,6 +33,8 @@ def least_margin(sensors: Sensors) -> float:
 class ThinningPolicy(ScriptedPolicy):
     """A bug that may begin anew; it refuses what ScriptedPolicy refuses."""
 
+    foresight = True
+
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         self._thinner: dict[int, ThinningPolicy] = {}

@@ -102,13 +102,15 @@ class Vision:
     Args:
         sensors: what a driver knows of the robot.
         parameters: of its VisBug.
+        foresees: see Boundary.
 
     Raises:
         ValueError: a clearance not above the radius, an unknown turn or rule, a vision range below the clearance.
     """
 
-    def __init__(self, sensors: Sensors, parameters: VisBugParameters) -> None:
-        self.boundary = Boundary(sensors, clearance=parameters.clearance, leave_rule=parameters.leave_rule)
+    def __init__(self, sensors: Sensors, parameters: VisBugParameters, *, foresees: bool) -> None:
+        own = parameters
+        self.boundary = Boundary(sensors, clearance=own.clearance, leave_rule=own.leave_rule, foresees=foresees)
         self.boundary.require_corners()
         self.boundary.fresh_starts = FRESH_STARTS
         self.room = self.boundary.safe_radius - sensors.radius
@@ -394,7 +396,7 @@ class VisBug(ThinningPolicy):
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
-        self.vision = Vision(sensors, self.parameters)
+        self.vision = Vision(sensors, self.parameters, foresees=self.foresees)
 
     @property
     def kept(self) -> Boundary:

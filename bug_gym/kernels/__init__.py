@@ -7,7 +7,7 @@ Inside kernels f and k are a row's floats and ints, s is its record, r a robot, 
 
     layout  geometry  vectors                          what lies where; plane geometry; LLVM written by hand
     randomness  chords  ground  rays  noise  free_way  the scan and its noise; contact; regions; the way among points
-    levers  arcs  stopping                             what a robot is told; the way on an arc; whether it can stop
+    levers  arcs  stopping  scan_then                  what a robot is told; arcs; whether it can stop; the scan to come
     drive  body  motion  placing                       robots; circles that swing; still laws; worlds of family `field`
     generator  free_place  rooms                       NumPy's generator; places where there is room; walls of `rooms`
     neighbours                                         the bodies near the robots, side by side
@@ -85,6 +85,7 @@ from bug_gym.kernels.placing import ATTEMPTS, PLACED, place_fields
 from bug_gym.kernels.randomness import hash64, uniform
 from bug_gym.kernels.rays import beam_table, scratch_floats, scratch_integers
 from bug_gym.kernels.record import SPEC
+from bug_gym.kernels.scan_then import scan_then
 from bug_gym.kernels.step import (
     BEGIN,
     LOOK,
@@ -189,6 +190,7 @@ __all__ = [
     "restart_robots",
     "run_rows",
     "scan_points",
+    "scan_then",
     "scratch_floats",
     "scratch_integers",
     "speed_lever",
