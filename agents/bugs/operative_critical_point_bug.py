@@ -177,11 +177,11 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
             memory.goal = view.goal_position
             memory.traversed.clear()
+            memory.refused.clear()
             memory.used.clear()
             memory.roaming.begin(view.goal_distance, memory.cost.length)
         if memory.roaming.goes_on(view.position, memory.cost.length):
             memory.verdict = "looping"
-            memory.refused.clear()
 
     def _detect(self, view: View, memory: OperativeMemory) -> Sight:
         """Tell what stands from what moves."""
