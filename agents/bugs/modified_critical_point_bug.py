@@ -79,7 +79,7 @@ class ModifiedCriticalPointBug(CriticalPointBug):
         for mover in movers:
             times = meeting_times(view.position, velocity, mover, boundary.inner + mover.radius)
             if times is not None and times.first <= view.goal_distance / speed:
-                found[mover.number] = virtual_obstacle(mover, times, memory.time)
+                found[mover.number] = virtual_obstacle(mover, times)
         memory.virtual = found
 
     def _with_virtual(self, view: View, memory: ModifiedMemory) -> View:

@@ -226,7 +226,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             near = self.near if mover.number in before else self.circle.radius
             times = times_of(place, velocity, mover, near + mover.radius)
             if times is not None and times.first <= view.goal_distance / speed:
-                memory.virtual[mover.number] = virtual_obstacle(mover, times, memory.time)
+                memory.virtual[mover.number] = virtual_obstacle(mover, times)
                 memory.avoided.add(mover.number)
         return bool(memory.virtual)
 

@@ -62,8 +62,6 @@ class VirtualObstacle(NamedTuple):
     """Of the mover [m/s]."""
     point: Point
     """P_C, where they are nearest [m]."""
-    until: float
-    """t2 as a time of the episode [s]."""
 
 
 def meeting_times(place: Point, velocity: Point, mover: Mover, distance: float) -> Times | None:
@@ -110,10 +108,10 @@ def printed_times(place: Point, velocity: Point, mover: Mover, distance: float) 
     return Times(own, max(own - tolerance, 0.0), own + tolerance)
 
 
-def virtual_obstacle(mover: Mover, times: Times, now: float) -> VirtualObstacle:
-    """What a mover covers from the first to the last of some times; `now` is the time of the episode [s]."""
+def virtual_obstacle(mover: Mover, times: Times) -> VirtualObstacle:
+    """What a mover covers from the first to the last of some times."""
     ends = mover.at(times.first), mover.at(times.last)
-    return VirtualObstacle(mover.number, *ends, mover.radius, mover.velocity, mover.at(times.closest), now + times.last)
+    return VirtualObstacle(mover.number, *ends, mover.radius, mover.velocity, mover.at(times.closest))
 
 
 def least_distance(begin: Point, velocity: Point, first: float, last: float, mover: Mover) -> float:

@@ -80,8 +80,6 @@ class OperativeMemory(Memory):
     """Where the target was when all this was remembered."""
     critical: CriticalPoint | None = None
     """Where it goes; None on the way to the goal."""
-    is_turning: bool = False
-    """Whether it turns on the spot before a leg."""
     traversed: list[Point] = field(default_factory=list)
     """T: critical points chosen and reached."""
     refused: list[Point] = field(default_factory=list)

@@ -19,9 +19,11 @@ from bug_gym.agents.critical_points.meeting import (
     printed_times,
     virtual_obstacle,
 )
-from bug_gym.agents.critical_points.moving import Look, OpenPointSets, is_due, looked_at
+from bug_gym.agents.critical_points.moving import Look, OpenPointSets, is_due, looked_at, track_settings
 from bug_gym.agents.critical_points.scan_kernels import bridge_dropouts, can_turn, cast_capsule, sweep_leg
 from bug_gym.agents.critical_points.sub_goals import perpendicular_sub_goal, printed_sub_goal
+from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 R = 0.5
 """Radius of the circle in the paper's numbers [m]."""
@@ -90,6 +92,19 @@ def test_the_virtual_circle_lies_midway_between_the_two_farthest_points() -> Non
 
 
 @pytest.mark.parametrize("seed", range(20))
+def test_of_circles_in_a_row_it_holds_all_and_no_more(seed: int) -> None:
+    """Not always do the farthest centres bear the farthest points."""
+    draw = np.random.default_rng(seed)
+    x, radii = draw.uniform(-0.6, 0.6, 4), draw.uniform(0.05, 0.6, 4)
+    angle = draw.uniform(-3.0, 3.0)
+    circle = virtual_circle([(a * math.cos(angle), a * math.sin(angle), r) for a, r in zip(x, radii, strict=True)], 0.1)
+    low, high = (x - radii).min(), (x + radii).max()
+    assert circle.body == pytest.approx(0.5 * (high - low))
+    middle = 0.5 * (low + high)
+    assert (circle.ahead, circle.left) == pytest.approx((middle * math.cos(angle), middle * math.sin(angle)))
+
+
+@pytest.mark.parametrize("seed", range(20))
 def test_a_leg_brings_the_centre_of_the_circle_to_its_place(seed: int) -> None:
     draw = np.random.default_rng(seed)
     ahead, left = draw.uniform(-0.4, 0.6), draw.uniform(-0.2, 0.2)
@@ -121,7 +136,8 @@ def test_a_holonomic_robot_goes_to_it_without_a_turn() -> None:
     leg = leg_to(circle, (1.3, 1.0), turns=False)
     assert leg is not None and leg.turn == 0.0
     assert (leg.heading, leg.length) == pytest.approx((math.pi / 4.0, math.sqrt(2.0)))
-    assert leg_along(circle, math.pi / 2.0, 2.0, turns=False).end == pytest.approx((0.3, 2.0))
+    straight = leg_along(circle, math.pi / 2.0, 2.0, turns=False)
+    assert straight.end == pytest.approx((0.3, 2.0)) and straight.turn == 0.0
 
 
 # ------------------------------------------------------------------------------------------------ the scan
@@ -191,6 +207,11 @@ def test_a_turn_is_free_where_the_body_sweeps_over_no_point(seed: int) -> None:
         assert can_turn(x, y, ahead, left, heading, radius) == (least >= radius) or abs(least - radius) < 1e-3
 
 
+@pytest.mark.parametrize(("heading", "is_free"), [(-1.0, True), (1.0, False)])
+def test_what_is_too_near_already_does_not_bar_a_turn_away_from_it(heading: float, is_free: bool) -> None:
+    assert can_turn(np.array([0.4]), np.array([0.25]), 0.4, 0.0, heading, 0.3) == is_free
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_capsule_in_the_scan_ends_beams_at_its_outline(seed: int) -> None:
     draw = np.random.default_rng(seed)
@@ -220,6 +241,14 @@ def test_up_to_three_beams_without_a_return_are_no_gap(missing: int, is_gap: boo
     filled = np.empty(40)
     bridge_dropouts(ranges, 10.0, 0.3, 3, True, filled)
     assert (filled.max() >= 10.0) == is_gap
+
+
+@pytest.mark.parametrize("wraps", [True, False])
+def test_only_in_a_full_circle_is_the_first_beam_the_last_ones_neighbour(wraps: bool) -> None:
+    ranges, filled = np.full(40, 2.0), np.empty(40)
+    ranges[0] = 10.0
+    bridge_dropouts(ranges, 10.0, 0.3, 3, wraps, filled)
+    assert filled[0] == (2.0 if wraps else 10.0)
 
 
 def test_no_gap_is_bridged_between_things_at_different_distances() -> None:
@@ -258,6 +287,14 @@ def test_the_times_of_a_crossing_are_those_of_the_least_distance() -> None:
         assert math.hypot(5.0 - time, -5.0 + time) == pytest.approx(R + 0.4)
 
 
+def test_as_printed_the_times_are_equal_up_to_what_the_robot_needs_for_the_distance() -> None:
+    assert printed_times((0.0, 0.0), (0.5, 0.0), Mover(1, (5.0, -5.0), (0.0, 0.5), 0.4), 0.9) == pytest.approx(
+        (10, 8.2, 11.8)
+    )
+    near = Mover(1, (0.6, -5.0), (0.0, 1.0), 0.4)
+    assert printed_times((0.0, 0.0), (1.0, 0.0), near, 0.9) == pytest.approx((0.6, 0.0, 1.5))
+
+
 @pytest.mark.parametrize(("speed", "closing"), [(-1.0, 2.0), (-0.3, 1.3), (0.4, 0.6)])
 def test_head_on_and_overtaking_follow_from_the_same_formula(speed: float, closing: float) -> None:
     times = meeting_times((0.0, 0.0), (1.0, 0.0), Mover(1, (10.0, 0.0), (speed, 0.0), 0.4), R + 0.4)
@@ -266,17 +303,34 @@ def test_head_on_and_overtaking_follow_from_the_same_formula(speed: float, closi
     assert printed_times((0.0, 0.0), (1.0, 0.0), Mover(1, (10.0, 0.0), (speed, 0.0), 0.4), R + 0.4) is None
 
 
-@pytest.mark.parametrize("velocity", [(1.0, 0.0), (1.5, 0.0), (0.3, 0.8)])
-def test_who_goes_away_is_never_met(velocity: tuple[float, float]) -> None:
-    assert meeting_times((0.0, 0.0), (1.0, 0.0), Mover(1, (3.0, 1.0), velocity, 0.4), R + 0.4) is None
+@pytest.mark.parametrize(
+    ("place", "velocity"), [((3.0, 1.0), (1.0, 0.0)), ((3.0, 0.0), (1.5, 0.0)), ((3.0, 1.0), (0.3, 0.8))]
+)
+def test_who_goes_away_is_never_met(place: tuple[float, float], velocity: tuple[float, float]) -> None:
+    assert meeting_times((0.0, 0.0), (1.0, 0.0), Mover(1, place, velocity, 0.4), R + 0.4) is None
+
+
+def test_who_is_near_already_is_met_from_now_on() -> None:
+    times = meeting_times((0.0, 0.0), (1.0, 0.0), Mover(1, (0.8, 0.1), (0.0, 0.0), 0.4), R + 0.4)
+    assert times is not None and times.first == 0.0
+    assert times.last == pytest.approx(0.8 + math.sqrt(0.9**2 - 0.1**2))
+
+
+@pytest.mark.parametrize(
+    ("place", "velocity"), [((-5.0, -5.0), (0.0, 1.0)), ((5.0, 5.0), (0.0, 1.0)), ((-5.0, 5.0), (0.0, 1.0))]
+)
+def test_tracks_that_cross_behind_one_of_them_never_meet_as_printed_either(
+    place: tuple[float, float], velocity: tuple[float, float]
+) -> None:
+    """Their crossing is as far from the robot as the printed times ask."""
+    assert printed_times((0.0, 0.0), (1.0, 0.0), Mover(1, place, velocity, 0.4), R + 0.4) is None
 
 
 def test_a_virtual_obstacle_covers_the_mover_as_long_as_the_tracks_are_near() -> None:
     mover = Mover(1, (5.0, -2.5), (0.1, 0.5), 0.4)
     times = meeting_times((0.0, 0.0), (1.0, 0.0), mover, R + 0.4)
     assert times is not None
-    virtual = virtual_obstacle(mover, times, 100.0)
-    assert virtual.until == pytest.approx(100.0 + times.last)
+    virtual = virtual_obstacle(mover, times)
     for time in np.linspace(times.first, times.last, 9).tolist():
         assert kernels.point_wall_distance(*mover.at(time), *virtual.begin, *virtual.end) < 1e-9
     assert is_behind((5.5, -3.0), virtual) and not is_behind((5.5, 3.0), virtual)
@@ -303,6 +357,14 @@ def test_a_thing_is_dynamic_only_when_it_has_shifted_twice_the_same_way() -> Non
     assert looked_at(once, 1.0, (0.2, 0.02), 0.05).shifts == 2
     assert looked_at(once, 1.0, (0.0, 0.0), 0.05).shifts == 1
     assert looked_at(once, 1.0, (0.13, 0.0), 0.05).shifts == 0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
+def test_a_shift_is_more_than_noise_and_the_slowest_thing_that_counts_makes_it_between_two_looks(noise: float) -> None:
+    sensors = Sensors.of(Simulation("static", overrides={"lidar.noise": noise}).scenario)
+    threshold, interval = track_settings(sensors)
+    assert threshold > 3.0 * noise + 0.02
+    assert interval >= 0.3 and 0.1 * interval >= threshold - 1e-9
 
 
 def test_the_next_look_comes_after_dot_and_sooner_at_a_fast_thing() -> None:
@@ -334,6 +396,10 @@ def test_the_cost_is_moving_rotating_and_detecting_in_seconds() -> None:
     cost.detecting += 0.7
     assert (cost.moving, cost.rotating, cost.detecting) == pytest.approx((2.5, 3.0, 0.7))
     assert cost.total == pytest.approx(6.2)
+    cost = Cost()
+    for pose in ((0.0, 0.0, 3.0), (0.0, 0.0, -3.0)):
+        cost.go_on(pose, 2.0, 0.5)
+    assert cost.rotation == pytest.approx(2.0 * math.pi - 6.0)
     cost = Cost()
     for pose in ((0.0, 0.0, 0.0), (1.0, 0.0, 2.0)):
         cost.go_on(pose, 2.0, math.inf)
