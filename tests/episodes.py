@@ -7,7 +7,7 @@ the formulas of each world below.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,6 +128,18 @@ def canonical_world(world: str, *, angle: float = 0.0, mirrored: bool = False) -
     bounds = [-35, -35, 35, 35]
     explicit = {"family": "explicit", "bounds": bounds, "start": [0, 0, angle], "goal": place([20, 0]), **shapes}
     return {"lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 600.0}, "world": explicit}
+
+
+def scene(**shapes: Any) -> dict[str, Any]:
+    """A world from (0, 0) to (10, 0) of shapes, walls all round at 8 m."""
+    world = {"family": "explicit", "bounds": [-3, -8, 13, 8], "start": [0, 0, 0], "goal": [10, 0], **shapes}
+    return {"lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 120.0}, "world": world}
+
+
+def with_mover(at: Sequence[float], velocity: Sequence[float], radius: float = 0.4, **shapes: Any) -> dict[str, Any]:
+    """That world with a disc that goes straight."""
+    motion = {"law": "bounce", "velocity": [*velocity]}
+    return scene(movers=[{"shape": {"circle": radius}, "at": [*at], "motion": motion}], **shapes)
 
 
 def slab_and_target_that_leaves() -> dict[str, Any]:

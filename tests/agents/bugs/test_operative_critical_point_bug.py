@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from episodes import Episode, canonical_world, run_episode, tolerance
+from episodes import Episode, canonical_world, run_episode, scene, tolerance, with_mover
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
@@ -22,12 +22,6 @@ C = 0.5
 FAR = {"lidar.beams": 720, "lidar.range": 60.0}
 KINEMATICS = ["holonomic", "differential"]
 BOTH = ["modified_critical_point_bug", "operative_critical_point_bug"]
-
-
-def explicit(**shapes: Any) -> dict[str, Any]:
-    """A world from (0, 0) to (10, 0) of shapes, walls all round at 8 m."""
-    world = {"family": "explicit", "bounds": [-3, -8, 13, 8], "start": [0, 0, 0], "goal": [10, 0], **shapes}
-    return {"lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 120.0}, "world": world}
 
 
 # ------------------------------------------------------------------------------------------------ the slab
@@ -76,12 +70,12 @@ def door(width: float) -> dict[str, Any]:
     """A wall across the world at x = 5, with a door amid it."""
     half = 0.5 * width
     walls = [[[4.8, -8], [5.2, -8], [5.2, -half], [4.8, -half]], [[4.8, half], [5.2, half], [5.2, 8], [4.8, 8]]]
-    return explicit(polygons=walls)
+    return scene(polygons=walls)
 
 
 def two_discs(width: float) -> dict[str, Any]:
     """Two discs beside the way at x = 5."""
-    return explicit(circles=[[5.0, 0.5 * width + 1.0, 1.0], [5.0, -0.5 * width - 1.0, 1.0]])
+    return scene(circles=[[5.0, 0.5 * width + 1.0, 1.0], [5.0, -0.5 * width - 1.0, 1.0]])
 
 
 def goes_between(episode: Episode, width: float) -> bool:
@@ -123,19 +117,13 @@ def test_without_safe_point_a_gap_between_body_and_circle_is_taken() -> None:
 
 
 def test_a_pole_beside_the_track_stops_nobody_but_by_the_printed_rule() -> None:
-    pole = explicit(circles=[[5.0, 0.8, 0.15]])
+    pole = scene(circles=[[5.0, 0.8, 0.15]])
     assert run_episode("ocpb", pole, clearance=R).full_length == pytest.approx(10.0, abs=0.01)
     # Its own two ends are nearer to each other than the circle is wide.
     assert run_episode("ocpb", pole, clearance=R, gap_rule="two_nearest").verdict in ("stuck", "looping")
 
 
 # ------------------------------------------------------------------------------------------------ moving obstacles
-
-
-def mover(at: list[float], velocity: list[float], radius: float = 0.4) -> dict[str, Any]:
-    """A world with one moving disc."""
-    motion = {"law": "bounce", "velocity": velocity}
-    return explicit(movers=[{"shape": {"circle": radius}, "at": at, "motion": motion}])
 
 
 CROSSINGS = {
@@ -150,7 +138,7 @@ CROSSINGS = {
 @pytest.mark.parametrize("case", CROSSINGS)
 def test_a_crossing_obstacle_is_found_and_passed_behind(case: str, kinematics: str) -> None:
     at, velocity = CROSSINGS[case]
-    episode = run_episode("ocpb", mover(at, velocity), {"robot.kinematics": kinematics}, clearance=C)
+    episode = run_episode("ocpb", with_mover(at, velocity), {"robot.kinematics": kinematics}, clearance=C)
     assert episode.outcome == "success"
     assert len(episode.memory.movers) == len(episode.memory.avoided) == 1
     # Behind it: the robot leaves its line against the mover's course.
@@ -161,13 +149,13 @@ def test_a_crossing_obstacle_is_found_and_passed_behind(case: str, kinematics: s
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 @pytest.mark.parametrize(("at", "velocity"), [([9.0, 0.0], [-0.6, 0.0]), ([2.5, 0.0], [0.3, 0.0])])
 def test_head_on_and_overtaking_it_gives_way(at: list[float], velocity: list[float], kinematics: str) -> None:
-    episode = run_episode("ocpb", mover(at, velocity), {"robot.kinematics": kinematics}, clearance=C)
+    episode = run_episode("ocpb", with_mover(at, velocity), {"robot.kinematics": kinematics}, clearance=C)
     assert episode.outcome == "success" and len(episode.memory.avoided) == 1
     assert np.abs(episode.path[:, 1]).max() > 0.4
 
 
 def test_an_obstacle_that_is_gone_by_then_is_left_alone() -> None:
-    episode = run_episode("ocpb", mover([8.0, -1.5], [0.0, 0.7]), clearance=C)
+    episode = run_episode("ocpb", with_mover([8.0, -1.5], [0.0, 0.7]), clearance=C)
     assert episode.outcome == "success"
     assert len(episode.memory.movers) == 1 and not episode.memory.avoided
     assert episode.full_length == pytest.approx(10.0, abs=0.01)
@@ -175,11 +163,11 @@ def test_an_obstacle_that_is_gone_by_then_is_left_alone() -> None:
 
 def test_by_the_printed_times_the_same_obstacle_is_missed_or_a_false_alarm() -> None:
     # Both need six seconds; with the robot's distance in its place the obstacle would need twelve.
-    missed = mover([6.0, -3.0], [0.0, 0.5])
+    missed = with_mover([6.0, -3.0], [0.0, 0.5])
     assert run_episode("ocpb", missed, clearance=C, max_steps=25).memory.avoided
     assert not run_episode("ocpb", missed, clearance=C, max_steps=25, timing="printed").memory.avoided
     # It is as fast as the robot, and long gone when that comes to its track.
-    harmless = mover([8.0, -1.5], [0.0, 1.0])
+    harmless = with_mover([8.0, -1.5], [0.0, 1.0])
     assert not run_episode("ocpb", harmless, clearance=C, max_steps=13).memory.avoided
     assert run_episode("ocpb", harmless, clearance=C, max_steps=13, timing="printed").memory.avoided
 
@@ -193,7 +181,7 @@ def at(speed: float) -> dict[str, float]:
 @pytest.mark.parametrize("radius", [0.3, 0.6, 1.0])
 def test_a_still_disc_that_is_passed_never_moves_at_any_speed(radius: float, noise: float) -> None:
     for speed in (0.25, 0.5, 1.0, 2.0):
-        world = explicit(circles=[[5.0, radius + 0.7, radius]])
+        world = scene(circles=[[5.0, radius + 0.7, radius]])
         episode = run_episode("ocpb", world, {"lidar.noise": noise, **at(speed)}, safety=0.1)
         assert episode.outcome == "success"
         assert not episode.memory.movers
@@ -204,7 +192,7 @@ def test_a_still_disc_that_is_passed_never_moves_at_any_speed(radius: float, noi
 
 def test_of_a_thing_shifted_once_nothing_is_said() -> None:
     """The sets do the telling: while one look alone has seen the shift, the obstacle is not dynamic."""
-    simulation = Simulation(mover([7.0, -5.0], [0.0, 0.5]), 1)
+    simulation = Simulation(with_mover([7.0, -5.0], [0.0, 0.5]), 1)
     agent = make_policy("ocpb", simulation, clearance=C)
     observation, state, found = simulation.reset(seeds=[0]), None, math.inf
     for step in range(30):
@@ -293,13 +281,13 @@ def test_in_a_field_without_narrow_gaps_they_arrive(policy: str, seed: int) -> N
 def test_where_the_goals_disc_is_less_than_a_step_away_and_a_whole_step_is_not_free_it_arrives(offset: float) -> None:
     """A post beside the goal's place lets the robot come within 0.28 m of it, and the goal's radius is 0.3 m."""
     post = {"circles": [[9.93, -0.13, 0.02]], "start": [offset, 0, 0], "goal": [10, 0]}
-    scenario = explicit(**post) | {"robot": {"kinematics": "holonomic"}, "goal": {"radius": 0.3}}
+    scenario = scene(**post) | {"robot": {"kinematics": "holonomic"}, "goal": {"radius": 0.3}}
     assert run_episode("ocpb", scenario, clearance=0.3).outcome == "success"
 
 
 def test_it_gives_up_before_what_stands_a_hand_ahead_for_too_long() -> None:
     """Where its tracker takes it for a mover that has come to stand: the leg is free, and the next step isn't."""
-    simulation = Simulation(explicit(circles=[[0.5, 0.0, 0.2]]))
+    simulation = Simulation(scene(circles=[[0.5, 0.0, 0.2]]))
     policy: Any = make_policy("ocpb", simulation)
     view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
     leg = leg_along(policy.circle, 0.0, 5.0, turns=False)
@@ -372,7 +360,7 @@ def test_the_circle_is_given_in_one_way_only() -> None:
 
 
 def test_what_it_shows_are_circle_points_and_virtual_obstacles() -> None:
-    episode = run_episode("ocpb", mover([5.0, -5.0], [0.0, 1.0]), clearance=C, max_steps=25)
+    episode = run_episode("ocpb", with_mover([5.0, -5.0], [0.0, 1.0]), clearance=C, max_steps=25)
     drawing = make_policy("ocpb", episode.simulation, clearance=C).draw(episode.memory)  # type: ignore[attr-defined]
     labels = {point[2] for point in drawing.points} | {area[1] for area in drawing.areas}
     assert labels >= {"circle", "virtual", "open_point", "sub_goal", "chosen", "meeting"}

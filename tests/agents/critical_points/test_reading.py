@@ -1,0 +1,135 @@
+"""What a scan shows besides still things: movers, what they will cover, and beams without a return."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from episodes import scene
+
+from bug_gym.agents.critical_points.meeting import Mover, Times, virtual_obstacle
+from bug_gym.agents.critical_points.moving import OpenPointSets, TrackSets
+from bug_gym.agents.critical_points.reading import Scanner
+from bug_gym.agents.tracking.tracker import Tracks
+from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
+
+
+def seen(scenario: dict[str, Any], reach: float = 40.0) -> tuple[Scanner, View]:
+    """How it is seen from the start, with an eye that sees all walls whole."""
+    simulation = Simulation(scenario, 1, overrides={"lidar.range": reach, "lidar.beams": 720})
+    sensors = Sensors.of(simulation.scenario)
+    return Scanner(sensors, radius=0.25, jump=0.5), View(simulation.reset(seeds=[0])[0, 0], sensors)
+
+
+DISC = (4.0, 0.0, 0.4)
+"""What moves in these scenes, before the far wall."""
+
+
+def beams_at_disc(view: View) -> Any:
+    """Whether each beam ends at it (B,)."""
+    x, y = view.sensors.beam_directions * view.ranges
+    return np.hypot(x - DISC[0], y - DISC[1]) < DISC[2] + 0.01
+
+
+def test_before_a_whole_wall_something_still_has_two_ends_and_a_mover_none() -> None:
+    """Nor has the wall behind it, of which it hides a part."""
+    scanner, view = seen(scene(circles=[[*DISC]]))
+    still, moving = scanner.read(view, None, ()), scanner.read(view, beams_at_disc(view), ())
+    assert sorted(end.side for end in still.ends) == [-1, 1]
+    assert moving.ends == []
+    near = [int((np.hypot(one.x - DISC[0], one.y - DISC[1]) < 0.5).sum()) for one in (still, moving)]
+    assert near[0] > 5 and near[1] == 0
+
+
+def test_a_mover_does_not_hide_its_own_virtual_obstacle() -> None:
+    """The capsule lies behind it, and is wider to both sides."""
+    scanner, view = seen(scene(circles=[[*DISC]]))
+    mover = Mover(3, (6.0, -4.0), (0.0, 1.0), DISC[2])
+    virtual = virtual_obstacle(mover, Times(4.0, 3.0, 5.0))
+    reading = scanner.read(view, beams_at_disc(view), [virtual])
+    assert [(end.side, end.virtual) for end in sorted(reading.ends)] == [(-1, virtual), (1, virtual)]
+    face = np.array([y for x, y in zip(reading.x, reading.y, strict=True) if abs(x - 5.6) < 1e-3])
+    assert face.min() < -0.9 and face.max() > 0.9
+    assert np.diff(np.sort(face)).max() < 0.1
+
+
+@pytest.mark.parametrize("middle", [0, 100, 719])
+@pytest.mark.parametrize(("missing", "is_gap"), [(3, False), (40, True)])
+def test_a_wall_with_up_to_three_beams_missing_in_a_row_is_whole_where_the_scan_begins_and_ends_too(
+    middle: int, missing: int, is_gap: bool
+) -> None:
+    scanner, view = seen(scene())
+    ranges = view.ranges.copy()
+    ranges[(middle - missing // 2 + np.arange(missing)) % len(ranges)] = scanner.sensors.range
+    reading = scanner.read(view.with_ranges(ranges), None, ())
+    assert bool(reading.ends) == is_gap
+    assert len(reading.x) == (len(ranges) - missing if is_gap else len(ranges))
+
+
+def test_where_the_scan_is_no_full_circle_its_ends_are_no_neighbours() -> None:
+    simulation = Simulation(scene(), 1, overrides={"lidar.range": 40.0, "lidar.beams": 271, "lidar.fov": 1.5 * math.pi})
+    sensors = Sensors.of(simulation.scenario)
+    view = View(simulation.reset(seeds=[0])[0, 0], sensors)
+    assert view.ranges[0] == pytest.approx(view.ranges[-1], abs=0.01)
+    ranges = view.ranges.copy()
+    ranges[0] = sensors.range
+    reading = Scanner(sensors, radius=0.25, jump=0.5).read(view.with_ranges(ranges), None, ())
+    assert len(reading.x) == 270
+
+
+def test_a_bearing_belongs_to_the_beam_nearest_to_it() -> None:
+    scanner, view = seen(scene())
+    angles = view.sensors.angles
+    for share in (-0.4, 0.0, 0.4):
+        bearings = angles + share * view.sensors.beam_spacing
+        found = [scanner._beam_at(math.atan2(math.sin(one), math.cos(one))) for one in bearings.tolist()]
+        assert found == list(range(len(angles)))
+
+
+# ------------------------------------------------------------------------------------------------ what moves
+
+
+def tracks_at(x: float, *, moving: bool = True, unseen: float = 0.0) -> Tracks:
+    """One track."""
+    one = np.zeros(1)
+    return Tracks(
+        id=np.array([1]),
+        position=np.array([[x, 0.0]]),
+        velocity=np.array([[1.0, 0.0]]),
+        radius=one + 0.4,
+        covariance=np.zeros((1, 4, 4)),
+        moving=np.array([moving]),
+        age=one,
+        unseen=one + unseen,
+        innovation=one,
+        history=np.zeros((1, 2, 2)),
+        history_times=np.zeros((1, 2)),
+        beam_track=np.zeros(0, dtype=np.int64),
+        ranges=np.zeros(0),
+        pose=(0.0, 0.0, 0.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("seen_as", "count"),
+    [({}, 1), ({"moving": False}, 0), ({"unseen": 0.1}, 0)],
+    ids=["seen", "no free space", "unseen"],
+)
+def test_dynamic_is_what_shifts_twice_in_sight_into_space_that_was_free(seen_as: dict[str, Any], count: int) -> None:
+    """The view of a long thing shifts too, and what is out of sight is only thought to go on."""
+    sets, movers = TrackSets(), []
+    for step in range(11):
+        movers = sets.update(tracks_at(0.1 * step, **seen_as), 0.1 * step, 0.05, 0.5)
+    assert len(movers) == count
+
+
+def test_by_the_printed_rule_a_shift_of_more_than_a_second_ago_is_forgotten() -> None:
+    for later, count in ((0.2, 1), (2.0, 0)):
+        sets = OpenPointSets()
+        sets.update([((0.0, 0.0), 0.3)], 0.0, 0.05)
+        assert sets.update([((0.1, 0.0), 0.3)], 0.1, 0.05) == []
+        sets.update([], later - 0.01, 0.05)
+        assert len(sets.update([((0.2, 0.0), 0.3)], later, 0.05)) == count
