@@ -29,11 +29,10 @@ class Circumnavigation:
         sensors: what a driver knows of the robot.
         clearance: centre to wall that it keeps [m]; None: as other bugs.
         patience: how far it may go without coming nearer to the goal, in distances to it.
-        discrete: whether actions are numbers of the discrete table.
     """
 
-    def __init__(self, sensors: Sensors, clearance: float | None, patience: float, *, discrete: bool) -> None:
-        self.tangent_bug = TangentBug(sensors, discrete=discrete, clearance=clearance).without_course()
+    def __init__(self, sensors: Sensors, clearance: float | None, patience: float) -> None:
+        self.tangent_bug = TangentBug(sensors, clearance=clearance).driven_late()
         self.boundary = self.tangent_bug.boundary
         """What it shares with the other bugs: clearances, and how a robot goes straight."""
         self.patience = patience

@@ -83,12 +83,11 @@ class HDBug(ScriptedPolicy):
 
     Parameters = HDBugParameters
     parameters: HDBugParameters
-    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
-        self.circumnavigation = Circumnavigation(sensors, own.clearance, own.patience, discrete=discrete)
+        self.circumnavigation = Circumnavigation(sensors, own.clearance, own.patience)
         self.boundary = self.circumnavigation.boundary
         self.perception = Perception(sensors, own, self.boundary.inner)
         self.explorer = Explorer(sensors, own, self.perception, self.boundary)

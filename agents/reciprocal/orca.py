@@ -23,7 +23,6 @@ way. Neither side costs more.
 
 from __future__ import annotations
 
-import functools
 import math
 import zlib
 from collections.abc import Callable, Sequence
@@ -67,9 +66,9 @@ NO_BODIES = np.empty((0, BODY))
 
 Way = Literal["goal", "tangent_bug", "hd_bug"]
 
-BUGS: dict[str, Callable[[Sensors, bool], ScriptedPolicy]] = {
-    "tangent_bug": lambda sensors, discrete: TangentBug(sensors, discrete=discrete).without_course(),
-    "hd_bug": lambda sensors, discrete: HDBug(sensors, discrete=discrete),
+BUGS: dict[str, Callable[[Sensors], ScriptedPolicy]] = {
+    "tangent_bug": lambda sensors: TangentBug(sensors).driven_late(),
+    "hd_bug": HDBug,
 }
 
 
@@ -149,17 +148,15 @@ class Orca(ScriptedPolicy):
 
     Parameters = OrcaParameters
     parameters: OrcaParameters
-    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own, drive = self.parameters, sensors.drive
+        self.bug = BUGS[own.way](sensors) if own.way in BUGS else None
         self.tracker = Tracker(sensors) if own.sees_movers else None
         seen = next((field for field in sensors.fields if field.name == "peers"), None)
         self.peers = seen.shape[0] if seen is not None else 0
         """How many other robots it sees."""
-        is_late = sensors.drive.latency > 0 and not self.foresees
-        self.bug = BUGS[own.way](sensors, discrete or is_late) if own.way in BUGS else None
         self._peers_at = slice(seen.begin, seen.end) if seen is not None else slice(0)
         enlargement = own.enlargement if own.enlargement is not None else off_the_line(sensors)
         self.margin = SKIN + (0.0 if drive.kinematics == "holonomic" else 2.0 * enlargement)
@@ -184,11 +181,6 @@ class Orca(ScriptedPolicy):
         noise = 3.0 * sensors.range_noise
         scanner = sensors.range, float(np.float32(sensors.range)), BODY_MARGIN + noise, TRACK_MARGIN + noise
         self._known = np.array((sensors.radius, drive.step, *scanner, sensors.bridged_gap, sensors.is_full_circle))
-
-    @functools.cached_property
-    def foresees(self) -> bool:
-        """As others; not where it is told of other robots, which lie in its frame of now."""
-        return super().foresees and self.peers == 0
 
     def start(self) -> OrcaMemory:
         """Memory of a new episode."""

@@ -79,7 +79,7 @@ class BoundaryBug(ThinningPolicy):
         return self
 
     def driven_late(self) -> Self:
-        """The same, for a team, which decides by what its robots see now, also where commands act late."""
+        """The same, for who decides by what a robot sees now, also where commands act late."""
         self.boundary.decide_late()
         return self.without_course()
 
