@@ -70,7 +70,8 @@ def drives(described: Any, steps: int) -> list[tuple[View, View]]:
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 @pytest.mark.parametrize("acceleration", [None, 2.0])
 def test_pose_velocity_and_goal_are_those_of_when_the_command_acts(kinematics: str, acceleration: float | None) -> None:
-    for then, seen in drives(scenario(kinematics, **{"robot.max_acceleration": acceleration}), 40):
+    inertia: dict[str, Any] = {"robot.max_acceleration": acceleration}
+    for then, seen in drives(scenario(kinematics, **inertia), 40):
         assert then.pose[:2] == pytest.approx(seen.pose[:2], abs=1e-5)
         assert math.remainder(then.heading - seen.heading, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-5)
         assert then.velocity == pytest.approx(seen.velocity, abs=1e-5)
@@ -140,9 +141,7 @@ def test_a_late_robot_drives_as_one_whose_commands_act_at_once_but_later(policy:
     assert len(late[0]) <= len(prompt[0]) + 4  # two steps for the latency
 
 
-@pytest.mark.parametrize(
-    "policy", ["tangent_bug", "operative_critical_point_bug", "apf_wall_following"]
-)
+@pytest.mark.parametrize("policy", ["tangent_bug", "operative_critical_point_bug", "apf_wall_following"])
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_a_late_robot_is_no_slower_than_its_latency(policy: str, kinematics: str) -> None:
     """These choose among ways by small differences: theirs may be others."""
@@ -156,7 +155,8 @@ def test_a_batch_of_late_robots_is_each_alone() -> None:
     described = scenario("differential", polygons=[BLOCK], circles=CIRCLES, **{"robot.max_acceleration": 20.0})
     many, alone = Simulation(described, 3), Simulation(described, 3)
     batch, single = make_policy("bug2", many), make_policy("bug2", alone)
-    seen, state, states = many.reset(seeds=[0, 1, 2])[:, 0], None, [None] * 3
+    seen, state = many.reset(seeds=[0, 1, 2])[:, 0], None
+    states: list[Any] = [None] * 3
     also = alone.reset(seeds=[0, 1, 2])[:, 0]
     for _ in range(80):
         actions, state = batch.predict(seen, state)
