@@ -43,13 +43,11 @@ from bug_gym.agents.local.windows import Window, weigh_window
 from bug_gym.agents.parameters import Length, Weight, require_numbers
 from bug_gym.geometry import F64, velocity_along
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE
-from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
+from bug_gym.policy import CREEP, Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
 SPEEDS, RATES, DIRECTIONS = 8, 17, 36
 """Velocities of a window: so many speeds above 0, turn rates, and directions of a robot that needs not turn."""
-CREEP = 1e-6
-"""A speed that only tells where to turn [m/s]."""
 ROUNDED = 1e-9
 """Speeds are told apart by more than this [m/s]."""
 LEAST = 0.02
@@ -195,7 +193,7 @@ class DWA(ScriptedPolicy):
             return speeds, directions
         if self.window.is_steered:
             most_bent = 1.0 / drive.least_bend
-            through = 2.0 * view.goal[1] / max(view.goal_distance**2, CREEP)  # the arc that meets the goal
+            through = 2.0 * view.goal[1] / max(view.goal_distance**2, 1e-6)  # the arc that meets the goal
             return speeds, _with(np.linspace(-most_bent, most_bent, RATES), through)
         exact = min(max(self.gain * view.goal_bearing, -self.window.turn_rate), self.window.turn_rate)
         return speeds, _with(np.linspace(-self.window.turn_rate, self.window.turn_rate, RATES), exact)

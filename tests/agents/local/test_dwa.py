@@ -49,6 +49,18 @@ def test_the_way_along_a_circle_is_that_of_small_steps(seed: int) -> None:
     assert found == pytest.approx(stepped_distance(points, speed, rate, 0.3, 4.0), abs=5e-3)
 
 
+@pytest.mark.parametrize("rate", [-1.5, 0.7])
+def test_what_the_disc_overlaps_is_in_the_way_only_ahead_of_it(rate: float) -> None:
+    """Else a robot that has come too near to something could not drive away from it."""
+    far = np.array([[1.5, 0.1], [1.2, -0.8]])
+    free = distance_on_arc(far[:, 0].copy(), far[:, 1].copy(), 0.5, rate, 0.3, 4.0)
+    assert free > 0.0
+    for x, y in ((0.2, 0.1), (0.05, -0.25), (0.29, 0.0)):
+        for ahead in (True, False):
+            px, py = np.append(far[:, 0], x if ahead else -x), np.append(far[:, 1], y)
+            assert distance_on_arc(px, py, 0.5, rate, 0.3, 4.0) == (0.0 if ahead else free)
+
+
 def test_smoothing_leaves_out_what_is_no_velocity() -> None:
     scores = np.array([[1.0, 2.0, 3.0], [4.0, -np.inf, 6.0]])
     found = smoothed(scores, is_round=False)
@@ -93,6 +105,35 @@ def driven_ahead(world: dict[str, Any], overrides: dict[str, Any], steps: int) -
     for _ in range(steps):
         observation = simulation.step(ahead).observation
     return simulation, observation[0, 0]
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential", "ackermann"])
+@pytest.mark.parametrize("away", [0.03, 0.06, 0.09])
+def test_a_goal_nearer_than_a_step_is_not_driven_past(kinematics: str, away: float) -> None:
+    """Else a differential robot comes round it again and again, until time is up."""
+    scenario = {"world": {**BOX, "goal": [away, 0]}, "goal": {"radius": 0.01}, "robot": {"kinematics": kinematics}}
+    simulation = Simulation(scenario)
+    policy: Any = make_policy("dwa", simulation)
+    _, (memory,) = policy.predict(simulation.reset(seeds=[0])[0, 0])
+    assert 0.0 < memory.velocity[0] * policy.sensors.drive.step <= away + 1e-6
+
+
+@pytest.mark.parametrize("goal", [(3.0, 0.2), (2.0, -0.5), (1.0, 0.01)])
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential", "ackermann"])
+def test_a_window_holds_what_leads_to_the_goal(kinematics: str, goal: tuple[float, float]) -> None:
+    """Not only directions, turn rates and curvatures that are evenly spread."""
+    policy: Any = make_policy("dwa", Simulation("static", overrides={"robot.kinematics": kinematics}))
+    bearing, distance = math.atan2(goal[1], goal[0]), math.hypot(*goal)
+    view: Any = SimpleNamespace(own_velocity=(0.5, 0.0), goal=goal, goal_bearing=bearing, goal_distance=distance)
+    _, seconds = policy._reachable(view)
+    if kinematics == "ackermann":  # on its circle: as far from the centre, (0, 1 / curvature), as the robot is
+        off = [abs(math.hypot(goal[0], goal[1] - 1.0 / bend) - 1.0 / abs(bend)) for bend in seconds if abs(bend) > 1e-9]
+    elif kinematics == "differential":  # the heading error that it is steered with
+        off = [abs(rate / policy.gain - bearing) for rate in seconds]
+    else:
+        off = [abs(direction - bearing) for direction in seconds]
+    assert min(off) < 1e-9
+    assert kinematics == "holonomic" or (np.diff(seconds) > 0.0).all()
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
@@ -200,6 +241,18 @@ SHORT, LESS = [*[0.1] * 9, *[2.0] * 7], [0.1, *[1.5] * 15]
 """Room for none, and for less."""
 
 
+def test_the_side_of_a_turn_is_kept_until_a_velocity_gets_on() -> None:
+    policy: Any = make_policy("dwa", Simulation("static", overrides={"robot.kinematics": "differential"}))
+    view: Any = SimpleNamespace(goal=(8.0, -1.0), goal_distance=8.1, free_distances=lambda turns, _: 0.1 + 0.0 * turns)
+    speeds, none = np.array([0.0, 0.5, 1.0]), np.full((3, 5), -math.inf)
+    for kept, side in ((0, -1), (1, 1), (-1, -1)):  # the goal's where there was none yet
+        memory = DWAMemory(side=kept)
+        assert policy._is_stuck(view, memory, speeds, none) and memory.side == side
+    some = none.copy()
+    some[2, 1] = 0.3
+    assert not policy._is_stuck(view, DWAMemory(side=1), speeds, some)
+
+
 @pytest.mark.parametrize("mirror", [1, -1])
 @pytest.mark.parametrize("goal", [(8.0, 2.0), (8.0, -2.0)])
 @pytest.mark.parametrize(("more", "less"), [(NEAR, FAR), (NEAR, NOWHERE), (FAR, SHORT), (SHORT, LESS), (LESS, NOWHERE)])
@@ -287,6 +340,14 @@ def test_what_is_admissible_can_be_stopped_on_the_free_part_of_its_circle(seed: 
             assert found[i, j] == pytest.approx(free / window.look + speed / window.max_speed)
         else:
             assert speed * window.step + speed**2 / (2.0 * window.acceleration) > free
+
+
+def test_what_lies_behind_the_goal_takes_nothing_from_a_free_way() -> None:
+    wall = np.array([[2.0, 0.1 * number] for number in range(-30, 31)])
+    window = a_window(distance_weight=1.0)
+    for goal, worth in ((1.0, 1.0), (1.79, 1.0), (1.81, 1.8 / 3.0), (50.0, 1.8 / 3.0)):
+        found = scores_of(window, np.array([0.4]), np.array([0.0]), wall, (goal, 0.0))
+        assert found[0, 0] == pytest.approx(worth)
 
 
 def test_standing_is_worth_the_way_along_the_heading_that_it_has_then() -> None:
