@@ -18,6 +18,7 @@ from bug_gym.agents.planning.rrt_star import Grown, rrt_star
 from bug_gym.agents.planning.smoothing import Solids, pulled
 from bug_gym.config import dump
 from bug_gym.evaluation import evaluate
+from bug_gym.geometry import F64
 from bug_gym.reproductions import cylinder_claims
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
@@ -463,6 +464,70 @@ def test_the_cost_of_rrt_star_falls_toward_the_shortest_way() -> None:
         gaps.append([grown.lengths[number] / exact - 1.0 for number in (1500, 3000, 5999)])
     early, middle, late = np.mean(gaps, axis=0)
     assert early > middle > late and late < 0.02
+
+
+def plain_tree(
+    solids: Solids, box: tuple[float, float, float, float], start: F64, goal: F64, draws: F64, step: float
+) -> list[float]:
+    """The length of the best way at each draw of informed RRT*, step by step as its papers have it."""
+
+    def is_clear(a: F64, b: F64) -> bool:
+        return solids.is_clear(tuple(a.tolist()), tuple(b.tolist()))
+
+    def cost(node: int) -> float:
+        up = parents[node]
+        return 0.0 if up < 0 else cost(up) + math.dist(places[node], places[up])
+
+    places, parents, last = [start], [-1], -1
+    lengths: list[float] = []
+    apart, along = math.dist(start, goal), (goal - start) / math.dist(start, goal)
+    for u, v, w in draws:
+        best = cost(last) + math.dist(places[last], goal) if last >= 0 else math.inf
+        lengths.append(best)
+        angle, rim = 2.0 * math.pi * v, math.sqrt(u)
+        longer, shorter = 0.5 * best, 0.5 * math.sqrt(best**2 - apart**2)  # of the ellipse
+        if last >= 0:
+            area = math.pi * longer * shorter
+            ball = longer * rim * math.cos(angle) * along + shorter * rim * math.sin(angle) * np.array(
+                [-along[1], along[0]]
+            )
+            place = 0.5 * (start + goal) + ball
+        else:
+            area = math.inf
+            place = goal if w < 0.05 else np.array(box[:2]) + (u, v) * (np.array(box[2:]) - box[:2])
+        away = np.hypot(*(np.array(places) - place).T)
+        nearest = int(away.argmin())
+        if away[nearest] > step:
+            place = places[nearest] + step * (place - places[nearest]) / away[nearest]
+        if not is_clear(places[nearest], place):
+            continue
+        away, count = np.hypot(*(np.array(places) - place).T), len(places)
+        area = min(area, (box[2] - box[0]) * (box[3] - box[1]))
+        least = 2.0 * math.sqrt(1.0 + 0.5) * math.sqrt(area / math.pi)  # gamma*, of theorem 38 of the paper
+        near = np.flatnonzero(away <= min(1.1 * least * math.sqrt(math.log(count + 1) / (count + 1)), step))
+        seen = [node for node in near.tolist() if is_clear(places[node], place)]
+        parents.append(min([nearest, *seen], key=lambda node: cost(node) + away[node]))
+        places.append(place)
+        for node in seen:
+            if cost(count) + away[node] < cost(node) - 1e-12:
+                parents[node] = count
+        rest = math.dist(place, goal)
+        if rest <= step and cost(count) + rest < best and is_clear(place, goal):
+            last = count
+    return lengths
+
+
+@pytest.mark.parametrize("step", [1.5, 6.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_rrt_star_grows_the_tree_that_its_papers_describe(seed: int, step: float) -> None:
+    """Where to samples go before and after the first way, from which place each is reached, and what is rewired."""
+    plan, growth = scattered()
+    solids, start, goal, samples = Solids.of(plan, growth), (0.8, 6.0), (19.2, 6.0), 500
+    found = rrt_star(solids, plan.box, start, goal, samples=samples, seed=seed, step=step).lengths
+    draws = np.random.default_rng(seed).random((samples, 3))
+    lengths = plain_tree(solids, plan.box, np.array(start), np.array(goal), draws, step)
+    assert np.isfinite(lengths).sum() > 100 and len({round(length, 9) for length in lengths[:-1]}) > 10
+    np.testing.assert_allclose(found[:-1], lengths[1:], rtol=1e-9)
 
 
 def test_rrt_star_is_a_function_of_its_seed() -> None:
