@@ -11,7 +11,7 @@ from episodes import run_episode
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.local.known_world import KnownWorld, Worth, clear_of
-from bug_gym.agents.local.mppi import KNOTS, MPPI, STEPS, Controls, MPPIMemory, weights_of
+from bug_gym.agents.local.mppi import KNOTS, MOVER_GROWN, MPPI, STEPS, Controls, MPPIMemory, weights_of
 from bug_gym.geometry import F64
 from bug_gym.kinematics import steering
 from bug_gym.simulation import Simulation
@@ -122,6 +122,18 @@ def test_a_way_costs_what_the_closed_form_says() -> None:
     assert model.try_one(straight_on(10, 0.0)).costs[0] == pytest.approx(standing, rel=1e-6)
 
 
+def test_a_contact_costs_until_the_horizon_ends_and_nearness_only_before_it() -> None:
+    """Straight on at 1 m/s a disc is met after 0.55 m, in the sixth step of ten; there the robot stays."""
+    policy, view, _ = made({"world": {**BOX, "goal": [12, 0]}})
+    way = np.minimum(0.1 * np.arange(1, 11), 0.55)
+    for clearance, contact in ((0.0, 20.0), (3.0, 0.0)):
+        model = KnownWorld(policy.sensors, 1, 10, 0.1, Worth(keep=0.4, clearance=clearance, contact=contact))
+        model.begin(view, np.array([[1.25, 0.0, 0.5]]), NOBODY)
+        missing = np.maximum(1.0 - (0.55 - way[:5]) / 0.4, 0.0)
+        expected = (12.0 - policy.sensors.goal_radius - way).sum() + 5 * contact + clearance * (missing**2).sum()
+        assert model.try_one(straight_on(10)).costs[0] == pytest.approx(0.1 * expected, rel=1e-5)
+
+
 def test_a_disc_that_the_robot_would_overlap_is_cut() -> None:
     found = clear_of(np.array([[1.0, 0.0, 0.9], [0.1, 0.0, 0.3], [3.0, 0.0, 0.5]]), np.array([0.9, 0.3, 0.5]), 0.2)
     np.testing.assert_allclose(found, [[1.0, 0.0, 0.799], [3.0, 0.0, 0.5]])
@@ -171,6 +183,45 @@ def test_a_plans_own_size_costs_so_that_where_all_ways_are_as_good_the_plan_fade
     np.testing.assert_allclose(faded, (1.0 - share) * plan, rtol=0.0, atol=5.0 * noise / math.sqrt(worth))
 
 
+def test_the_plan_itself_is_tried_unchanged_and_plain_ways_are_charged_nothing() -> None:
+    """Of one sample nothing comes but the plan; beside a plain way, where neither's cost counts, the mean of both."""
+    settings: dict[str, Any] = {"samples": 1, "control_weight": 1.0, "temperature": 1e6}
+    policy, view, _ = made({"world": {**BOX, "goal": [9, 0]}}, **settings)
+    plan, plain = np.tile([0.3, -0.2], (KNOTS, 1)), np.tile([0.9, 0.4], (KNOTS, 1))
+    for others, mean in (([], plan), ([plain], 0.5 * (plan + plain))):
+        policy.plain = np.array(others).reshape(-1, KNOTS, 2)
+        policy.model = KnownWorld(policy.sensors, 1 + len(others), STEPS, policy.parameters.horizon / STEPS, WORTH)
+        policy.model.begin(view, NOTHING, NOBODY)
+        np.testing.assert_allclose(policy.improved(plan, 0)[0], mean, atol=1e-4)
+
+
+def test_a_decision_goes_on_from_what_is_left_of_the_last_plan_and_no_two_iterations_draw_alike(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    policy, view, _ = made({"world": {**BOX, "goal": [9, 0]}}, iterations=2)
+    memory, plans = (
+        policy.start(),
+        [0.1 * number + np.linspace(0.0, 0.3, 2 * KNOTS).reshape(-1, 2) for number in range(6)],
+    )
+    improved, begun, numbers = policy.improved, [], []
+
+    def told(plan: F64, number: int) -> Any:
+        begun.append(plan)
+        numbers.append(number)
+        return plans[len(begun) - 1], *improved(plan, number)[1:]
+
+    monkeypatch.setattr(policy, "improved", told)
+    for decision in range(3):
+        driven = policy.act(view, memory)
+        last = plans[2 * decision + 1]
+        assert driven == policy.controls.velocity(last[0])
+        np.testing.assert_array_equal(begun[2 * decision + 1], plans[2 * decision])
+        np.testing.assert_array_equal(memory.plan, policy.controls.later(last))
+        if decision > 0:
+            np.testing.assert_array_equal(begun[2 * decision], policy.controls.later(plans[2 * decision - 1]))
+    assert len(set(numbers)) == 6
+
+
 def test_plain_ways_turn_a_robot_round_that_noise_leaves_standing() -> None:
     """With the goal behind it, turning is worth something only if it then drives on: noise seldom does both."""
     policy, view, _ = made({"world": {**BOX, "goal": [-3, 7]}}, {"robot.kinematics": "differential"})
@@ -193,6 +244,72 @@ def test_the_mean_of_two_ways_round_is_not_driven() -> None:
         assert memory.plan is not None
         policy.model.begin(view, np.array([[1.4, 0.0, 0.4]]), NOBODY)
         assert not policy.model.try_one(policy.controls.actions(memory.plan[None])).touches[0]
+
+
+# ------------------------------------------------------------------------------------------------ what is known
+
+
+def planned_with(policy: MPPI, simulation: Simulation, steps: int, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """View, memory, still discs and movers of a robot that was driven so many steps straight ahead, at half speed."""
+    told: list[Any] = []
+    begin = policy.model.begin
+    monkeypatch.setattr(policy.model, "begin", lambda *what: (told.append(what), begin(*what)))
+    memory, observation = policy.start(), simulation.observations()
+    for _ in range(steps):
+        policy.act(View(observation[0, 0], policy.sensors), memory)
+        observation = simulation.step([[[0.5, 0.0]]]).observation
+    return told[-1][0], memory, *told[-1][1:]
+
+
+def test_still_points_are_remembered_out_of_sight_and_the_nearest_are_planned_with(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A disc that was passed, beyond the scan's range now; rows of posts are more points than are planned with."""
+    posts = [[x, y, 0.05] for x in np.arange(-2.0, 6.0, 0.3).tolist() for y in (-1.0, -0.7, 0.7, 1.0)]
+    one, many = {"circles": [[0.0, 0.6, 0.2]]}, {"circles": posts}
+    for kind, scan, passed in ((one, 1.0, True), (many, 4.0, False)):
+        lidar = {"beams": 360, "range": scan}
+        policy, _, simulation = made({"world": {**BOX, **kind, "goal": [12, 0]}, "lidar": lidar}, samples=1)
+        view, memory, still, _ = planned_with(policy, simulation, 36, monkeypatch)
+        away = np.hypot(*still[:, :2].T)
+        if passed:
+            assert (view.ranges >= 0.999).all() and len(still) > 0 and away.min() > 1.0 and (still[:, 0] < 0.0).all()
+        else:
+            every = np.sort(np.hypot(*(memory.map.points() - view.position).T))
+            assert len(every) > len(still) == 96
+            np.testing.assert_allclose(np.sort(away), every[:96])
+
+
+@pytest.mark.parametrize(("at", "velocity"), [([3.0, -1.5], [0.0, 0.6]), ([4.0, 0.0], [-0.6, 0.0])])
+def test_what_moves_is_planned_with_as_a_mover_larger_than_it_is_and_as_nothing_that_stands(
+    at: list[float], velocity: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor where it was before it was known to move, though it hides that place as it comes straight on."""
+    to = [at[0] + 20.0 * velocity[0], at[1] + 20.0 * velocity[1]]
+    mover = {
+        "shape": {"circle": 0.3},
+        "at": at,
+        "motion": {"law": "waypoints", "points": [to], "speed": 0.6, "stop": True},
+    }
+    described = {"world": {**BOX, "movers": [mover], "goal": [12, 0]}, "lidar": {"beams": 180, "range": 6.0}}
+    policy, _, simulation = made(described, samples=1)
+    tracked, update = [], policy.tracker.update
+    monkeypatch.setattr(policy.tracker, "update", lambda *what: (tracked.append(update(*what)), tracked[-1])[1])
+    _, _, still, movers = planned_with(policy, simulation, 25, monkeypatch)
+    assert len(movers) == 1 and len(still) == 0
+    np.testing.assert_allclose(movers[:, 4], tracked[-1].radius[tracked[-1].moving] + MOVER_GROWN)
+    np.testing.assert_allclose(movers[0, 2:4], velocity, atol=0.1)
+
+
+def test_the_first_step_leads_no_farther_than_what_is_seen_lets_the_body_come() -> None:
+    wall = [[[0.25, -3], [0.5, -3], [0.5, 3], [0.25, 3]]]
+    policy, view, _ = made({"world": {**BOX, "polygons": wall, "goal": [9, 0]}, "lidar": {"beams": 180}})
+    step, top = policy.sensors.drive.step, policy.sensors.drive.max_speed
+    for angle in np.linspace(-1.2, 1.2, 9).tolist():
+        vx, vy = policy._free(view, (top * math.cos(angle), top * math.sin(angle)))
+        assert math.hypot(vx, vy) * step <= view.free_distance(angle, policy.sensors.radius) + 1e-9
+        assert math.atan2(vy, vx) == pytest.approx(angle)
+    assert policy._free(view, (-top, 0.0)) == (-top, 0.0)
 
 
 # ------------------------------------------------------------------------------------------------ episodes
