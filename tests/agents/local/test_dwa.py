@@ -12,12 +12,14 @@ import pytest
 from episodes import run_episode
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.local import dwa
 from bug_gym.agents.local.dwa import DWA, DWAMemory, smoothed
 from bug_gym.agents.local.windows import Window, arc_distance, weigh_window
 from bug_gym.compiling import kernel
 from bug_gym.geometry import F64
 from bug_gym.kernels.layout import Floats
 from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 BOX = {"family": "explicit", "bounds": [-6, -6, 14, 6], "start": [0, 0, 0]}
 
@@ -251,6 +253,52 @@ def test_the_side_of_a_turn_is_kept_until_a_velocity_gets_on() -> None:
     some = none.copy()
     some[2, 1] = 0.3
     assert not policy._is_stuck(view, DWAMemory(side=1), speeds, some)
+    # Who comes to next to no speed in a decision has nothing yet to be stuck with.
+    assert not policy._is_stuck(view, DWAMemory(), 0.01 * speeds, none)
+
+
+@pytest.mark.parametrize("kinematics", ["differential", "ackermann"])
+def test_who_gets_on_forgets_which_way_it_turned(kinematics: str) -> None:
+    simulation = Simulation({"world": {**BOX, "goal": [11, 0]}}, overrides={"robot.kinematics": kinematics})
+    policy: Any = make_policy("dwa", simulation)
+    memory = DWAMemory(mode="turning", side=-1)
+    policy.act(View(simulation.reset(seeds=[0])[0, 0], policy.sensors), memory)
+    assert (memory.mode, memory.side) == ("driving", 0)
+
+
+@pytest.mark.parametrize(("room", "side", "turns"), [(0.5, 0, False), (0.5, 1, True), (4.0, 1, False)])
+def test_a_turn_of_several_moves_is_not_broken_off_for_an_arc_that_soon_ends(
+    room: float, side: int, turns: bool
+) -> None:
+    """Shorter than twice the radius of the sharpest arc, it leads to the next such turn."""
+    wall = [[0.2 + room, -3], [3.0 + room, -3], [3.0 + room, 3], [0.2 + room, 3]]
+    described = {"world": {**BOX, "polygons": [wall], "goal": [11, 0]}, "lidar": {"beams": 180}}
+    simulation = Simulation(described, overrides={"robot.kinematics": "ackermann"})
+    policy: Any = make_policy("dwa", simulation)
+    assert 0.5 < 2.0 * policy.sensors.drive.least_bend < 4.0
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), DWAMemory(side=side)
+    policy._steered(view, memory, np.array([0.0, 0.3]), np.zeros((2, 1)), (0.3, 0.0))
+    assert (memory.mode == "turning", memory.is_free) == (turns, not turns)
+
+
+@pytest.mark.parametrize("turn", range(0, 36, 5))
+def test_the_first_and_the_last_direction_lie_beside_one_another(turn: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever direction is counted first, the same one is chosen."""
+    table = np.random.default_rng(4).uniform(0.0, 1.0, (9, 36))
+    monkeypatch.setattr(dwa, "weigh_window", lambda *told: np.copyto(told[-1], np.roll(table, turn, axis=1)))
+    simulation = Simulation({"world": {**BOX, "goal": [11, 0]}}, overrides={"robot.kinematics": "holonomic"})
+    _, (memory,) = make_policy("dwa", simulation).predict(simulation.reset(seeds=[0])[0, 0])
+    around = np.stack([np.roll(np.pad(table, ((1, 1), (0, 0))), by, axis=1) for by in (-1, 0, 1)])
+    sums = sum(around[:, i : i + 9] for i in range(3)).sum(axis=0)
+    counts = 3.0 * np.array([2, *[3] * 7, 2])
+    best = int((sums / counts[:, None]).argmax())
+    assert round(memory.velocity[1] / math.radians(10.0)) % 36 == (best + turn) % 36
+
+
+def test_no_way_counts_as_free_beyond_the_scan() -> None:
+    for scan, look in ((1.5, 1.5), (9.0, 3.0)):
+        policy: Any = make_policy("dwa", Simulation("static", overrides={"lidar.range": scan}), look=3.0)
+        assert policy.window.look == look
 
 
 @pytest.mark.parametrize("mirror", [1, -1])
