@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
 import pytest
 from episodes import Episode, run_episode
 
+from bug_gym import kernels
 from bug_gym.agents import make_policy
-from bug_gym.agents.local.navigator import Avoidance, Navigator, NavigatorParameters
+from bug_gym.agents.local.navigator import ROOM, Avoidance, Navigator, NavigatorParameters
 from bug_gym.evaluation import evaluate
 from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
@@ -108,6 +110,144 @@ def test_only_what_can_be_reached_in_a_step_is_chosen() -> None:
     for movers in (np.zeros((0, 5)), ahead):
         vx, vy = navigator.velocity(view, (1.0, 0.0), 8.0, movers)
         assert math.hypot(vx - view.velocity[0], vy - view.velocity[1]) <= 0.1 + 1e-9
+
+
+# ------------------------------------------------------------------------------------------------ rule by rule
+
+
+def chosen(
+    movers: Any,
+    wish: tuple[float, float],
+    own: tuple[float, float] = (0.0, 0.0),
+    *,
+    points: F64 | None = None,
+    acceleration: float | None = None,
+    **parameters: Any,
+) -> F64:
+    """The velocity (2,) of a navigator among movers (n, 5) and scan points (k, 2), without steadiness unless it is told."""
+    sensors = Sensors.of(Simulation(SCENARIO, overrides={"robot.max_acceleration": acceleration}).scenario)
+    navigator = Navigator(sensors, NavigatorParameters(**{"steadiness": 0.0, **parameters}))
+    x, y = np.zeros((2, 0)) if points is None else points.T
+    view: Any = SimpleNamespace(points=(x, y), own_velocity=own)
+    return np.array(navigator.velocity(view, wish, 8.0, np.array(movers, dtype=float).reshape(-1, 5)))
+
+
+BODY = 0.2
+
+
+def edges_of(place: F64, apex: F64, together: float) -> list[tuple[F64, F64]]:
+    """Both edges of the cone of velocities that lead to a disc: where they begin, and their directions."""
+    middle, half = math.atan2(place[1], place[0]), math.asin(together / np.hypot(*place))
+    return [(apex, np.array([math.cos(angle), math.sin(angle)])) for angle in (middle - half, middle + half)]
+
+
+@pytest.mark.parametrize("avoidance", ["vo", "rvo"])
+@pytest.mark.parametrize("seed", range(12))
+def test_before_one_mover_the_choice_is_the_nearest_on_the_edge_of_its_cone(avoidance: str, seed: int) -> None:
+    """Whose apex is the mover's velocity, or the mean of it and one's own (van den Berg, Lin and Manocha 2008)."""
+    generator = np.random.default_rng(seed)
+    away, bearing, size = generator.uniform(1.0, 1.8), generator.uniform(-0.3, 0.3), generator.uniform(0.2, 0.5)
+    place = away * np.array([math.cos(bearing), math.sin(bearing)])
+    going, own, wish = np.array([-0.3, generator.uniform(-0.2, 0.2)]), generator.uniform(0.2, 0.5, 2), (0.8, 0.0)
+    apex = 0.5 * (going + own) if avoidance == "rvo" else going
+    found = chosen([*place, *going, size], wish, (own[0], own[1]), avoidance=avoidance, horizon=20.0)
+    ahead = math.atan2(*(wish - apex)[::-1]) - bearing
+    is_inside = abs(ahead) < math.asin((BODY + size + MARGIN) / away)
+    nearest = math.inf if is_inside else 0.0
+    for begin, along in edges_of(place, apex, BODY + size + MARGIN):
+        on_edge = begin + max(float((wish - begin) @ along), 0.0) * along
+        if np.hypot(*on_edge) <= 1.0:
+            nearest = min(nearest, float(np.hypot(*(on_edge - wish))))
+    assert np.hypot(*(found - wish)) == pytest.approx(nearest, abs=1e-4)
+
+
+def test_of_two_sides_the_one_that_it_goes_to_already_is_kept() -> None:
+    for aside in (0.2, -0.2):
+        for movers in ([3.0, 0.0, -0.5, 0.0, 0.4], [2.0, 0.0, 0.0, 0.0, 0.3]):
+            assert chosen(movers, (1.0, 0.0), (0.9, aside), steadiness=0.4)[1] * aside > 0.0
+            # With all of the weight on the wish both are alike, however it goes.
+            found = chosen(movers, (1.0, 0.0), (0.9, aside)), chosen(movers, (1.0, 0.0), (0.9, -aside))
+            np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_nearer_than_the_margin_comes_no_nearer(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    (bearing, heading), gap = generator.uniform(-math.pi, math.pi, 2), generator.uniform(0.01, 0.19)
+    away = BODY + 0.4 + gap
+    mover = np.array([[away * math.cos(bearing), away * math.sin(bearing), 0.0, 0.0, 0.4]])
+    wish = math.cos(bearing + 0.4 * heading), math.sin(bearing + 0.4 * heading)
+    found = chosen(mover, wish)
+    assert nearest_approach(mover, found).min() - BODY >= gap - 0.0011 * away
+    assert np.hypot(*found) > 0.1 or abs(heading) < 0.5  # it goes on beside it
+
+
+def test_where_all_lead_to_contact_time_is_weighed_against_the_wish() -> None:
+    """Twelve come in from all round, faster than the robot: the more contact weighs the later it is."""
+    around = 2.0 * np.pi * np.arange(12) / 12 + 0.05
+    away = 1.5 + 0.4 * np.cos(around - 2.0)
+    ring = np.column_stack([away * np.cos(around), away * np.sin(around), -1.5 * np.cos(around), -1.5 * np.sin(around)])
+    ring = np.column_stack([ring, np.full(12, 0.4)])
+    wish = np.array([0.6, -0.3])
+
+    def time(velocity: F64) -> float:
+        times = np.linspace(0.0, 3.0, 601)
+        apart = ring[None, :, :2] + times[:, None, None] * (ring[None, :, 2:4] - velocity)
+        touches = (np.hypot(*np.moveaxis(apart, -1, 0)) < BODY + ring[:, 4]).any(axis=1)
+        return float(times[touches.argmax()]) if touches.any() else math.inf
+
+    every = discs(1.0)[::11]
+    latest = max(map(time, every))
+    assert latest < 3.0
+    np.testing.assert_allclose(chosen(ring, (0.6, -0.3), contact_weight=0.0), wish)
+    assert time(chosen(ring, (0.6, -0.3), contact_weight=1e4)) >= latest - 0.02
+    for weight in (0.1, 1.0):
+        cost = np.hypot(*(every - wish).T) + weight / np.array([time(one) for one in every])
+        found = chosen(ring, (0.6, -0.3), contact_weight=weight)
+        assert np.hypot(*(found - wish)) + weight / time(found) <= cost.min() + 0.02
+
+
+@pytest.mark.parametrize("acceleration", [None, 2.0])
+@pytest.mark.parametrize("gap", [0.06, 0.2, 0.4, 0.6])
+def test_what_is_seen_of_a_mover_is_stopped_before_and_is_nothing_that_stands(
+    gap: float, acceleration: float | None
+) -> None:
+    """One that goes away faster leads to no contact; still its points have to leave room to stop, and no more than that."""
+    angles, away = np.linspace(-1.0, 1.0, 41), BODY + ROOM + gap + 0.4
+    points = np.stack([away - 0.4 * np.cos(angles), 0.4 * np.sin(angles)], axis=1)
+    mover, wish, own = [away, 0.0, 1.5, 0.0, 0.4], (1.0, 0.0), (1.0, 0.0)
+    brake = acceleration or math.inf
+    for movers in ([mover], []):
+        found = chosen(movers, wish, own, points=points, acceleration=acceleration)
+        speed, bearing = float(np.hypot(*found)), math.atan2(found[1], found[0])
+        free = kernels.free_distance(points[:, 0].copy(), points[:, 1].copy(), bearing, BODY + ROOM, 8.0)
+        assert 0.1 * speed + speed**2 / (2.0 * brake) <= free + 1e-6
+        can_stop = 0.1 + 1.0 / (2.0 * brake) < gap
+        assert np.allclose(found, wish) == (can_stop and movers == [mover])  # what stands is less than a second away
+
+
+def test_a_pair_of_half_planes_makes_no_larger_a_change_than_is_needed() -> None:
+    """Each does half: then the two pass just so far apart as they want to be, and not farther."""
+    for across in (0.1, 0.25, 0.4):
+        one = chosen([2.0, across, -0.5, 0.0, BODY], (0.5, 0.0), (0.5, 0.0), avoidance="orca")
+        other = chosen([-2.0, -across, 0.5, 0.0, BODY], (-0.5, 0.0), (-0.5, 0.0), avoidance="orca")
+        gap = nearest_approach(np.array([[2.0, across, *other, BODY]]), one) - BODY
+        assert gap[0] == pytest.approx(MARGIN, abs=2e-3)
+
+
+def test_straight_toward_a_mover_half_planes_give_way_to_the_left() -> None:
+    mover = [2.0, 0.0, 0.0, 0.0, 0.3]
+    vx, vy = chosen(mover, (1.0, 0.0), (0.6, 0.0), avoidance="orca")
+    assert 0.5 < vx < 1.0 and 0.01 < vy < 0.1
+    np.testing.assert_array_equal(chosen(mover, (-0.5, 0.0), avoidance="orca"), [-0.5, 0.0])  # which nothing cuts
+
+
+def test_a_goal_nearer_than_a_step_is_not_driven_past() -> None:
+    described = {"world": {**SCENARIO["world"], "goal": [0.04, 0]}, "goal": {"radius": 0.01}}
+    simulation = Simulation(described)
+    policy: Any = make_policy("velocity_obstacle", simulation)
+    speed = policy.act(View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start())[0]
+    assert speed * policy.sensors.drive.step == pytest.approx(0.04, abs=1e-6)
 
 
 def walker(x: float, y: float, speed: float) -> dict[str, Any]:
