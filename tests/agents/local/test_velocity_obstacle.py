@@ -191,12 +191,14 @@ def test_where_all_lead_to_contact_time_is_weighed_against_the_wish() -> None:
     wish = np.array([0.6, -0.3])
 
     def time(velocity: F64) -> float:
-        times = np.linspace(0.0, 3.0, 601)
-        apart = ring[None, :, :2] + times[:, None, None] * (ring[None, :, 2:4] - velocity)
-        touches = (np.hypot(*np.moveaxis(apart, -1, 0)) < BODY + ring[:, 4]).any(axis=1)
-        return float(times[touches.argmax()]) if touches.any() else math.inf
+        toward = velocity - ring[:, 2:4]
+        ahead, speed = (ring[:, :2] * toward).sum(axis=1), (toward**2).sum(axis=1)
+        left = (ring[:, :2] ** 2).sum(axis=1) - (BODY + ring[:, 4]) ** 2
+        root = ahead**2 - speed * left
+        meets = (root >= 0.0) & (ahead > 0.0)
+        return float(((ahead - np.sqrt(np.where(meets, root, 0.0))) / speed)[meets].min(initial=math.inf))
 
-    every = discs(1.0)[::11]
+    every = discs(1.0)[::5]
     latest = max(map(time, every))
     assert latest < 3.0
     np.testing.assert_allclose(chosen(ring, (0.6, -0.3), contact_weight=0.0), wish)
@@ -204,7 +206,9 @@ def test_where_all_lead_to_contact_time_is_weighed_against_the_wish() -> None:
     for weight in (0.1, 1.0):
         cost = np.hypot(*(every - wish).T) + weight / np.array([time(one) for one in every])
         found = chosen(ring, (0.6, -0.3), contact_weight=weight)
-        assert np.hypot(*(found - wish)) + weight / time(found) <= cost.min() + 0.02
+        assert (
+            np.hypot(*(found - wish)) + weight / time(found) <= cost.min() + 0.1
+        )  # samples are 1/16 of the speed and 10 degrees apart
 
 
 @pytest.mark.parametrize("acceleration", [None, 2.0])
