@@ -182,6 +182,16 @@ def test_what_is_nearer_than_the_margin_comes_no_nearer(seed: int) -> None:
     assert np.hypot(*found) > 0.1 or abs(heading) < 0.5  # it goes on beside it
 
 
+def test_where_the_whole_margin_leaves_no_velocity_half_of_it_is_kept() -> None:
+    """A row comes in faster than the robot can get out of its way, with 0.12 m beside the body in its only gap."""
+    aside = np.concatenate([0.62 + 0.6 * np.arange(6), -0.62 - 0.6 * np.arange(6)])
+    row = np.column_stack([np.full(12, 1.2), aside, np.full(12, -1.5), np.zeros(12), np.full(12, 0.3)])
+    wish = np.array([0.5, 0.15])
+    assert 0.0 < nearest_approach(row, wish).min() - BODY < 0.05
+    found = nearest_approach(row, chosen(row, (0.5, 0.15))).min() - BODY
+    assert 0.5 * MARGIN - 1e-3 <= found <= 0.12
+
+
 def test_where_all_lead_to_contact_time_is_weighed_against_the_wish() -> None:
     """Twelve come in from all round, faster than the robot: the more contact weighs the later it is."""
     around = 2.0 * np.pi * np.arange(12) / 12 + 0.05

@@ -161,6 +161,23 @@ def test_a_star_expands_no_more_than_dijkstra_and_bidirectional_fewer_in_the_ope
             assert a_star(grid, start, goal).expanded <= dijkstra(grid, start, goal).expanded
 
 
+@pytest.mark.parametrize(("connectivity", "cut"), KINDS)
+def test_who_has_a_bound_expands_no_cell_through_which_a_way_must_be_longer(connectivity: int, cut: bool) -> None:
+    """By the bound that is the distance in the open: octile with eight neighbours, straight steps alone with four."""
+    for seed in range(4):
+        grid = make_grid(random_cells(seed, share=0.06 * seed), connectivity=connectivity, cut_corners=cut)
+        rows, columns = np.divmod(np.arange(grid.blocked.size), grid.lattice.columns)
+        for start, goal in some_ends(grid, seed, 8):
+            for search, begin, end in ((a_star, start, goal), (SHORTEST["d_star_lite"], goal, start)):
+                down, across = np.abs(rows - rows[end]), np.abs(columns - columns[end])
+                least, most = np.minimum(down, across), np.maximum(down, across)
+                left = STRAIGHT * (down + across)
+                if connectivity == 8:
+                    left = STRAIGHT * (most - least) + DIAGONAL * least
+                so_far, found = distances(grid, begin), search(grid, start, goal)
+                assert found.expanded <= ((so_far < FAR) & (so_far + left <= found.cost)).sum()
+
+
 def test_a_guess_that_says_too_much_may_make_a_star_longer_than_bfs() -> None:
     longer = 0
     for seed in range(30):

@@ -28,6 +28,7 @@ from bug_gym.agents.reciprocal.bodies import (
 from bug_gym.agents.reciprocal.half_planes import CHOSEN, choose_velocities
 from bug_gym.config import load
 from bug_gym.geometry import F64
+from bug_gym.policy import Memory
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
@@ -129,6 +130,37 @@ def test_walls_hold_where_bodies_leave_nothing() -> None:
     scan = np.where(np.sin(angles) < -0.05, np.minimum(0.21 / np.maximum(-np.sin(angles), 1e-9), 5.0), 5.0)
     vx, vy, is_disturbed = chosen([[0.0, 0.6, 0.0, -1.0, R, 1.0, 1.0]], (0.0, 0.0), (0.5, 0.0), scan=scan)
     assert is_disturbed and vy >= -0.05 - 1e-9  # 0.01 m in two steps
+
+
+@pytest.mark.parametrize("bearing", [0.0, 1.1, -2.0])
+def test_two_that_are_nearer_than_they_would_like_keep_the_room_that_there_is(bearing: float) -> None:
+    """They come no nearer; nor do they have to part at once, as those have to that overlap."""
+    cos, sin = math.cos(bearing), math.sin(bearing)
+    body = [0.45 * cos, 0.45 * sin, 0.0, 0.0, R, 0.5, 0.5]
+    for ahead, aside in ((0.0, 0.5), (0.0, -0.5), (-0.4, 0.3)):
+        wish = (ahead * cos - aside * sin, ahead * sin + aside * cos)
+        assert chosen([body], (0.0, 0.0), wish, margin=0.1)[:2] == pytest.approx(wish, abs=1e-6)
+    vx, vy, is_disturbed = chosen([body], (0.0, 0.0), (0.5 * cos, 0.5 * sin), margin=0.1)
+    assert is_disturbed and cos * vx + sin * vy <= 1e-6
+
+
+@pytest.mark.parametrize("deceleration", [math.inf, 1.0])
+@pytest.mark.parametrize("gap", [0.01, 0.05, 0.15])
+def test_walls_are_come_up_to_as_if_steps_were_twice_as_long(gap: float, deceleration: float) -> None:
+    scan = NOTHING_SEEN.copy()
+    scan[0] = R + gap  # straight ahead
+    speed, _, is_disturbed = chosen([], (0.0, 0.0), (1.0, 0.0), scan=scan, deceleration=deceleration)
+    assert 0.2 * speed + speed**2 / (2.0 * deceleration) == pytest.approx(gap) and not is_disturbed
+
+
+def test_nothing_seen_hides_no_one_who_is_beyond_the_scan() -> None:
+    """Others are told, not seen: at 1 m/s each, 5.9 m apart, they meet within 3 s."""
+    assert chosen([[5.9, 0.0, -1.0, 0.0, R, 0.5, 0.5]], (1.0, 0.0), (1.0, 0.0))[2]
+
+
+def test_who_has_settled_is_not_touched_though_no_beam_meets_it() -> None:
+    vx, vy, _ = chosen([[2.0 * R + 0.05, 0.0, 0.0, 0.0, R, 0.0, 0.5]], (0.0, 0.0), (1.0, 0.0))
+    assert 0.1 * vx == pytest.approx(0.5 * 0.05) and vy == 0.0
 
 
 # ------------------------------------------------------------------------------------------------ who is there
@@ -344,6 +376,85 @@ def test_a_wish_is_turned_to_the_right_by_a_share_of_86_degrees_for_what_is_held
         assert math.hypot(x, y) == pytest.approx(0.6)
         angles.append(math.atan2(y, x))
     assert -1.5 * held_up <= min(angles) <= -1.4 * held_up and -0.1 * held_up <= max(angles) <= 0.0
+
+
+def test_an_angle_is_kept_for_a_second_and_then_drawn_anew() -> None:
+    policy: Any = make_policy("orca", "circle_swap")
+    assert policy.sensors.drive.step == 0.1
+    drawn = [
+        policy._sidestep(orca.OrcaMemory(wish=(0.6, 0.0), held_up=1.0, seed=7, steps=steps)) for steps in range(60)
+    ]
+    assert len(set(drawn)) == 6 and all(len(set(drawn[10 * leg : 10 * leg + 10])) == 1 for leg in range(6))
+
+
+def test_robots_draw_angles_of_their_own() -> None:
+    crew = Simulation("circle_swap", overrides={"robots.count": 6})
+    policy: Any = make_policy("orca", crew)
+    memories = [policy.start() for _ in range(6)]
+    policy.who_is_there([View(row, policy.sensors) for row in crew.reset(seeds=[0])[0]], memories)
+    assert len({memory.seed for memory in memories}) == 6
+
+
+def test_who_is_held_up_by_walls_alone_does_not_turn_aside() -> None:
+    wall = [[2.0, -2.0], [2.5, -2.0], [2.5, 2.0], [2.0, 2.0]]
+    world = {"family": "explicit", "bounds": [-4, -4, 8, 4], "polygons": [wall], "start": [0, 0, 0], "goal": [6, 0]}
+    episode = run_episode("orca", {"world": world}, way="goal", max_steps=60)
+    assert episode.path[-1, 0] > 1.7 and np.abs(episode.path[:, 1]).max() < 1e-6
+
+
+class ShutIn:
+    """A bug that finds out at once that there is no way."""
+
+    def start(self) -> Memory:
+        return Memory(mode="go")
+
+    def act(self, view: View, memory: Memory) -> tuple[float, float]:
+        memory.verdict = "unreachable"
+        return 0.5, 0.1
+
+
+def test_what_a_bug_has_found_out_counts_only_if_no_one_pushed_the_robot_about_meanwhile() -> None:
+    policy: Any = orca.Orca(Sensors.of(load("circle_swap")))
+    policy.bug = ShutIn()
+    view, memory = View(Simulation("circle_swap").reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    policy._wish(view, memory)
+    assert memory.verdict == "unreachable"
+    anew: list[Memory] = []
+
+    class Open(ShutIn):
+        def act(self, view: View, memory: Memory) -> tuple[float, float]:
+            if memory.mode == "go":  # the one that was begun first
+                return super().act(view, memory)
+            anew.append(memory)
+            return 0.3, 0.0
+
+    policy.bug = Open()
+    memory = policy.start()
+    memory.was_disturbed = True
+    policy.bug.start = lambda: Memory(mode="anew")
+    wish = policy._wish(view, memory)
+    assert (memory.verdict, memory.was_disturbed, wish) == ("", False, (0.3, 0.0)) and memory.bug is anew[0]
+    memory.bug = Memory(mode="go")  # what this one finds out, undisturbed, is true
+    policy._wish(view, memory)
+    assert memory.verdict == "unreachable"
+
+
+def test_a_robot_with_a_verdict_stands() -> None:
+    policy: Any = orca.Orca(Sensors.of(load("empty")))
+    policy.bug = ShutIn()
+    view, memory = View(Simulation("empty").reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    assert policy.act(view, memory) == (0.0, 0.0) and memory.verdict == "unreachable"
+
+
+def test_a_robot_that_has_to_turn_is_enlarged_by_what_it_gets_off_its_line_and_so_is_the_other() -> None:
+    for overrides, own, kept in (
+        ({"robot.kinematics": "holonomic"}, {}, 0.0),
+        ({"robot.kinematics": "differential"}, {"enlargement": 0.1}, 0.2),
+        ({"robot.kinematics": "differential"}, {}, None),
+    ):
+        policy: Any = make_policy("orca", load("circle_swap", overrides), **own)
+        expected = 2.0 * orca.off_the_line(policy.sensors) if kept is None else kept
+        assert policy.margin == pytest.approx(orca.SKIN + expected)
 
 
 @pytest.mark.parametrize("max_acceleration", [None, 1.0])
