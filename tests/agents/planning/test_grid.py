@@ -159,6 +159,37 @@ def test_pure_pursuit_stands_before_what_the_scan_shows() -> None:
     assert math.hypot(*velocity) * sensors.drive.step <= 0.011
 
 
+def followed(route: Route, view: View, x: float = 0.0, y: float = 0.0) -> tuple[float, float]:
+    """What pure pursuit drives along a way from a place."""
+    route.advance(x, y)
+    return PurePursuit(view.sensors).follow(route, view, Scene((x, y, 0.0), (9.0, 0.0), None))
+
+
+@pytest.mark.parametrize("away", [0.02, 0.07, 0.3, 0.59])
+def test_the_end_of_a_way_is_not_driven_past_and_what_brakes_can_stop_there(away: float) -> None:
+    places = np.array([[-1.0, 0.0], [away, 0.0]])
+    for brake in (None, 0.8):
+        sensors, view = flat_view(99.0, kinematics="holonomic", max_acceleration=brake)
+        step, most = sensors.drive.step, sensors.drive.max_speed
+        can_stop = math.inf if brake is None else max(math.sqrt(2.0 * brake * away), brake * step)
+        speed = followed(Route(places, margin=0.05), view)
+        assert speed == pytest.approx((min(most, away / step, can_stop), 0.0))
+
+
+def test_who_is_held_beside_its_way_goes_back_to_it_first() -> None:
+    """Going on beside its way it heads for a place ahead; standing there for what is near on it, until it is back."""
+    (sensors, standing), (_, going) = flat_view(99.0, kinematics="holonomic"), flat_view(99.0, kinematics="holonomic")
+    going.velocity = (0.8, 0.0)
+    route = Route(np.array([[-1, 0], [9, 0]]), margin=0.05)
+    for view, is_left in ((going, False), (standing, True), (going, True)):
+        vx, vy = followed(route, view, 0.0, 0.3)
+        assert route.is_left == is_left
+        ahead = 0.5 * sensors.step_length if is_left else LOOKAHEAD
+        assert math.atan2(vy, vx) == pytest.approx(math.atan2(-0.3, ahead))
+    followed(route, going, 0.1, 0.01)
+    assert not route.is_left
+
+
 def test_an_unknown_follower_is_refused() -> None:
     sensors, _ = flat_view()
     with pytest.raises(ValueError, match=r"follower must be one of \['pure_pursuit'.*\], got 'hope'"):
