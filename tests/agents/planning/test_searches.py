@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
+from compiled import for_python
 from numpy.typing import NDArray
 
 from bug_gym.agents.planning.a_star import a_star
@@ -20,10 +22,13 @@ from bug_gym.agents.planning.d_star_lite import DStarLite
 from bug_gym.agents.planning.dijkstra import dijkstra, distances
 from bug_gym.agents.planning.grid import DIAGONAL, FAR, STRAIGHT, Grid, grid_of, make_grid, relink_nodes
 from bug_gym.agents.planning.live import Maps
+from bug_gym.agents.planning.open_list import open_list
 from bug_gym.agents.planning.search import MANHATTAN, Found, cost_of_way
-from bug_gym.agents.planning.theta_star import theta_star
+from bug_gym.agents.planning.theta_star import in_sight, search_any_angle, theta_star
 from bug_gym.config import load, scenario_names
 from bug_gym.simulation import Simulation
+
+sees = for_python(in_sight)
 
 SHORTEST: dict[str, Callable[[Grid, int, int], Found]] = {
     "dijkstra": dijkstra,
@@ -290,6 +295,23 @@ def is_clear_of_squares(grid: Grid, a: Any, b: Any) -> bool:
     return True
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_in_sight_is_what_touches_no_blocked_cell_be_it_in_a_corner(seed: int) -> None:
+    """Of all pairs of free cells, by the squares that the straight line meets, their rims with them."""
+    blocked = np.pad(random_cells(seed, 7, 9, 0.15 + 0.05 * seed), 1, constant_values=1)
+    free = np.argwhere(blocked == 0)
+    squares = shapely.union_all([shapely.box(x - 0.5, y - 0.5, x + 0.5, y + 0.5) for y, x in np.argwhere(blocked)])
+    shapely.prepare(squares)
+    columns, through_corners = blocked.shape[1], 0
+    for one, other in itertools.combinations(free.tolist(), 2):
+        line = shapely.LineString([one[::-1], other[::-1]])
+        expected = not shapely.intersects(squares, line)
+        nodes = [row * columns + column for row, column in (one, other)]
+        assert sees(blocked, columns, *nodes) == sees(blocked, columns, *reversed(nodes)) == expected
+        through_corners += not expected and shapely.intersection(squares, line).length == 0.0
+    assert through_corners > 5
+
+
 def test_where_cells_beside_them_stop_diagonal_steps_a_star_goes_a_third_farther_than_straight() -> None:
     grid = make_grid(np.array([[0, 0, 1], [1, 0, 0]], dtype=np.uint8))
     ends = node(grid, 0, 0), node(grid, 1, 2)
@@ -305,6 +327,25 @@ def test_in_the_open_theta_star_goes_straight() -> None:
     grid = make_grid(np.zeros((30, 30), dtype=np.uint8))
     found = theta_star(grid, node(grid, 2, 4), node(grid, 20, 29))
     assert found.nodes.tolist() == [node(grid, 2, 4), node(grid, 20, 29)]
+    assert found.expanded <= 2 * 25  # it takes 25 steps to the goal, and what leads elsewhere is longer
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_theta_star_leaves_no_cell_that_one_whose_turn_has_been_knows_a_shorter_way_to(seed: int) -> None:
+    """Straight from where its own way comes straight, if that is in sight, else through itself; to cells that were done, too."""
+    grid = make_grid(random_cells(seed, share=0.25))
+    columns, (start, goal) = grid.lattice.columns, far_apart(grid)
+    cost, parent = np.full(grid.blocked.size, FAR, dtype=np.int64), np.full(grid.blocked.size, -1, dtype=np.int32)
+    heap = open_list(grid.blocked.size)
+    search_any_angle(grid.blocked, grid.links, None, columns, start, goal, cost, parent, heap)
+    places = np.stack(np.divmod(np.arange(grid.blocked.size), columns), axis=1)
+    offsets = [1, columns + 1, columns, columns - 1, -1, -columns - 1, -columns, 1 - columns]
+    done = np.flatnonzero((cost < FAR) & (heap.place == 0))
+    assert len(done) > 50
+    for one in done.tolist():
+        for other in (one + offset for step, offset in enumerate(offsets) if grid.links[one] >> step & 1):
+            through = int(parent[one]) if sees(grid.blocked, columns, int(parent[one]), other) else one
+            assert cost[other] <= cost[through] + STRAIGHT * math.dist(places[through], places[other]) + 1
 
 
 @pytest.mark.parametrize("name", [*SHORTEST, "bfs", "theta_star"])
