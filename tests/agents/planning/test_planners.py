@@ -14,7 +14,8 @@ from bug_gym.agents import AGENTS, make_policy
 from bug_gym.agents.planning.grid import grid_of
 from bug_gym.agents.planning.live import Maps
 from bug_gym.agents.planning.map import PlanningMap
-from bug_gym.agents.planning.rrt_star import Grown, rrt_star
+from bug_gym.agents.planning.rrt_star import TRIES, Grown, rrt_star
+from bug_gym.agents.planning.seen_ground import FORGOTTEN, MOST_WAITING, STILL_FOR, SeenGround
 from bug_gym.agents.planning.smoothing import Solids, pulled
 from bug_gym.config import dump
 from bug_gym.evaluation import evaluate
@@ -436,6 +437,43 @@ def test_in_unknown_terrain_a_door_that_stays_shut_is_found_out_however_much_mov
     assert episode.verdict == "unreachable" and len(episode.path) <= 10 * 3 * 90
 
 
+def test_what_has_been_seen_leaves_no_way_after_ten_seconds_in_which_nothing_opens_or_a_minute_without_one() -> None:
+    policy: Any = make_policy("d_star_lite", Simulation("static"), known=False)
+    seen = SeenGround(policy.parameters, policy.rooms)
+
+    def waited(seconds: float, *, opens_every: float = math.inf) -> bool:
+        for step in range(1, round(seconds) + 1):
+            seen.wait(1.0, is_open=step % opens_every == 0.0)
+        return seen.is_shut
+
+    assert not waited(STILL_FOR - 1.0) and waited(1.0)
+    seen.go_on()
+    assert not seen.is_shut and not waited(MOST_WAITING - 1.0, opens_every=5.0) and waited(1.0, opens_every=1.0)
+    seen.go_on()
+    for _ in range(round(MOST_WAITING) - 1):  # on the way to look nothing is proven, but time is not without end
+        seen.look_on(1.0)
+        assert not seen.is_shut
+    seen.look_on(1.0)
+    assert seen.is_shut
+
+
+def test_what_has_been_seen_is_forgotten_twice_at_most_and_only_where_something_has_gone() -> None:
+    policy: Any = make_policy("d_star_lite", Simulation("static"), known=False)
+    seen = SeenGround(policy.parameters, policy.rooms)
+    assert len(policy.rooms) > 1 and not seen.forget()  # nothing has gone
+    for _ in range(FORGOTTEN):
+        rooms = [seen.room]
+        while seen.narrow():
+            rooms.append(seen.room)
+        assert rooms == list(policy.rooms)  # one after the other, and all of them again
+        seen.points.removed += 1
+        seen.wait(99.0, is_open=False)
+        assert seen.forget() and not seen.is_shut
+        assert not seen.forget()  # not for the same
+    seen.points.removed += 1
+    assert not seen.forget()
+
+
 # ------------------------------------------------------------------------------------------------------------- RRT*
 
 
@@ -573,6 +611,43 @@ def test_rrt_star_is_patient_only_where_there_is_a_way_and_none_found_proves_not
     assert episode.verdict == verdict
     assert ("proves nothing" in episode.memory.reason) == (verdict == "stuck")
     assert (max(patient) > 1) == (verdict == "stuck")
+
+
+def test_each_plan_of_rrt_star_draws_anew_and_only_after_several_in_vain_it_is_stuck(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seeds: list[Any] = []
+    monkeypatch.setattr(
+        "bug_gym.agents.planning.rrt_star.rrt_star",
+        lambda *_, seed, **__: (seeds.append(seed), Grown(np.zeros((0, 2)), np.zeros(0)))[1],
+    )
+    simulation = Simulation({"world": walled(1.0)}, overrides={"robot.kinematics": "holonomic"})
+    simulation.reset(seeds=[0])
+    policy: Any = make_policy("rrt_star", simulation, seed=5)
+    memory, verdicts, drawn = policy.begin(0), [], []
+    for memory.plans in range(6):
+        verdicts.append(policy.plan(policy.look(None, memory), memory).verdict)
+        drawn.append(set(seeds))
+        seeds.clear()
+    assert verdicts == [""] * TRIES + ["stuck"] * (6 - TRIES)
+    assert all(len(one) == 1 for one in drawn) and len(set.union(*drawn)) == 6
+
+
+def test_the_way_of_rrt_star_is_that_of_its_tree_pulled_straight() -> None:
+    simulation = Simulation({"world": walled(1.0)}, overrides={"robot.kinematics": "holonomic"})
+    simulation.reset(seeds=[0])
+    lengths = {}
+    for smooth in (True, False):
+        policy: Any = make_policy("rrt_star", simulation, samples=300, smooth=smooth)
+        memory = policy.begin(0)
+        scene = policy.look(None, memory)
+        places = policy.plan(scene, memory).places
+        lengths[smooth] = float(np.hypot(*np.diff(places, axis=0).T).sum())
+    still, room = memory.live.still, policy.rooms[0]
+    tree = rrt_star(Solids.of(still, room.growth), still.box, scene.pose[:2], scene.goal, samples=300, seed=(0, 0))
+    assert lengths[False] == pytest.approx(tree.lengths[-1], rel=1e-6)
+    exact = still.shortest_path(scene.pose[:2], scene.goal, radius=room.growth).length
+    assert exact - 1e-6 <= lengths[True] < lengths[False]
 
 
 def test_rrt_star_refuses_an_end_in_an_obstacle() -> None:

@@ -332,7 +332,7 @@ def test_in_the_open_theta_star_goes_straight() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_theta_star_leaves_no_cell_that_one_whose_turn_has_been_knows_a_shorter_way_to(seed: int) -> None:
-    """Straight from where its own way comes straight, if that is in sight, else through itself; to cells that were done, too."""
+    """Straight from where its own way begins, if that is in sight, else through itself; to cells that were done, too."""
     grid = make_grid(random_cells(seed, share=0.25))
     columns, (start, goal) = grid.lattice.columns, far_apart(grid)
     cost, parent = np.full(grid.blocked.size, FAR, dtype=np.int64), np.full(grid.blocked.size, -1, dtype=np.int32)
