@@ -166,21 +166,51 @@ def test_a_star_expands_no_more_than_dijkstra_and_bidirectional_fewer_in_the_ope
             assert a_star(grid, start, goal).expanded <= dijkstra(grid, start, goal).expanded
 
 
+def left_in_the_open(grid: Grid, end: int) -> NDArray[np.int64]:
+    """What the way from each cell (n,) to an end costs where nothing is blocked."""
+    rows, columns = np.divmod(np.arange(grid.blocked.size), grid.lattice.columns)
+    down, across = np.abs(rows - rows[end]), np.abs(columns - columns[end])
+    diagonal = np.minimum(down, across) if grid.connectivity == 8 else 0
+    left: NDArray[np.int64] = STRAIGHT * (down + across - 2 * diagonal) + DIAGONAL * diagonal
+    return left
+
+
 @pytest.mark.parametrize(("connectivity", "cut"), KINDS)
 def test_who_has_a_bound_expands_no_cell_through_which_a_way_must_be_longer(connectivity: int, cut: bool) -> None:
     """By the bound that is the distance in the open: octile with eight neighbours, straight steps alone with four."""
     for seed in range(4):
         grid = make_grid(random_cells(seed, share=0.06 * seed), connectivity=connectivity, cut_corners=cut)
-        rows, columns = np.divmod(np.arange(grid.blocked.size), grid.lattice.columns)
         for start, goal in some_ends(grid, seed, 8):
             for search, begin, end in ((a_star, start, goal), (SHORTEST["d_star_lite"], goal, start)):
-                down, across = np.abs(rows - rows[end]), np.abs(columns - columns[end])
-                least, most = np.minimum(down, across), np.maximum(down, across)
-                left = STRAIGHT * (down + across)
-                if connectivity == 8:
-                    left = STRAIGHT * (most - least) + DIAGONAL * least
+                left = left_in_the_open(grid, end)
                 so_far, found = distances(grid, begin), search(grid, start, goal)
                 assert found.expanded <= ((so_far < FAR) & (so_far + left <= found.cost)).sum()
+
+
+def test_from_both_ends_fewer_cells_are_expanded_than_from_one_and_none_that_neither_would() -> None:
+    both = one = 0
+    for seed in range(5):
+        grid = make_grid(random_cells(seed, 60, 80, 0.2))
+        for start, goal in some_ends(grid, seed, 8):
+            found = bidirectional_a_star(grid, start, goal)
+            ways = [(distances(grid, a), left_in_the_open(grid, b)) for a, b in ((start, goal), (goal, start))]
+            reach = [(so_far < FAR) & (so_far + left <= found.cost) for so_far, left in ways]
+            assert found.expanded <= (reach[0] | reach[1]).sum()
+            both, one = both + found.expanded, one + a_star(grid, start, goal).expanded
+    assert both < 0.95 * one
+
+
+def test_from_both_ends_it_is_soon_known_that_one_is_shut_in() -> None:
+    """The side with fewer open cells comes first, whichever it is: the wide field outside is hardly looked at."""
+    cells = np.zeros((60, 60), dtype=np.uint8)
+    cells[8:13, 8:13] = 1
+    cells[9:12, 9:12] = 0
+    grid = make_grid(cells)
+    inside, outside = node(grid, 10, 10), node(grid, 40, 45)
+    for ends in ((inside, outside), (outside, inside)):
+        found = bidirectional_a_star(grid, *ends)
+        assert found.cost == FAR and found.expanded <= 2 * 9
+    assert a_star(grid, outside, inside).expanded > 3000
 
 
 def test_a_guess_that_says_too_much_may_make_a_star_longer_than_bfs() -> None:
