@@ -266,7 +266,7 @@ def test_who_gets_on_forgets_which_way_it_turned(kinematics: str) -> None:
     assert (memory.mode, memory.side) == ("driving", 0)
 
 
-@pytest.mark.parametrize(("room", "side", "turns"), [(0.5, 0, False), (0.5, 1, True), (4.0, 1, False)])
+@pytest.mark.parametrize(("room", "side", "turns"), [(0.5, 0, False), (0.5, 1, True), (0.5, -1, True), (4.0, 1, False)])
 def test_a_turn_of_several_moves_is_not_broken_off_for_an_arc_that_soon_ends(
     room: float, side: int, turns: bool
 ) -> None:
@@ -277,8 +277,9 @@ def test_a_turn_of_several_moves_is_not_broken_off_for_an_arc_that_soon_ends(
     policy: Any = make_policy("dwa", simulation)
     assert 0.5 < 2.0 * policy.sensors.drive.least_bend < 4.0
     view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), DWAMemory(side=side)
-    policy._steered(view, memory, np.array([0.0, 0.3]), np.zeros((2, 1)), (0.3, 0.0))
+    toward = policy._steered(view, memory, np.array([0.0, 0.3]), np.zeros((2, 1)), (0.3, 0.0))
     assert (memory.mode == "turning", memory.is_free) == (turns, not turns)
+    assert not turns or math.atan2(toward[1], toward[0]) == pytest.approx(side * 0.5 * math.pi)
 
 
 @pytest.mark.parametrize("turn", range(0, 36, 5))
@@ -287,9 +288,10 @@ def test_the_first_and_the_last_direction_lie_beside_one_another(turn: int, monk
     table = np.random.default_rng(4).uniform(0.0, 1.0, (9, 36))
     monkeypatch.setattr(dwa, "weigh_window", lambda *told: np.copyto(told[-1], np.roll(table, turn, axis=1)))
     simulation = Simulation({"world": {**BOX, "goal": [11, 0]}}, overrides={"robot.kinematics": "holonomic"})
-    _, (memory,) = make_policy("dwa", simulation).predict(simulation.reset(seeds=[0])[0, 0])
+    policy: Any = make_policy("dwa", simulation)
+    _, (memory,) = policy.predict(simulation.reset(seeds=[0])[0, 0])
     around = np.stack([np.roll(np.pad(table, ((1, 1), (0, 0))), by, axis=1) for by in (-1, 0, 1)])
-    sums = sum(around[:, i : i + 9] for i in range(3)).sum(axis=0)
+    sums = (around[:, :9] + around[:, 1:10] + around[:, 2:]).sum(axis=0)
     counts = 3.0 * np.array([2, *[3] * 7, 2])
     best = int((sums / counts[:, None]).argmax())
     assert round(memory.velocity[1] / math.radians(10.0)) % 36 == (best + turn) % 36

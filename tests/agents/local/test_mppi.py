@@ -55,6 +55,23 @@ def test_what_is_asked_for_is_driven_as_the_control_says(kinematics: str) -> Non
         np.testing.assert_allclose(steering(drive, controls.velocity(plan[0])), actions[0], atol=1e-5)
 
 
+def test_a_cars_controls_are_shares_of_its_speeds_and_of_its_steering_angle() -> None:
+    """What the model is told and what the car is asked for are the same arc; backwards only where it sees behind itself."""
+    car = {"robot.kinematics": "ackermann", "robot.max_reverse": 0.4}
+    drive = Sensors.of(Simulation("static", overrides=car).scenario).drive
+    controls = Controls(drive, 2.5)
+    for first, second in ((1.0, 0.0), (0.6, -0.8), (-1.0, 0.5), (-0.3, 1.0), (0.0, 0.4)):
+        speed, rate = controls.arc((first, second))
+        assert speed == pytest.approx(first * (drive.max_speed if first > 0.0 else 0.4))
+        assert rate == pytest.approx(speed * math.tan(second * drive.max_steering) / drive.wheelbase)
+        ahead, steering_angle = controls.actions(np.tile([first, second], (1, KNOTS, 1)))[0, 0].tolist()
+        assert 0.5 * (ahead + 1.0) * (drive.max_speed + 0.4) - 0.4 == pytest.approx(speed)
+        assert steering_angle == pytest.approx(second)
+    for fov, least in ((2.0 * math.pi, -1.0), (math.pi, 0.0)):
+        policy, _, _ = made("static", {**car, "lidar.fov": fov})
+        assert policy.controls.limited(np.array([[-1.0, 0.0]]))[0, 0] == policy.plain[..., 0].min() == least
+
+
 def test_a_plan_a_step_later_is_the_rest_of_it() -> None:
     controls = Controls(Sensors.of(Simulation("static").scenario).drive, 2.5)
     knots = np.linspace(0.0, 2.5, KNOTS)
@@ -253,7 +270,12 @@ def planned_with(policy: MPPI, simulation: Simulation, steps: int, monkeypatch: 
     """View, memory, still discs and movers of a robot that was driven so many steps straight ahead, at half speed."""
     told: list[Any] = []
     begin = policy.model.begin
-    monkeypatch.setattr(policy.model, "begin", lambda *what: (told.append(what), begin(*what)))
+
+    def noted(*what: Any) -> None:
+        told.append(what)
+        begin(*what)
+
+    monkeypatch.setattr(policy.model, "begin", noted)
     memory, observation = policy.start(), simulation.observations()
     for _ in range(steps):
         policy.act(View(observation[0, 0], policy.sensors), memory)
@@ -294,7 +316,12 @@ def test_what_moves_is_planned_with_as_a_mover_larger_than_it_is_and_as_nothing_
     described = {"world": {**BOX, "movers": [mover], "goal": [12, 0]}, "lidar": {"beams": 180, "range": 6.0}}
     policy, _, simulation = made(described, samples=1)
     tracked, update = [], policy.tracker.update
-    monkeypatch.setattr(policy.tracker, "update", lambda *what: (tracked.append(update(*what)), tracked[-1])[1])
+
+    def noted(*what: Any) -> Any:
+        tracked.append(update(*what))
+        return tracked[-1]
+
+    monkeypatch.setattr(policy.tracker, "update", noted)
     _, _, still, movers = planned_with(policy, simulation, 25, monkeypatch)
     assert len(movers) == 1 and len(still) == 0
     np.testing.assert_allclose(movers[:, 4], tracked[-1].radius[tracked[-1].moving] + MOVER_GROWN)

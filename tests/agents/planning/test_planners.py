@@ -617,10 +617,12 @@ def test_each_plan_of_rrt_star_draws_anew_and_only_after_several_in_vain_it_is_s
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seeds: list[Any] = []
-    monkeypatch.setattr(
-        "bug_gym.agents.planning.rrt_star.rrt_star",
-        lambda *_, seed, **__: (seeds.append(seed), Grown(np.zeros((0, 2)), np.zeros(0)))[1],
-    )
+
+    def none(*_: Any, seed: Any, **__: Any) -> Grown:
+        seeds.append(seed)
+        return Grown(np.zeros((0, 2)), np.zeros(0))
+
+    monkeypatch.setattr("bug_gym.agents.planning.rrt_star.rrt_star", none)
     simulation = Simulation({"world": walled(1.0)}, overrides={"robot.kinematics": "holonomic"})
     simulation.reset(seeds=[0])
     policy: Any = make_policy("rrt_star", simulation, seed=5)

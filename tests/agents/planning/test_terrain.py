@@ -17,7 +17,7 @@ from bug_gym.agents.planning.a_star import a_star
 from bug_gym.agents.planning.d_star_lite import DStarLite
 from bug_gym.agents.planning.dijkstra import dijkstra
 from bug_gym.agents.planning.grid import DIAGONAL, FAR, STRAIGHT, UNIT, Grid, Lattice, make_grid
-from bug_gym.agents.planning.map import PlanningMap, ground_of
+from bug_gym.agents.planning.map import Ground, PlanningMap, ground_of
 from bug_gym.agents.planning.terrain import WeighedGround, weights_of
 from bug_gym.agents.planning.theta_star import theta_star
 from bug_gym.schema.polygons import WeightedRegion
@@ -156,6 +156,16 @@ def test_the_weight_of_a_cell_is_the_largest_factor_there() -> None:
         in_square, in_disc = 0.0 < x < 4.0 and 0.0 < y < 4.0, math.hypot(x - 4.0, y - 2.0) <= 1.5
         assert weight == UNIT * (3.5 if in_disc else 2.0 if in_square else 1.0)
     assert weights_of(PlanningMap(border, np.zeros((0, 3))), lattice) is None
+
+
+def test_what_lies_in_a_hole_of_a_region_is_open_ground() -> None:
+    shell, hole = (half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) for half in (3.0, 1.0))
+    lattice = Lattice(-4.0, -4.0, 0.25, 33, 33)
+    weights = weights_of(PlanningMap(4.0 * shell, np.zeros((0, 3)), (), (Ground(2.0, None, (shell, hole)),)), lattice)
+    assert weights is not None
+    farthest = np.abs(lattice.places(np.arange(weights.size, dtype=np.int32))).max(axis=1)
+    for cells, factor in (((farthest > 1.1) & (farthest < 2.9), 2.0), ((farthest < 0.9) | (farthest > 3.1), 1.0)):
+        assert (weights[cells] == factor * UNIT).all() and cells.sum() > 40
 
 
 DEAR = 3.0
