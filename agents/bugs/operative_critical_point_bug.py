@@ -99,7 +99,6 @@ class OperativeCriticalPointBug(ScriptedPolicy):
 
     Parameters = OperativeParameters
     parameters: OperativeParameters
-    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)

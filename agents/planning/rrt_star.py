@@ -4,7 +4,8 @@ Source: Karaman and Frazzoli (2011); once there is a way, samples are drawn from
 Gammell, Srinivasa and Barfoot (2014), Informed RRT*. Sensing assumed: the map, own place on it. Memory kept: the way.
 States: planning, following, waiting. Guarantee: with ever more samples a way if there is one, ever nearer to the shortest;
 with a number of them none, and where it has found none several times it says "stuck". That there is no way no number of
-samples tells; where they find none the map is asked. Length: of the tree's best way after `samples` samples.
+samples tells; where they find none the map is asked. Length: of the best way that the tree came to in `samples` samples. A
+place that is rewired later is not tried for the goal again, which was worth at most 0.3 % in 48 trees of 500 samples.
 
 Pieces are tried exactly against the map. Samples are numbers drawn from the parameter `seed` and the number of the plan.
 """
