@@ -101,7 +101,6 @@ class DWA(ScriptedPolicy):
 
     Parameters = DWAParameters
     parameters: DWAParameters
-    foresight = True
 
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
