@@ -399,8 +399,8 @@ def barn_worlds(found: Record) -> Page:
             "The faithful robot has the benchmark's rectangle, its limits of speed, turn rate and acceleration, its scanner "
             "of 270 degrees with noise and its latency of 0.1 s, but no limit of angular acceleration and no slip; every bug "
             f"of these reaches at least {fewest['faithful']}. Of those that do not read the map `{best}` scores most with it, "
-            f"{fair[best]['score_2024']:.4f} with {percent(fair[best]['success'])} % reached. Its commands act late: who decides "
-            "by what it will see then, and who by what it sees, was chosen on these worlds "
+            f"{fair[best]['score_2024']:.4f} with {percent(fair[best]['success'])} % reached. Its commands act late: who "
+            "decides by what it will see then, and who by what it sees, was chosen on these worlds "
             "([trials](../trials.md#commands-that-act-late)). "
         )
     still = all(one["collisions"] == 0 for one in claimed["holonomic"].values())
