@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from bug_gym import kernels, kinematics
 from bug_gym.checks import float32_numbers
 from bug_gym.config import Scenario, load
-from bug_gym.foresight import as_it_lies, seen_then
+from bug_gym.foresight import as_it_lies, left_behind, seen_nearby, seen_then
 from bug_gym.inertia import (
     are_cut_at_once,
     as_it_will_lie,
@@ -81,6 +81,8 @@ class Memory:
     """A turn in several moves that an ackermann robot is at."""
     lately: list[NDArray[np.float64]] = field(default_factory=list, kw_only=True)
     """Points (2, k) of the scans before this one, odometry frame [m], of a robot that cannot stop before all that one shows."""
+    nearby: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)), kw_only=True)
+    """Points (2, k) seen nearby, the last scan's and those to which it did not look, odometry frame [m]; see foresight.py."""
 
 
 @dataclass(frozen=True)
@@ -244,9 +246,15 @@ class ScriptedPolicy(ABC):
         """Whether commands act late and it decides by what it will see then; discrete ones are kept by nobody."""
         return self.foresight and self.sensors.drive.latency > 0 and not self.discrete
 
-    def _seen(self, view: View) -> View:
+    def _seen(self, view: View, memory: Memory) -> View:
         """What it decides by."""
-        return seen_then(view) if self.foresees else view
+        if not self.foresees:
+            return view
+        if self.sensors.is_full_circle:
+            return seen_then(view)
+        behind = left_behind(view, memory.nearby)
+        memory.nearby = np.concatenate([behind, seen_nearby(view)], axis=1)
+        return seen_then(view, behind)
 
     def _meant(self, view: View, velocity: Velocity) -> Velocity:
         """A velocity that it has decided for, in the robot's frame of now."""
@@ -353,7 +361,7 @@ class ScriptedPolicy(ABC):
         """The action for what one robot sees."""
         view.under_way, view.lately = memory.under_way, memory.lately
         driver = self.driver(memory)
-        seen, velocity = driver._seen(view), STANDING
+        seen, velocity = driver._seen(view, memory), STANDING
         if driver._is_asked(seen, memory):
             velocity = checked_velocity(self, driver.act(seen, memory))
         course, arc = driver._beside(seen, memory, velocity)
@@ -375,7 +383,8 @@ class ScriptedPolicy(ABC):
         for view, memory in zip(views, memories, strict=True):
             view.under_way, view.lately = memory.under_way, memory.lately
         drivers = [self.driver(memory) for memory in memories]  # as the decision begins
-        seen = [driver._seen(view) for driver, view in zip(drivers, views, strict=True)]
+        each = zip(drivers, views, memories, strict=True)
+        seen = [driver._seen(view, memory) for driver, view, memory in each]
         asked = zip(drivers, seen, memories, strict=True)
         goes = [driver._is_asked(then, memory) for driver, then, memory in asked]
         answers = iter(self.act_each(list(compress(seen, goes)), list(compress(memories, goes))))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load
-from bug_gym.foresight import as_it_lies, seen_then
+from bug_gym.foresight import NEAR, as_it_lies, in_frame, left_behind, seen_nearby, seen_then
 from bug_gym.inertia import as_it_will_lie
 from bug_gym.kernels.scan_then import SLANTED
 from bug_gym.simulation import Simulation
@@ -105,6 +105,33 @@ def test_points_lie_on_what_is_there_and_hidden_things_are_not_shown_as_walls() 
         assert shapely.distance(places, things).max() < 1e-3
         off = np.abs(then.ranges - seen.ranges) > 0.05
         assert off.mean() < 0.06  # beside the edges of things
+
+
+def test_what_was_seen_nearby_is_kept_while_it_lies_behind_and_no_longer() -> None:
+    """A robot with eyes ahead turns round beside a block, twice: it goes on knowing where that is, and no point twice."""
+    turns: dict[str, Any] = {
+        "lidar.fov": 4.0,
+        "lidar.range": 8.0,
+        "robot.max_acceleration": 20.0,
+        "world.start": [-1.5, 0.0, 0.0],
+    }
+    described = scenario("differential", polygons=[BLOCK], **turns)
+    simulation, sensors = Simulation(described), Sensors.of(described)
+    flat, nearby = simulation.reset(seeds=[0])[0, 0], np.zeros((2, 0))
+    counts = []
+    for _ in range(50):
+        view = View(flat.copy(), sensors, under_way=[])
+        behind = left_behind(view, nearby)
+        nearby = np.concatenate([behind, seen_nearby(view)], axis=1)
+        x, y = in_frame(behind, view.pose)
+        assert (np.abs(np.arctan2(y, x)) > 2.0 - 1e-9).all() and (np.hypot(x, y) < NEAR).all()
+        assert np.abs(behind[0] - 0.5).max(initial=0.0) < 1e-3  # the block's left side, half a metre ahead of the start
+        shown = np.hypot(*seen_then(view, behind).points)
+        assert shown.min() == pytest.approx(0.5, abs=0.02)
+        counts.append(behind.shape[1])
+        flat = simulation.step(np.array([[[2.0 * 0.3 / 1.3 - 1.0, 1.0]]], np.float32)).observation[0, 0]
+    assert 0 in counts and max(counts) > 20
+    assert max(counts[25:]) <= max(counts[:25]) + 2
 
 
 def test_velocities_are_turned_there_and_back() -> None:
