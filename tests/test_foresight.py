@@ -132,6 +132,9 @@ def test_what_was_seen_nearby_is_kept_while_it_lies_behind_and_no_longer() -> No
         flat = simulation.step(np.array([[[2.0 * 0.3 / 1.3 - 1.0, 1.0]]], np.float32)).observation[0, 0]
     assert 0 in counts and max(counts) > 20
     assert max(counts[25:]) <= max(counts[:25]) + 2
+    near, far = (np.array(view.to_odometry(-distance, 0.0))[:, None] for distance in (0.9 * NEAR, 1.1 * NEAR))
+    assert np.array_equal(left_behind(view, near), near)
+    assert left_behind(view, far).size == 0
 
 
 def test_velocities_are_turned_there_and_back() -> None:
