@@ -11,6 +11,8 @@ import shapely
 from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.bugs.bug2 import Bug2
+from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.config import load
 from bug_gym.foresight import NEAR, as_it_lies, in_frame, left_behind, seen_nearby, seen_then
 from bug_gym.inertia import as_it_will_lie
@@ -179,6 +181,23 @@ def test_a_late_robot_is_no_slower_than_its_latency(policy: str, kinematics: str
     prompt, late = (path(scenario(kinematics, latency=latency, **shared), policy) for latency in (0.0, 0.2))
     assert prompt[1] == late[1] == "success"
     assert len(late[0]) <= 1.15 * len(prompt[0])
+
+
+def test_who_decides_by_what_it_sees_now_leaves_no_contour_before_it_is_told() -> None:
+    """A team's laws, what HD-BUG falls back on, and discrete actions, which nobody keeps: no farther than their room."""
+    sensors = Sensors.of(scenario("differential", **{"robot.max_acceleration": 20.0}))
+    foreseeing = Bug2(sensors).boundary
+    for late in (
+        Bug2(sensors).driven_late(),
+        Bug2(sensors, discrete=True),
+        HDBug(sensors).circumnavigation.tangent_bug,
+    ):
+        boundary = late.boundary
+        way = boundary.pace * sensors.drive.step * (1 + sensors.drive.latency)
+        assert way <= boundary.clearance - sensors.radius + 1e-9
+        assert boundary.pace < 0.5 * foreseeing.pace
+    prompt = Sensors.of(scenario("differential", latency=0.0, **{"robot.max_acceleration": 20.0}))
+    assert foreseeing.pace == Bug2(prompt).boundary.pace == Bug2(prompt).driven_late().boundary.pace
 
 
 def test_a_batch_of_late_robots_is_each_alone() -> None:
