@@ -15,8 +15,10 @@ from bug_gym.agents.bugs.bug2 import Bug2
 from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.config import load
 from bug_gym.foresight import NEAR, as_it_lies, in_frame, left_behind, seen_nearby, seen_then
+from bug_gym.geometry import velocity_along
 from bug_gym.inertia import as_it_will_lie
 from bug_gym.kernels.scan_then import SLANTED
+from bug_gym.policy import CREEP, Memory, ScriptedPolicy
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
@@ -139,6 +141,39 @@ def test_what_was_seen_nearby_is_kept_while_it_lies_behind_and_no_longer() -> No
     assert left_behind(view, far).size == 0
 
 
+class Turner(ScriptedPolicy):
+    """Turns on the spot, and notes how near what it is shown comes."""
+
+    foresight = True
+
+    def __init__(self, *arguments: Any, **rest: Any) -> None:
+        super().__init__(*arguments, **rest)
+        self.nearest: list[float] = []
+
+    def start(self) -> Memory:
+        """Nothing."""
+        return Memory()
+
+    def act(self, view: View, memory: Memory) -> tuple[float, float]:
+        """Always to the left."""
+        self.nearest.append(float(np.hypot(*view.points).min()))
+        return velocity_along(0.5 * math.pi, CREEP)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.2])
+def test_a_policy_that_turns_is_shown_what_lies_behind_where_commands_act_late(latency: float) -> None:
+    turns: dict[str, Any] = {"lidar.fov": 4.0, "robot.max_acceleration": 20.0, "world.start": [-1.5, 0.0, 0.0]}
+    simulation = Simulation(scenario("differential", latency=latency, polygons=[BLOCK], **turns))
+    policy = Turner(Sensors.of(simulation.scenario))
+    flat, state = simulation.reset(seeds=[0])[0, 0], None
+    for _ in range(60):
+        action, state = policy.predict(flat, state)
+        flat = simulation.step(action[None, None]).observation[0, 0]
+    assert abs(simulation.world.pose[0, 0, 0] + 1.5) < 0.01  # the block's side is half a metre off
+    assert policy.nearest[0] == pytest.approx(0.5, abs=0.01)
+    assert (max(policy.nearest) < 0.52) == (latency > 0.0)
+
+
 def test_velocities_are_turned_there_and_back() -> None:
     described = scenario("differential")
     view = View(
@@ -171,6 +206,16 @@ def test_a_late_robot_drives_as_one_whose_commands_act_at_once_but_later(policy:
     assert prompt[1] == late[1] == "success"
     assert shapely.hausdorff_distance(*(shapely.LineString(places) for places, _ in (prompt, late))) < 0.05
     assert len(late[0]) <= len(prompt[0]) + 4  # two steps for the latency
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_a_late_potential_field_goes_where_a_prompt_one_goes(kinematics: str) -> None:
+    """Past cylinders: before a block it is caught, prompt or late."""
+    shared = {"circles": CIRCLES, "robot.max_acceleration": 20.0}
+    prompt, late = (path(scenario(kinematics, latency=latency, **shared), "apf") for latency in (0.0, 0.2))
+    assert prompt[1] == late[1] == "success"
+    assert shapely.hausdorff_distance(*(shapely.LineString(places) for places, _ in (prompt, late))) < 0.05
+    assert len(late[0]) <= len(prompt[0]) + 4
 
 
 @pytest.mark.parametrize("policy", ["tangent_bug", "apf_wall_following"])
