@@ -33,9 +33,10 @@ def seen_then(view: View, behind: NDArray[np.float64] | None = None) -> View:
         behind: points (2, k) that lie where the scanner does not look now, odometry frame [m]; they are shown, too.
     """
     ahead, sensors = foreseen(view), view.sensors
-    ranges, told = np.empty(sensors.angles.size), np.empty(sensors.angles.size, dtype=np.bool_)
+    count = sensors.angles.size
+    ranges, room = np.empty(count), (np.empty(count, dtype=np.bool_), np.empty((3, count)))
     beams = sensors.beam_directions, sensors.range, float(sensors.angles[0]), sensors.beam_spacing, 2.0 * sensors.radius
-    kernels.scan_then(view.ranges, *beams, sensors.is_full_circle, ahead.x, ahead.y, ahead.turn, ranges, told)
+    kernels.scan_then(view.ranges, *beams, sensors.is_full_circle, ahead.x, ahead.y, ahead.turn, ranges, *room)
     cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
     dx, dy = view.points[0] - ahead.x, view.points[1] - ahead.y
     points = cos * dx + sin * dy, cos * dy - sin * dx  # all of them, also those to which no beam will go then

@@ -35,6 +35,7 @@ def scan_then(
     turn: float,
     then: Floats,
     told: Flags,
+    met: Floats,
 ) -> None:
     """Ranges from a pose nearby: points that two neighbouring beams met are joined where they lie on one thing.
 
@@ -54,28 +55,31 @@ def scan_then(
         turn: its heading [rad].
         then: (B,) filled with the ranges from there [m].
         told: (B,) room for which of them lie between joined points.
+        met: (3, B) room for the points x, y [m] and their bearings [rad] from there.
     """
     beams = ranges.size
     cos, sin = math.cos(turn), math.sin(turn)
     then[:] = reach
     told[:] = False
+    for beam in range(beams):
+        dx, dy = directions[0, beam] * ranges[beam] - x, directions[1, beam] * ranges[beam] - y
+        met[0, beam], met[1, beam] = cos * dx + sin * dy, cos * dy - sin * dx
+        met[2, beam] = math.atan2(met[1, beam], met[0, beam])
     for joins in (True, False):  # other points count only where joined ones leave a beam untold
         for beam in range(beams):
             if ranges[beam] >= reach:
                 continue
-            dx, dy = directions[0, beam] * ranges[beam] - x, directions[1, beam] * ranges[beam] - y
-            px, py = cos * dx + sin * dy, cos * dy - sin * dx
-            here = (math.atan2(py, px) - first_angle) / spacing
+            px, py = met[0, beam], met[1, beam]
+            here = (met[2, beam] - first_angle) / spacing
             low, high = here - 0.5, here + 0.5
             other, next_one, qx, qy = beam, here, px, py
             if beam + 1 < beams or is_round:
                 other = (beam + 1) % beams
             if other != beam and ranges[other] < reach:
-                dx, dy = directions[0, other] * ranges[other] - x, directions[1, other] * ranges[other] - y
-                qx, qy = cos * dx + sin * dy, cos * dy - sin * dx
+                qx, qy = met[0, other], met[1, other]
                 apart = length(qx - px, qy - py)
                 is_one = apart <= width and apart <= SLANTED * spacing * max(ranges[beam], ranges[other])
-                next_one = here + wrap(math.atan2(qy, qx) - math.atan2(py, px)) / spacing
+                next_one = here + wrap(met[2, other] - met[2, beam]) / spacing
                 if joins:
                     if not is_one:
                         continue
