@@ -235,6 +235,59 @@ def test_a_turned_and_shifted_world_gives_the_same_outcome_and_length(name: str,
     assert second.length == pytest.approx(first.length, rel=0.01)
 
 
+def mirrored_worlds(goal: float) -> list[dict[str, Any]]:
+    """A world with the goal so far to the left [m], and its mirror image about the line on which the robot looks.
+
+    Nothing in it is a tie: no wall lies square to the way, and no two ways round are of one length.
+    """
+    worlds = []
+    for sign in (1.0, -1.0):
+        polygons: list[list[list[float]]] = [
+            [[3, -1.5], [4, -1.7], [4.4, 2.3], [3.3, 2.6]],
+            [[7, -4], [8, -4], [7.5, 0.8]],
+        ]
+        worlds.append(
+            {
+                "family": "explicit",
+                "bounds": [-40, -40, 40, 40],
+                "polygons": [[[x, sign * y] for x, y in ring] for ring in polygons],
+                "circles": [[10.0, sign * 1.0, 0.8]],
+                "movers": [
+                    {
+                        "shape": {"circle": 0.4},
+                        "at": [5.5, sign * 5.0],
+                        "motion": {"law": "bounce", "velocity": [0.0, sign * 0.2]},
+                    }
+                ],
+                "start": [0.0, 0.0, 0.0],
+                "goal": [13.0, sign * goal],
+            }
+        )
+    return worlds
+
+
+OTHER = {"left": "right", "right": "left"}
+SIDED = [name for name in SCRIPTED if AGENTS[name].family in ("bug", "field")]
+"""Whose rules tell left from right by the parameter `turn` alone; what has cells in the world, or draws, need not."""
+
+
+@pytest.mark.parametrize("name", SIDED)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("goal", [0.7, -0.7])
+def test_a_mirrored_world_gives_the_mirrored_way(name: str, kinematics: str, goal: float) -> None:
+    settings = {"robot": {"kinematics": kinematics}, "lidar": {"beams": 360, "range": 6.0}, "time": {"limit": 60.0}}
+    policy: Any = make_policy(name, Simulation("static"))
+    turn = getattr(policy.parameters, "turn", None)
+    own: list[dict[str, Any]] = [{}, {}] if turn is None else [{"turn": turn}, {"turn": OTHER.get(turn, turn)}]
+    first, second = (
+        run_episode(name, {**settings, "world": world}, **turned)
+        for world, turned in zip(mirrored_worlds(goal), own, strict=True)
+    )
+    assert (first.outcome, first.verdict) == (second.outcome, second.verdict)
+    # Within a tenth of a step: errors of rounding grow where a robot turns from step to step.
+    np.testing.assert_allclose(first.path[:, :2], second.path[:, :2] * [1.0, -1.0], atol=0.01)
+
+
 def test_an_unknown_policy_is_refused_with_the_nearest_names() -> None:
     with pytest.raises(ValueError, match="did you mean 'bug2'"):
         make_policy("bug_2", Simulation("static"))
