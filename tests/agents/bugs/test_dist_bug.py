@@ -75,23 +75,33 @@ def test_each_hit_is_nearer_to_the_goal_than_the_one_before_by_step(step: float)
     assert len(distances) <= distances[0] / step
 
 
-@pytest.mark.parametrize(("angle", "side"), [(0.5, -1), (-0.5, 1)])
-def test_the_side_rule_goal_takes_the_way_that_turns_less(angle: float, side: int) -> None:
-    """A plate across the way whose upper end leans toward the start (angle above 0) turns the robot down, to the right."""
+def leaning_plate(angle: float) -> dict[str, Any]:
+    """A plate across the way whose upper end leans toward the start by so much, away from it below 0 [rad]."""
     cos, sin = math.cos(angle), math.sin(angle)
     corners = [(-0.5, -3.0), (0.5, -3.0), (0.5, 3.0), (-0.5, 3.0)]
     plate = [[8.0 + cos * x - sin * y, sin * x + cos * y] for x, y in corners]
-    world = {
-        "family": "explicit",
-        "bounds": [-5, -10, 25, 10],
-        "start": [0, 0, 0],
-        "goal": [16, 0],
-        "polygons": [plate],
-    }
-    for turn in ("left", "right"):
-        episode = run_episode("dist_bug", {"world": world}, turn=turn, side_rule="goal")
-        assert episode.outcome == "success"
-        assert episode.memory.hit_sides[0] == side
+    world = {"family": "explicit", "bounds": [-5, -10, 25, 10], "start": [0, 0, 0], "goal": [16, 0]}
+    return {"world": {**world, "polygons": [plate]}}
+
+
+@pytest.mark.parametrize("turn", ["left", "right"])
+@pytest.mark.parametrize(("angle", "side"), [(0.5, -1), (-0.5, 1)])
+@pytest.mark.parametrize("rule", [{}, {"side_rule": "goal"}], ids=["by default", "told"])
+def test_the_side_rule_goal_takes_the_way_that_turns_less(
+    rule: dict[str, Any], angle: float, side: int, turn: str
+) -> None:
+    """Kamon and Rivlin's choice, the better one: toward the start leans the upper end, so down, to the right."""
+    episode = run_episode("dist_bug", leaning_plate(angle), turn=turn, **rule)
+    assert episode.outcome == "success"
+    assert episode.memory.hit_sides[0] == side
+
+
+@pytest.mark.parametrize(("turn", "side"), [("left", 1), ("right", -1)])
+@pytest.mark.parametrize("angle", [0.5, -0.5])
+def test_the_side_rule_fixed_takes_that_of_the_turn_wherever_the_wall_leads(angle: float, turn: str, side: int) -> None:
+    episode = run_episode("dist_bug", leaning_plate(angle), turn=turn, side_rule="fixed")
+    assert episode.outcome == "success"
+    assert episode.memory.hit_sides[0] == side
 
 
 def test_without_a_place_step_nearer_it_leaves_from_the_nearest_point_after_a_lap() -> None:
