@@ -89,7 +89,8 @@ class MinimumRisk(ScriptedPolicy):
 
     Raises:
         TypeError: an unknown parameter.
-        ValueError: a length or weight that is not above zero, a cell below LEAST_CELL, or more than 200 across a sector.
+        ValueError: a length or weight that is not above zero, or infinite (`patience` may be), a cell below LEAST_CELL, or
+            more than 200 across a sector.
     """
 
     Parameters = MinimumRiskParameters
@@ -100,8 +101,9 @@ class MinimumRisk(ScriptedPolicy):
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
         for name in ("cell", "sector", "obstacle_weight", "trajectory_weight", "free_way", "patience"):
-            if not getattr(own, name) > 0.0:
-                raise ValueError(f"{name} must be above 0, got {getattr(own, name)!r}")
+            value = getattr(own, name)
+            if not value > 0.0 or (math.isinf(value) and name != "patience"):
+                raise ValueError(f"{name} must be above 0{' and finite' if math.isinf(value) else ''}, got {value!r}")
         if own.cell < LEAST_CELL:
             raise ValueError(f"cell must be at least {LEAST_CELL} m, or the grid fills the memory, got {own.cell!r}")
         if own.sector / own.cell > 200.0:

@@ -113,6 +113,10 @@ def test_after_a_trap_it_seeks_the_goal_only_nearer_than_it_was() -> None:
         ({"trajectory_weight": -1.0}, "trajectory_weight must be above 0"),
         ({"cell": 0.011, "sector": 2.3}, "cell must be at least a 200th of the sector"),
         ({"cell": 1e-300, "sector": 1e-300}, "cell must be at least 0.01 m"),
+        *(
+            ({name: math.inf}, f"{name} must be above 0 and finite, got inf")
+            for name in ("cell", "sector", "obstacle_weight", "trajectory_weight", "free_way")
+        ),
     ],
 )
 def test_bad_parameters_are_refused_in_one_line(parameters: dict[str, Any], message: str) -> None:
