@@ -58,6 +58,12 @@ def test_the_pages_of_results_are_what_the_json_says() -> None:
         assert text_of(RESULTS / name) == text, name
 
 
+def test_no_two_tables_of_a_page_have_the_same_title() -> None:
+    for page in RESULTS.glob("*.md"):
+        titles = re.findall(r"^\*\*.*\*\*$", text_of(page), re.M)
+        assert len(titles) == len(set(titles)), page.name
+
+
 def test_each_reproduction_and_long_check_has_its_result_and_each_result_its_page() -> None:
     made = script("make_results.py")
     names = {*REPRODUCTIONS, *made["CHECKS"]}
@@ -180,7 +186,10 @@ def test_the_page_of_policies_is_what_the_table_of_agents_says() -> None:
 
 @pytest.mark.parametrize(
     "policy",
-    ["apf_wall_following", "operative_critical_point_bug", "modified_critical_point_bug", "minimum_risk"],
+    [
+        *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug"),
+        *("apf", "apf_wall_following", "minimum_risk"),
+    ],
 )
 def test_policies_of_papers_that_had_to_be_repaired_say_what_was_reported_and_found(policy: str) -> None:
     table = script("make_policies.py")["reports"]()

@@ -6,6 +6,12 @@ States: motion_to_goal, motion_to_sub_goal, corner_rounding. Each open point of 
 something is in the way to the goal the critical point is the sub-goal with the least distance to the goal among those
 not visited. Unlike E-Bug it does not count the way to the sub-goal. Guarantee: none; with no sub-goal left it stops as
 "stuck". Length bound: none.
+
+Reported, by the later paper: better than other bugs, in one figure without numbers. Found: so against bugs that follow
+walls, not always against TangentBug: in a scene in the manner of that figure it goes 11.81 m, TangentBug 12.39 m, Bug2
+16.90 m and Bug1 37.51 m, in 200 worlds with few obstacles 12.50, 12.29, 13.92 and 19.41 m. Its sub-goals are the repaired
+ones of OperativeCriticalPointBug, one formula for all bearings, so that the first one before the slab that is told of there
+is no more inside. Numbers: docs/results/operative-critical-points.md.
 """
 
 from __future__ import annotations

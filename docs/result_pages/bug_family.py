@@ -564,12 +564,12 @@ def critical_points(found: Record) -> Page:
     cells = [
         [
             *(one["label"], f"`{one['policy']}`", one["outcome"], number(one["length"]), number(one["time"], 1)),
-            *(number(one["clearance"]), *(_own(one) if one["policy"] == ours else ["-"] * 5)),
+            *(number(one["clearance"]), *(_own(one) if one["policy"] == ours else ["-"] * 6)),
         ]
         for one in scenes
     ]
     header = ["scene", "policy", "outcome", "length [m]", "time [s]", "least clearance [m]", "critical points"]
-    header += ["T_M [s]", "T_R [s]", "DOT [s]", "avoided / seen"]
+    header += ["rotation [rad]", "T_M [s]", "T_R [s]", "DOT [s]", "avoided / seen"]
     return Page(
         [
             table("Scenes in the manner of the figures, their numbers in brackets", header, cells),
@@ -602,4 +602,4 @@ def critical_points(found: Record) -> Page:
 def _own(one: Record) -> list[str]:
     """What only OperativeCriticalPointBug counts of a scene."""
     times = (number(one[name], 1) for name in ("moving", "rotating", "detecting"))
-    return [str(one["iterations"]), *times, f"{one['avoided']} / {one['seen']}"]
+    return [str(one["iterations"]), number(one["rotation"], 2), *times, f"{one['avoided']} / {one['seen']}"]

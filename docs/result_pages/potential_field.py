@@ -9,6 +9,15 @@ from result_pages.words import code, listed, number, percent, picture, share, ta
 
 SCENES = ("scene 1", "scene 2", "scene 3")
 """Those of the paper's comparison."""
+LIMITS = {
+    "radius": "median turning radius [m]",
+    "reversals": "reversals a 100 m",
+    "switches": "switches a 100 m",
+    "standing": "share of steps on the spot",
+}
+"""What the paper names as its own limits: wide turns, uneven lines, abrupt switching."""
+GOALS = ("a beacon", "a beacon", "by odometry")
+"""What the target is in each sweep of the drift."""
 
 
 def apf_wall_following(found: Record) -> Page:
@@ -25,10 +34,10 @@ def apf_wall_following(found: Record) -> Page:
             ]),
             *(many(f"{title}", found[title]) for title in ("Traps", "Mazes")),
             many("What parts are worth, in traps", parts),
-            table("Limits, a differential robot in traps", ["", *next(iter(found["limits"].values()))], [
-                [f"`{name}`", *map(number, one.values())] for name, one in found["limits"].items()
+            table("Limits, a differential robot in traps", ["", *LIMITS.values()], [
+                [f"`{name}`", *(number(one[key]) for key in LIMITS)] for name, one in found["limits"].items()
             ]),
-            *map(drift_table, found["drift"]),
+            *(drift_table(one, goal) for one, goal in zip(found["drift"], GOALS, strict=True)),
         ],
         "\n\n".join(
             [
@@ -63,10 +72,11 @@ def many(title: str, results: Record) -> str:
     return table(f"{title}, {worlds} worlds", header, rows)
 
 
-def drift_table(one: Record) -> str:
-    """Success against one kind of drift."""
+def drift_table(one: Record, goal: str) -> str:
+    """Success against one kind of drift, with the target seen or reckoned."""
     rows = [[f"`{name}`", *(percent(point["success"]) for point in row)] for name, row in one["policies"].items()]
-    return table(f"Success [%] against {one['label']}", ["", *(f"{value:g}" for value in one["values"])], rows)
+    title = f"Success [%] against {one['label']}, the target {goal}"
+    return table(title, ["", *(f"{value:g}" for value in one["values"])], rows)
 
 
 def is_length(ending: str) -> bool:
@@ -109,25 +119,28 @@ def worth(found: Record) -> str:
 
 def against_drift(found: Record) -> str:
     """The paper's reason for the method."""
-    bias, beacon, computed = found["drift"]
     lines = []
-    for one in (bias, beacon, computed):
+    for one, goal in zip(found["drift"], GOALS, strict=True):
         last = {name: percent(row[-1]["success"]) for name, row in one["policies"].items()}
-        lines.append(f"{one['label']} {one['values'][-1]:g}: " + ", ".join(f"`{k}` {v} %" for k, v in last.items()))
-    return (
-        "At the greatest drift arrive, with a beacon twice and then with the goal by odometry: "
-        + "; ".join(lines)
-        + "."
-    )
+        told = ", ".join(f"`{k}` {v} %" for k, v in last.items())
+        lines.append(f"{one['label']} {one['values'][-1]:g}, the target {goal}: {told}")
+    return f"At the greatest drift arrive: {'; '.join(lines)}."
 
 
 def own_limits(found: Record) -> str:
-    """What it cannot do."""
+    """What it cannot do, and what the paper names as its own limits."""
     mazes = found["Mazes"][OURS]
+    own, other = found["limits"][OURS], found["limits"]["bug2"]
     return (
         f"In mazes it reaches {percent(mazes['success'])} %: inside an outer wall that also holds the target a lap turns "
         "away from the wall by a full turn, the angle never comes back, and after two laps it says looping. Its conditions "
-        "carry no distance, so that nothing shrinks from wall to wall."
+        "carry no distance, so that nothing shrinks from wall to wall.\n\n"
+        "As its own limits the paper names abrupt switching, parameters that stay, and from them turns that are too wide and "
+        "uneven lines. A differential robot in traps turns "
+        f"with a median radius of {number(own['radius'])} m ({code(['bug2'])} {number(other['radius'])} m), changes the sense "
+        f"of its turning {number(own['reversals'], 0)} times in 100 m ({number(other['reversals'], 0)}) and its behaviour "
+        f"{number(own['switches'], 0)} times ({number(other['switches'], 0)}), and turns on the spot in "
+        f"{number(100.0 * own['standing'], 0)} % of its steps ({number(100.0 * other['standing'], 0)})."
     )
 
 

@@ -154,6 +154,14 @@ def test_a_field_alone_ends_in_the_pocket_of_the_u_and_says_stuck(kinematics: st
     assert 5.0 < x < 11.0 and abs(y) < 3.0 and episode.min_clearance > 0.05
 
 
+def test_without_the_floor_a_robot_that_turns_comes_nearer_to_what_it_is_stuck_before() -> None:
+    """Whoever stands comes no nearer, so that the repulsion by what does is gone."""
+    scenario, robot = canonical_world("u_trap"), {"robot.kinematics": "differential"}
+    with_floor, without = (run_episode("apf", scenario, robot, floor=floor) for floor in (0.05, 1e-9))
+    assert with_floor.verdict == without.verdict == "stuck"
+    assert with_floor.min_clearance > 2.0 * without.min_clearance > 0.0
+
+
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 @pytest.mark.parametrize("speed", [0.3, 1.0])
 def test_a_disc_that_comes_head_on_at_the_speed_of_the_paper_is_let_pass(kinematics: str, speed: float) -> None:
