@@ -354,6 +354,38 @@ def test_the_angle_of_a_reset_is_that_of_the_place() -> None:
     ).memory.reset_places
 
 
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("turn", ["left", "right"])
+def test_it_shows_forces_reset_points_and_the_cumulative_angle(turn: str, kinematics: str) -> None:
+    """All the way out of the U."""
+    scenario, robot = canonical_world("u_trap"), {"robot.kinematics": kinematics}
+    policy: Any = make_policy(POLICY, Simulation(scenario, overrides=robot), clearance=0.5, turn=turn)
+    turned: list[float] = []
+    for memory, pose in decisions(scenario, robot, clearance=0.5, turn=turn):
+        turning, drawing = memory.turning, policy.draw(memory)
+        shown = {name: (x1 - x0, y1 - y0) for x0, y0, x1, y1, name in drawing.segments}
+        total, attraction = memory.felt.forces.total, memory.felt.forces.attraction
+        push = (total[0] - attraction[0], total[1] - attraction[1])
+        for name, force in {"force": total, "attraction": attraction, "repulsion": push}.items():
+            assert shown[name] == pytest.approx(as_drawn(force, pose[2]), abs=1e-5)
+        assert [point[:2] for point in drawing.points if point[2] == "reset"] == memory.reset_places
+        if turning is None:
+            assert shown.keys() == {"force", "attraction", "repulsion"}
+            continue
+        entry, angle, target = (math.atan2(*shown[name][::-1]) for name in ("entry", "angle", "target"))
+        assert math.remainder(target - turning.first_target, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
+        toward_wall = turning.side * math.remainder(entry - angle, 2.0 * math.pi)
+        assert math.remainder(toward_wall - turning.cumulative, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
+        turned.append(turning.cumulative)
+    assert memory.reset_places and min(turned) < math.radians(-80.0) and max(turned) > math.radians(80.0)
+
+
+def as_drawn(force: tuple[float, float], heading: float) -> tuple[float, float]:
+    """A force of the robot's frame in the world, shortened to 1 where it is longer."""
+    size, bearing = min(math.hypot(*force), 1.0), math.atan2(force[1], force[0]) + heading
+    return size * math.cos(bearing), size * math.sin(bearing)
+
+
 # ---------------------------------------------------------------------------------------------- no way
 
 RING = Ring()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from episodes import canonical_world, run_episode
 
+from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.agents.potential_field.risk_grid import DIRECTIONS, RiskGrid, Weights
 from bug_gym.simulation import Simulation
@@ -104,6 +105,25 @@ def test_after_a_trap_it_seeks_the_goal_only_nearer_than_it_was() -> None:
             return
         observation = step.observation
     pytest.fail("it does not arrive")
+
+
+def test_it_shows_the_dots_and_in_a_trap_the_direction_of_the_search() -> None:
+    episode = run_episode("minimum_risk", canonical_world("u_trap"), max_steps=250)
+    policy: Any = make_policy("minimum_risk", episode.simulation)
+    assert episode.modes[-1] == "path_searching"
+    drawing = policy.draw(episode.memory)
+    places = {label: [one[:2] for one in drawing.points if one[2] == label] for label in ("obstacle", "trajectory")}
+    half = 0.5 * policy.parameters.cell + 1e-6
+    for x, y, _ in episode.path[: len(episode.modes)]:  # of each decision
+        assert any(abs(x - u) <= half and abs(y - v) <= half for u, v in places["trajectory"])
+    walls = np.array([[5, 3], [11, 3], [11, -3], [5, -3]], dtype=float)  # inside of the U
+    for x, y in places["obstacle"]:
+        near = [kernels.point_wall_distance(x, y, *walls[i], *walls[i + 1]) for i in range(3)]
+        ends = [kernels.point_wall_distance(x, y, 5.0, 3.0 * side, 5.0, 4.0 * side) for side in (-1.0, 1.0)]
+        assert min(near + ends) <= math.sqrt(2.0) * half
+    ((x0, y0, x1, y1, label),) = drawing.segments
+    assert label == "direction" and (x0, y0) == episode.memory.place
+    assert math.atan2(y1 - y0, x1 - x0) == pytest.approx(math.remainder(episode.memory.direction, 2.0 * math.pi))
 
 
 @pytest.mark.parametrize(
