@@ -93,7 +93,7 @@ def from_aside(world: dict[str, Any], degrees: float) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
-@pytest.mark.parametrize("degrees", [0.0, 45.0])
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
 @pytest.mark.parametrize("make", [door, two_discs])
 def test_a_gap_wider_than_the_circle_is_taken_and_a_narrower_one_refused(
     make: Any, degrees: float, kinematics: str
@@ -107,7 +107,8 @@ def test_a_gap_wider_than_the_circle_is_taken_and_a_narrower_one_refused(
             assert goes_between(episode, width) == is_taken
         else:
             assert episode.outcome == "success"
-            assert is_taken and degrees > 0.0 or goes_between(episode, width) == is_taken
+            # From 45 degrees the near disc covers the way, and the sub-goal beyond it is nearer to the goal.
+            assert goes_between(episode, width) == (is_taken and degrees < 45.0)
 
 
 def test_without_safe_point_a_gap_between_body_and_circle_is_taken() -> None:
@@ -306,7 +307,10 @@ def test_shut_in_they_know_no_further(policy: str) -> None:
     assert (episode.verdict, episode.length) == ("stuck", 0.0)
 
 
-INCOMPLETE = ["bug0", "bug0_plus", "rev2", "rev3", "point_bug", "k_bug", "e_bug", "critical_point_bug", *BOTH]
+INCOMPLETE = [
+    *("bug0", "bug0_plus", "rev2", "rev3", "point_bug", "k_bug", "e_bug", "critical_point_bug"),
+    *(*BOTH, "apf", "apf_wall_following"),
+]
 
 
 @pytest.mark.parametrize("policy", INCOMPLETE)
