@@ -34,7 +34,7 @@ DRIVEN = ("holonomic", "jackal")
 POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
     *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map", "hd_bug", "point_bug", "k_bug", "e_bug"),
-    *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug"),
+    *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug", "orca"),
 )
 """All that keep a clearance, end by themselves in still worlds and are given no map."""
 

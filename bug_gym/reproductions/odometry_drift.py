@@ -12,7 +12,8 @@ from bug_gym.reproductions.result import Reproduction, Settings
 POLICIES = (
     *("bug0", "bug0_plus", "bug1", "bug2", "com1", "class1", "alg1", "alg2", "rev1", "rev2", "rev3", "dist_bug"),
     *("tangent_bug", "vis_bug_21", "vis_bug_22", "point_bug", "k_bug", "e_bug", "critical_point_bug"),
-    *("apf_wall_following", "hd_bug", "hd_bug_map"),
+    *("modified_critical_point_bug", "operative_critical_point_bug"),
+    *("apf", "apf_wall_following", "minimum_risk", "hd_bug", "hd_bug_map"),
 )
 SCENARIOS = ("static", "u_trap")
 SEEDS = 50
