@@ -99,6 +99,51 @@ def link_beams(
             )
 
 
+@kernel
+def fill_in(
+    ranges: Floats, reach: float, spacing: float, error: float, gap: float, wraps: bool, filled: Floats
+) -> None:
+    """Ranges as they would be if beams that alone got no return from a wall had one.
+
+    No disc passes between the points of such a beam's neighbours, or those and the next ones lie on one line. On a line
+    the inverse ranges of three neighbours have no second difference, but for the curvature of the cosine.
+
+    Args:
+        ranges: (B,) [m].
+        reach: range that means "nothing seen" [m].
+        spacing: angle between two neighbouring beams [rad].
+        error: how much a range may be off a line [m].
+        gap: a distance that no disc passes [m].
+        wraps: whether the last beam is the first one's neighbour.
+        filled: result (B,) [m].
+    """
+    n, bend, twice = ranges.size, 2.0 * math.cos(spacing), math.cos(2.0 * spacing)
+    for i in range(n):
+        filled[i] = ranges[i]
+        if ranges[i] < reach:
+            continue
+        before, after = max(ranges[(i - 1) % n], 1e-9), max(ranges[(i + 1) % n], 1e-9)
+        if max(before, after) >= reach:
+            continue
+        between = bend * before * after / (before + after)
+        is_end = i == 0 or i == n - 1
+        apart = before * before + after * after - 2.0 * before * after * twice
+        is_wall = apart <= gap * gap and (wraps or not is_end)
+        if not is_wall and (wraps or 2 <= i < n - 2):
+            earlier, later = max(ranges[(i - 2) % n], 1e-9), max(ranges[(i + 2) % n], 1e-9)
+            is_wall = is_straight(before, earlier, between, bend, reach, error) and is_straight(
+                after, later, between, bend, reach, error
+            )
+        if is_wall:
+            filled[i] = between
+
+
+@inlined
+def is_straight(near: float, far: float, between: float, bend: float, reach: float, error: float) -> bool:
+    """Whether three ranges, each a beam from the next, are of one line: `near` is the middle one."""
+    return far < reach and abs(1.0 / far + 1.0 / between - bend / near) <= error / (near * between)
+
+
 @inlined
 def way_to_wall(along1: float, beside1: float, along2: float, beside2: float, radius: float) -> tuple[float, float]:
     """How far a disc goes until it touches the inside of a straight wall, and the share of the wall before that point.

@@ -82,14 +82,14 @@ class Lookout:
         self.spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
         """Angle between two neighbouring beams [rad]."""
         self._wraps = bool(angles[-1] + 1.5 * self.spacing >= angles[0] + 2.0 * math.pi)
-        self._two_more = np.arange(-2, len(angles) + 2) % len(angles)
-        """Numbers of the beams all round, two more on either side."""
         self._headings = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
 
     def look(self, view: View) -> Profile:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
-        radius, reach, ranges = self.radius, view.sensors.range, self._filled(view)
-        noise = view.sensors.range_noise
+        radius, reach, noise = self.radius, view.sensors.range, view.sensors.range_noise
+        ranges = np.empty(len(view.ranges))
+        error = 3.0 * noise + 0.2 * self.jump
+        open_ways.fill_in(view.ranges, reach, self.spacing, error, 2.0 * radius, self._wraps, ranges)
         x, y = view.sensors.beam_directions * ranges
         link = np.empty(len(x), dtype=np.bool_)
         open_ways.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, noise, self._wraps, link)
@@ -105,27 +105,6 @@ class Lookout:
         ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
         points = [OpenPoint((u, v), hand, turn % (2.0 * math.pi), (w, z)) for (turn, u, v, w, z), hand in ends]
         return Profile(float(free[0]), int(beam[0]), link, points, ranges)
-
-    def _filled(self, view: View) -> F64:
-        """The ranges (B,) [m], filled in where a beam alone got no return from what its neighbours show to be a wall.
-
-        No disc passes between their points, or those and the next ones lie on one line. On a line the inverse ranges of
-        three neighbours have no second difference, but for the curvature of the cosine.
-        """
-        ranges, reach, bend = view.ranges, view.sensors.range, 2.0 * math.cos(self.spacing)
-        around = np.maximum(ranges[self._two_more], 1e-9)
-        earlier, before, after, later = around[:-4], around[1:-3], around[3:-1], around[4:]
-        apart = before * before + after * after - 2.0 * before * after * math.cos(2.0 * self.spacing)
-        between = bend * before * after / (before + after)
-        error = 3.0 * view.sensors.range_noise + 0.2 * self.jump
-        is_line = np.ones(len(ranges), dtype=np.bool_)
-        for near, far in ((before, earlier), (after, later)):
-            is_line &= (far < reach) & (np.abs(1.0 / far + 1.0 / between - bend / near) <= error / (near * between))
-        if not self._wraps:
-            is_line[:2] = is_line[-2:] = False
-            apart[[0, -1]] = math.inf
-        is_wall = (np.maximum(before, after) < reach) & ((apart <= 4.0 * self.radius**2) | is_line)
-        return np.where((ranges >= reach) & is_wall, between, ranges)
 
 
 def blocking_surface(view: View, profile: Profile) -> F64:

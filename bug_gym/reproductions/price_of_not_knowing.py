@@ -67,7 +67,7 @@ def reproduce(settings: Settings) -> Reproduction:
         ValueError: a folder of data without maps.
     """
     scenarios = SCENARIOS if settings.data is None else {**SCENARIOS, **real_maps(settings.data)}
-    bugs = [name for name, line in AGENTS.items() if line.family == "bug" and name not in LEFT_OUT]
+    bugs = [name for name, line in AGENTS.items() if line.family in ("bug", "field") and name not in LEFT_OUT]
     by_label = {label_of(one): one for one in PLANNERS}
     asked = settings.policies or (*bugs, MAPPER, *lone_names(), *by_label)
     policies = [by_label.get(name, entry(name)) for name in asked]
