@@ -97,6 +97,29 @@ def test_a_part_is_worth_something_where_its_tests_say_so_for_all_that_were_made
     assert set(re.split(", | and ", idle)) == parts - {"goal"}
     (still,) = re.findall(r"These change no run: (.*?)\.", text)
     assert set(re.split(", | and ", still)) == parts - {"risk"}
+    assert "What is left for" not in text
+
+
+def test_a_part_without_which_ways_are_shorter_is_not_said_to_be_worth_anything() -> None:
+    """Unless it is worth something elsewhere, in success or in ways."""
+    found = json.loads(text_of(RESULTS / "hd-bug-ablation.json"))
+    nothing = {"success_minus_whole": [0.0, 0.0, 0.0], "p_value": 1.0, "path_minus_whole": None, "path_p_value": None}
+    shorter, longer = (
+        {"path_minus_whole": [more, more - 0.5, more + 0.5], "path_p_value": 1e-9} for more in (-1.0, 1.0)
+    )
+    changes = {
+        "dynamic, risk": shorter,
+        "rush, goal": shorter,
+        "u_trap, goal": longer,
+        "rush, travel": {"success_minus_whole": [0.2, 0.1, 0.3], "p_value": 1e-9},
+        "maze, shadow": shorter,
+        "rooms, shadow": {"success_minus_whole": [-0.2, -0.3, -0.1], "p_value": 1e-9},
+        "hook, phase_1": longer,
+    }
+    results = {key: one | nothing | changes.get(key, {}) for key, one in found["results"].items()}
+    text = script("make_results.py")["page"]("hd-bug-ablation", {**found, "results": results})
+    (named,) = re.findall(r"What is left for (.*?) is shorter ways without them", text)
+    assert set(re.split(", | and ", named)) == {"risk", "travel"}
 
 
 @pytest.mark.parametrize(

@@ -307,9 +307,16 @@ def ablation(found: Record) -> Page:
             rows[-1] += [""] * 5 if variant == hd_bug_ablation.WHOLE else differences(one)
     header = ["worlds", "without", *RUN_HEADER, "points", "p", "path [m]", "p", "changed"]
     own = [part for part in parts if part != beside]
-    tests = [(part, one) for world in worlds for part in own for one in tested(results[f"{world}, {part}"])]
-    sure = {part for (part, _), p in zip(tests, holm([one for _, one in tests]), strict=True) if p < 0.05}
-    idle = [part.replace("_", " ") for part in own if part not in sure]
+    tests = [(part, *one) for world in worlds for part in own for one in tested(results[f"{world}, {part}"])]
+    adjusted = holm([p for *_, p in tests])
+    sure = [(part, gain) for (part, gain, _), p in zip(tests, adjusted, strict=True) if p < 0.05]
+    idle = [part.replace("_", " ") for part in own if part not in {name for name, _ in sure}]
+    worse = [part.replace("_", " ") for part in own if (gains := [gain for name, gain in sure if name == part])
+             and min(gains) > 0.0]  # fmt: skip
+    nothing_shown = (
+        f"What is left for {listed(worse)} is shorter ways without them, or more success: these worlds do not show that "
+        "they are worth anything. " if worse else ""
+    )  # fmt: skip
     still = [
         part.replace("_", " ") for part in own if not any(results[f"{world}, {part}"]["changed"] for world in worlds)
     ]
@@ -326,7 +333,8 @@ def ablation(found: Record) -> Page:
         "outcome or the length is another one. Path over shortest path leaves moving goals out.\n\n"
         f"{f'These change no run: {listed(still)}.' if still else 'Every part changes runs.'} Of {len(tests)} tests of success "
         "and length some fall below 0.05 by chance; with Holm's correction for their number no difference in any kind of "
-        f"world is left for: {listed(idle) if idle else 'none'}. The intervals and p of the table are not corrected.",
+        f"world is left for: {listed(idle) if idle else 'none'}. {nothing_shown}The intervals and p of the "
+        "table are not corrected.",
     )  # fmt: skip
 
 
@@ -345,6 +353,10 @@ def differences(one: Record) -> list[str]:
     ]
 
 
-def tested(one: Record) -> list[float]:
-    """P values of a part's loss: of success, and of length where there are pairs."""
-    return [one[name] for name in ("p_value", "path_p_value") if one[name] is not None]
+def tested(one: Record) -> list[tuple[float, float]]:
+    """What is gained by a part's loss, in success or by shorter ways in the mean, and p; of length where there are pairs."""
+    found = [(one["success_minus_whole"][0], one["p_value"])]
+    if one["path_p_value"] is not None:
+        longer = one["path_minus_whole"]
+        found.append((-longer[0] if longer else 0.0, one["path_p_value"]))
+    return found

@@ -6,6 +6,9 @@ from bug_gym.reproductions import tracking as made
 from result_pages import Page, Record
 from result_pages.words import number, table
 
+NIS_SHARE = 0.95
+"""Of squared innovations, below made.BOUND, if the filter is right."""
+
 
 def cells(one: Record, *names: str) -> list[str]:
     """Numbers of a family; "-" where nothing went into one."""
@@ -37,6 +40,10 @@ def tracks(found: Record) -> Page:
     worlds = sum(one["worlds"] for one in still.values())
     late = [f"{label} ({one['known_in_time']:.3f})" for label, one in moving.items()
             if one["known_in_time"] is not None and one["known_in_time"] < made.ASKED_SHARE]  # fmt: skip
+    narrow = [f"{label} ({one['within_two_sigma']:.3f})" for label, one in moving.items()
+              if one["within_two_sigma"] is not None and one["within_two_sigma"] < made.TWO_SIGMA]  # fmt: skip
+    surprised = [f"{label} ({one['nis_below_bound']:.3f})" for label, one in moving.items()
+                 if one["nis_below_bound"] is not None and one["nis_below_bound"] < NIS_SHARE]  # fmt: skip
     return Page(
         [
             table(
@@ -61,6 +68,9 @@ def tracks(found: Record) -> Page:
         + (f"Below 95 % known in time: {', '.join(late)}; a mover seen by few beams, or slow and coming straight at the "
            "robot, takes longer to leave the noise." if late else "Movers are known in time in every family.")
         + " Not all of these worlds are held out: the tracker's settings were chosen on the first 120 of the depot and the "
-        "first 80 of `dynamic` and `rush` ([trials](../trials.md)).",
+        "first 80 of `dynamic` and `rush` ([trials](../trials.md)).\n\n"
+        f"The spread is not that of a Gaussian. Centres lie within 2 sigma less often than {made.TWO_SIGMA:.3f} in: "
+        f"{', '.join(narrow) or 'none'}. Squared innovations lie below {made.BOUND:.2f} less often than {NIS_SHARE:.2f} in: "
+        f"{', '.join(surprised) or 'none'}. Where their mean is below 2 they are smaller than the filter expects.",
         list(made.check(still, moving)),
     )  # fmt: skip
