@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, nan
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from bug_gym.agents import make_policy
+from bug_gym.config import load
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.reproductions import claims, hd_bug_tables
+from bug_gym.reproductions import claims, hd_bug_real, hd_bug_tables, hd_bug_targets
 
 BLANK = EpisodeRow("a", "s", 0, 0, "success", "", True, 1.0, 10, 1.0, 0.1, 8.0, nan, nan, 0.5, 0, 0.0, 0.0, 0.0, 0.0)
 
@@ -59,6 +63,27 @@ def test_the_map_planner_keeps_what_the_bugs_keep() -> None:
         "name": "hd_bug_map",
         "parameters": {"clearance": claims.CLEARANCE},
     }
+
+
+def test_in_the_streets_and_after_targets_both_keep_the_same_from_walls(tmp_path: Path) -> None:
+    """Of themselves they would not: a bug keeps the radius and one step, the planner a quarter more than the radius."""
+    record = tmp_path / "one.csv"
+    record.write_text("time_s,pedestrian,x_m,y_m\n0.0,1,0.0,0.0\n60.0,1,9.0,0.0\n")
+    street = [hd_bug_real.entry(line) for line in hd_bug_real.LINES]
+    (target,) = hd_bug_targets.scenes("evade", 1)
+    for entries, scenario in ((street, hd_bug_real.crossing(record)), (hd_bug_targets.POLICIES, target["scenario"])):
+        kept = []
+        for one in entries:
+            policy: Any = make_policy(one["name"], load(scenario), **one.get("parameters", {}))
+            kept.append(policy.boundary.clearance if one["name"] == "hd_bug" else policy.measures.clearance)
+        assert kept == pytest.approx([kept[0]] * len(kept))
+
+
+@pytest.mark.parametrize(
+    ("interval", "sooner"), [([-0.2, -0.1], True), ([-0.2, 0.1], False), ([0.1, 0.2], False), ([None, None], False)]
+)
+def test_a_target_is_met_sooner_where_the_whole_interval_says_so(interval: list[float | None], sooner: bool) -> None:
+    assert hd_bug_targets.is_sooner({"mean": -0.1, "interval": interval}) is sooner
 
 
 def test_a_path_that_is_longer_than_another_algorithms_of_the_paper_breaks_the_claim() -> None:
