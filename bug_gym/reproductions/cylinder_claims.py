@@ -36,7 +36,14 @@ POLICIES = (
     *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map", "hd_bug", "point_bug", "k_bug", "e_bug"),
     *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug", "orca"),
 )
-"""All that keep a clearance, end by themselves in still worlds and are given no map."""
+"""All that end by themselves in still worlds and are given no map."""
+KEEPS_ITS_OWN = "orca"
+"""Keeps a distance of its own, smaller than the clearance."""
+
+
+def parameters(policy: str, robot: str) -> dict[str, Any]:
+    """What a policy is told."""
+    return {} if policy == KEEPS_ITS_OWN else PARAMETERS[robot]
 
 
 def scenario(robot: str, *, shut: bool) -> Scenario:
@@ -50,7 +57,7 @@ def scenario(robot: str, *, shut: bool) -> Scenario:
 def answers(policy: str, robot: str, seeds: Sequence[int]) -> list[Answer]:
     """What a policy makes of the worlds of some seeds, all shut or all with a way."""
     shut = is_shut(seeds[0])
-    entry = PolicyEntry(policy, policy, PARAMETERS[robot])
+    entry = PolicyEntry(policy, policy, parameters(policy, robot))
     world = ScenarioEntry(robot, scenario(robot, shut=shut), range(seeds[0], seeds[-1] + 1))
     rows = [row for (row,) in Rollout(entry, world, list(seeds), slots=1).worlds()]
     return [Answer(policy, robot, row.seed, not shut, row.outcome, row.verdict) for row in rows]
@@ -81,7 +88,8 @@ def reproduce(settings: Settings) -> Reproduction:
     seeds = settings.seeds or SEEDS
     policies = settings.policies or POLICIES
     for policy in policies:
-        make_policy(policy, scenario("holonomic", shut=False), **PARAMETERS["holonomic"])  # an unknown one ends it here
+        # an unknown one ends it here
+        make_policy(policy, scenario("holonomic", shut=False), **parameters(policy, "holonomic"))
     kept = Kept(settings.data, Answer, lambda one: (one.policy, one.kind, one.seed))
     asked = [
         (policy, robot, [seed for seed in block if (policy, robot, seed) not in kept])
@@ -118,7 +126,9 @@ def reproduce(settings: Settings) -> Reproduction:
     }
     title = f"Ways and no ways among thin cylinders in {seeds} worlds"
     worlds = {(robot, shut): scenario(robot, shut=shut) for robot in DRIVEN for shut in (False, True)}
-    episodes = [as_replayable(one, PARAMETERS[one.kind], worlds[one.kind, not one.has_way]) for one in found]
+    episodes = [
+        as_replayable(one, parameters(one.policy, one.kind), worlds[one.kind, not one.has_way]) for one in found
+    ]
     notes += not_tried(found)
     return Reproduction("cylinder-claims", [Table(title, header, lines)], notes, data, held(found), episodes=episodes)
 
