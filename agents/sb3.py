@@ -379,7 +379,12 @@ class RobotsVecEnv(SimulationVecEnv):
         return self.simulation.observations().reshape(self.num_envs, -1)
 
     def state(self) -> F32:
-        """What all robots of each world observe (N, R D), whether they are still in play or not: for central critics."""
+        """What all robots of each world observe (N, R D), whether they are still in play or not: for central critics.
+
+        Raises:
+            gymnasium.error.ResetNeeded: a world that has never been reset.
+        """
+        self.simulation.require_episodes()
         return self.simulation.observations().reshape(self.simulation.count, -1)
 
     def _begin(self, worlds: NDArray[np.int64], seeds: Sequence[int | None] | None = None) -> None:

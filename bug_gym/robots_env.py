@@ -147,7 +147,12 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         return {agent: numeric_info(info) for agent, info in infos.items()} if self._is_numeric else infos
 
     def state(self) -> NDArray[np.float32]:
-        """What all robots observe (R * D,), whether they are still in play or not."""
+        """What all robots observe (R * D,), whether they are still in play or not.
+
+        Raises:
+            gymnasium.error.ResetNeeded: the world has never been reset, and they observe nothing yet.
+        """
+        self.simulation.require_episodes()
         return self.simulation.observations().ravel()
 
     def _observe(self, agents: list[str]) -> dict[str, Observation]:

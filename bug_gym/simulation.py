@@ -318,7 +318,7 @@ class Simulation:
         if not is_finite(array):
             raise ValueError(f"actions must be finite, got {array[~np.isfinite(array)][0]}")
         if not self._all_seeded:
-            self._require_episodes(rows)
+            self.require_episodes(rows)
         if self._own is None:
             self._do(kernels.STEP, rows, array)
         else:
@@ -353,7 +353,13 @@ class Simulation:
         reward, terminated, truncated, info = robot_step_of(*numbers)
         return self._one_observation.copy(), reward, terminated, truncated, info
 
-    def _require_episodes(self, rows: Rows) -> None:
+    def require_episodes(self, rows: Rows | None = None) -> None:
+        """Refuse rows that hold no episode; all rows are asked for by default.
+
+        Raises:
+            gymnasium.error.ResetNeeded: a row that has never been reset.
+        """
+        rows = self.all_rows if rows is None else rows
         missing = rows[~self._seeded[rows]]
         if len(missing):
             raise ResetNeeded(f"row {missing[0]} has no episode yet: call reset first")
@@ -575,7 +581,7 @@ class Simulation:
             raise ValueError(
                 f"got {len(taken)} source_rows for rows {kept.tolist()}, expected one for each, none twice"
             )
-        source._require_episodes(taken)
+        source.require_episodes(taken)
         self.world.copy_rows(source.world, taken, kept)
         if futures != "same":
             self.world.seed[kept] = self._other_seeds(kept, taken, is_shared=futures == "shared")

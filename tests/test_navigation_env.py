@@ -622,6 +622,12 @@ def test_a_step_before_the_first_reset_is_refused() -> None:
         NavigationEnv("static").step(AHEAD)
 
 
+@pytest.mark.parametrize("mode", ["rgb_array", "human"])
+def test_a_picture_before_the_first_reset_is_refused(mode: str, no_screen: None) -> None:
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        NavigationEnv("static", render_mode=mode).render()
+
+
 def test_a_state_saved_before_the_first_reset_needs_it_again() -> None:
     env = NavigationEnv("static")
     saved = env.simulation.save()

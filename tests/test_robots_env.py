@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pettingzoo
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import data_equivalence
 from pettingzoo import test as pettingzoo_test
 from pettingzoo.utils.env import ParallelEnv
@@ -202,6 +203,14 @@ def test_the_state_is_what_all_robots_observe() -> None:
     observations, _ = env.reset(seed=0)
     assert env.state_space.contains(env.state())
     np.testing.assert_array_equal(env.state(), np.concatenate(list(observations.values())))
+
+
+@pytest.mark.parametrize("ask", [RobotsEnv.render, RobotsEnv.state, lambda env: env.step({})])
+def test_nothing_is_told_before_the_first_reset(ask: Callable[[RobotsEnv], Any]) -> None:
+    pytest.importorskip("pygame", reason="pygame-ce comes with the extra `render`")
+    env = bug_gym.parallel_env(render_mode="rgb_array")
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        ask(env)
 
 
 def test_spaces_are_the_same_object_at_each_call_and_one_for_each_robot() -> None:

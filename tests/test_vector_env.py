@@ -351,6 +351,14 @@ def test_a_step_before_the_first_reset_is_refused() -> None:
         make(2).step(np.zeros((2, 2)))
 
 
+def test_a_picture_of_rows_that_were_never_reset_is_refused() -> None:
+    pytest.importorskip("pygame", reason="pygame-ce comes with the extra `render`")
+    vector = NavigationVectorEnv(2, scenario="empty", render_mode="rgb_array")
+    vector.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(ResetNeeded, match="row 1"):
+        vector.render()
+
+
 @pytest.mark.parametrize("actions", [np.zeros((3, 2)), np.zeros(2), np.full((2, 2), np.nan)])
 def test_actions_that_are_none_are_refused(actions: Any) -> None:
     vector = make(2)

@@ -29,6 +29,7 @@ class Pictures:
 
     def __init__(self, simulation: Simulation, render_mode: str | None) -> None:
         self.render_mode = render_mode
+        self._simulation = simulation
         self._fps = 1.0 / simulation.scenario.time.step
         self._canvases: list[Canvas] = []
         self._window: Window | None = None
@@ -54,9 +55,15 @@ class Pictures:
         self._window.update()
 
     def frames(self) -> tuple[Frame, ...]:
-        """A picture (H, W, 3) of each world, RGB uint8; none in a mode that returns none."""
+        """A picture (H, W, 3) of each world, RGB uint8; none in a mode that returns none.
+
+        Raises:
+            gymnasium.error.ResetNeeded: a mode, but a world that has never been reset.
+        """
         if self.render_mode is None:
             gym.logger.warn("render() shows nothing: make the env with render_mode='rgb_array' or 'human'")
+            return ()
+        self._simulation.require_episodes()
         return tuple(canvas.draw() for canvas in self._canvases) if self.render_mode == "rgb_array" else ()
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
 
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3 import PPO
 
@@ -218,3 +219,8 @@ def test_one_policy_drives_all_robots_in_training_and_in_an_evaluation() -> None
     scenario = settings.loaded[0]
     played = play(InTraining(model, robot_of([scenario]), ()), scenario, range(5))
     assert played.outcome.shape == (5, 2) and (played.outcome > 0).all()
+
+
+def test_there_is_no_state_before_the_first_reset() -> None:
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        head_on().state()
