@@ -91,6 +91,8 @@ def run(options: argparse.Namespace) -> None:
                 replay_successes=options.replay_successes,
             )
         except FailedPolicyError as error:
+            if options.out is None:
+                error.add_note("a traceback: --out FOLDER")
             if not error.rows:
                 raise
             rows, failed = error.rows, error  # what is there is told first

@@ -85,7 +85,7 @@ def evaluate(
         ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
         FailedPolicyError: a policy fails on its way. The others have been driven to the end then, and `out` is written: the
             error has their rows. Of a policy and a scenario where it failed none count, as its worlds would be others than
-            theirs; those that were done stay in `out`.
+            theirs; those that were done stay in `out`, with the tracebacks in failed.txt.
     """
     workers, replays = checked_workers(workers), checked_count("replays", replays, least=0)
     into = {"repair": repair, "pictures": pictures, "replay_successes": replay_successes}
@@ -122,6 +122,12 @@ def evaluate(
             if folder is not None:
                 folder.add_rows(world)
             rows.extend(world)
+        failures = [
+            failed[pair].with_finished(rows)
+            for scenario, policy in plan.pairs()
+            if (pair := (scenario.label, policy.label)) in failed
+        ]
+        tracebacks = None if folder is None else folder.write_failures(failures)
         rows = _in_order(plan, [row for row in rows if (row.scenario, row.policy) not in failed])
         if folder is not None and rows:
             if baseline is None or all(row.policy != baseline for row in rows):  # it may have failed everywhere
@@ -134,11 +140,8 @@ def evaluate(
             write_page(folder.path / PAGE, title, rows, summaries, differences, recorded)
             if pictures:
                 draw_typical(plan, rows, folder.path / "pictures", on_this_machine(workers), track)
-    if failed:
-        failures = [
-            failed[pair] for scenario, policy in plan.pairs() if (pair := (scenario.label, policy.label)) in failed
-        ]
-        raise FailedPolicyError(failures, rows) from failures[0].error
+    if failures:
+        raise FailedPolicyError(failures, rows, tracebacks) from failures[0].error
     return rows
 
 

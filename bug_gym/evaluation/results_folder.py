@@ -1,8 +1,9 @@
 """The folder in which the rows of a plan are kept as they come, so that a run that was cut off goes on.
 
-manifest.json says what was asked, rows.jsonl has one row a line in order of arrival, shortest_paths.jsonl one world. All
-of it is checked when it is read back: nothing that this plan cannot have made reaches a summary. A kill leaves at most a
-torn last line and, where a world has several robots, a last world without all of them; both go without a word.
+manifest.json says what was asked, rows.jsonl has one row a line in order of arrival, shortest_paths.jsonl one world, and
+failed.txt the tracebacks of policies that failed. All but the last is checked when it is read back: nothing that this plan
+cannot have made reaches a summary. A kill leaves at most a torn last line and, where a world has several robots, a last
+world without all of them; both go without a word.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from bug_gym.config import checked
 from bug_gym.evaluation.entries import ScenarioEntry
+from bug_gym.evaluation.failures import Failure
 from bug_gym.evaluation.lengths import Lengths, World
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.records import LengthsRecord, Manifest
@@ -33,6 +35,8 @@ MANIFEST = "manifest.json"
 """What was asked."""
 ROWS, LENGTHS = "rows.jsonl", "shortest_paths.jsonl"
 """Files of a result folder that grow as the work goes on."""
+FAILED = "failed.txt"
+"""Tracebacks of policies that have failed in the last run."""
 DROPPED = "dropped.jsonl"
 """Where a repair keeps the lines that it drops."""
 MOST_TOLD = 10
@@ -63,7 +67,7 @@ def opened(path: str | os.PathLike[str], plan: Plan, *, repair: bool = False) ->
 
 def _require_ours(folder: Path) -> None:
     """Refuse a folder that somebody else has left something in; what a start that was cut off has left is ours."""
-    for name in (MANIFEST, ROWS, LENGTHS, DROPPED):
+    for name in (MANIFEST, ROWS, LENGTHS, DROPPED, FAILED):
         if folder.is_dir():
             writable(folder / name)
     if (folder / MANIFEST).exists() or not os.path.lexists(folder):
@@ -101,6 +105,16 @@ class ResultFolder:
         """Keep the shortest paths of one world."""
         record = {"scenario": world[0], "seed": world[1], "lengths": [repr(length) for length in lengths]}
         append(self.path / LENGTHS, _line(record).encode())
+
+    def write_failures(self, failures: Sequence[Failure]) -> Path | None:
+        """Keep the tracebacks of failures in place of an earlier run's; returns the file, None where there is no failure."""
+        path = self.path / FAILED
+        if not failures:
+            path.unlink(missing_ok=True)
+            return None
+        with replaced_when_done(path) as partial:
+            partial.write_text("\n".join(f"{one.told}\n\n{one.traceback}" for one in failures), encoding="utf-8")
+        return path
 
     def _agree_on_manifest(self) -> None:
         """Write down what is asked, or find that the same was asked before."""

@@ -123,7 +123,8 @@ def test_what_fails_on_its_way_says_which_policy_and_where(
     (tmp_path / "mine.py").write_text(POLICIES)
     arguments = ["--scenario", "empty", "--seed", "7", "--policies", f"mine.py:{policy}", "--episodes", "9"]
     assert main(["evaluate", *arguments, "--workers", workers]) == 2
-    said = capsys.readouterr().err.strip().splitlines()[-1]
+    said, _, hint = capsys.readouterr().err.strip().splitlines()[-1].rpartition("; ")
+    assert hint == "a traceback: --out FOLDER"
     # Workers get eight worlds at a time; either of the two jobs fails first.
     seeds = [" 7, 8, 9, 10, 11, 12, 13, 14, 15"] if workers == "1" else [" 7, 8, 9, 10, 11, 12, 13, 14", " 15"]
     assert said.count("policy mine.py") == 1

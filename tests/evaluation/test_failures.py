@@ -13,6 +13,7 @@ import pytest
 
 from bug_gym import agents
 from bug_gym.agents import AGENTS, REGISTERED, register
+from bug_gym.agents.floors import go_to_goal
 from bug_gym.cli import main
 from bug_gym.evaluation import FailedPolicyError, evaluate, record_episode
 from bug_gym.evaluation.rows import EpisodeRow
@@ -71,6 +72,13 @@ class FarAway(Sound):
     def later(self, view):
         if view.goal_distance > 4.0:
             raise KeyError("goal")
+
+
+class Tires(Sound):
+    def act(self, view, memory):
+        if memory.steps == 150:
+            raise KeyError("rest")
+        return super().act(view, memory)
 
 
 class Draws(Sound):
@@ -138,6 +146,53 @@ def test_the_cause_is_what_the_policy_has_raised() -> None:
     with pytest.raises(FailedPolicyError) as error:
         evaluate(["go_to_goal", "mine.py:Raises"], OPEN, episodes=1)
     assert type(error.value.__cause__).__name__ == "TwoWords"
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_traceback_is_kept(workers: int, place: Path) -> None:
+    with pytest.raises(FailedPolicyError, match=r"; traceback: results/failed\.txt$") as error:
+        evaluate(["go_to_goal", "mine.py:Raises"], OPEN, episodes=9, workers=workers, out="results")
+    (failure,) = error.value.failures
+    assert failure.traceback.startswith("Traceback (most recent call last):\n")
+    assert 'raise TwoWords("lost", "gone")' in failure.traceback
+    assert (place / "results" / "failed.txt").read_text() == f"{failure.told}\n\n{failure.traceback}"
+
+
+def test_a_fault_of_a_shipped_policy_has_its_place_in_the_traceback_until_it_is_mended(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its line can tell none: it lies in no caller's code."""
+    wrong = "def act(self, view, memory):\n    return (0.5, 0.0) if view.goal_distance > 2.0 else 1 / 0\n"
+    written: dict[str, Any] = {}
+    exec(compile(wrong, go_to_goal.__file__, "exec"), written)  # as if it stood there
+    arguments = ["evaluate", "--scenario", "open.yaml", "--episodes", "1", "--policies", "go_to_goal"]
+    with monkeypatch.context() as broken:
+        broken.setattr(go_to_goal.GoToGoal, "act", written["act"])
+        assert main(arguments) == 2
+        told = "bug-gym: error: ZeroDivisionError: division by zero; policy go_to_goal, scenario open, seed 0"
+        assert capsys.readouterr().err.splitlines()[-1] == f"{told}; a traceback: --out FOLDER"
+        assert main([*arguments, "--out", "results"]) == 2
+        assert capsys.readouterr().err.splitlines()[-1] == f"{told}; traceback: results/failed.txt"
+        assert f'File "{go_to_goal.__file__}", line 2, in act' in (place / "results" / "failed.txt").read_text()
+    assert main([*arguments, "--out", "results"]) == 0
+    assert not (place / "results" / "failed.txt").exists()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_worlds_that_it_had_finished_are_told_as_none_that_count(workers: int, place: Path) -> None:
+    """It has done those in which it arrives before it tires, as all worlds begin at the same time: eight a job."""
+    scattered = {**OPEN, "world": {"family": "empty", "start": [0, 0, 0]}}
+    steps = [row.steps for row in evaluate("mine.py:Sound", scattered, episodes=8)]
+    done = sum(number <= 150 for number in steps)
+    assert 1 < done < 8
+    with pytest.raises(
+        FailedPolicyError, match=f"; not counted: {done} worlds that it had finished; traceback"
+    ) as error:
+        evaluate(["go_to_goal", "mine.py:Tires"], scattered, episodes=8, workers=workers, out="results")
+    assert [one.finished for one in error.value.failures] == [done]
+    kept = [json.loads(line) for line in (place / "results" / "rows.jsonl").read_text().splitlines()]
+    assert sum(row["policy"] == "mine.py:Tires" for row in kept) == done
+    assert {row.policy for row in error.value.rows} == {"go_to_goal"}
 
 
 def test_where_it_does_not_fail_its_rows_count() -> None:
