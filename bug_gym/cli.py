@@ -1,8 +1,9 @@
 """The command line, `bug-gym`: the commands of bug_gym.commands, their errors and exit codes.
 
-Exit codes: 0 done, 1 what was printed could not be written, or `reproduce --strict` found a claim false, 2 bad input, 130
-interrupted, 128 + n ended by signal n, as 141 where the reader of a pipe has gone. One line on stderr says what was wrong; a
-reader that has seen enough needs none. What a command needs is imported when it runs, so that `--help` is quick.
+Exit codes: 0 done, 1 what was printed could not be written (and Python's own for a fault of ours), 2 bad input or a file that
+cannot be read or written, 3 `reproduce --strict` found a claim false, 130 interrupted, 128 + n ended by signal n, as 141 where
+the reader of a pipe has gone. One line on stderr says what was wrong; a reader that has seen enough needs none. What a command
+needs is imported when it runs, so that `--help` is quick.
 """
 
 from __future__ import annotations

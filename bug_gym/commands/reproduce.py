@@ -15,8 +15,8 @@ from bug_gym.reproductions.result import Reproduction, Settings
 if TYPE_CHECKING:
     from bug_gym.workers import Workers
 
-NOT_HELD = 1
-"""Exit code where a claim is false, of who asks for one."""
+NOT_HELD = 3
+"""Exit code where a claim is false, for whoever asks for one; no other end of the command has it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict",
         action="store_true",
-        help="exit with 1 where a claim is found false (default: 0, it is a result, too)",
+        help="exit with 3 where a claim is found false (default: 0, it is a result, too); 1 and 2 are errors",
     )
 
 

@@ -63,7 +63,7 @@ def test_all_72_cells_of_oni_and_wangs_table_come_out_as_they_should(tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("holds", "strict", "code"), [(True, True, 0), (False, True, 1), (None, True, 0), (False, False, 0)]
+    ("holds", "strict", "code"), [(True, True, 0), (False, True, 3), (None, True, 0), (False, False, 0)]
 )
 def test_a_false_claim_is_a_result_but_for_who_asks(
     holds: bool | None, strict: bool, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -73,6 +73,28 @@ def test_a_false_claim_is_a_result_but_for_who_asks(
     out = tmp_path / "found.json"
     assert main(["reproduce", "oni-wang-table-1", "--out", str(out), *(["--strict"] if strict else [])]) == code
     assert json.loads(out.read_text(encoding="utf-8"))["holds"] is holds  # which is written in any case
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("place", ["stdout", "file"])
+def test_no_error_ends_as_a_false_claim_does(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Who asks by `--strict` takes the one for the other else."""
+    found = Reproduction("made up", [], holds=False)
+    monkeypatch.setattr("bug_gym.commands.reproduce.reproduction", lambda name: lambda settings: found)
+    out = tmp_path / "found.json"
+    told = main(["reproduce", "oni-wang-table-1", "--out", str(out), "--strict"])
+    if place == "stdout":
+        with Path("/dev/full").open("w", encoding="utf-8") as full:
+            monkeypatch.setattr("sys.stdout", full)
+            code = main(["reproduce", "oni-wang-table-1", "--strict"])
+    else:
+        out.unlink()
+        out.mkdir()
+        code = main(["reproduce", "oni-wang-table-1", "--out", str(out), "--strict"])
+    assert code not in (0, told)
+    assert capsys.readouterr().err.splitlines()[-1].startswith("bug-gym: error: ")
 
 
 def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
