@@ -21,6 +21,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 
 from bug_gym.agents.learning.cloning import Cloning, WithDriver
 from bug_gym.agents.learning.dagger import ask, make_expert
+from bug_gym.agents.learning.diverging import told_when_diverged
 from bug_gym.agents.learning.folder import CONFIG, Point, read_config
 from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
@@ -167,7 +168,7 @@ def train_offline(
 
     Raises:
         ValueError: no episodes, or such that DAgger has no use for; a seed below 0, a model to begin with that does not
-            fit, an expert that cannot be asked, or `out` is of another training or in use.
+            fit, an expert that cannot be asked, or `out` is of another training or in use; or the training has diverged.
     """
     if (episodes is None) != isinstance(settings, DaggerSettings):
         expected = "no episodes" if isinstance(settings, DaggerSettings) else "episodes to learn from"
@@ -251,7 +252,11 @@ def _train_in(
     done = 0
     data = None if episodes is None else episodes.origin
     best = BestSoFar(folder, settings, robot_of(settings.loaded), seed, data)
-    with reported(settings, shown=progress) as report, kept_when_stopped(best, actor, kept):
+    with (
+        reported(settings, shown=progress) as report,
+        kept_when_stopped(best, actor, kept),
+        told_when_diverged(settings, seed, lambda: done),
+    ):
         while done < settings.n_timesteps and not (minutes is not None and kept.seconds >= 60.0 * minutes):
             with timed(kept):
                 gather(done // settings.eval_freq)

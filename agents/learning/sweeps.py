@@ -175,7 +175,7 @@ def _train(settings: AnySettings, out: str, *, seed: int) -> None:
     try:
         train(settings, out, seed=seed, threads=1, tensorboard=False)
     except (ValueError, ArithmeticError) as error:
-        first, *_ = str(error).splitlines() or [""]  # torch goes on with all the numbers that are none
+        first, *_ = str(error).splitlines() or [""]  # errors of scenarios have a line for each key
         Path(out).mkdir(parents=True, exist_ok=True)  # it may have failed before it made its folder
         with replaced_when_done(Path(out, FAILED)) as partial:
             partial.write_text(f"{type(error).__name__}: {shortened(first, 300)}", encoding="utf-8")

@@ -28,6 +28,7 @@ from stable_baselines3.common.policies import BasePolicy
 
 from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
 from bug_gym.agents.learning.curriculum import rows_of_stage
+from bug_gym.agents.learning.diverging import require_finite, told_when_diverged
 from bug_gym.agents.learning.elsewhere import Job, train_each
 from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Entered, Point, best_so_far, model_folder, read_config
 from bug_gym.agents.learning.history import with_history
@@ -331,7 +332,11 @@ def validate(network: BasePolicy, settings: AnySettings, steps: int, progress: P
         steps: how far it is.
         progress: what is known of it, which is added to.
         folder: where the curve goes.
+
+    Raises:
+        NotFiniteError: the network has weights that are no numbers.
     """
+    require_finite(network)
     runs = play_validation(network, settings, settings.loaded)
     shares = {name: round(float(np.mean([run.ended(name).mean() for run in runs])), 6) for name in ENDS}
     times = np.concatenate([run.time[run.ended("success")] for run in runs])
@@ -386,7 +391,7 @@ def train(
 
     Raises:
         ValueError: a training that learns offline, a seed below 0, a model to begin with that does not fit, or `out` is of
-            another training, of an evaluation or in use.
+            another training, of an evaluation or in use; or the training has diverged.
     """
     if isinstance(settings, OfflineSettings):
         raise ValueError(f"{settings.algo} learns offline, from recorded episodes: see agents/learning/offline.py")
@@ -487,7 +492,8 @@ def _train_in(
     best = BestSoFar(folder, settings, robot_of(settings.loaded), seed)
     with reported(settings, shown=progress) as report, kept_when_stopped(best, model.policy, kept):
         keeper = ProgressKeeper(settings, kept, folder, env=env, save=save, minutes=minutes, report=report, best=best)
-        model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
+        with told_when_diverged(settings, seed, lambda: model.num_timesteps):
+            model.learn(max(left, 0), callback=keeper, log_interval=16, reset_num_timesteps=not goes_on)
         if save is not None and not keeper.is_over:
             report.stage(SAVING)
             save()

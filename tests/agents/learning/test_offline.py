@@ -705,3 +705,10 @@ def test_each_trainer_refuses_the_others_settings(tmp_path: Path) -> None:
 def test_offline_settings_are_those_of_the_table() -> None:
     settings: AnySettings = load_settings("bc_hd_bug")
     assert robot_of(settings.loaded).beams == 64 and settings.history == ()
+
+
+@pytest.mark.parametrize("algo", ["bc", "td3_bc"])
+def test_a_training_that_diverges_says_which_when_and_at_what_rate(algo: str, tmp_path: Path) -> None:
+    told = rf"^custom \({algo}, seed 2\) has diverged after \d+ of 40 steps: its network answers with NaN .* learning_rate is 1"
+    with pytest.raises(ValueError, match=told):
+        train_offline(tiny(algo, learning_rate=1e9), tmp_path, episodes=answered(), seed=2)

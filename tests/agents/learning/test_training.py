@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -20,6 +22,7 @@ pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with th
 
 import torch
 
+from bug_gym.agents.learning import training
 from bug_gym.agents.learning.checkpoints import Rollouts
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.models import command
@@ -381,3 +384,53 @@ def test_bad_input_leaves_with_exit_code_2(
 def test_list_names_the_trainings(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "trainings"]) == 0
     assert set(training_names()) <= set(capsys.readouterr().out.split())
+
+
+# ------------------------------------------------------------------------------------------------------- divergence
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"algo": "sac", "learning_starts": 16, "n_steps": None, "save_freq": None, "eval_freq": 1000}]
+)
+def test_a_training_that_diverges_says_which_when_and_at_what_rate(
+    changes: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """torch tells all the numbers that came, and none of these."""
+    settings = {**TINY, "overrides": {"time.limit": 3.0}, **changes, "name": "wild", "learning_rate": 1e9}
+    path = tmp_path / "wild.yaml"
+    path.write_text(json.dumps({key: value for key, value in settings.items() if value is not None}))
+    assert main(["train", str(path), "--seed", "3", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    told = re.fullmatch(
+        rf"bug-gym: error: wild \({settings['algo']}, seed 3\) has diverged after ([\d,]+) of 1,024 steps: (.*)", said
+    )
+    assert told is not None, said[:300]
+    assert 0 < int(told[1].replace(",", "")) < 1024
+    assert told[2] == "its network answers with NaN or infinity; learning_rate is 1000000000.0, try a smaller one"
+
+
+def test_weights_that_are_no_numbers_are_found_at_a_validation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What drives by the largest of NaNs would go on to the end, and be written as a model."""
+    own = {key: value for key, value in TINY.items() if key not in ("n_steps", "save_freq")}
+    settings = load_settings({**own, "algo": "dqn", "overrides": {"time.limit": 3.0}, "learning_starts": 16})
+    real = training.make_model
+
+    def spoilt(*arguments: Any) -> Any:
+        model = real(*arguments)
+        with torch.no_grad():
+            next(model.policy.parameters())[0] = math.nan
+        return model
+
+    monkeypatch.setattr(training, "make_model", spoilt)
+    with pytest.raises(ValueError, match="has diverged after .* steps"):
+        train(settings, tmp_path)
+    assert not (tmp_path / "config.json").exists()
+
+
+def test_another_error_while_it_learns_is_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any) -> Any:
+        raise ValueError("the disk is full")
+
+    monkeypatch.setattr(training, "validate", fails)
+    with pytest.raises(ValueError, match="^the disk is full$"):
+        train(tiny(), tmp_path)
