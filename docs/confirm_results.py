@@ -6,6 +6,8 @@ differences are told, the exit status is 1, and the new file is the one to commi
 times of the old one where both have them, for what was made again on a machine with other work; its page says so.
 `--policy=NAME[,NAME...]` does so for the rows of policies, whose files alone have changed, and leaves all others as they are;
 with `--new-times` these rows have their new times, as of a policy that takes another time than before.
+
+A file has the name of the one that is committed; where there is none, nothing is done and the exit status is 2.
 """
 
 from __future__ import annotations
@@ -116,13 +118,25 @@ def replace_policies(policies: Sequence[str], new: Path, committed: Path, *, new
     committed.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
 
 
+def fault_of(path: Path) -> str:
+    """What is wrong with the name of a new result; "" where nothing is."""
+    if not path.is_file():
+        return f"no file {path}"
+    known = sorted(committed.name for committed in RESULTS.glob("*.json"))
+    return "" if path.name in known else f"{path}: got the name {path.name}, expected one of {', '.join(known)}"
+
+
 def main(arguments: Sequence[str]) -> int:
-    """Confirm each; 1 where one differs."""
+    """Confirm each; 1 where one differs, 2 where one is none of those that are committed."""
     differ = 0
     options = [one for one in arguments if one.startswith("--")]
     told = [one.removeprefix("--policy=") for one in options if one.startswith("--policy=")]
     policies = [name for one in told for name in one.split(",")]
-    for path in (Path(one) for one in arguments if one not in options):
+    paths = [Path(one) for one in arguments if one not in options]
+    if faults := [fault for path in paths if (fault := fault_of(path))]:
+        print("\n".join(faults), file=sys.stderr)
+        return 2
+    for path in paths:
         if policies:
             replace_policies(policies, path, RESULTS / path.name, new_times="--new-times" in options)
             continue

@@ -142,6 +142,28 @@ def test_results_are_confirmed_where_times_alone_are_others(
     assert json.loads(committed.read_text()) == {**old, **({} if told else {"confirmed": "b"})}
 
 
+@pytest.mark.parametrize("option", [[], ["--keep-times"], ["--policy=bug2"]])
+def test_a_result_that_has_no_page_is_refused_with_the_names_that_have_one(
+    option: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    committed, new = tmp_path / "committed", tmp_path / "new"
+    for folder, names in ((committed, ("barn", "bug-bounds")), (new, ("barn", "barm"))):
+        folder.mkdir()
+        for name in names:
+            (folder / f"{name}.json").write_text(json.dumps({"commit": folder.name, "holds": None, "rows": []}))
+    before = (committed / "barn.json").read_bytes()
+    main = script("confirm_results.py")["main"]
+    main.__globals__["RESULTS"] = committed
+    assert main([*option, str(new / "barn.json"), str(new / "barm.json")]) == 2
+    told = f"{new / 'barm.json'}: got the name barm.json, expected one of barn.json, bug-bounds.json\n"
+    assert capsys.readouterr() == ("", told)
+    assert main([*option, str(new / "bug-bounds.json")]) == 2
+    assert capsys.readouterr() == ("", f"no file {new / 'bug-bounds.json'}\n")
+    assert (committed / "barn.json").read_bytes() == before
+    assert main([*option, str(new / "barn.json")]) == 0
+    assert (committed / "barn.json").read_bytes() != before
+
+
 def test_new_results_may_keep_the_times_of_the_old_ones(tmp_path: Path) -> None:
     def result(commit: str, success: float, ms: float, **further: Any) -> dict[str, Any]:
         return {"commit": commit, "rows": {"bug": {"success": success, "decision_time": ms}, **further}, "ms": [ms]}
