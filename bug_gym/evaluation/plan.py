@@ -26,6 +26,7 @@ from bug_gym.evaluation.suites import as_suite
 from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.files import released
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
+from bug_gym.log import warn_once
 from bug_gym.policy import MisfitError
 from bug_gym.references import code_digest
 from bug_gym.schema.own import OWN_PARTS, required_function
@@ -217,12 +218,11 @@ def _try_out(
     left_out = {}
     for scenario in scenarios:
         if len(scenario.seeds) > 1 and is_one_world(scenario.scenario):
-            same = "%s: every seed has the same world, %s"
             if is_without_noise(scenario.scenario):
                 told = "and nothing is drawn: who decides without chance drives one episode again and again, so ask for one"
             else:
                 told = "episodes differ by noise alone"
-            logger.warning(same, scenario.label, told)
+            warn_once(f"{scenario.label}: every seed has the same world, {told}")
         misfits = []
         for number, entry in enumerate(entries):
             try:

@@ -620,8 +620,13 @@ def test_where_nothing_succeeded_the_first_episode_is_typical() -> None:
     ],
 )
 def test_who_evaluates_one_world_many_times_is_told(
-    scenario: str, overrides: dict[str, Any], expected: bool, caplog: pytest.LogCaptureFixture
+    scenario: str,
+    overrides: dict[str, Any],
+    expected: bool,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("bug_gym.log.told", set())
     make_plan("go_to_goal", scenario, episodes=2, overrides=overrides)
     assert ("every seed has the same world" in caplog.text) == expected
     caplog.clear()
@@ -629,7 +634,22 @@ def test_who_evaluates_one_world_many_times_is_told(
     assert "every seed" not in caplog.text
 
 
-def test_where_nothing_is_drawn_one_episode_is_enough(caplog: pytest.LogCaptureFixture) -> None:
+def test_who_evaluates_one_world_again_and_again_is_told_once(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `bug-gym benchmark` does, which drives the same episodes five times to time their decisions."""
+    monkeypatch.setattr("bug_gym.log.told", set())
+    for scenario in ("crossing_robots", "u_trap", "crossing_robots"):
+        for _ in range(3):
+            make_plan("go_to_goal", scenario, episodes=2)
+    said = [record.getMessage().partition(",")[0] for record in caplog.records]
+    assert said == [f"{name}: every seed has the same world" for name in ("crossing_robots", "u_trap")]
+
+
+def test_where_nothing_is_drawn_one_episode_is_enough(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bug_gym.log.told", set())
     make_plan("go_to_goal", "oni_wang", episodes=2)
     assert "and nothing is drawn" in caplog.text
     caplog.clear()
