@@ -38,7 +38,10 @@ class RepairingMemory(GridMemory):
 
 
 class RepairingPlanner(GridPlanner):
-    """A planner over cells whose search goes on from what it has found before; its parameters are those of GridPlanner."""
+    """A planner over cells whose search goes on from what it has found before; its parameters are those of GridPlanner.
+
+    What it has found are distances from the goal: where that moves they are all others, and the search begins anew.
+    """
 
     memory_type: ClassVar[type[MapMemory]] = RepairingMemory
 
