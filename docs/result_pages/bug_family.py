@@ -539,7 +539,7 @@ def drift(found: Record) -> Page:
         order = sorted(success_at(computed, value).items(), key=lambda item: -item[1])
         (first, best), (last, worst) = order[0], order[-1]
         lines.append(f"at {value:g} m/sqrt(m) {percent(worst)} % (`{last}`) to {percent(best)} % (`{first}`)")
-    final = success_at(computed, most).values()
+    lasting = [f"`{name}`" for name, value in success_at(computed, most).items() if value >= survives]
     return Page(
         [
             picture("odometry-drift", "Success against odometry drift"),
@@ -549,8 +549,14 @@ def drift(found: Record) -> Page:
         f"m/sqrt(m), which is to say that at least {percent(survives)} % arrive"
         + (f", though {listed(dips)}" if dips else "")
         + f". Where the goal itself is computed from odometry "
-        f"{sum(value >= survives for value in final) or 'none'} do. There "
-        f"arrive {listed(lines)}.",
+        f"{listed(lasting) or 'none'} {'does' if len(lasting) == 1 else 'do'}. There "
+        f"arrive {listed(lines)}."
+        + (
+            " `minimum_risk` does not stand where it takes the goal to be: it finds itself trapped there, and goes about near by "
+            "until it comes upon the goal, which is a search and no better knowledge of where it is."
+            if "`minimum_risk`" in lasting
+            else ""
+        ),
     )
 
 
