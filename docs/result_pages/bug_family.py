@@ -552,8 +552,8 @@ def drift(found: Record) -> Page:
         f"{listed(lasting) or 'none'} {'does' if len(lasting) == 1 else 'do'}. There "
         f"arrive {listed(lines)}."
         + (
-            " `minimum_risk` does not stand where it takes the goal to be: it finds itself trapped there, and goes about near by "
-            "until it comes upon the goal, which is a search and no better knowledge of where it is."
+            " `minimum_risk` does not stand where it takes the goal to be: it finds itself trapped there and goes about near "
+            "by until it comes upon the goal, which is a search and no better knowledge of where it is."
             if "`minimum_risk`" in lasting
             else ""
         ),
