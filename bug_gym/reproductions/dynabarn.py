@@ -22,8 +22,6 @@ from bug_gym.reproductions.replayable import replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.worlds.dynabarn_files import load_dynabarn
 
-POLICIES = ("hd_bug_map", "hd_bug", "velocity_obstacle", "dwa", "tangent_bug", "go_to_goal")
-"""Not every policy that can drive the robot: with `--policies` any other."""
 PHASES = 3
 """Runs in each world."""
 LENGTH = 20.0
@@ -37,6 +35,13 @@ def scenario(path: str, world: int) -> dict[str, Any]:
     described = barn.scenario("faithful", path, world)
     family = {"family": "dynabarn", "path": path, "world": world}
     return {**described, "scenario": {**described["scenario"], "world": family}}
+
+
+def drivers(described: Mapping[str, Any]) -> list[str]:
+    """Every policy of the table that drives the robot of a scenario, each once."""
+    policies = barn.every_policy()
+    refused = barn.refusals(policies, described)
+    return [policy for policy in policies if policy not in refused]
 
 
 def is_jumped_on(policy: str, described: Mapping[str, Any], row: EpisodeRow) -> bool:
@@ -90,7 +95,7 @@ def reproduce(settings: Settings) -> Reproduction:
         raise ValueError("the DynaBARN worlds are not part of this package: give them with --data (a .jsonl)")
     path = str(settings.data)
     scenarios = [scenario(path, number) for number in sorted(load_dynabarn(path))[: settings.seeds]]
-    policies = settings.policies or POLICIES
+    policies = settings.policies or drivers(scenarios[0])
     rows = run(policies, scenarios, PHASES, settings, name="dynabarn")
     labelled = {one["label"]: one for one in scenarios}
     data = {policy: summed_up(policy, of(rows, policy=policy), labelled) for policy in policies}
