@@ -25,6 +25,10 @@ SUCCESS_ASKED, SCORE_ASKED, FAULTLESS_ASKED = 0.98, 0.24, 0.98
 PAPER, PREDICTOR = "hd_bug", "kalman"
 LINES = (PREDICTOR, PAPER)
 """The map planner with a predictor, of which something is claimed, and HD-BUG itself."""
+NETWORKS = ("navigator", "hd_bug_map", "ppo_mixed")
+"""Who drives the robot that networks were trained for: the switch between planner and network, and each alone."""
+SCANNER = {"beams": 64, "range": 5.0, "noise": 0.01}
+"""That robot's."""
 CLEARANCE = 1.25 * 0.25 + 2.0 * 0.01
 """Centre to wall that both keep in the streets [m]: what the map planner keeps by itself, of radius and noise."""
 
@@ -90,6 +94,11 @@ def reproduce(settings: Settings) -> Reproduction:
             }
     planners = [number for line, number in faults.items() if line != PAPER]
     holds = holds and all(number <= (1.0 - FAULTLESS_ASKED) * crossings for number in planners)
+    networks: dict[str, Any] = {}
+    if not settings.policies:
+        of_networks, networks, driven = drive_networks(settings)
+        tables.append(of_networks)
+        episodes += driven
     header = [
         "scene",
         "hd_bug, or hd_bug_map with",
@@ -100,8 +109,33 @@ def reproduce(settings: Settings) -> Reproduction:
     ]
     header += ["time [s]", "minus kalman [%]", "95 %", "p (McNemar)"]
     tables.append(Table(f"Crossings of recorded pedestrians, {crossings} in all", header, lines))
-    kept = {"results": data, "paired": differences}
+    kept = {"results": data, "paired": differences, "networks_robot": networks}
     return Reproduction("hd-bug-real", tables, [barn.DWA, NOTE], kept, holds, episodes=episodes)
+
+
+def drive_networks(settings: Settings) -> tuple[Table, dict[str, Any], list[Replayable]]:
+    """The same streets for the robot that the networks were trained for: a table, its numbers, and the episodes."""
+    assert settings.data is not None
+    lines, data, episodes = [], {}, []
+    for scene in SCENES:
+        scenario = crossing(settings.data / scene) | {"robot": {"kinematics": "differential"}, "lidar": SCANNER}
+        streets = [{"scenario": scenario, "label": scene}]
+        rows = run(NETWORKS, streets, settings.seeds or CROSSINGS, settings, name="hd-bug-real-networks")
+        episodes += replayable(rows, NETWORKS, streets, "networks, {}")
+        for policy in NETWORKS:
+            mine = of(rows, policy=policy)
+            hits = of(mine, outcome="collision")
+            faults = [
+                row for row in hits if is_avoidable(policy, scenario, row) and not appeared(policy, scenario, row)
+            ]
+            gap = paired(of(rows, policy=NETWORKS[0]), mine)["success"] if policy != NETWORKS[0] else None
+            differs = ["", "", ""] if gap is None else told(gap, 100.0, 1)
+            time = f"{mean([row.time for row in mine if row.success]):.2f}"
+            lines.append([scene, policy, as_percent(mine), str(len(hits)), str(len(faults)), time, *differs])
+            data[f"{scene}, {policy}"] = {**numbers(mine), "faults": len(faults), "navigator_minus": gap}
+    header = ["scene", "policy", "reached [%]", "collisions", "by its fault", "time [s]"]
+    header += ["navigator minus this [%]", "95 %", "p (McNemar)"]
+    return Table("The same streets, the robot of the networks", header, lines), data, episodes
 
 
 NOTE = f"sudden: with somebody who came into the recording less than {SUDDEN:g} s before; not the robot's fault."
