@@ -271,6 +271,16 @@ def of_networks(found: Record) -> str:
     return f"{listed(told)}."
 
 
+def worse_than_planner(found: Record) -> str:
+    """Where the switch certainly arrives less often than the map planner alone, in a sentence."""
+    where = [
+        f"{key.split(', ')[0]} ({100.0 * gap['mean']:+.0f} points, p = {p_value(gap['p_value'])})"
+        for key, one in found.items()
+        if key.endswith(", hd_bug_map") and (gap := one["navigator_minus"])["interval"][1] < 0.0
+    ]
+    return f" The switch arrives less often than the planner alone in {listed(where)}." if where else ""
+
+
 def real(found: Record) -> Page:
     """BARN's worlds and recorded pedestrians."""
     results = dict(found["results"])
@@ -323,7 +333,7 @@ def real(found: Record) -> Page:
         f"seen.) `hd_bug`, which keeps as far from walls, arrives {arrived} times; {its_faults} of its collisions are its "
         "fault. In BARN's worlds it stands in [barn](barn.md).\n\n"
         f"The robot that the networks were trained for is slower than many who walk there and sees half as far. "
-        f"{of_networks(networks)} The network alone never saw recorded people.",
+        f"{of_networks(networks)} The network never saw recorded people.{worse_than_planner(networks)}",
         [
             (f"at least {percent(hd_bug_real.SUCCESS_ASKED)} % of the BARN worlds are reached",
              barn_one["success"] >= hd_bug_real.SUCCESS_ASKED),
