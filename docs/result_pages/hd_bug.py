@@ -274,7 +274,7 @@ def of_networks(found: Record) -> str:
 def worse_than_planner(found: Record) -> str:
     """Where the switch certainly arrives less often than the map planner alone, in a sentence."""
     where = [
-        f"{key.split(', ')[0]} ({100.0 * gap['mean']:+.0f} points, p = {p_value(gap['p_value'])})"
+        f"{key.split(', ')[0]} ({100.0 * gap['mean']:+.0f} points, p = {gap['p_value']:.2g})"
         for key, one in found.items()
         if key.endswith(", hd_bug_map") and (gap := one["navigator_minus"])["interval"][1] < 0.0
     ]
