@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.potential_field.apf_wall_following import ApfWallFollowingParameters
 from bug_gym.agents.potential_field.forces import attractive_potential
+from bug_gym.agents.potential_field.wall_follower import expected_bearing
 from bug_gym.reproductions.result import Curves
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
@@ -109,6 +111,35 @@ def angle_curve(title: str, track: Track) -> Curves:
     turns = np.nan_to_num(np.asarray(track.angles)[chosen]) / 360.0
     line = [(float(one), float(one), float(one)) for one in turns]
     return Curves(title, "time [s]", "turns", times(track, chosen), {"Theta": line}, y_range=(-1.02, 1.02))
+
+
+def along_wall(track: Track, parameters: Mapping[str, Any], wall_x: float, after: Sequence[float]) -> dict[str, Any]:
+    """Distance to a wall along y on the robot's right, and its direction there, as in Fig. 6.
+
+    Args:
+        track: of a robot that follows that wall until the last of the times.
+        parameters: of its policy, with the clearance.
+        wall_x: where the wall is [m].
+        after: times since it began to follow [s].
+
+    Returns:
+        `distance` [m], and by how much the direction that the robot expects and the one that it goes lean to the wall,
+        `expected` and `driven` [degrees], each a list as long as `after`.
+    """
+    first = next(number for number, mode in enumerate(track.modes) if mode != "potential_field")
+    steps = [first + round(time / track.step) for time in after]
+    distances = (wall_x - track.path[steps, 0]).tolist()
+    own = ApfWallFollowingParameters(**parameters)
+    settings: dict[str, Any] = {
+        "alpha": math.radians(own.alpha),
+        "gain": math.radians(own.alpha_gain),
+        "clearance": own.clearance,
+    }
+    # As if the wall were on the left, where to lean to it is to turn by a positive angle.
+    expected = [expected_bearing(0.5 * math.pi, one, -1, **settings) for one in distances]
+    ways = np.diff(track.path[:, :2], axis=0)[steps]
+    driven = np.degrees(np.arctan2(ways[:, 0], ways[:, 1])).tolist()
+    return {"distance": distances, "expected": list(map(math.degrees, expected)), "driven": driven}
 
 
 def times(track: Track, chosen: Any) -> list[float]:

@@ -23,6 +23,7 @@ from bug_gym.reproductions import apf_worlds, sweep
 from bug_gym.reproductions.apf_tracks import (
     Track,
     Variant,
+    along_wall,
     angle_curve,
     drive,
     on_the_spot,
@@ -31,7 +32,7 @@ from bug_gym.reproductions.apf_tracks import (
     told,
     turning_radii,
 )
-from bug_gym.reproductions.apf_worlds import CLEARANCE
+from bug_gym.reproductions.apf_worlds import CLEARANCE, WALL_X
 from bug_gym.reproductions.claims import as_percent, finite, mean, numbers
 from bug_gym.reproductions.oni_wang_table_1 import OVERRIDES, allowed_difference
 from bug_gym.reproductions.replayable import Replayable
@@ -59,6 +60,15 @@ PARTS: dict[str, Mapping[str, Any]] = {
     "leave=heading": {"leave": "heading", "projection": False},
 }
 """What is left out: conditions 1 and 3, the angle; and the two rules that the paper calls too simple."""
+
+ALPHAS: dict[str, Mapping[str, Any]] = {
+    "alpha=90, alpha_gain=0": {"alpha": 90.0, "alpha_gain": 0.0},
+    "alpha=92, alpha_gain=0": {"alpha": 92.0, "alpha_gain": 0.0},
+    "whole": {},
+}
+"""The two of Fig. 6, which the distance does not change, and ours, which it does."""
+AT_THE_WALL = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 40.0)
+"""Times since the wall was met at which Fig. 6 is told [s]."""
 
 ROUTES = ("AB", "AC", "AD", "BA", "BC", "BD", "CA", "CB", "CD", "DA", "DB", "DC")
 IDEAL = {
@@ -144,6 +154,35 @@ def moving_scenes() -> Part:
         lines,
     )
     return Part([table], {"moving": data}, holds, curves, episodes=episodes)
+
+
+def alphas() -> Part:
+    """Fig. 6: how far from a straight wall the robot goes, and in which direction, by alpha."""
+    found = {}
+    for label, changes in ALPHAS.items():
+        parameters = {"clearance": CLEARANCE, "turn": "left", **changes}
+        track = drive(apf_worlds.straight_wall(), (OURS, parameters))
+        found[label] = along_wall(track, parameters, WALL_X, AT_THE_WALL)
+    header = ["", *(f"{time:g} s" for time in AT_THE_WALL)]
+    titles = {"distance": "distance from a straight wall [m]"}
+    titles |= {kind: f"direction {kind}, towards the wall [degrees]" for kind in ("expected", "driven")}
+    tables = [
+        Table(
+            f"Fig. 6: {title}",
+            header,
+            [[label, *(f"{value:z.2f}" for value in one[kind])] for label, one in found.items()],
+        )
+        for kind, title in titles.items()
+    ]
+    return Part(tables, {"Fig. 6": {"times": list(AT_THE_WALL), "alphas": found}}, leans(found))
+
+
+def leans(found: Mapping[str, Any]) -> bool:
+    """Whether 92 degrees expect a direction that leans more to the wall than 90, and lead nearer to it: the paper's words."""
+    plain, leaning, _ = (found[label] for label in ALPHAS)
+    more = all(one > other for one, other in zip(leaning["expected"], plain["expected"], strict=True))
+    ways = zip(leaning["distance"], plain["distance"], strict=True)
+    return more and all(one < other for one, other in list(ways)[1:])
 
 
 # ---------------------------------------------------------------------------------------------- routes
@@ -317,6 +356,7 @@ def reproduce(settings: Settings) -> Reproduction:
     found = [
         still_scenes(),
         moving_scenes(),
+        alphas(),
         routes(ROUTES[:3] if few else ROUTES),
         compare("Traps", trap_rows, METHODS, seeds, settings),
         compare("Mazes", maze_rows, METHODS, seeds, settings),

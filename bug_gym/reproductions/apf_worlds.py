@@ -1,4 +1,9 @@
-"""The worlds of the reproduction apf-wall-following: scenes in the paper's manner, random traps, moving things."""
+"""The worlds of the reproduction apf-wall-following: scenes in the paper's manner, random traps, moving things.
+
+Each is a scenario as a dict, for any environment and policy; the guide (docs/guide/scenarios.md) drives one. Scenes have
+the names of the paper's figures: of `scenes`, 7a to 7f are the six simple traps and 8a is composed of such, 12a are boxes;
+`moving_scenes` has 8b to 8f and 12b.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +30,9 @@ ROBOT: dict[str, Any] = {
 }
 """The paper's speed; its scanner has 1 degree and 12 m."""
 
+WALL_X = 6.0
+"""Where the straight wall is met [m]."""
+
 CELLS, CELL, FILLED = 11, 1.6, 0.36
 """Cells across a trap, side of one [m], share that is filled."""
 SPAN = CELLS * CELL
@@ -47,6 +55,14 @@ def scene(lines: Mapping[str, Any], told: Mapping[str, Any]) -> dict[str, Any]:
         for name, x, y in told["walls"]
     ]
     return written(shapely.union_all(walls), (told.get("start", 0.0), 0.0), (told["goal"], 0.0))
+
+
+def straight_wall() -> dict[str, Any]:
+    """A wall across the way that goes on beyond where a robot comes in the time given, if it turns left: Fig. 6."""
+    return {
+        **written(shapely.box(WALL_X, -5.0, WALL_X + THICKNESS, 30.0), (0.0, 0.0), (14.0, 0.0)),
+        "time": {"step": 0.1, "limit": 60.0},
+    }
 
 
 def written(solid: Any, start: Sequence[float], goal: Sequence[float]) -> dict[str, Any]:
