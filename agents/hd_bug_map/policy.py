@@ -1,11 +1,12 @@
 """A map planner in unknown terrain that avoids what moves: what grew out of HD-BUG here, and is no longer its paper's.
 
-Source: this package; the HD-BUG paper (Hasibuzzaman, Jan and Wu) gave the detection radius, the prediction of movers and
-the meeting of a moving target. Sensing assumed: ranges all round, goal, own position; the terrain around where the
-scenario has regions. Memory kept: points of still obstacles (mapping.point_map), tracks of what moves. States: direct,
-following, avoidance, leaving, emergency, turning, waiting. Guarantee: among still obstacles it reaches the goal or declares it
-unreachable, for every way with the clearance (see mapping.point_map). Length: that of the shortest way among what it
-has seen, planned again as it sees more.
+Source: this package; the HD-BUG paper (Hasibuzzaman, Jan and Wu) gave the detection radius, the prediction of movers and the
+meeting of a moving target. Sensing assumed: ranges all round, goal, own position; the terrain around where the scenario has
+regions. Memory kept: points of still obstacles (mapping.point_map), tracks of what moves. States: direct, following,
+avoidance, leaving, emergency, turning, waiting. Guarantee: among still obstacles it reaches the goal or declares it
+unreachable, for every way with the clearance (see mapping.point_map); where cells that it could not pass are all that shuts
+the goal off it says "stuck", as in 29 of 1,000 shut worlds of thin cylinders (docs/results/cylinder-claims.md). Length: that
+of the shortest way among what it has seen, planned again as it sees more.
 
 It keeps a map and plans on it, so bugs are no fair opponents: other planners in unknown terrain are, and networks.
 

@@ -40,7 +40,8 @@ INCOMPLETE = (
     *("modified_critical_point_bug", "operative_critical_point_bug"),
     *("apf", "apf_wall_following", "minimum_risk", "hd_bug_map"),
 )
-"""All others that end by themselves in still worlds they know nothing of."""
+"""All others that end by themselves in still worlds they know nothing of; `hd_bug_map` claims more, but for "stuck" where cells
+alone shut a goal off."""
 WITHOUT_CLEARANCE = ("apf", "minimum_risk")
 """Keep what their field or their grid of risks makes them keep."""
 
