@@ -65,11 +65,16 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "d2t-eaco": triangulation.d2t_eaco,
     "soak": long_checks.soak,
     "cluster": long_checks.cluster,
+    "oracle": long_checks.oracle,
 }
 """Name of a reproduction or a check -> what its page says."""
 
 ROOT = Path(__file__).parents[1]
-CHECKS = {"soak": ROOT / "tests" / "soak.py", "cluster": ROOT / "docs" / "measure_cluster.py"}
+CHECKS = {
+    "soak": ROOT / "tests" / "soak.py",
+    "cluster": ROOT / "docs" / "measure_cluster.py",
+    "oracle": ROOT / "tests" / "oracle.py",
+}
 """Name of a check -> the script that it is."""
 
 WITH_DATA = (
@@ -92,7 +97,8 @@ MADE = "by `python docs/make_results.py`; its sentences stand in docs/result_pag
 def command(name: str) -> str:
     """What runs a reproduction or a check."""
     if name in CHECKS:
-        return "make soak" if name == "soak" else f"python docs/measure_{name}.py --out docs/results/{name}.json"
+        script = CHECKS[name].relative_to(ROOT).as_posix()
+        return "make soak" if name == "soak" else f"python {script} --out docs/results/{name}.json"
     return f"bug-gym reproduce {name}{' --data PATH' if name in WITH_DATA else ''} --out docs/results/{name}.json"
 
 

@@ -121,3 +121,56 @@ JOB = 8
 """Worlds of a job: CHUNK of bug_gym.evaluation.work."""
 MOST, SOON = 1.1, 10.0
 """What is claimed: Ray's time over joblib's, and the time of a summary [s]."""
+
+
+def oracle(found: Record) -> Page:
+    """The compiled simulation beside slow plain oracles."""
+    kinds, made_on = found["kinds"], found["machine"]
+    ends = listed(f"{count:,} {end}" for end, count in sorted(found["outcomes"].items()))
+
+    def hold(*names: str) -> bool:
+        return all(kinds[name]["greatest"] <= kinds[name]["bound"] for name in names)
+
+    return Page(
+        [
+            table(
+                f"{found['worlds']:,} worlds of up to {found['steps']} steps",
+                ["kind", "comparisons", "greatest deviation [m]", "bound [m]"],
+                [
+                    [name, f"{kind['comparisons']:,}", f"{kind['greatest']:.2g}", f"{kind['bound']:.2g}"]
+                    for name, kind in kinds.items()
+                ],
+            )
+        ],
+        f"Of the {found['worlds']:,} worlds {found['different']:,} are different; the others are of scenarios that are the "
+        f"same for each seed, where only the actions differ. They are of {len(found['scenarios'])} kinds, in turn: "
+        f"{listed(found['scenarios'])}. Families that read somebody's files are not among them. How it stood with the robots "
+        f"after {found['steps']} steps, or where they ended sooner: {ends}. It took {found['seconds'] / 60.0:.0f} minutes of "
+        f"one core of {made_on['cpu']}, on which other work ran.\n\n"
+        f"A look compares {found['beams']} beams, drawn from all. {found['beams_at_edges']} of them passed an edge within "
+        f"{found['edge']:g} rad and saw the other side of it. A clearance is the smallest so far, after each step. The body "
+        "goes on a chord in a step, as the movers do for it; a circle beside the robot's origin swings, and is stopped by up "
+        "to 1e-5 m too early. A contact is the distance where and when the robot is stopped by something. Within a thing: how "
+        "far a robot is inside what stands as it ends, and how far a mover that minds what stands gets into it on its chord; 0 "
+        "where it does not. Free: between two steps nothing is in a mover's way; reflected: something is. A polygon is "
+        "reflected as the disc about its place that holds it."
+        + "".join(f"\n\nBroken: {told}" for told in found["first_broken"]),
+        [
+            ("ranges are shapely's and the closed form's", hold("range")),
+            (
+                "so are clearances on the way from step to step, and where a robot is stopped by something it touches it",
+                hold(*(f"{kind}{of}" for kind in ("clearance", "contact") for of in ("", " of a body that swings"))),
+            ),
+            (
+                "no robot ends in what stands; on their way no movers get into it, nor discs of a crowd into one another",
+                hold("robot within a thing", "mover within a thing", "crowd within one another"),
+            ),
+            (
+                "movers are where their laws have them",
+                hold(
+                    "waypoints", "replay", "bounce, free", "bounce, reflected", "random_walk, free", "crowd, evade",
+                    "speed of a mover",
+                ),
+            ),
+        ],
+    )  # fmt: skip

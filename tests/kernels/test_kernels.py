@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 from compiled import for_python
+from measured import rings_of, slow_scan
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -236,15 +237,6 @@ def test_a_body_of_several_circles_touches_with_the_one_that_is_nearest() -> Non
 # ------------------------------------------------------------------------------------------------ clearance
 
 
-def rings_of(layout: Layout) -> list[tuple[F64, tuple[float, float] | None]]:
-    """Corners of each ring in the world; with a place where they move with a body."""
-    still = [(ring, None) for polygon in layout.polygons for ring in polygon]
-    moving = [
-        (np.asarray(mover.outline) + mover.at, mover.at) for mover in layout.movers if np.ndim(mover.outline) == 2
-    ]
-    return [(layout.border, None), *still, *moving]
-
-
 def gaps_along(before: Layout, after: Layout, footprint: F64, samples: int) -> float:
     """Smallest distance from the robot's body to anything while all go straight from `before` to `after`, sampled."""
     smallest = math.inf
@@ -428,34 +420,6 @@ def test_robots_in_one_step_stop_where_a_slow_simulation_in_small_steps_stops_th
 
 
 # ------------------------------------------------------------------------------------------------ scan
-
-
-def slow_scan(layout: Layout, peers: F64, pose: F64, angles: F64, reach: float) -> F64:
-    """Distances along beams: circles in closed form, polygons and the border by shapely.
-
-    Args:
-        peers: circles (n, 3) of the other robots.
-        pose: x, y [m], heading [rad] of the robot that looks.
-        angles: of the beams (B,) from its heading [rad].
-        reach: longest range [m].
-    """
-    x, y, heading = pose
-    directions = np.stack([np.cos(heading + angles), np.sin(heading + angles)], axis=1)
-    lines = shapely.multilinestrings([shapely.linestrings(np.vstack([ring, ring[:1]])) for ring, _ in rings_of(layout)])
-    rays = shapely.linestrings(
-        np.stack([np.broadcast_to([x, y], directions.shape), [x, y] + reach * directions], axis=1)
-    )
-    found = shapely.distance(shapely.Point(x, y), shapely.intersection(rays, lines))
-    ranges = np.where(np.isnan(found), reach, found)
-    moving = [(*mover.at, mover.outline) for mover in layout.movers if isinstance(mover.outline, float)]
-    for cx, cy, radius in [*layout.circles, *moving, *peers]:
-        # |t d - c| = r: the roots of t^2 - 2 (c d) t + c^2 - r^2
-        half = directions @ [cx - x, cy - y]
-        under = half**2 - ((cx - x) ** 2 + (cy - y) ** 2 - radius**2)
-        with np.errstate(invalid="ignore"):
-            root = half - np.sqrt(under)
-        ranges = np.where((under >= 0.0) & (root >= 0.0), np.minimum(ranges, root), ranges)
-    return ranges
 
 
 @pytest.fixture(scope="module")
