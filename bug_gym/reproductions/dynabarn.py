@@ -14,6 +14,7 @@ from typing import Any
 
 from bug_gym.config import load
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions import barn
 from bug_gym.reproductions.avoidable import SUDDEN, appeared
@@ -98,7 +99,8 @@ def reproduce(settings: Settings) -> Reproduction:
     policies = settings.policies or drivers(scenarios[0])
     rows = run(policies, scenarios, PHASES, settings, name="dynabarn")
     labelled = {one["label"]: one for one in scenarios}
-    data = {policy: summed_up(policy, of(rows, policy=policy), labelled) for policy in policies}
+    labels = list(dict.fromkeys(row.policy for row in rows))  # who is told the map is marked
+    data = {label: summed_up(label.removesuffix(PRIVILEGED), of(rows, policy=label), labelled) for label in labels}
     header = [
         "policy",
         "success [%]",

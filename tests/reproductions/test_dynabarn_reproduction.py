@@ -64,11 +64,20 @@ def test_dynabarn_without_its_worlds_says_what_is_missing() -> None:
         reproduction("dynabarn")(Settings())
 
 
+def test_it_asks_each_policy_that_drives_the_robot(shared_data: Path) -> None:
+    asked = dynabarn.drivers(dynabarn.scenario(str(shared_data / "dynabarn_worlds.jsonl"), 300))
+    assert {"hd_bug_map", "bug2", "a_star", "mppi", "orca", "minimum_risk"} <= {*asked}
+    assert not {"com", "ocpb", "ppo_dynamic", "navigator"} & {
+        *asked
+    }  # second names, and who was trained for another robot
+
+
 def test_the_first_worlds_of_dynabarn_are_driven(shared_data: Path) -> None:
     settings = Settings(
-        seeds=2, data=shared_data / "dynabarn_worlds.jsonl", policies=("velocity_obstacle", "go_to_goal")
+        seeds=2, data=shared_data / "dynabarn_worlds.jsonl", policies=("velocity_obstacle", "bfs", "go_to_goal")
     )
     result = reproduction("dynabarn")(settings)
+    assert list(result.data["results"]) == ["velocity_obstacle", "bfs (privileged)", "go_to_goal"]
     for one in result.data["results"].values():
         assert one["n"] == 2 * dynabarn.PHASES
         assert one["as_coded"] == pytest.approx(0.125 * one["success"])
