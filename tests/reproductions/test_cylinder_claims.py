@@ -25,6 +25,15 @@ def test_bugs_claim_rightly_among_thin_cylinders_on_the_first_seeds() -> None:
             assert (found["reached"], found["unreachable"]) == (6, 2), name
 
 
+def test_orca_keeps_a_distance_of_its_own_and_claims_rightly() -> None:
+    assert cylinder_claims.parameters("orca", "jackal") == {}
+    assert cylinder_claims.parameters("bug2", "jackal") == PARAMETERS["jackal"]
+    result = reproduction("cylinder-claims")(Settings(seeds=8, policies=("orca",)))
+    assert result.data["wrong"] == [] and result.holds
+    for found in result.data["policies"].values():
+        assert (found["reached"], found["unreachable"]) == (6, 2)
+
+
 @pytest.mark.parametrize("robot", cylinder_claims.DRIVEN)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_world_has_a_way_exactly_where_its_answer_says_so(robot: str, seed: int) -> None:

@@ -43,6 +43,17 @@ def test_at_the_ends_of_a_scanner_that_does_not_look_all_round_no_line_is_known(
     np.testing.assert_array_equal(filled(true, spacing), true)
 
 
+@pytest.mark.parametrize("shift", [0, 1, -1, -2])
+def test_a_line_over_the_ends_counts_all_round_only(shift: int) -> None:
+    spacing, ranges = 0.1, np.full(30, 3.0)
+    line = 1.0 / np.cos(spacing * np.arange(-2.0, 3.0) + 0.3)
+    true = line[2]
+    line[2] = REACH
+    ranges[np.arange(shift - 2, shift + 3) % 30] = line  # the one in the middle missed the wall
+    assert filled(ranges, spacing)[shift] == REACH
+    assert filled(ranges, spacing, wraps=True)[shift] == pytest.approx(true)
+
+
 def test_all_round_the_last_beam_is_the_first_ones_neighbour() -> None:
     ranges = np.full(36, 1.0)
     ranges[0] = REACH
