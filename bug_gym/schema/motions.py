@@ -19,7 +19,7 @@ from bug_gym.schema.values import Duration, Flag, Part, Point, Positive, Record,
 
 
 class Bounce(Part):
-    """Constant velocity, reflected by the border and by still obstacles."""
+    """Constant velocity, reflected by the border and by still obstacles; a polygon as the disc that holds it."""
 
     law: Literal["bounce"]
     velocity: Velocity | None = None
