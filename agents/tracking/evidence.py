@@ -1,11 +1,11 @@
-"""What tells a mover from a still thing: beams went through where it is, or go now through where it was.
+"""What past scans say of a track's motion: beams went through where it is, or go now through where it was.
 
-Some past scans are kept, and each two are compared both ways: what one saw of a thing is a run of hits, and a beam of the
-other that went between them and on, beyond noise, slant and what the other point of view may change, says that the thing
-came or left. The end of a wall that slides along as the robot moves says nothing: no beam goes through what was seen. And
-hits that lie where something was while the track, by its speed, was elsewhere, say that it stands. What is hollow (a pallet,
-a rack) lets beams through though it stands: a beam counts only where the disc, moved back to the time of the beam, lets it
-pass or stops it, and the hits have to lie nearer to one another moved than left in place.
+Some past scans are kept, and each is compared with that of now both ways: what one saw of a thing is a run of hits, and a
+beam of the other that went between them and on, beyond noise, slant and what the other point of view may change, says that
+the thing came or left. The end of a wall that slides along as the robot moves says nothing: no beam goes through what was
+seen. What is hollow (a pallet, a rack) lets beams through though it stands: a beam counts only where the disc, moved back
+to the time of the beam, lets it pass or stops it. Beside that, hits lie so far from those of past scans if the thing
+stood, and so far if it moved as it is said to. What all this is worth, `motion` weighs.
 """
 
 from __future__ import annotations
@@ -13,23 +13,21 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from bug_gym.agents.tracking.filter import GATE, mahalanobis
 from bug_gym.agents.tracking.layout import (
     ANGLE_STEP,
-    AS_MOVED,
-    AS_STILL,
     BEAMS,
-    BORN,
-    EVIDENCE,
+    COMPARED_SCANS,
+    EXPLAINED,
     FIRST_ANGLE,
     HEADING,
-    HITS,
     ID,
-    IS_CONFIRMED,
     IS_FULL_CIRCLE,
     IS_MOVING,
+    MOVED_OFF,
     NOISE,
     NOW,
+    PASSED_NOW,
+    PASSED_THEN,
     PAST_POSE,
     POSE_X,
     POSE_Y,
@@ -37,24 +35,20 @@ from bug_gym.agents.tracking.layout import (
     RANGE,
     SCANS,
     SCANS_KEPT,
-    STOOD,
+    STOOD_OFF,
     TRACKS,
     VX,
-    VXX,
-    VXY,
     VY,
-    VYY,
-    WHOLE,
     Memory,
     Scan,
     X,
     Y,
 )
+from bug_gym.agents.tracking.motion import Weighing, may_move, sum_up
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.geometry import wrap
 from bug_gym.kernels.layout import Floats, Integers
 
-LEAST_SPEED = 0.1  # of a mover [m/s]
 SURE = 0.02  # how sure a place is across the line of sight it was seen along [m]
 CLOSE = 0.04  # a beam that went on for less behind a thing may have met it [m]
 NOISES = 4.0  # and this many standard deviations of a range
@@ -62,26 +56,13 @@ SURELY = 2.0  # and where it is one beam alone this many more
 SAG = 1.0  # how far one surface may bend back between two hits, over the distance from the nearer
 ASLANT = 2.0  # a surface seen more aslant than this, in range over distance across, may be two
 LONGEST = 0.6  # hits farther from one another may be of two things [m]
-# evidence: what one update may add, what a mover needs, the most there is, and what does where the speed is sure
-MOST_AT_ONCE, NEEDED, MOST, SOME = 2.0, 1.0, 4.0, 0.5
-# A thing met by fewer beams than FEW may be the edge of something with holes: it needs more evidence, and the way that it
-# is said to have gone must bring its hits this many times nearer to where it was seen than if it had stood.
-FEW, NEEDED_OF_FEW, NEARER, NEARER_OF_FEW = 3, 2.0, 1.2, 0.8
-SURE_SPEED = 16.0  # significance of a speed that is sure, of a thing both of whose ends were seen
-WHOLE_FOR = 3  # so many times without a break
-# Hits say that a thing moved which was whole for so long, by so many beams, where they lie so far from where it was seen [m],
-# and this many standard deviations of a range, and, if it moved, this share of that; and what an update adds then.
-LONG_WHOLE, ENOUGH, OFF, OFF_NOISES, OFF_MOVED, OF_FIT = 5, 4, 0.02, 1.5, 0.75, 0.5
+MOST_PASSES = 8  # more beams that passed tell no more
 PLACE = 0.05  # a hit as near as this, and twice the noise, to an old one lies where something was [m]
-ELSEWHERE = 2.5  # a track was elsewhere if it went so many times this far
-STOOD_SHARE = 0.6  # of a thing's hits that lie where something was when it stands
 TOO_FAR_ASIDE = 0.5  # a view from farther aside than this share of the distance is another view
 NEAR_HIT = 0.1  # between two hits on one surface there may be a gap, farther from both than this [m]
 ON_OUTLINE = 0.05  # a hit as near as this, and twice the noise, to where a disc's outline would be lies on it [m]
 FAR = 0.5  # two places farther apart have nothing to do with one another [m]
-COMPARED = 0.7  # greatest age of a scan in which a thing is looked for where it was by its speed [s]
-LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free [s]
-COMPARISONS = sum(lag < COMPARED for lag in LAGS)  # in so many of these a thing is looked for
+LAGS = (0.2, 0.5, 1.2)  # ages of the scans that say what was free, COMPARED_SCANS of them [s]
 SCAN_SPACING = 0.09  # least time between scans kept [s]
 
 
@@ -94,7 +75,7 @@ class Surface(NamedTuple):
     """Places of the hits, x (B,) and y (B,), odometry frame [m]."""
     y: Floats
     owner: Integers
-    """Place of the track that a hit belongs to (B,), -1 none."""
+    """Place of the track that a hit belongs to, -1 none; (B,) or longer."""
     pose: Floats
     """Where and when it was taken (PAST_POSE,)."""
 
@@ -120,26 +101,24 @@ def scan_of_age(poses: Floats, now: float, age: float) -> int:
 
 
 @called
-def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integers, toward: Floats) -> None:
-    """Count for each track the beams that passed where it is now, and those that pass now where it was.
-
-    A still thing has neither, and its hits lie where there were hits before. EVIDENCE rises in an update that shows
-    motion and falls where none does.
+def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, toward: Floats, weighing: Weighing) -> None:
+    """Compare the scan with past ones, and add to each track's evidence what that says.
 
     Args:
         memory: of the tracks and past scans.
         scan: of now.
-        owners, counts, toward: scratch, of as many as beams, of TRACKS or more, and of as many as beams.
+        owners, toward: scratch, of as many as beams.
+        weighing: where to write what is told of each track, and what weighs it.
     """
-    counts[:] = 0
+    clues = weighing.clues
+    clues[:] = 0.0
     now = Surface(scan.ranges, scan.place_x, scan.place_y, scan.owner, scan.pose)
     for m in range(TRACKS):
-        memory.numbers[m, STOOD] = memory.numbers[m, BEAMS] = 0
-        memory.state[m, AS_STILL] = memory.state[m, AS_MOVED] = 0.0
+        memory.numbers[m, BEAMS] = 0
     for i in range(len(scan.owner)):
         if scan.owner[i] >= 0:
             memory.numbers[scan.owner[i], BEAMS] += 1
-    for lag in range(len(LAGS)):
+    for lag in range(COMPARED_SCANS):
         k = scan_of_age(memory.scan_poses, scan.pose[NOW], LAGS[lag])
         if k < 0:
             break
@@ -149,82 +128,35 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, counts: Integer
             m = mark % TRACKS
             owners[i] = m if mark > 0 and memory.numbers[m, ID] == mark // TRACKS else -1
         past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
-        count_passes(memory, now, past, scan.settings, counts, toward)
-        count_passes(memory, past, now, scan.settings, counts, toward)
-        tell_still(memory, now, past, scan.settings)
+        count_passes(memory, now, past, scan.settings, clues, PASSED_NOW + lag, toward)
+        count_passes(memory, past, now, scan.settings, clues, PASSED_THEN + lag, toward)
+        lay_side_by_side(memory, now, past, scan.settings, clues, lag)
     for m in range(TRACKS):
-        n = memory.numbers[m]
-        if n[ID] > 0:
-            change = min(0.5 * counts[m], MOST_AT_ONCE) if counts[m] > 1 else -0.5
-            if change < 0.0 and is_nearer_moved(memory.state[m], n, scan.settings[NOISE]):
-                change = OF_FIT
-            if n[STOOD] > 0:
-                change = -1.0
-            elif change < 0.0 and (n[HITS] & 1) == 0:
-                change = 0.0  # nothing is seen of it
-            memory.state[m, EVIDENCE] = min(max(memory.state[m, EVIDENCE] + change, 0.0), MOST)
+        if memory.numbers[m, ID] > 0:
+            sum_up(memory.state[m], memory.numbers[m], clues[m], scan, weighing)
 
 
 @called
-def tell_still(memory: Memory, now: Surface, past: Surface, settings: Floats) -> None:
-    """Mark tracks whose hits lie where the past scan had hits, though by their speed they were elsewhere then.
+def lay_side_by_side(memory: Memory, now: Surface, past: Surface, settings: Floats, clues: Floats, lag: int) -> None:
+    """Add up for each track how far its hits lie from those of a past scan, if it stood and if it moved.
 
-    And add up how far the hits lie from those of the past scan, if the thing stood and if it moved as it is said to.
+    And how many lie where something was.
     """
-    beams, begin = len(now.ranges), 0
-    while begin < beams:
-        m, end = now.owner[begin], begin + 1
-        while end < beams and now.owner[end] == m:
-            end += 1
-        if m >= 0:
-            tell_still_run(memory, m, now, past, begin, end, settings)
-        begin = end
+    room, age = PLACE + 2.0 * settings[NOISE], now.pose[NOW] - past.pose[NOW]
+    for i in range(len(now.ranges)):
+        m = now.owner[i]
+        if m < 0 or not may_move(memory.state[m], memory.numbers[m]):
+            continue
+        s = memory.state[m]
+        stood = gap_of(memory, m, now.x[i], now.y[i], past, settings)
+        clues[m, STOOD_OFF + lag] += stood
+        clues[m, MOVED_OFF + lag] += gap_of(memory, m, now.x[i] - age * s[VX], now.y[i] - age * s[VY], past, settings)
+        clues[m, EXPLAINED + lag] += 1.0 if stood < room else 0.0
 
 
 @inlined
-def tell_still_run(memory: Memory, m: int, now: Surface, past: Surface, begin: int, end: int, settings: Floats) -> None:
-    """The same for a run of a track's hits, as far as it may change what the track is taken for."""
-    s, n, room = memory.state[m], memory.numbers[m], PLACE + 2.0 * settings[NOISE]
-    if n[STOOD] > 0:
-        return
-    age = now.pose[NOW] - past.pose[NOW]
-    was_elsewhere = math.hypot(s[VX], s[VY]) * age > ELSEWHERE * room
-    is_asked = n[IS_MOVING] > 0 or may_begin_to_move(s, n)
-    is_compared = age < COMPARED and now.pose[NOW] - s[BORN] >= age - 1e-6 and is_asked
-    needed, explained = STOOD_SHARE * (end - begin), 0
-    for i in range(begin, end):
-        if not is_compared and (not was_elsewhere or explained >= needed or explained + end - i < needed):
-            break
-        stood = gap_of(memory, now.x[i], now.y[i], past, settings)
-        explained += stood < room
-        if is_compared:
-            s[AS_STILL] += stood
-            s[AS_MOVED] += gap_of(memory, now.x[i] - age * s[VX], now.y[i] - age * s[VY], past, settings)
-    if was_elsewhere and explained >= needed:
-        n[STOOD] = 1
-
-
-@inlined
-def is_nearer_moved(s: Floats, n: Integers, noise: float) -> bool:
-    """Whether what is seen of a thing lies off where it was seen, and nearer to that if it moved as it is said to.
-
-    Little noise hides how a mover that comes straight on takes space: its beams pass through nothing.
-    """
-    if (n[HITS] & 31) != 31 or n[BEAMS] < ENOUGH or n[WHOLE] < LONG_WHOLE:
-        return False
-    is_off = s[AS_STILL] > COMPARISONS * n[BEAMS] * (OFF + OFF_NOISES * noise)
-    return bool(is_off and s[AS_MOVED] < OFF_MOVED * s[AS_STILL])
-
-
-@inlined
-def may_begin_to_move(s: Floats, n: Integers) -> bool:
-    """Whether a track that is still so far may be a mover after this update, whatever its evidence comes to."""
-    return (n[HITS] & 7) == 7 and is_fast(s, n, min(s[EVIDENCE] + MOST_AT_ONCE, MOST), True)
-
-
-@inlined
-def gap_of(memory: Memory, x: float, y: float, past: Surface, settings: Floats) -> float:
-    """How far from a place a past scan met something still [m], at most FAR."""
+def gap_of(memory: Memory, track: int, x: float, y: float, past: Surface, settings: Floats) -> float:
+    """How far from a place a past scan met a track, or something that stands [m], at most FAR."""
     beams, best = len(past.ranges), FAR
     middle = int(round(beam_toward(x, y, past.pose, settings)))
     for ray in range(middle - 1, middle + 1):
@@ -234,7 +166,7 @@ def gap_of(memory: Memory, x: float, y: float, past: Surface, settings: Floats) 
         if past.ranges[i] >= settings[RANGE]:
             continue
         m = past.owner[i]
-        if m >= 0 and memory.numbers[m, IS_MOVING] > 0:
+        if m >= 0 and m != track and memory.numbers[m, IS_MOVING] > 0:
             continue
         sx, sy = past.x[i] - past.x[h], past.y[i] - past.y[h]
         square = sx * sx + sy * sy
@@ -248,60 +180,73 @@ def gap_of(memory: Memory, x: float, y: float, past: Surface, settings: Floats) 
 
 @called
 def count_passes(
-    memory: Memory, surface: Surface, other: Surface, settings: Floats, counts: Integers, toward: Floats
+    memory: Memory, surface: Surface, other: Surface, settings: Floats, clues: Floats, column: int, toward: Floats
 ) -> None:
-    """Count for each track the beams of another scan that went through what one scan saw of it, as long as it matters."""
-    beams = len(surface.ranges)
-    begin = 0
-    while begin < beams:
-        end = begin + 1
-        m = surface.owner[begin]
+    """Count for each track the beams of another scan that went through what one scan saw of it, as far as MOST_PASSES."""
+    beams, first = len(surface.ranges), 0
+    if settings[IS_FULL_CIRCLE] > 0.0:
+        while first < beams and continues(surface, first, settings):
+            first += 1
+        first = first % beams
+    begin = first
+    while begin < first + beams:
+        end, m = begin + 1, surface.owner[begin % beams]
         if m < 0:
             begin = end
             continue
-        while end < beams and surface.owner[end] == m and is_joined(surface, end, settings):
+        while end < first + beams and continues(surface, end % beams, settings):
             end += 1
-        more = most_passes(memory.state[m]) - counts[m]
-        if more > 0:
-            counts[m] += passes_of(memory.state[m], surface, begin, end, other, settings, more, toward)
+        more = MOST_PASSES - int(clues[m, column])
+        if more > 0 and may_move(memory.state[m], memory.numbers[m]):
+            passes = passes_of(memory.state[m], surface, begin, end, other, settings, more, toward)
+            clues[m, column] += min(passes, more)
         begin = end
 
 
 @inlined
-def most_passes(s: Floats) -> int:
-    """From how many beams on more of them change nothing in what an update makes of a track's evidence."""
-    return max(int(math.ceil(2.0 * min(MOST_AT_ONCE, MOST - s[EVIDENCE]))), 2)
+def continues(surface: Surface, i: int, settings: Floats) -> bool:
+    """Whether beam i and the one before it met one surface of one track."""
+    m, h = surface.owner[i], (i if i > 0 else len(surface.ranges)) - 1
+    return bool(m >= 0 and surface.owner[h] == m and is_joined(surface, h, i, settings))
 
 
 @inlined
-def is_joined(surface: Surface, i: int, settings: Floats) -> bool:
-    """Whether beam i and the one before it met one surface, as far as it can be told, and one seen not too aslant."""
-    one, other = surface.ranges[i], surface.ranges[i - 1]
+def is_joined(surface: Surface, h: int, i: int, settings: Floats) -> bool:
+    """Whether two beams, h and then i, met one surface, as far as it can be told, and one seen not too aslant."""
+    one, other = surface.ranges[i], surface.ranges[h]
     spacing = min(one, other) * settings[ANGLE_STEP]
     if abs(one - other) > ASLANT * spacing + 3.0 * settings[NOISE]:
         return False
-    return math.hypot(surface.x[i] - surface.x[i - 1], surface.y[i] - surface.y[i - 1]) < LONGEST
+    return math.hypot(surface.x[i] - surface.x[h], surface.y[i] - surface.y[h]) < LONGEST
 
 
 @called
 def passes_of(
     s: Floats, surface: Surface, begin: int, end: int, other: Surface, settings: Floats, most: int, toward: Floats
 ) -> int:
-    """How many beams of `other` went through the run of hits begin:end of a surface; it counts as far as `most`."""
+    """How many beams of `other` went through a run of hits of a surface; it counts as far as `most`.
+
+    Args:
+        begin, end: of the run; numbers of beams, which go on after the last one with the first.
+    """
     x, y, pose, step, noise = surface.x, surface.y, other.pose, settings[ANGLE_STEP], settings[NOISE]
     full = 2.0 * math.pi / step
-    toward[begin] = beam_toward(x[begin], y[begin], pose, settings)
-    low, high = toward[begin], toward[begin]
-    for i in range(begin + 1, end):
-        toward[i] = unwrapped(beam_toward(x[i], y[i], pose, settings), toward[i - 1], full)
-        low, high = min(low, toward[i]), max(high, toward[i])
+    beams, hits = len(x), end - begin
+    first = begin % beams
+    toward[0] = beam_toward(x[first], y[first], pose, settings)
+    low, high = toward[0], toward[0]
+    for k in range(1, hits):
+        i = (begin + k) % beams
+        toward[k] = unwrapped(beam_toward(x[i], y[i], pose, settings), toward[k - 1], full)
+        low, high = min(low, toward[k]), max(high, toward[k])
     baseline = math.hypot(surface.pose[POSE_X] - pose[POSE_X], surface.pose[POSE_Y] - pose[POSE_Y])
     newest = max(surface.pose[NOW], other.pose[NOW])
     count = 0
-    tb = math.hypot(x[begin] - pose[POSE_X], y[begin] - pose[POSE_Y])
-    for i in range(begin, max(end - 1, begin + 1)):
-        j = min(i + 1, end - 1)
-        a, b, ta = toward[i], toward[j], tb
+    tb = math.hypot(x[first] - pose[POSE_X], y[first] - pose[POSE_Y])
+    for k in range(max(hits - 1, 1)):
+        after = min(k + 1, hits - 1)
+        i, j = (begin + k) % beams, (begin + after) % beams
+        a, b, ta = toward[k], toward[after], tb
         tb = math.hypot(x[j] - pose[POSE_X], y[j] - pose[POSE_Y])
         near = min(ta, tb)
         if baseline > TOO_FAR_ASIDE * near:
@@ -374,37 +319,6 @@ def goes_beyond(ranges: Floats, ray: int, distance: float, settings: Floats) -> 
     if is_full:
         h, j = h % beams, j % beams
     return bool((h >= 0 and ranges[h] > distance) or (j < beams and ranges[j] > distance))
-
-
-@inlined
-def is_mover(s: Floats, n: Integers) -> bool:
-    """Whether a track moves: its speed is significant and the space it takes and leaves says so too."""
-    if n[IS_MOVING] > 0:
-        speed = math.hypot(s[VX], s[VY])
-        return speed > 0.5 * LEAST_SPEED and (s[EVIDENCE] > 0.0 or (n[STOOD] == 0 and significance_of(s) > SURE_SPEED))
-    nearer = NEARER_OF_FEW if n[BEAMS] < FEW else NEARER
-    if n[STOOD] > 0 or (n[HITS] & 7) != 7 or s[AS_MOVED] > nearer * s[AS_STILL]:
-        return False
-    return is_fast(s, n, s[EVIDENCE], n[IS_CONFIRMED] > 0)
-
-
-@inlined
-def is_fast(s: Floats, n: Integers, evidence: float, is_confirmed: bool) -> bool:
-    """Whether a track's speed is that of a mover for which there is so much evidence; the more, the rather."""
-    significance = significance_of(s)
-    if math.hypot(s[VX], s[VY]) <= LEAST_SPEED:
-        return False
-    if n[WHOLE] >= WHOLE_FOR and evidence >= SOME and significance > SURE_SPEED:
-        return True
-    # the more there is of the one, the less is needed of the other
-    significant = significance > GATE - 2.0 * evidence + 1.0
-    return is_confirmed and significant and evidence >= (NEEDED_OF_FEW if n[BEAMS] < FEW else NEEDED)
-
-
-@inlined
-def significance_of(s: Floats) -> float:
-    """Squared Mahalanobis distance of a track's velocity from standing."""
-    return mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY])
 
 
 @inlined

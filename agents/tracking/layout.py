@@ -14,18 +14,48 @@ SCANS = 16
 """Past scans kept, for the space seen free."""
 
 # Columns of a track's state. PXX to PYY: covariance of the place, CXX to CYY: of place (first letter) and velocity,
-# VXX to VYY: of the velocity. AS_STILL, AS_MOVED: how far its hits lie from those of earlier scans, if it stood and if it moved
-# as its velocity says [m].
+# VXX to VYY: of the velocity. EVIDENCE: log odds that it moves. SHAPE_VARIANCE: of its hits about a circle, as far as noise
+# doesn't explain it [m^2].
 X, Y, VX, VY, PXX, PXY, PYY, CXX, CXY, CYX, CYY, VXX, VXY, VYY = range(14)
-RADIUS, RADIUS_VARIANCE, EVIDENCE, BORN, SEEN, INNOVATION, AS_STILL, AS_MOVED = range(14, 22)
-STATE = 22
+RADIUS, RADIUS_VARIANCE, EVIDENCE, BORN, SEEN, INNOVATION, SHAPE_VARIANCE = range(14, 21)
+STATE = 21
 
 # Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest. WHOLE: at how many of
-# its last measurements without a break both its ends were seen. STOOD: whether most of its hits lie where something was
-# when the track, by its speed, was elsewhere. BEAMS: how many of this scan's hits are its. SHOWN: at how many updates
-# without a break it looked like a mover.
-ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, STOOD, BEAMS, SHOWN = range(10)
+# its last measurements without a break both its ends were seen. OWN_ENDS, HIDDEN_ENDS: how many of its two ends are its
+# outline, and how many another thing hides. BEAMS: how many of this scan's hits are its.
+ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, OWN_ENDS, HIDDEN_ENDS, BEAMS = range(10)
 NUMBERS = 10
+
+# Columns of what an update tells of a track's motion, see motion.clues_of. Of each past scan (first letter of the comment
+# its youngest): how far hits lie from its hits if the thing stood and if it moved as it is said to (mean), which share of
+# them lies where something was, and beams of this scan that passed where the thing was then, and of that where it is now.
+STOOD_OFF, MOVED_OFF, EXPLAINED, PASSED_NOW, PASSED_THEN = range(0, 15, 3)
+COMPARED_SCANS = 3
+(
+    SPEED,
+    SIGNIFICANCE,
+    SPEED_ALONG,
+    SPEED_ACROSS,
+    SPREAD_ALONG,
+    SPREAD_ACROSS,
+    ROBOT_ALONG,
+    ROBOT_ACROSS,
+    DISTANCE,
+    SPACING,
+    NOISE_OF,
+    BEAMS_OF,
+    OWN_ENDS_OF,
+    HIDDEN_ENDS_OF,
+    WHOLE_OF,
+    SHAPE_OF,
+    RADIUS_OF,
+    RADIUS_SPREAD,
+    AGE,
+    HITS_OF_FIVE,
+    INNOVATION_OF,
+    STEP_OF,
+) = range(15, 37)
+CLUES = 37
 
 # Columns of what is told of a mover: X to VY, as of a track, and the radius of its disc [m].
 DISC = 4

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from bug_gym.agents.tracking.evidence import FEW, beam_toward, is_mover
+from bug_gym.agents.tracking.evidence import beam_toward
 from bug_gym.agents.tracking.layout import (
-    BEAMS,
     BORN,
     CENTRES,
     CLUSTER,
@@ -29,7 +28,6 @@ from bug_gym.agents.tracking.layout import (
     RADIUS_VARIANCE,
     RANGE,
     SEEN,
-    SHOWN,
     TRACKS,
     VXX,
     VYY,
@@ -41,12 +39,10 @@ from bug_gym.agents.tracking.layout import (
     X,
     Y,
 )
+from bug_gym.agents.tracking.motion import bits, is_mover
 from bug_gym.compiling import called, inlined
 from bug_gym.kernels.layout import Floats, Integers
 
-# A mover has looked like one in so many updates without a break: met by so many beams, by FEW or more, by fewer. What has
-# holes, and what lies behind it, looks like one now and then.
-MANY, BY_MANY, BY_SOME, BY_FEW = 5, 1, 2, 3
 NEW_SPEED = 1.0  # of a thing not seen before, one standard deviation [m/s]
 # how long a track stays where its place is seen empty, for a mover, and where it isn't seen [s]
 SEEN_AWAY, MOVER_SEEN_AWAY, HIDDEN_AWAY = 1.0, 0.5, 3.0
@@ -94,26 +90,8 @@ def close_update(memory: Memory, scan: Scan) -> None:
         if is_gone(s, n, scan):
             n[ID] = 0  # it has no hits in this scan
             continue
-        n[SHOWN] = n[SHOWN] + 1 if is_mover(s, n) else 0
-        n[IS_MOVING] = 1 if n[SHOWN] > 0 and (n[IS_MOVING] > 0 or has_shown(n)) else 0
+        n[IS_MOVING] = 1 if is_mover(s, n) else 0
         join_doubles(memory, m, scan.owner)
-
-
-@inlined
-def has_shown(n: Integers) -> bool:
-    """Whether a track has looked like a mover for long enough."""
-    if n[BEAMS] >= MANY:
-        return bool(n[SHOWN] >= BY_MANY)
-    return bool(n[SHOWN] >= (BY_SOME if n[BEAMS] >= FEW else BY_FEW))
-
-
-@inlined
-def bits(value: int) -> int:
-    """How many of the last five updates were hits."""
-    total = 0
-    for k in range(5):
-        total += (value >> k) & 1
-    return total
 
 
 @inlined

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from bug_gym.agents.tracking.layout import (
     BORN,
     CENTRES,
+    CLUES,
     COUNTERS,
     CXX,
     CXY,
@@ -60,6 +61,7 @@ from bug_gym.agents.tracking.layout import (
     X,
     Y,
 )
+from bug_gym.agents.tracking.motion import Network, Weighing, shipped
 from bug_gym.agents.tracking.update import update_tracks
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors, View
@@ -164,9 +166,15 @@ class Tracker:
 
     Args:
         sensors: what a driver knows of the robot.
+        network: what weighs whether a track moves; None: the one that is shipped.
     """
 
-    def __init__(self, sensors: Sensors) -> None:
+    clues: F64
+    """What the last update told of the motion of each place of a track (TRACKS, CLUES), see layout."""
+    owner: NDArray[np.int64]
+    """Place of the track that each hit of the last scan belongs to (B,), -1 none."""
+
+    def __init__(self, sensors: Sensors, network: Network | None = None) -> None:
         angles = np.ascontiguousarray(sensors.angles, dtype=np.float64)
         beams = len(angles)
         step = float(angles[1] - angles[0]) if beams > 1 else 2.0 * math.pi
@@ -178,7 +186,11 @@ class Tracker:
         self._fits = np.zeros((beams + 1, FIT))
         self._integers = np.zeros((INTEGER_ROWS, 2 * beams + TRACKS), dtype=np.int64)
         self._flags = np.zeros((FLAG_ROWS, beams), dtype=np.bool_)
-        self._owner = np.zeros(beams, dtype=np.int64)
+        weights = shipped() if network is None else network
+        self.clues = np.zeros((TRACKS, CLUES))
+        self._robot = np.zeros(2)
+        self._weighing = Weighing(self.clues, np.zeros((2, len(weights.last))), self._robot, weights)
+        self.owner = np.zeros(beams, dtype=np.int64)
         self._movers = np.empty((TRACKS, MOVER))
 
     def start(self) -> TrackerMemory:
@@ -219,18 +231,22 @@ class Tracker:
         passed = time - memory.time if math.isfinite(memory.time) else 0.0
         self._pose[POSE_X], self._pose[POSE_Y], self._pose[HEADING] = view.pose
         self._pose[NOW], self._pose[PASSED] = time, passed
+        ahead, aside = view.own_velocity
+        cos, sin = math.cos(view.pose[2]), math.sin(view.pose[2])
+        self._robot[:] = cos * ahead - sin * aside, sin * ahead + cos * aside
         memory.time = time
         count: int = update_tracks(
             view.ranges,
             self.angles,
             self._pose,
             self._settings,
-            self._owner,
+            self.owner,
             memory.arrays(),
             self._floats,
             self._fits,
             self._integers,
             self._flags,
+            self._weighing,
             movers,
         )
         return count
@@ -258,7 +274,7 @@ class Tracker:
             innovation=state[:, INNOVATION],
             history=kept[:, :, :2],
             history_times=kept[:, :, 2],
-            beam_track=index[self._owner],
+            beam_track=index[self.owner],
             ranges=view.ranges,
             pose=view.pose,
         )

@@ -24,6 +24,7 @@ from bug_gym.agents.tracking.layout import (
     FX,
     FY,
     HEADING,
+    HIDDEN_ENDS,
     HIT_FLAGS,
     HIT_X,
     HIT_Y,
@@ -36,6 +37,7 @@ from bug_gym.agents.tracking.layout import (
     MEMBERS,
     NEAREST,
     NOW,
+    OWN_ENDS,
     PASSED,
     PLACE_X,
     PLACE_Y,
@@ -44,6 +46,7 @@ from bug_gym.agents.tracking.layout import (
     RADIUS,
     RANGE,
     SHAPE,
+    SHAPE_VARIANCE,
     SQUARES,
     THING_FLAGS,
     TOWARD,
@@ -58,6 +61,7 @@ from bug_gym.agents.tracking.layout import (
     Y,
 )
 from bug_gym.agents.tracking.lifetime import begin_track, close_update, worst_track
+from bug_gym.agents.tracking.motion import Weighing
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.layout import Flags, Floats, Integers
 
@@ -76,6 +80,7 @@ def update_tracks(
     fits: Floats,
     integers: Integers,
     flags: Flags,
+    weighing: Weighing,
     movers: Floats,
 ) -> int:
     """One update of a memory; how many things are there and move.
@@ -89,6 +94,7 @@ def update_tracks(
         memory: the tracks, and past scans.
         floats, fits, integers, flags: working memory (FLOAT_ROWS, B), (B + 1, FIT), (INTEGER_ROWS, 2 B + TRACKS),
             (FLAG_ROWS, B).
+        weighing: the robot's velocity, and what weighs what this update tells of each track's motion.
         movers: room for what moves, odometry frame (TRACKS, MOVER).
     """
     members, counts, nearest = integers[MEMBERS], integers[COUNTS], integers[NEAREST]
@@ -106,7 +112,7 @@ def update_tracks(
     fit_things(hits, clusters, count)
     associate(memory, clusters, count, pose)
     take_things(memory, scan, hits, clusters, count)
-    weigh_evidence(memory, scan, nearest, counts, floats[TOWARD])
+    weigh_evidence(memory, scan, nearest, floats[TOWARD], weighing)
     close_update(memory, scan)
     keep_scan(memory, scan)
     return tell_movers(memory, movers)
@@ -165,6 +171,7 @@ def follow_movers(memory: Memory, scan: Scan, hits: Hits, fit: Floats) -> None:
             continue
         numbers[m, CLUSTER] = 0
         refit(state[m], hits, 0, count, fit)
+        note_shape(state[m], numbers[m], hits, 0, count, fit)
         measure(state[m], numbers[m], fit, memory.history[m], px, py, now)
 
 
@@ -194,9 +201,8 @@ def take_things(memory: Memory, scan: Scan, hits: Hits, clusters: Clusters, coun
         begin, end, m = clusters.begins[c], clusters.begins[c + 1], clusters.chosen[c]
         if m >= 0:
             refit(state[m], hits, begin, end, fits[c])
+            note_shape(state[m], numbers[m], hits, begin, end, fits[c])
             measure(state[m], numbers[m], fits[c], history[m], px, py, now)
-            left, right = edges_of(hits, begin, end)
-            numbers[m, WHOLE] = numbers[m, WHOLE] + 1 if left == 1 and right == 1 else 0
         else:
             m = worst_track(memory, px, py, math.hypot(fits[c, FX], fits[c, FY]))
             if m < 0:
@@ -207,3 +213,13 @@ def take_things(memory: Memory, scan: Scan, hits: Hits, clusters: Clusters, coun
             begin_track(state[m], numbers[m], fits[c], history[m], px, py, now, memory.counters[LAST_ID])
         for k in range(begin, end):
             scan.owner[hits.members[k]] = m
+
+
+@inlined
+def note_shape(s: Floats, n: Integers, hits: Hits, begin: int, end: int, fit: Floats) -> None:
+    """Keep what is seen of a track's outline: how it ends, and how far from a circle it is."""
+    left, right = edges_of(hits, begin, end)
+    n[OWN_ENDS] = (1 if left == 1 else 0) + (1 if right == 1 else 0)
+    n[HIDDEN_ENDS] = (1 if left == 0 else 0) + (1 if right == 0 else 0)
+    n[WHOLE] = n[WHOLE] + 1 if n[OWN_ENDS] == 2 else 0
+    s[SHAPE_VARIANCE] = fit[SHAPE]

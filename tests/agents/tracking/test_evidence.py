@@ -1,43 +1,205 @@
-"""What a tracker leaves out of its evidence could not have changed what it takes a track for."""
+"""How a tracker weighs whether a thing moves: the sums against a plain account, the clues against mirrors and closed forms."""
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any
+
 import numpy as np
+import pytest
 from compiled import for_python
+from tracked import disc, track, world_of
 
-from bug_gym.agents.tracking import evidence, layout
+from bug_gym.agents.tracking import layout, motion
+from bug_gym.agents.tracking.evidence import MOST_PASSES
+from bug_gym.agents.tracking.motion import (
+    FEW,
+    FORGOTTEN_IN,
+    LEAST_FORGOTTEN,
+    MOST_ADDED,
+    MOST_EVIDENCE,
+    OF_SLOW,
+    STILL_SURE,
+    SURELY_MOVES,
+    SURELY_OF_FEW,
+    Network,
+)
+from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
+from bug_gym.view import View
 
 
-def evidence_after(before: float, passes: int) -> float:
-    """The rule: half a point a beam, at most two at once, from two beams on; half a point less without; 0 to 4."""
-    return min(max(before + (min(0.5 * passes, 2.0) if passes > 1 else -0.5), 0.0), 4.0)
+def constant(log_odds: float, gate: float = math.inf) -> Network:
+    """A network that says the same of everything."""
+    first, second = (np.zeros((layout.CLUES, 1)), np.zeros(1)), (np.zeros((1, 1)), np.zeros(1))
+    return Network(*first, *second, np.zeros((1, 2)), np.array([log_odds, gate]))
 
 
-def test_beams_are_counted_as_long_as_one_more_changes_the_evidence() -> None:
-    most_passes, state = for_python(evidence.most_passes), np.zeros(layout.STATE)
-    for before in np.arange(0.0, 4.5, 0.5).tolist():
-        state[layout.EVIDENCE] = before
-        most = most_passes(state)
-        assert {evidence_after(before, passes) for passes in range(most, 40)} == {evidence_after(before, most)}
-        assert evidence_after(before, most - 1) < evidence_after(before, most)
+def tracked(
+    scenario: dict[str, Any], seconds: float, network: Network | None = None
+) -> Iterator[tuple[View, Tracker, TrackerMemory]]:
+    """Updates of a tracker of a robot that stands, with its memory after each."""
+    tracker = memory = None
+    for simulation, view, _ in track(scenario, seconds):
+        tracker = tracker or Tracker(view.sensors, network)
+        memory = memory or tracker.start()
+        tracker.update(memory, view, float(simulation.world.time[0]))
+        yield view, tracker, memory
 
 
-def test_no_track_begins_to_move_of_which_nobody_asked_how_its_hits_lie() -> None:
-    may_begin, is_mover = for_python(evidence.may_begin_to_move), for_python(evidence.is_mover)
+def only_track(memory: TrackerMemory) -> int:
+    """The place of the one track there is."""
+    (place,) = np.flatnonzero(memory.numbers[:, layout.ID])
+    return int(place)
+
+
+def test_answers_are_what_two_layers_of_rectified_units_say() -> None:
+    answers, network = for_python(motion.answers), motion.shipped()
     rng = np.random.default_rng(0)
-    begun = asked = 0
-    for _ in range(15_000):
-        state, numbers = np.zeros(layout.STATE), np.zeros(layout.NUMBERS, dtype=np.int64)
-        state[[layout.VX, layout.VY]] = rng.normal(0.0, 0.3, 2)
-        state[[layout.VXX, layout.VYY]] = rng.uniform(0.003, 0.2, 2)
-        state[layout.EVIDENCE] = 0.5 * rng.integers(0, 9)
-        numbers[layout.HITS], numbers[layout.WHOLE] = rng.integers(0, 32), rng.integers(0, 6)
-        numbers[layout.BEAMS], numbers[layout.IS_CONFIRMED] = rng.integers(1, 6), rng.integers(0, 2)
-        is_asked = may_begin(state, numbers)
-        # whatever this update adds to its evidence, and however well its hits fit the motion
-        state[layout.EVIDENCE] = evidence_after(state[layout.EVIDENCE], int(rng.integers(0, 8)))
-        state[layout.AS_STILL] = 1.0
-        has_begun = is_mover(state, numbers)
-        assert is_asked or not has_begun
-        begun, asked = begun + has_begun, asked + is_asked
-    assert 200 < begun < asked < 3000
+    for clue in rng.normal(0.0, 2.0, (50, layout.CLUES)):
+        first = np.maximum(clue @ network.first + network.first_offset, 0.0)
+        second = np.maximum(first @ network.second + network.second_offset, 0.0)
+        odds, gate = second @ network.last + network.last_offset
+        added, forgotten = answers(clue, network, rng.normal(size=(2, len(network.last))))
+        assert added == pytest.approx(MOST_ADDED * math.tanh(odds / MOST_ADDED), rel=1e-9, abs=1e-9)
+        assert forgotten == pytest.approx(LEAST_FORGOTTEN + (1.0 - LEAST_FORGOTTEN) / (1.0 + math.exp(-gate)), rel=1e-9)
+
+
+@pytest.mark.parametrize("log_odds", [-30.0, -1.0, 0.0, 2.0, 30.0])
+@pytest.mark.parametrize(
+    ("gate", "forgotten"), [(math.inf, 1.0), (0.0, 0.5 * (1.0 + LEAST_FORGOTTEN)), (-math.inf, LEAST_FORGOTTEN)]
+)
+def test_evidence_is_a_bounded_sum_that_is_forgotten_of_bounded_terms(
+    log_odds: float, gate: float, forgotten: float
+) -> None:
+    """Counted in the second update in a row and after; of a thing without speed a term is OF_SLOW, and forgotten fast."""
+    expected, kinds = 0.0, set()
+    network = constant(log_odds, gate)
+    for number, (_, _, memory) in enumerate(tracked(world_of([disc((3.0, -1.0), (0.0, 0.6))]), 2.0, network)):
+        state = memory.state[only_track(memory)]
+        is_slow = math.hypot(state[layout.VX], state[layout.VY]) <= motion.LEAST_SPEED
+        if number:
+            kinds.add(is_slow)
+            added = OF_SLOW if is_slow else MOST_ADDED * math.tanh(log_odds / MOST_ADDED)
+            expected *= math.exp(-0.1 * (1.0 if is_slow else forgotten) / FORGOTTEN_IN)
+            expected = min(max(expected + added, -MOST_EVIDENCE), MOST_EVIDENCE)
+        assert state[layout.EVIDENCE] == pytest.approx(expected, abs=1e-9)
+    assert False in kinds
+
+
+def test_a_thing_is_a_mover_from_one_bound_on_until_another() -> None:
+    is_mover = for_python(motion.is_mover)
+    state, numbers = np.zeros(layout.STATE), np.zeros(layout.NUMBERS, dtype=np.int64)
+    for evidence in np.linspace(STILL_SURE - 2.0, SURELY_OF_FEW + 2.0, 61).tolist():
+        state[layout.EVIDENCE] = evidence
+        for confirmed, moving, beams in product((0, 1), (0, 1), (1, FEW - 1, FEW, 40)):
+            numbers[layout.IS_CONFIRMED], numbers[layout.IS_MOVING], numbers[layout.BEAMS] = confirmed, moving, beams
+            bound = STILL_SURE if moving else SURELY_OF_FEW if beams < FEW else SURELY_MOVES
+            assert is_mover(state, numbers) == ((moving or confirmed) and evidence >= bound)
+
+
+def test_no_tenth_of_a_second_alone_tells_a_mover() -> None:
+    """However sure the network is: twice as much does."""
+    assert MOST_ADDED < SURELY_MOVES < MOST_ADDED * (1.0 + math.exp(-0.1 / FORGOTTEN_IN))
+    moving = [
+        bool(memory.numbers[only_track(memory), layout.IS_MOVING])
+        for _, _, memory in tracked(world_of([disc((3.0, -1.0), (0.0, 0.6))]), 0.5, constant(99.0))
+    ]
+    assert not any(moving[:2]) and all(moving[3:])
+
+
+def test_what_is_hidden_keeps_its_evidence_and_so_does_its_first_sight_after() -> None:
+    scenario = world_of([disc((3.5, -2.5), (0.0, 0.8))], noise=0.01, circles=[[1.8, 0.0, 0.5]])
+    hidden = first_sights = 0
+    before: dict[int, tuple[float, bool]] = {}
+    for _, _, memory in tracked(scenario, 6.0):
+        now = {}
+        for place in np.flatnonzero(memory.numbers[:, layout.ID]):
+            number, is_seen = int(memory.numbers[place, layout.ID]), bool(memory.numbers[place, layout.HITS] & 1)
+            now[number] = (float(memory.state[place, layout.EVIDENCE]), is_seen)
+            if number in before and not (is_seen and before[number][1]):
+                assert now[number][0] == before[number][0]
+                hidden += not is_seen
+                first_sights += is_seen
+        before = now
+    assert hidden > 3 and first_sights > 0
+
+
+def test_a_mirrored_world_gives_the_same_clues() -> None:
+    """Beams, bodies and what moves are mirrored at the robot's heading; one passes before it, where beams begin and end."""
+
+    def clues(side: float) -> list[np.ndarray[Any, np.dtype[np.float64]]]:
+        movers = [disc((3.0, -1.0 * side), (0.1, 0.5 * side)), disc((-2.0, 2.0 * side), (0.3, 0.1 * side), 0.5)]
+        found = []
+        for _, tracker, memory in tracked(world_of(movers, circles=[[2.5, 2.5 * side, 0.4]], beams=90), 3.0):
+            places = np.flatnonzero(memory.numbers[:, layout.ID])
+            order = places[np.argsort(memory.state[places, layout.X])]
+            found.append(tracker.clues[order].copy())
+        return found
+
+    compared = 0
+    for one, other in zip(clues(1.0), clues(-1.0), strict=True):
+        assert one == pytest.approx(other, abs=2e-3)  # ranges are float32
+        compared += int(np.abs(one).any(axis=1).sum())
+    assert compared > 30
+
+
+def test_clues_of_a_disc_that_crosses_are_its_own_numbers() -> None:
+    """A disc of 0.3 m goes aside at 0.6 m/s, 3 m ahead: how fast, which way, how large, and beams that passed."""
+    for _, tracker, memory in tracked(world_of([disc((3.0, -0.9), (0.0, 0.6))], beams=360), 1.5):
+        clue, age = tracker.clues[only_track(memory)], memory.time - memory.state[only_track(memory), layout.BORN]
+    assert clue[layout.SPEED] == pytest.approx(0.6, abs=0.05)
+    assert clue[layout.SPEED_ACROSS] == pytest.approx(0.6, abs=0.05)
+    assert abs(clue[layout.SPEED_ALONG]) < 0.1
+    assert clue[layout.DISTANCE] == pytest.approx(3.0, abs=0.05)
+    assert clue[layout.RADIUS_OF] == pytest.approx(0.3, abs=0.05)
+    assert clue[layout.OWN_ENDS_OF] == 2 and clue[layout.HIDDEN_ENDS_OF] == 0
+    assert clue[layout.AGE] == pytest.approx(math.log(age))
+    assert clue[layout.ROBOT_ALONG] == clue[layout.ROBOT_ACROSS] == 0.0
+    spacing = math.radians(1.0)
+    assert math.exp(clue[layout.BEAMS_OF]) == pytest.approx(2.0 * math.asin(0.3 / 3.0) / spacing, abs=2.0)
+    for k, lag in enumerate((0.2, 0.5, 1.2)):
+        # as it moved it lies on what was seen of it, and less so in place the longer ago that is
+        assert clue[layout.MOVED_OFF + k] < math.log(0.04)
+        assert clue[layout.STOOD_OFF + k] > clue[layout.MOVED_OFF + k]
+        passed = min(0.6 * lag / (3.0 * spacing), MOST_PASSES)
+        for column in (layout.PASSED_NOW, layout.PASSED_THEN):
+            assert 0.2 * passed <= round(math.expm1(clue[column + k])) <= MOST_PASSES
+
+
+def test_beside_a_robot_that_drives_its_own_velocity_is_told() -> None:
+    scenario = world_of([], circles=[[3.0, 2.0, 0.4]])
+    tracker = memory = None
+    told = 0
+    for simulation, view, _ in track(scenario, 2.0, policy="go_to_goal"):
+        tracker = tracker or Tracker(view.sensors)
+        memory = memory or tracker.start()
+        tracker.update(memory, view, float(simulation.world.time[0]))
+        place = only_track(memory)
+        if not tracker.clues[place].any():
+            continue
+        clue = tracker.clues[place]
+        speed = math.hypot(*view.own_velocity)
+        assert math.hypot(clue[layout.ROBOT_ALONG], clue[layout.ROBOT_ACROSS]) == pytest.approx(speed, abs=1e-6)
+        told += speed > 0.5
+    assert told > 0
+
+
+@pytest.mark.parametrize("change", ["missing", "more", "shape", "list"])
+def test_other_weights_are_refused(change: str, tmp_path: Path) -> None:
+    told: Any = {name: array.tolist() for name, array in motion.shipped()._asdict().items()}
+    if change == "missing":
+        del told["second"]
+    elif change == "more":
+        told["third"] = [0.0]
+    elif change == "shape":
+        told["last"] = told["last"][1:]
+    else:
+        told = [told]
+    path = tmp_path / "weights.json"
+    path.write_text(json.dumps(told))
+    with pytest.raises(ValueError, match="expected"):
+        motion.network_of(path)
