@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.tracking.layout import CLUES
+from bug_gym.agents.tracking.motion import Network
 from bug_gym.agents.tracking.tracker import Tracker, Tracks
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -38,6 +41,12 @@ def world_of(
 def disc(at: tuple[float, float], velocity: tuple[float, float], radius: float = 0.3) -> dict[str, Any]:
     """A disc that goes straight until it meets the border."""
     return {"shape": {"circle": radius}, "at": list(at), "motion": {"law": "bounce", "velocity": list(velocity)}}
+
+
+def constant_network(log_odds: float, gate: float = math.inf) -> Network:
+    """A tracker's network that says the same of everything."""
+    first, second = (np.zeros((CLUES, 1)), np.zeros(1)), (np.zeros((1, 1)), np.zeros(1))
+    return Network(*first, *second, np.zeros((1, 2)), np.array([log_odds, gate]))
 
 
 def track(

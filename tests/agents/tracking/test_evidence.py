@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from compiled import for_python
-from tracked import disc, track, world_of
+from tracked import constant_network, disc, track, world_of
 
 from bug_gym.agents.tracking import layout, motion
 from bug_gym.agents.tracking.evidence import MOST_PASSES
@@ -30,12 +30,6 @@ from bug_gym.agents.tracking.motion import (
 )
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
 from bug_gym.view import View
-
-
-def constant(log_odds: float, gate: float = math.inf) -> Network:
-    """A network that says the same of everything."""
-    first, second = (np.zeros((layout.CLUES, 1)), np.zeros(1)), (np.zeros((1, 1)), np.zeros(1))
-    return Network(*first, *second, np.zeros((1, 2)), np.array([log_odds, gate]))
 
 
 def tracked(
@@ -77,7 +71,7 @@ def test_evidence_is_a_bounded_sum_that_is_forgotten_of_bounded_terms(
 ) -> None:
     """Counted in the second update in a row and after; of a thing without speed a term is OF_SLOW, and forgotten fast."""
     expected, kinds = 0.0, set()
-    network = constant(log_odds, gate)
+    network = constant_network(log_odds, gate)
     for number, (_, _, memory) in enumerate(tracked(world_of([disc((3.0, -1.0), (0.0, 0.6))]), 2.0, network)):
         state = memory.state[only_track(memory)]
         is_slow = math.hypot(state[layout.VX], state[layout.VY]) <= motion.LEAST_SPEED
@@ -106,7 +100,7 @@ def test_no_tenth_of_a_second_alone_tells_a_mover() -> None:
     assert MOST_ADDED < SURELY_MOVES < MOST_ADDED * (1.0 + math.exp(-0.1 / FORGOTTEN_IN))
     moving = [
         bool(memory.numbers[only_track(memory), layout.IS_MOVING])
-        for _, _, memory in tracked(world_of([disc((3.0, -1.0), (0.0, 0.6))]), 0.5, constant(99.0))
+        for _, _, memory in tracked(world_of([disc((3.0, -1.0), (0.0, 0.6))]), 0.5, constant_network(99.0))
     ]
     assert not any(moving[:2]) and all(moving[3:])
 
