@@ -93,7 +93,7 @@ LEAST_SPEED = 0.05
 SURELY_MOVES, STILL_SURE = 5.5, 3.0
 """Log odds from which on a track is a mover, and until which it stays one."""
 FEW, SURELY_OF_FEW = 3, 9.0
-"""Of what is met by fewer beams than FEW more is asked: an edge of a wall, slid along by a beam, looks like a mover for long."""
+"""Of what fewer beams than FEW meet more is asked: a beam that slides along the edge of a wall looks like a mover for long."""
 LEAST_GAP = 0.005
 """What is added to distances before their logarithm is taken [m]."""
 MOST_WHOLE = 10

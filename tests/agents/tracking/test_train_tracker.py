@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from tracked import disc, world_of
 
 from bug_gym.agents.tracking import layout, motion
@@ -26,7 +28,7 @@ torch = pytest.importorskip("torch")
 learning = pytest.importorskip("docs.train_tracker")
 
 
-def drawn_updates(rng: np.random.Generator, tracks: int) -> learning.Updates:
+def drawn_updates(rng: np.random.Generator, tracks: int) -> Any:
     """Updates of tracks of which a clue tells, with noise, whether they move; half of them do."""
     parts = []
     for number in range(1, tracks + 1):
@@ -40,7 +42,7 @@ def drawn_updates(rng: np.random.Generator, tracks: int) -> learning.Updates:
     return learning.joined(parts)
 
 
-def account(network: Network, updates: learning.Updates) -> tuple[np.ndarray, float]:
+def account(network: Network, updates: Any) -> tuple[NDArray[np.float64], float]:
     """Evidence after each update, and the sum of the cross entropies, one update after another."""
     evidence, entropy, sums, before = 0.0, 0.0, [], -1
     for clue, is_weighed, label, track, passed in zip(*updates, strict=True):
