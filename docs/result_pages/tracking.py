@@ -68,8 +68,8 @@ def tracks(found: Record) -> Page:
         + (f"Below 95 % known in time: {', '.join(late)}; a mover seen by few beams, or slow and coming straight at the "
            "robot, takes longer to leave the noise." if late else "Movers are known in time in every family.")
         + " The network that tells movers was trained in other worlds of these families, and by other ways through the same "
-        "two real maps; its bounds were chosen on others again. Settings of clusters and tracks had been chosen on the first 120 "
-        "worlds here of the depot and the first 80 of `dynamic` and `rush` ([trials](../trials.md)).\n\n"
+        "two real maps; its bounds were chosen on others again. Settings of clusters and tracks had been chosen on the first "
+        "120 worlds here of the depot and the first 80 of `dynamic` and `rush` ([trials](../trials.md)).\n\n"
         f"The spread is not that of a Gaussian. Centres lie within 2 sigma less often than {made.TWO_SIGMA:.3f} in: "
         f"{', '.join(narrow) or 'none'}. Squared innovations lie below {made.BOUND:.2f} less often than {NIS_SHARE:.2f} in: "
         f"{', '.join(surprised) or 'none'}. Where their mean is below 2 they are smaller than the filter expects.",
