@@ -25,6 +25,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from bug_gym.agents.prediction.samples import street
 from bug_gym.agents.tracking.layout import BEAMS, CLUES, EVIDENCE, HITS, ID, TRACKS, VX, VY
 from bug_gym.agents.tracking.motion import (
     FORGOTTEN_IN,
@@ -55,6 +56,8 @@ WORLDS = {
     "depot": 2000,
     "tb3_sandbox": 160,
     "racks": 400,
+    "street": 500,
+    "fast": 400,
 }
 """Drives of each family."""
 SEPARATIONS = {"depot": 12.0, "tb3_sandbox": 3.0}
@@ -110,6 +113,10 @@ def scenario_of(family: str, rng: np.random.Generator, data: Path | None) -> dic
     """A world of a family with a scanner drawn for it."""
     if family == "racks":
         world: dict[str, Any] = {"world": racks(rng)}
+    elif family == "street":
+        world = dump(street(int(rng.integers(2**31))))
+    elif family == "fast":
+        world = dump(load("rush", {"world.speeds": [0.5, 3.0]}))
     elif family in SEPARATIONS:
         assert data is not None
         path = (data / "ros_maps" / f"{family}.yaml").absolute()
