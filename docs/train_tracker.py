@@ -74,7 +74,7 @@ MOVES = 0.15
 """Speed from which on what is said to move is to be known [m/s]; slower ones are not asked."""
 TOLD_AFTER, SURE_ODDS = 0.3, 60.0
 """How long a mover is tracked until the truth tells it [s], and log odds that leave no doubt."""
-ROUNDS = ((6, 40), (8, 40), (16, 40), (24, 64))
+ROUNDS = ((6, 40), (8, 40), (16, 40), (24, 64), (18, 64))
 """Of each round, the passes of its training and the units of a layer."""
 ROWS, RATE = 60_000, 3e-3
 """Updates of a batch, and what the rate of learning begins with."""
