@@ -22,9 +22,9 @@ STATE = 21
 
 # Columns of a track's integers. ID 0: no track here. HITS: one bit an update, the last one lowest. WHOLE: at how many of
 # its last measurements without a break both its ends were seen. OWN_ENDS, HIDDEN_ENDS: how many of its two ends are its
-# outline, and how many another thing hides. BEAMS: how many of this scan's hits are its.
-ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, OWN_ENDS, HIDDEN_ENDS, BEAMS = range(10)
-NUMBERS = 10
+# outline, and how many another thing hides. BEAMS: how many of this scan's hits are its. HAS_MOVED: whether it was a mover.
+ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, OWN_ENDS, HIDDEN_ENDS, BEAMS, HAS_MOVED = range(11)
+NUMBERS = 11
 
 # Columns of what an update tells of a track's motion, see motion.clues_of. Of each past scan (first letter of the comment
 # its youngest): how far hits lie from its hits if the thing stood and if it moved as it is said to (mean), which share of

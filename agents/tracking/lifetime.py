@@ -13,6 +13,7 @@ from bug_gym.agents.tracking.layout import (
     FR_VARIANCE,
     FX,
     FY,
+    HAS_MOVED,
     HITS,
     ID,
     IS_CONFIRMED,
@@ -91,6 +92,7 @@ def close_update(memory: Memory, scan: Scan) -> None:
             n[ID] = 0  # it has no hits in this scan
             continue
         n[IS_MOVING] = 1 if is_mover(s, n) else 0
+        n[HAS_MOVED] = max(n[HAS_MOVED], n[IS_MOVING])
         join_doubles(memory, m, scan.owner)
 
 

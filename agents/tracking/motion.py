@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bug_gym.agents.tracking.filter import mahalanobis
 from bug_gym.agents.tracking.layout import (
     AGE,
     ANGLE_STEP,
@@ -28,6 +29,7 @@ from bug_gym.agents.tracking.layout import (
     DISTANCE,
     EVIDENCE,
     EXPLAINED,
+    HAS_MOVED,
     HIDDEN_ENDS,
     HIDDEN_ENDS_OF,
     HITS,
@@ -92,8 +94,11 @@ LEAST_SPEED = 0.05
 """Of a track that may move, by its filter [m/s]."""
 SURELY_MOVES, STILL_SURE = 5.5, 3.0
 """Log odds from which on a track is a mover, and until which it stays one."""
-FEW, SURELY_OF_FEW = 3, 9.0
-"""Of what fewer beams than FEW meet more is asked: a beam that slides along the edge of a wall looks like a mover for long."""
+FEW, SURELY_OF_FEW, STILL_OF_FEW = 3, 9.0, -1.5
+"""Where fewer beams than FEW meet it these are asked instead, either way: a beam that slides along the edge of a wall looks
+like a mover for long, and a mover met by one beam now and then stands as long as that beam meets it."""
+SURE_SPEED = 16.0
+"""Squared Mahalanobis distance of a speed from standing, from which on a mover stays one until STILL_OF_FEW."""
 LEAST_GAP = 0.005
 """What is added to distances before their logarithm is taken [m]."""
 MOST_WHOLE = 10
@@ -172,9 +177,12 @@ def sum_up(s: Floats, n: Integers, clue: Floats, scan: Scan, weighing: Weighing)
 @inlined
 def is_mover(s: Floats, n: Integers) -> bool:
     """Whether a track moves."""
+    is_few = n[BEAMS] < FEW
     if n[IS_MOVING] > 0:
-        return bool(s[EVIDENCE] >= STILL_SURE)
-    return bool(n[IS_CONFIRMED] > 0 and s[EVIDENCE] >= (SURELY_OF_FEW if n[BEAMS] < FEW else SURELY_MOVES))
+        goes_on = is_few and mahalanobis(s[VX], s[VY], s[VXX], s[VXY], s[VYY]) > SURE_SPEED
+        return bool(s[EVIDENCE] >= (STILL_OF_FEW if goes_on else STILL_SURE))
+    surely = SURELY_OF_FEW if is_few and n[HAS_MOVED] == 0 else SURELY_MOVES
+    return bool(n[IS_CONFIRMED] > 0 and s[EVIDENCE] >= surely)
 
 
 @inlined
@@ -201,9 +209,7 @@ def finish_clues(s: Floats, n: Integers, clue: Floats, scan: Scan, robot: Floats
     side = 1.0 if across >= 0.0 else -1.0
     vxx, vxy, vyy = s[VXX], s[VXY], s[VYY]
     clue[SPEED] = math.hypot(s[VX], s[VY])
-    clue[SIGNIFICANCE] = math.log1p(
-        max((vyy * s[VX] * s[VX] - 2.0 * vxy * s[VX] * s[VY] + vxx * s[VY] * s[VY]) / (vxx * vyy - vxy * vxy), 0.0)
-    )
+    clue[SIGNIFICANCE] = math.log1p(max(mahalanobis(s[VX], s[VY], vxx, vxy, vyy), 0.0))
     clue[SPEED_ALONG], clue[SPEED_ACROSS] = ux * s[VX] + uy * s[VY], side * across
     clue[SPREAD_ALONG] = 0.5 * math.log(max(ux * ux * vxx + 2.0 * ux * uy * vxy + uy * uy * vyy, 1e-6))
     clue[SPREAD_ACROSS] = 0.5 * math.log(max(uy * uy * vxx - 2.0 * ux * uy * vxy + ux * ux * vyy, 1e-6))

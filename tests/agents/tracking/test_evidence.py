@@ -23,6 +23,7 @@ from bug_gym.agents.tracking.motion import (
     MOST_ADDED,
     MOST_EVIDENCE,
     OF_SLOW,
+    STILL_OF_FEW,
     STILL_SURE,
     SURELY_MOVES,
     SURELY_OF_FEW,
@@ -87,11 +88,17 @@ def test_evidence_is_a_bounded_sum_that_is_forgotten_of_bounded_terms(
 def test_a_thing_is_a_mover_from_one_bound_on_until_another() -> None:
     is_mover = for_python(motion.is_mover)
     state, numbers = np.zeros(layout.STATE), np.zeros(layout.NUMBERS, dtype=np.int64)
-    for evidence in np.linspace(STILL_SURE - 2.0, SURELY_OF_FEW + 2.0, 61).tolist():
-        state[layout.EVIDENCE] = evidence
-        for confirmed, moving, beams in product((0, 1), (0, 1), (1, FEW - 1, FEW, 40)):
-            numbers[layout.IS_CONFIRMED], numbers[layout.IS_MOVING], numbers[layout.BEAMS] = confirmed, moving, beams
-            bound = STILL_SURE if moving else SURELY_OF_FEW if beams < FEW else SURELY_MOVES
+    state[[layout.VXX, layout.VYY]] = 0.01
+    cases = product((0, 1), (0, 1), (0, 1), (1, FEW - 1, FEW, 40), (0.2, 0.6))
+    for confirmed, moving, has_moved, beams, speed in cases:
+        numbers[layout.IS_CONFIRMED], numbers[layout.IS_MOVING], numbers[layout.BEAMS] = confirmed, moving, beams
+        numbers[layout.HAS_MOVED], state[layout.VX] = has_moved, speed
+        if moving:  # its speed is beyond 4 standard deviations, or is not
+            bound = STILL_OF_FEW if beams < FEW and speed > 4.0 * 0.1 else STILL_SURE
+        else:
+            bound = SURELY_OF_FEW if beams < FEW and not has_moved else SURELY_MOVES
+        for evidence in np.linspace(STILL_OF_FEW - 2.0, SURELY_OF_FEW + 2.0, 61).tolist():
+            state[layout.EVIDENCE] = evidence
             assert is_mover(state, numbers) == ((moving or confirmed) and evidence >= bound)
 
 
