@@ -42,7 +42,7 @@ from bug_gym.config import dump, load
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.files import replaced_when_done
 from bug_gym.held_out import TRAINING_SEEDS
-from bug_gym.reproductions.tracking_runs import DRIVERS, ON_OUTLINE, Frame, frames
+from bug_gym.reproductions.tracking_runs import DRIVERS, Frame, frames, hits_on_movers
 from bug_gym.view import Sensors, View
 from bug_gym.workers import each, starred
 
@@ -241,13 +241,7 @@ def replay(path: Path, network: Network | None, is_told: bool) -> Updates:
 
 def labels(frame: Frame, speeds: NDArray[np.float64], owner: NDArray[np.int64]) -> NDArray[np.int64]:
     """For each place of a track: 1 where most of its hits are on something that moves, 0 where none is on a mover, else -1."""
-    view = frame.view
-    x, y, heading = view.pose
-    bearings = heading + view.sensors.angles
-    points = np.array([x, y]) + view.ranges[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
-    away = np.hypot(*(points[:, None] - frame.places).transpose(2, 0, 1))
-    slack = ON_OUTLINE + 3.0 * view.sensors.range_noise
-    on_mover = (away > frame.inner - slack) & (away < frame.radii + slack)
+    on_mover = hits_on_movers(frame)
     owned = owner >= 0
     total, on_any, on_moving = (
         np.bincount(owner[owned & which], minlength=TRACKS)

@@ -123,8 +123,8 @@ def inner_radii(simulation: Simulation) -> F64:
     return np.array(found, dtype=np.float64)
 
 
-def is_in_sight(frame: Frame) -> NDArray[np.bool_]:
-    """Whether enough beams meet each of what moves (M,)."""
+def hits_on_movers(frame: Frame) -> NDArray[np.bool_]:
+    """Which beams met which of what moves (B, M)."""
     view = frame.view
     x, y, heading = view.pose
     bearings = heading + view.sensors.angles
@@ -132,7 +132,15 @@ def is_in_sight(frame: Frame) -> NDArray[np.bool_]:
     away = np.hypot(*(points[:, None] - frame.places).transpose(2, 0, 1))
     slack = ON_OUTLINE + 3.0 * view.sensors.range_noise
     is_hit = (view.ranges < view.sensors.range)[:, None]
-    hits = (is_hit & (away > frame.inner - slack) & (away < frame.radii + slack)).sum(axis=0)
+    met: NDArray[np.bool_] = is_hit & (away > frame.inner - slack) & (away < frame.radii + slack)
+    return met
+
+
+def is_in_sight(frame: Frame) -> NDArray[np.bool_]:
+    """Whether enough beams meet each of what moves (M,)."""
+    view, hits = frame.view, hits_on_movers(frame).sum(axis=0)
+    x, y, heading = view.pose
+    bearings = heading + view.sensors.angles
     dx, dy = (frame.places - [x, y]).T
     aside = np.abs(np.remainder(np.arctan2(dy, dx) - bearings[:, None] + math.pi, 2.0 * math.pi) - math.pi)
     toward = (aside < np.arcsin(np.minimum(frame.inner / np.maximum(np.hypot(dx, dy), 1e-9), 1.0))).sum(axis=0)
