@@ -26,9 +26,9 @@ STATE = 21
 ID, HITS, IS_CONFIRMED, IS_MOVING, CENTRES, CLUSTER, WHOLE, OWN_ENDS, HIDDEN_ENDS, BEAMS, HAS_MOVED = range(11)
 NUMBERS = 11
 
-# Columns of what an update tells of a track's motion, see motion.clues_of. Of each past scan (first letter of the comment
-# its youngest): how far hits lie from its hits if the thing stood and if it moved as it is said to (mean), which share of
-# them lies where something was, and beams of this scan that passed where the thing was then, and of that where it is now.
+# Columns of what an update tells of a track's motion, see motion.finish_clues. Three of each of the first five, for past
+# scans from the youngest on: how far hits lie from its hits if the thing stood and if it moved as it is said to, which share
+# of them lies where something was, and the beams that passed then where the thing is now, and now where it was then.
 STOOD_OFF, MOVED_OFF, EXPLAINED, PASSED_NOW, PASSED_THEN = range(0, 15, 3)
 COMPARED_SCANS = 3
 (

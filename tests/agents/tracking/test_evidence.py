@@ -102,6 +102,20 @@ def test_a_thing_is_a_mover_from_one_bound_on_until_another() -> None:
             assert is_mover(state, numbers) == ((moving or confirmed) and evidence >= bound)
 
 
+@pytest.mark.parametrize(("away", "is_told"), [(2.0, True), (6.0, False)])
+def test_of_what_one_or_two_beams_meet_more_is_asked(away: float, is_told: bool) -> None:
+    """Log odds come to 8; the disc is met by three beams or more where it is near, and always by fewer where it is far."""
+    added = 8.0 * (1.0 - math.exp(-0.1 / FORGOTTEN_IN))
+    network = constant_network(MOST_ADDED * math.atanh(added / MOST_ADDED))
+    beams, told = [], False
+    for _, _, memory in tracked(world_of([disc((away, -0.5), (0.0, 0.5))], beams=64), 2.5, network):
+        seen = memory.numbers[memory.numbers[:, layout.BEAMS] > 0]
+        beams += seen[:, layout.BEAMS].tolist()
+        told = told or bool(seen[:, layout.IS_MOVING].any())
+    assert told == is_told
+    assert max(beams) >= FEW if is_told else 0 < max(beams) < FEW
+
+
 def test_no_tenth_of_a_second_alone_tells_a_mover() -> None:
     """However sure the network is: twice as much does."""
     assert MOST_ADDED < SURELY_MOVES < MOST_ADDED * (1.0 + math.exp(-0.1 / FORGOTTEN_IN))
