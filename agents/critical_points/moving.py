@@ -68,14 +68,15 @@ class TrackSets:
         """
         movers = []
         looks: dict[int, Look] = {}
+        places, unseen, moving = tracks.position.tolist(), tracks.unseen.tolist(), tracks.moving.tolist()
         for k, number in enumerate(tracks.id.tolist()):
-            place = (float(tracks.position[k, 0]), float(tracks.position[k, 1]))
+            place = (places[k][0], places[k][1])
             last = self.looks.get(number) or Look(time, place, (0.0, 0.0), 0)
-            if tracks.unseen[k] == 0.0 and is_due(last, time, place, threshold, interval):
+            if unseen[k] == 0.0 and is_due(last, time, place, threshold, interval):
                 last = looked_at(last, time, place, threshold)
             looks[number] = last
             # Twice shifted, and in space seen free before: the view of a long thing may shift too.
-            if last.shifts >= 2 and tracks.moving[k]:
+            if last.shifts >= 2 and moving[k]:
                 velocity = (float(tracks.velocity[k, 0]), float(tracks.velocity[k, 1]))
                 movers.append(Mover(number, place, velocity, float(tracks.radius[k])))
         self.looks = looks

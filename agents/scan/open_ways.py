@@ -400,3 +400,43 @@ def find_open_points(  # plain tuples: records handed over from Python cost as m
             found[count, 3:] = farthest_end(px, py, ranges, link, noise, wraps, last, side[count])
         count += 1
     return count
+
+
+@kernel
+def look_round(
+    seen: Floats,
+    directions: Floats,
+    scanner: tuple[float, float, float, bool],
+    disc: tuple[float, float, float],
+    axes: tuple[Floats, Floats],
+    scan: tuple[Floats, Floats, Floats, Flags],
+    swept: tuple[Floats, Integers],
+    chosen: Integers,
+    found: Floats,
+    side: Integers,
+) -> int:
+    """The open points of a scan, beams that alone got no return filled in, in one call.
+
+    Args:
+        seen: ranges (B,) [m].
+        directions: of the beams (2, B).
+        scanner: range that means "nothing seen" [m], standard deviation of the ranges [m], angle between two neighbouring
+            beams [rad], whether the last is the first one's neighbour.
+        disc: its radius [m], the change that is a jump [m], and heading 0 [rad].
+        axes: cosine and sine of each heading (m,).
+        scan: result, see `find_open_points`.
+        swept: result, of `sweep_disc`.
+        chosen, found, side: see `find_open_points`.
+
+    Returns:
+        How many there are.
+    """
+    reach, noise, spacing, wraps = scanner
+    radius, jump, first = disc
+    x, y, ranges, link = scan
+    fill_in(seen, reach, spacing, 3.0 * noise + 0.2 * jump, 2.0 * radius, wraps, ranges)
+    for i in range(ranges.size):
+        x[i], y[i] = directions[0, i] * ranges[i], directions[1, i] * ranges[i]
+    link_beams(x, y, ranges, reach, jump, 2.0 * radius, noise, wraps, link)
+    sweep_disc(x, y, ranges, reach, link, radius, first, axes[0], axes[1], swept[0], swept[1])
+    return find_open_points(scan, reach, noise, wraps, radius, first, swept, jump, chosen, found, side)

@@ -18,24 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.tracking.layout import (
-    BORN,
-    CENTRES,
     CLUES,
     COUNTERS,
-    CXX,
-    CXY,
-    CYX,
-    CYY,
     FIT,
     FLAG_ROWS,
     FLOAT_ROWS,
     HEADING,
     HISTORY,
-    ID,
     INNOVATION,
     INTEGER_ROWS,
-    IS_CONFIRMED,
-    IS_MOVING,
     MOVER,
     NOW,
     NUMBERS,
@@ -44,44 +35,21 @@ from bug_gym.agents.tracking.layout import (
     POSE,
     POSE_X,
     POSE_Y,
-    PXX,
-    PXY,
-    PYY,
     RADIUS,
     SCANS,
-    SEEN,
     STATE,
     TRACKS,
     VX,
-    VXX,
-    VXY,
     VY,
-    VYY,
     Memory,
     X,
     Y,
 )
 from bug_gym.agents.tracking.motion import Network, Weighing, shipped
+from bug_gym.agents.tracking.told import gather_tracks
 from bug_gym.agents.tracking.update import update_tracks
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors, View
-
-COVARIANCE = np.array(
-    [
-        [PXX, PXY, CXX, CXY],
-        [PXY, PYY, CYX, CYY],
-        [CXX, CYX, VXX, VXY],
-        [CXY, CYY, VXY, VYY],
-    ]
-)
-"""Columns of a track's state that make up its covariance (4, 4)."""
-UNROUND = 0.02
-"""How far a thing's middle lies from that of the disc fitted to what is seen of it [m]; it stays so from scan to scan, so
-that the filter can't average it out. Measured: see the reproduction `tracking`."""
-NEWEST = np.arange(-HISTORY, 0)
-"""Where a track's last centres lie in its history, counted from the end (HISTORY,)."""
-NOBODY = np.full(TRACKS + 1, -1)
-"""For each place of a track the index -1 (TRACKS + 1,); the last is that of hits which are nobody's."""
 
 
 class Tracks(NamedTuple):
@@ -192,6 +160,7 @@ class Tracker:
         self._weighing = Weighing(self.clues, np.zeros((2, len(weights.last))), self._robot, weights)
         self.owner = np.zeros(beams, dtype=np.int64)
         self._movers = np.empty((TRACKS, MOVER))
+        self._places = np.empty(TRACKS, dtype=np.int64)
 
     def start(self) -> TrackerMemory:
         """Memory of a new episode."""
@@ -253,28 +222,36 @@ class Tracker:
 
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""
-        numbers = memory.numbers
-        (places,) = ((numbers[:, ID] > 0) & (numbers[:, IS_CONFIRMED] > 0)).nonzero()
-        state, chosen = memory.state[places], numbers[places]
-        index = NOBODY.copy()
-        index[places] = np.arange(len(places))
-        centres = chosen[:, CENTRES, None]
-        covariance = state[:, COVARIANCE]
-        covariance[:, (0, 1), (0, 1)] += UNROUND * UNROUND
-        kept = memory.history[places[:, None], np.maximum(centres + NEWEST, 0) % HISTORY]
+        number, moving, beam_track = np.empty(TRACKS, np.int64), np.empty(TRACKS, np.bool_), np.empty_like(self.owner)
+        state, covariance = np.empty((TRACKS, STATE)), np.empty((TRACKS, 4, 4))
+        times, history = np.empty((2, TRACKS)), np.empty((TRACKS, HISTORY, 3))
+        count = gather_tracks(
+            memory.arrays(),
+            self.owner,
+            time,
+            number,
+            moving,
+            state,
+            covariance,
+            times,
+            history,
+            self._places,
+            beam_track,
+        )
+        state, history = state[:count], history[:count]
         return Tracks(
-            id=chosen[:, ID],
+            id=number[:count],
             position=state[:, X : Y + 1],
             velocity=state[:, VX : VY + 1],
             radius=state[:, RADIUS],
-            covariance=covariance,
-            moving=chosen[:, IS_MOVING] > 0,
-            age=time - state[:, BORN],
-            unseen=time - state[:, SEEN],
+            covariance=covariance[:count],
+            moving=moving[:count],
+            age=times[0, :count],
+            unseen=times[1, :count],
             innovation=state[:, INNOVATION],
-            history=kept[:, :, :2],
-            history_times=kept[:, :, 2],
-            beam_track=index[self.owner],
+            history=history[:, :, :2],
+            history_times=history[:, :, 2],
+            beam_track=beam_track,
             ranges=view.ranges,
             pose=view.pose,
         )

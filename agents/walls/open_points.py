@@ -86,21 +86,24 @@ class Lookout:
 
     def look(self, view: View) -> Profile:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
-        radius, reach, noise = self.radius, view.sensors.range, view.sensors.range_noise
-        ranges = np.empty(len(view.ranges))
-        error = 3.0 * noise + 0.2 * self.jump
-        open_ways.fill_in(view.ranges, reach, self.spacing, error, 2.0 * radius, self._wraps, ranges)
-        x, y = view.sensors.beam_directions * ranges
-        link = np.empty(len(x), dtype=np.bool_)
-        open_ways.link_beams(x, y, ranges, reach, self.jump, 2.0 * radius, noise, self._wraps, link)
-        first = view.goal_bearing
-        cos, sin = np.cos(first + self._headings), np.sin(first + self._headings)
+        sensors, first, beams = view.sensors, view.goal_bearing, len(view.ranges)
+        scanner = sensors.range, sensors.range_noise, self.spacing, self._wraps
+        axes = np.cos(first + self._headings), np.sin(first + self._headings)
+        x, y, ranges = np.empty((3, beams))
+        link, chosen = np.empty(beams, dtype=np.bool_), np.empty(beams, dtype=np.int64)
         free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)
-        open_ways.sweep_disc(x, y, ranges, reach, link, radius, first, cos, sin, free, beam)
         found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
-        chosen = np.empty(len(x), dtype=np.int64)
-        count = open_ways.find_open_points(
-            (x, y, ranges, link), reach, noise, self._wraps, radius, first, (free, beam), self.jump, chosen, found, side
+        count = open_ways.look_round(
+            view.ranges,
+            sensors.beam_directions,
+            scanner,
+            (self.radius, self.jump, first),
+            axes,
+            (x, y, ranges, link),
+            (free, beam),
+            chosen,
+            found,
+            side,
         )
         ends = zip(found[:count].tolist(), side[:count].tolist(), strict=True)
         points = [OpenPoint((u, v), hand, turn % (2.0 * math.pi), (w, z)) for (turn, u, v, w, z), hand in ends]

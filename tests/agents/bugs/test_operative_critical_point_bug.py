@@ -111,6 +111,19 @@ def test_a_gap_wider_than_the_circle_is_taken_and_a_narrower_one_refused(
             assert goes_between(episode, width) == (is_taken and degrees < 45.0)
 
 
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+@pytest.mark.parametrize("behind", [1.0, 1.5, 2.0])
+def test_between_discs_from_45_degrees_a_gap_is_taken_where_the_goal_is_behind_it_and_a_narrower_one_refused(
+    behind: float, kinematics: str
+) -> None:
+    for width, is_taken in ((2.0 * R + SPARE, True), (2.0 * R - SPARE, False)):
+        world = from_aside(two_discs(width), 45.0)
+        world["world"]["goal"] = [5.0 + behind, 0.0]
+        episode = run_episode("ocpb", world, {"robot.kinematics": kinematics, "lidar.beams": 720}, clearance=R)
+        assert episode.outcome == "success" and episode.min_clearance > 0.0
+        assert goes_between(episode, width) == is_taken
+
+
 def test_without_safe_point_a_gap_between_body_and_circle_is_taken() -> None:
     width = 2.0 * R - 0.1
     assert goes_between(run_episode("ocpb", two_discs(width), clearance=R, safe_point=False), width)

@@ -9,7 +9,8 @@ from tracked import world_of
 
 from bug_gym.agents.tracking import filter as kalman
 from bug_gym.agents.tracking.layout import ID, VX, VY, X, Y
-from bug_gym.agents.tracking.tracker import COVARIANCE, Tracker
+from bug_gym.agents.tracking.told import COVARIANCE
+from bug_gym.agents.tracking.tracker import Tracker
 from bug_gym.config import load
 from bug_gym.view import Sensors
 

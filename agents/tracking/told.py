@@ -1,0 +1,92 @@
+"""What a tracker tells of its tracks, gathered out of its memory."""
+
+from __future__ import annotations
+
+from bug_gym.agents.tracking.layout import (
+    BORN,
+    CENTRES,
+    CXX,
+    CXY,
+    CYX,
+    CYY,
+    HISTORY,
+    ID,
+    IS_CONFIRMED,
+    IS_MOVING,
+    PXX,
+    PXY,
+    PYY,
+    SEEN,
+    STATE,
+    TRACKS,
+    VXX,
+    VXY,
+    VYY,
+    Memory,
+)
+from bug_gym.compiling import kernel
+from bug_gym.kernels.layout import Flags, Floats, Integers
+
+COVARIANCE = (
+    (PXX, PXY, CXX, CXY),
+    (PXY, PYY, CYX, CYY),
+    (CXX, CYX, VXX, VXY),
+    (CXY, CYY, VXY, VYY),
+)
+"""Columns of a track's state that make up its covariance (4, 4)."""
+UNROUND = 0.02
+"""How far a thing's middle lies from that of the disc fitted to what is seen of it [m]; it stays so from scan to scan, so
+that the filter can't average it out. Measured: see the reproduction `tracking`."""
+
+
+@kernel
+def gather_tracks(
+    memory: Memory,
+    owner: Integers,
+    now: float,
+    number: Integers,
+    moving: Flags,
+    state: Floats,
+    covariance: Floats,
+    times: Floats,
+    history: Floats,
+    place: Integers,
+    beam_track: Integers,
+) -> int:
+    """Write the confirmed tracks side by side; returns how many these are.
+
+    Args:
+        memory: of the episode.
+        owner: place of the track that each hit belongs to (B,), -1 none.
+        now: [s].
+        number, moving: of each (TRACKS,).
+        state: numbers of each (TRACKS, STATE).
+        covariance: as errors are found to be (TRACKS, 4, 4).
+        times: since each was first seen, and since it was last seen (2, TRACKS) [s].
+        history: last measured centres and their times, the oldest first (TRACKS, HISTORY, 3) [m, s].
+        place: working memory (TRACKS,).
+        beam_track: which of these each hit belongs to (B,), -1 none.
+    """
+    count = 0
+    for m in range(TRACKS):
+        n = memory.numbers[m]
+        place[m] = -1
+        if n[ID] <= 0 or n[IS_CONFIRMED] == 0:
+            continue
+        number[count], moving[count] = n[ID], n[IS_MOVING] > 0
+        for column in range(STATE):
+            state[count, column] = memory.state[m, column]
+        times[0, count], times[1, count] = now - memory.state[m, BORN], now - memory.state[m, SEEN]
+        for i in range(4):
+            for j in range(4):
+                covariance[count, i, j] = memory.state[m, COVARIANCE[i][j]]
+        for i in range(2):
+            covariance[count, i, i] += UNROUND * UNROUND
+        for k in range(HISTORY):
+            kept = memory.history[m, max(n[CENTRES] - HISTORY + k, 0) % HISTORY]
+            history[count, k, 0], history[count, k, 1], history[count, k, 2] = kept[0], kept[1], kept[2]
+        place[m] = count
+        count += 1
+    for i in range(len(owner)):
+        beam_track[i] = place[owner[i]] if owner[i] >= 0 else -1
+    return count
