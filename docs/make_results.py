@@ -61,6 +61,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "predictors": learning.predictor_errors,
     "tracking": tracking.tracks,
     "scripted-and-learned": learning.side_by_side,
+    "navigator": hd_bug.navigator_in_all_kinds,
     "price-of-not-knowing": planners.price_of_not_knowing,
     "d2t-eaco": triangulation.d2t_eaco,
     "soak": long_checks.soak,

@@ -39,6 +39,7 @@ REPRODUCTIONS: dict[str, str] = {
     "predictors": "predictors",
     "tracking": "tracking",
     "scripted-and-learned": "scripted_and_learned",
+    "navigator": "navigator",
     "d2t-eaco": "d2t_eaco",
     "price-of-not-knowing": "price_of_not_knowing",
 }

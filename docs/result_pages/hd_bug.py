@@ -1,4 +1,4 @@
-"""Pages of HD-BUG: still fields, movers, targets, traps, real data, and what each part is worth."""
+"""Pages of HD-BUG and the navigator: fields, movers, targets, traps, real data, and what each part is worth."""
 
 from __future__ import annotations
 
@@ -14,9 +14,22 @@ from bug_gym.reproductions import (
     hd_bug_real,
     hd_bug_tables,
     hd_bug_targets,
+    navigator,
 )
 from result_pages import Page, Record
-from result_pages.words import RUN_HEADER, RUN_NOTE, listed, number, only_one, p_value, percent, points, run, table
+from result_pages.words import (
+    RUN_HEADER,
+    RUN_NOTE,
+    listed,
+    number,
+    only_one,
+    p_value,
+    percent,
+    points,
+    run,
+    share,
+    table,
+)
 
 
 def tables(found: Record) -> Page:
@@ -179,6 +192,51 @@ def dynamic(found: Record) -> Page:
             if asked > 0.0
         ],
     )  # fmt: skip
+
+
+def navigator_in_all_kinds(found: Record) -> Page:
+    """The navigator beside the planner and the network that it is made of."""
+    results, gaps, worse = found["results"], found["paired"], found["worse"]
+    ours, kinds, parts = navigator.OURS, navigator.KINDS, navigator.PARTS
+    success = [[f"`{policy}`", *(share(results[f"{kind}, {policy}"]) for kind in kinds)] for policy in (ours, *parts)]
+    runs = [[kind, f"`{policy}`", *run(results[f"{kind}, {policy}"])] for kind in kinds for policy in (ours, *parts)]
+    paired = [
+        [kind, f"`{part}`", *gap_cells(gaps[f"{kind}, {part}"]["success"], 100.0), *only_one_arrives]
+        for kind in kinds
+        for part in parts
+        if (only_one_arrives := map(str, only_one(results[f"{kind}, {ours}"], results[f"{kind}, {part}"])))
+    ]
+    better = [name for name in gaps if gaps[name]["success"]["mean"] > 0.0 and _holm(gaps)[name] < navigator.LEVEL]
+    least = min(kinds, key=lambda kind: results[f"{kind}, {ours}"]["success"])
+
+    def told(names: Sequence[str]) -> str:
+        return listed(f"`{part}` in {kind}" for kind, part in (name.split(", ") for name in names)) if names else "none"
+
+    return Page(
+        [
+            table("Reached [%] (95 %)", ["policy", *kinds], success),
+            table(
+                "The navigator minus its parts, world by world",
+                ["worlds", "part", "points", "95 %", "p (McNemar)", "only `navigator` arrives", "only the part"],
+                paired,
+            ),
+            table("Runs", ["worlds", "policy", *RUN_HEADER], runs),
+        ],
+        f"{RUN_NOTE}\n\nWith Holm's correction for {len(gaps)} tests the navigator arrives more often than {told(better)}, "
+        f"and less often than {told(worse)}. It does worst in {least}: {share(results[f'{least}, {ours}'])}.",
+        [
+            *(
+                (f"in {kind} it arrives no less often than the better part", not any(n.startswith(f"{kind}, ") for n in worse))
+                for kind in kinds
+            ),
+            ("where nothing moves it goes the planner's way, as long and as late", not any(found["other_ways"].values())),
+        ],
+    )  # fmt: skip
+
+
+def _holm(gaps: Record) -> dict[str, float]:
+    """P of success, corrected for all pairs, by their names."""
+    return dict(zip(gaps, holm([one["success"]["p_value"] for one in gaps.values()]), strict=True))
 
 
 def targets(found: Record) -> Page:

@@ -20,7 +20,16 @@ from bug_gym.cli import main
 from bug_gym.config import load
 from bug_gym.evaluation.curves import draw_curves
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.reproductions import REPRODUCTIONS, apf_wall_following, barn, bug_no_way, reproduction, require_use
+from bug_gym.reproductions import (
+    REPRODUCTIONS,
+    apf_wall_following,
+    barn,
+    bug_no_way,
+    navigator,
+    reproduction,
+    require_use,
+)
+from bug_gym.reproductions.claims import paired
 from bug_gym.reproductions.result import Reproduction, Settings
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import free_space
@@ -337,3 +346,34 @@ def test_robots_change_places_across_circles_without_a_contact_on_the_first_seed
         f"{kinematics}, {robots}": robots for kinematics in ("holonomic", "differential") for robots in (2, 4, 8, 16)
     }
     assert all(told["success"] == 1.0 for told in result.data["crowds"].values())
+
+
+def test_the_navigator_goes_the_planners_way_where_nothing_moves_and_arrives_in_the_first_worlds_of_each_kind() -> None:
+    result = reproduction("navigator")(Settings(seeds=2, policies=("hd_bug_map",), workers=2))
+    assert result.data["other_ways"] == {"static": 0, "rooms": 0, "u_trap": 0} and result.data["worse"] == []
+    assert result.holds is None  # one of its parts was not asked
+    assert all(one["success"] == 1.0 for told, one in result.data["results"].items() if told.endswith("navigator"))
+
+
+@pytest.mark.parametrize(("lost", "is_worse"), [(8, False), (12, True)])
+def test_the_navigator_is_worse_where_all_tests_together_say_so(lost: int, is_worse: bool) -> None:
+    """Of 18 tests one alone is below 0.05 / 18 = 0.0028: 2 / 2^8 = 0.0078 isn't, 2 / 2^12 = 0.0005 is."""
+    even = paired(ended(20, ()), ended(20, ()))
+    gaps = {f"kind {k}": even for k in range(17)}
+    assert navigator.found_worse(gaps | {"rush": paired(ended(20, range(lost)), ended(20, ()))}) == ["rush"] * is_worse
+    assert navigator.found_worse(gaps | {"rush": paired(ended(20, ()), ended(20, range(lost)))}) == []
+
+
+def test_another_way_is_told_by_its_length_time_or_end() -> None:
+    mine, theirs = ended(5, (3,)), ended(5, ())
+    assert navigator.other_way(theirs, theirs) == 0 and navigator.other_way(mine, theirs) == 1
+    assert navigator.other_way([replace(theirs[0], path_length=9.0)], theirs) == 1
+    assert navigator.other_way([replace(theirs[0], time=9.0)], theirs) == 1
+
+
+def ended(worlds: int, lost: Sequence[int]) -> list[EpisodeRow]:
+    """Runs of one policy in worlds of one kind, some of which end in a collision."""
+    return [
+        replace(BLANK, seed=seed, outcome="collision" if seed in lost else "success", success=seed not in lost)
+        for seed in range(worlds)
+    ]
