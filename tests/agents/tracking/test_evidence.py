@@ -15,7 +15,7 @@ from compiled import for_python
 from tracked import constant_network, disc, track, world_of
 
 from bug_gym.agents.tracking import layout, motion
-from bug_gym.agents.tracking.evidence import MOST_PASSES
+from bug_gym.agents.tracking.evidence import LAGS, MOST_PASSES, PLACE
 from bug_gym.agents.tracking.motion import (
     FEW,
     FORGOTTEN_IN,
@@ -183,6 +183,22 @@ def test_clues_of_a_disc_that_crosses_are_its_own_numbers() -> None:
         passed = min(0.6 * lag / (3.0 * spacing), MOST_PASSES)
         for column in (layout.PASSED_NOW, layout.PASSED_THEN):
             assert 0.2 * passed <= round(math.expm1(clue[column + k])) <= MOST_PASSES
+        # A hit lies where something was if the outlines of then and now are less than PLACE apart along the normal.
+        explained = min(PLACE / (0.6 * lag), 1.0) if 0.6 * lag < 2.0 * 0.3 else 0.0
+        assert clue[layout.EXPLAINED + k] == pytest.approx(explained, abs=0.1)
+
+
+def test_where_another_mover_was_is_no_place_where_something_stood() -> None:
+    """One follows another by 0.66 m at 0.6 m/s: 1.2 s ago, 0.72 m back, the first was nearly where the second is now."""
+    movers = [disc((3.0, y), (0.0, 0.6), 0.25) for y in (-0.5, -1.16)]
+    *_, (_, tracker, memory) = tracked(world_of(movers, beams=360), 2.0)
+    places = np.flatnonzero(memory.numbers[:, layout.ID])
+    last, first = places[np.argsort(memory.state[places, layout.Y])]
+    assert memory.numbers[[last, first], layout.IS_MOVING].all()
+    assert tracker.clues[last, layout.EXPLAINED + 2] == 0.0
+    assert tracker.clues[last, layout.STOOD_OFF + 2] == pytest.approx(
+        tracker.clues[first, layout.STOOD_OFF + 2], abs=0.1
+    )
 
 
 def test_beside_a_robot_that_drives_its_own_velocity_is_told() -> None:
@@ -198,6 +214,8 @@ def test_beside_a_robot_that_drives_its_own_velocity_is_told() -> None:
             continue
         clue = tracker.clues[place]
         speed = math.hypot(*view.own_velocity)
+        if memory.time > LAGS[-1]:  # it stands
+            assert (clue[layout.EXPLAINED : layout.EXPLAINED + layout.COMPARED_SCANS] > 0.5).all()
         assert math.hypot(clue[layout.ROBOT_ALONG], clue[layout.ROBOT_ACROSS]) == pytest.approx(speed, abs=1e-6)
         told += speed > 0.5
     assert told > 0
