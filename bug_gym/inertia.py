@@ -65,6 +65,11 @@ TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
 LEAST_PACE = 0.25
 """Share of its top speed below which that is not worth it: so few beams show a post too late at any pace."""
 
+FACE_SPACING = 0.05
+"""How far apart points of a face are that is not seen [m]."""
+
+NO_FACES = np.zeros((2, 0))
+
 Velocity = tuple[float, float]
 
 
@@ -91,6 +96,8 @@ class Ahead(NamedTuple):
     """How far it will have turned [rad]."""
     velocity: Velocity
     """The velocity of its body then, as it is observed [m/s, and rad/s or m/s]."""
+    faces: NDArray[np.float64] = NO_FACES
+    """Points (2, k) of what it may meet there behind corners before it sees it, in its frame of now [m]."""
 
 
 remembered = functools.lru_cache(maxsize=64)
@@ -203,6 +210,39 @@ def pace_in_sight(sensors: Sensors) -> float:
     return pace if pace >= LEAST_PACE * drive.max_speed else drive.max_speed
 
 
+def nearest_number(choices: NDArray[np.float64], wish: Velocity | NDArray[np.float32]) -> int:
+    """Number of the choice (m, 2) that comes nearest to a wish."""
+    return int(((choices[:, 0] - wish[0]) ** 2 + (choices[:, 1] - wish[1]) ** 2).argmin())
+
+
+def stoppable_number(view: View, choices: NDArray[np.float64], wish: Velocity, room: float) -> int:
+    """Number of the choice nearest to a desired velocity of those from which the robot can stop before what it sees.
+
+    None of them is to stand: where none will do, it is the one that keeps clear with most. For robots that are no cars.
+
+    Args:
+        view: the observation.
+        choices: the velocities of discrete actions (m, 2) [m/s].
+        wish: what an algorithm asks for, in the robot's frame [m/s].
+        room: what it keeps about the body [m].
+    """
+    drive, ahead = view.sensors.drive, foreseen(view)
+    if drive.kinematics == "holonomic" and not needs_care(view.sensors):
+        return nearest_number(choices, wish)
+    (x, y, wide), margin, gap = _seen_from(view, ahead, room)
+    order = np.argsort((choices[:, 0] - wish[0]) ** 2 + (choices[:, 1] - wish[1]) ** 2, kind="stable").tolist()
+    for kept, hidden in ((margin, gap), *((LEAST_ROOM - less, 0.0) for less in LESS)):
+        for number in order:
+            asked = float(choices[number, 0]), float(choices[number, 1])
+            if drive.kinematics == "holonomic":
+                motion = _slide(drive, ahead.velocity, asked)
+            else:
+                motion = _arc(drive, ahead.velocity[0], kinematics.turning(drive, asked))
+            if kernels.keeps_clear(x, y, view.sensors.circles, *motion, kept, hidden, wide):
+                return int(number)
+    return int(order[0])
+
+
 def _within(velocity: Velocity, speed: float) -> Velocity:
     """A velocity cut to a speed [m/s]."""
     length = math.hypot(*velocity)
@@ -254,11 +294,13 @@ def _stoppable_part(view: View, wish: Velocity, room: float) -> Velocity:
         fast, rate = _arc_in_sight(view, fast, rate)
         if view.sensors.range_noise == 0.0:
             return fast, rate
-    for kept in _rooms(drive, room):
+    rooms = _rooms(drive, room)
+    for kept in rooms:
         (x, y, wide), margin, gap = _seen_from(view, ahead, kept)
         seen, gaps = (x, y, body), (gap, wide, _fast_gap(view.sensors))
         part = kernels.clear_part(*seen, speed, fast, rate, keeps_arc, most, step, margin, *gaps, SHARES)
-        if part >= 0:
+        # Standing is always clear to who stands: it is no answer while there is less room to ask for.
+        if part > 0 or (part == 0 and (fast == 0.0 or kept == rooms[-1])):
             share = part / SHARES
             return share * fast, share * rate if keeps_arc else rate
     return _stopping(view, ahead, wish, room)
@@ -440,7 +482,32 @@ def foreseen(view: View) -> Ahead:
         asked += [kinematics.asked_velocity(drive, action) for action in view.under_way]
     for velocity in asked:
         ahead = _after(drive, ahead, velocity)
+    if drive.latency > 0 and drive.kinematics == "holonomic":
+        ahead = ahead._replace(faces=_hidden_faces(view, math.hypot(ahead.x, ahead.y)))
     return ahead
+
+
+def _hidden_faces(view: View, reach: float) -> NDArray[np.float64]:
+    """Points (2, k) of faces that what is seen may have behind its ends, as far as a robot comes that cannot look first [m].
+
+    One that slides round a corner with commands that act late meets its other face a step after that has come into sight.
+    The farthest that it may lie ahead is along the beam that sees the end.
+
+    Args:
+        view: what is seen.
+        reach: how far the commands under way bring the robot [m].
+    """
+    sensors, ranges = view.sensors, view.ranges
+    if reach == 0.0:
+        return NO_FACES
+    beyond = np.maximum(np.roll(ranges, 1), np.roll(ranges, -1))
+    if not sensors.is_full_circle and ranges.size > 1:
+        beyond[0], beyond[-1] = ranges[1], ranges[-2]
+    is_end = (beyond - ranges > 2.0 * sensors.radius) & (ranges < min(2.0 * reach + sensors.radius, sensors.range))
+    (ends,) = is_end.nonzero()
+    deep = FACE_SPACING * np.arange(1, math.ceil(reach / FACE_SPACING) + 1)
+    away = np.minimum(ranges[ends, None] + deep, beyond[ends, None])
+    return np.reshape(sensors.beam_directions[:, ends, None] * away, (2, -1))
 
 
 def as_it_will_lie(view: View, velocity: Velocity) -> Velocity:
@@ -484,6 +551,7 @@ def _seen_from(view: View, ahead: Ahead, room: float) -> tuple[Shown, float, flo
     gap = 0.5 * view.sensors.beam_spacing
     margin = _margin(view.sensors, room)
     if view.sensors.drive.latency > 0:
+        x, y = np.append(x, ahead.faces[0]), np.append(y, ahead.faces[1])
         cos, sin = math.cos(ahead.turn), math.sin(ahead.turn)
         dx, dy = x - ahead.x, y - ahead.y
         x, y = cos * dx + sin * dy, cos * dy - sin * dx

@@ -26,17 +26,20 @@ from bug_gym.foresight import as_it_lies, left_behind, seen_nearby, seen_then
 from bug_gym.inertia import (
     are_cut_at_once,
     as_it_will_lie,
+    nearest_number,
     needs_care,
     passing_radius,
     scans_kept,
     shown_points,
     stoppable_action,
     stoppable_actions,
+    stoppable_number,
 )
 from bug_gym.manoeuvring import Turn, arc_action, begun, gone_on
 from bug_gym.observation import as_flat
 from bug_gym.schema.errors import shortened
 from bug_gym.steering import Course, steered_action
+from bug_gym.swaying import sway
 from bug_gym.view import Sensors, View, require_sensors
 
 Observation = NDArray[np.float32] | Mapping[str, NDArray[np.float32]]
@@ -81,6 +84,8 @@ class Memory:
     """A turn in several moves that an ackermann robot is at."""
     lately: list[NDArray[np.float64]] = field(default_factory=list, kw_only=True)
     """Points (2, k) of the scans before this one, odometry frame [m], of a robot that cannot stop before all that one shows."""
+    sway: Velocity | None = field(default=None, kw_only=True)
+    """Where a robot went whose discrete actions let it not stand, to come back from; robot's frame [m/s]."""
     nearby: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)), kw_only=True)
     """Points (2, k) seen nearby, the last scan's and those to which it did not look, odometry frame [m]; see foresight.py."""
 
@@ -246,6 +251,16 @@ class ScriptedPolicy(ABC):
         """Whether commands act late and it decides by what it will see then; discrete ones are kept by nobody."""
         return self.foresight and self.sensors.drive.latency > 0 and not self.discrete
 
+    def _swaying(self, view: View, memory: Memory, wish: Velocity) -> Velocity:
+        """A wish that discrete actions can do: none of them stands, so who is to stand sways."""
+        if self._velocities is None or self._plans_arcs:
+            return wish
+        if wish != STANDING:
+            memory.sway = None
+            return wish
+        wish, memory.sway = sway(view, self._velocities, memory.sway)
+        return wish
+
     def _seen(self, view: View, memory: Memory) -> View:
         """What it decides by."""
         if not self.foresees:
@@ -365,7 +380,7 @@ class ScriptedPolicy(ABC):
         if driver._is_asked(seen, memory):
             velocity = checked_velocity(self, driver.act(seen, memory))
         course, arc = driver._beside(seen, memory, velocity)
-        velocity = driver._meant(view, velocity)
+        velocity = self._swaying(view, memory, driver._meant(view, velocity))
         action = action_of(self.sensors, view, velocity, self._velocities, driver.room, course, arc)
         return self._sent(view, memory, action)
 
@@ -394,7 +409,7 @@ class ScriptedPolicy(ABC):
             velocity = checked_velocity(self, next(answers)) if goes[row] else STANDING
             driver = drivers[row]
             course, arc = driver._beside(seen[row], memory, velocity)
-            velocity = driver._meant(view, velocity)
+            velocity = self._swaying(view, memory, driver._meant(view, velocity))
             if self._are_cut_at_once and driver is self and (course is None or course.aside <= 0.0):
                 plain.append(row)
                 wishes.append(velocity)
@@ -575,13 +590,15 @@ def action_of(
         arc: speed [m/s] and turn rate [rad/s] that an ackermann robot drives instead; None: what suits the velocity.
     """
     if discrete is not None and sensors.drive.kinematics != "ackermann":
-        return nearest_discrete(discrete, velocity)
+        if view is None or room is None:
+            return as_number(nearest_number(discrete, velocity))
+        return as_number(stoppable_number(view, discrete, velocity, room))
     if view is None:
         action = kinematics.steering(sensors.drive, velocity)
-        return action if discrete is None else nearest_discrete(discrete, action)
+        return action if discrete is None else as_number(nearest_number(discrete, action))
     if sensors.drive.kinematics == "ackermann":
         action = arc_action(view, velocity, course, braking_radius(sensors), room, arc)
-        return action if discrete is None else nearest_discrete(discrete, action)
+        return action if discrete is None else as_number(nearest_number(discrete, action))
     if course is not None and course.aside > 0.0:
         return steered_action(view, velocity, course, braking_radius(sensors), room)
     if sensors.drive.latency > 0 and room is not None:
@@ -651,7 +668,6 @@ def brake(view: View, velocity: Velocity) -> Velocity:
     return velocity[0] * share, velocity[1] * share
 
 
-def nearest_discrete(velocities: NDArray[np.float64], velocity: Velocity | NDArray[np.float32]) -> NDArray[np.int64]:
-    """Number of the discrete action whose velocity (of an ackermann robot, action) comes nearest to the desired one."""
-    gaps = (velocities[:, 0] - velocity[0]) ** 2 + (velocities[:, 1] - velocity[1]) ** 2
-    return np.asarray(int(gaps.argmin()), dtype=np.int64)
+def as_number(choice: int) -> NDArray[np.int64]:
+    """The number of a discrete action, as an action."""
+    return np.asarray(choice, dtype=np.int64)

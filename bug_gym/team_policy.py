@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kinematics
 from bug_gym.config import Scenario
-from bug_gym.geometry import Point, velocity_along, wrap
+from bug_gym.geometry import Point, wrap
 from bug_gym.inertia import are_cut_at_once, scans_kept, stoppable_actions
 from bug_gym.log import warn_once
 from bug_gym.observation import width
@@ -48,6 +48,7 @@ from bug_gym.policy import (
     keep_scan,
     source_scenario,
 )
+from bug_gym.swaying import sway
 from bug_gym.view import Sensors, View, require_sensors
 
 TOGETHER = 1e-3
@@ -142,8 +143,6 @@ class TeamMemory(Memory):
     """How often it has stopped for a partner to pass."""
     held: float = 0.0
     """How long it has stood so, in all [s]."""
-    sway: Velocity | None = None
-    """Where a robot went whose discrete actions let it not stand, to come back from; robot's frame [m/s]."""
 
 
 def is_by_agent(observation: Any, agents: Sequence[str]) -> bool:
@@ -461,25 +460,13 @@ class TeamPolicy(ABC):
         return actions
 
     def _swaying(self, view: View | None, wish: Velocity, memory: TeamMemory) -> Velocity:
-        """A wish that discrete actions can do: none of them stands, so who is to stand sways, a step there and a step back.
-
-        A differential robot turns to one side and back, a holonomic one goes away from what is nearest, as slowly as it can.
-        """
+        """A wish that discrete actions can do: none of them stands, so who is to stand sways."""
         if wish != STANDING or view is None:
             memory.sway = None
             return wish
-        if memory.sway is not None:
-            back = -memory.sway[0], -memory.sway[1]
-            memory.sway = None
-            return back
         assert self._velocities is not None
-        slowest = min(math.hypot(*one) for one in self._velocities.tolist())
-        aside = 0.5 * math.pi if self.sensors.drive.kinematics == "differential" else view.nearest()[1] + math.pi
-        headings = (
-            2.0 * math.pi * number / kinematics.DISCRETE_HEADINGS for number in range(kinematics.DISCRETE_HEADINGS)
-        )
-        memory.sway = velocity_along(min(headings, key=lambda heading: abs(wrap(heading - aside))), slowest)
-        return memory.sway
+        wish, memory.sway = sway(view, self._velocities, memory.sway)
+        return wish
 
     @functools.cached_property
     def _are_cut_at_once(self) -> bool:

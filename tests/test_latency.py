@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from episodes import run_episode
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -246,6 +247,40 @@ def test_the_jackal_arrives_though_its_actions_are_late(name: str) -> None:
         observation, _, terminated, truncated, info = env.step(action)
         done = terminated or truncated
     assert info["outcome"] == "success"
+
+
+@pytest.mark.parametrize("name", ["bug2", "rev3", "k_bug", "vis_bug_21"])
+def test_a_holonomic_robot_slides_round_a_corner_into_no_face_that_it_has_not_seen(name: str) -> None:
+    """At 2 m/s, a command acts 1.2 m after it is given: the slab's other face comes into sight meanwhile."""
+    changes = {"robot.max_speed": 2.0, "robot.latency": 0.6, "time.step": 0.2, "lidar.beams": 128, "lidar.range": 3.0}
+    episode = run_episode(name, "slab", changes)
+    assert episode.outcome == "success" and episode.min_clearance > 0.0
+
+
+@pytest.mark.parametrize("fov", [2.0 * math.pi, 4.0])
+def test_faces_that_may_be_hidden_lie_behind_what_ends_a_surface(fov: float) -> None:
+    """A box ahead: behind the corners at its ends, and as far as the robot goes blindly; none at the ends of the fan."""
+    box = [[[1.0, -0.5], [1.6, -0.5], [1.6, 0.5], [1.0, 0.5]]]
+    world = {"family": "explicit", "bounds": [-6, -6, 6, 6], "start": [0, 0, 0], "goal": [5, 5], "polygons": box}
+    lidar = {"beams": 241, "range": 4.0, "fov": fov}
+    env = NavigationEnv({"world": world, "lidar": lidar}, observation="flat")
+    view = View(env.reset(seed=0)[0], Sensors.of(env.simulation.scenario))
+    x, y = inertia._hidden_faces(view, 0.5)
+    corner, spacing = math.hypot(1.0, 0.5), view.sensors.beam_spacing
+    away = np.hypot(x, y)
+    assert 0.0 < away.min() - corner < inertia.FACE_SPACING + 0.02 and abs(away.max() - corner - 0.5) < 0.05
+    assert np.abs(np.abs(np.arctan2(y, x)) - math.atan2(0.5, 1.0)).max() < spacing
+    assert (y > 0.0).any() and (y < 0.0).any()
+    assert inertia._hidden_faces(view, 0.0).size == 0
+
+
+@pytest.mark.parametrize("seed", [1070, 1071, 1074])
+def test_a_late_robot_beside_a_wall_does_not_stand_for_ever(seed: int) -> None:
+    """Late commands bring it nearer to a wall than it keeps; standing was then always clear, and so it stood."""
+    changes = {"robot.kinematics": "differential", "robot.radius": 0.3, "robot.latency": 0.1, "time.step": 0.05}
+    changes |= {"lidar.beams": 64, "lidar.range": 5.0, "time.limit": 120.0}
+    episode = run_episode("rev2", "corridor", changes, seed=seed)
+    assert episode.outcome == "success" and episode.min_clearance > 0.0
 
 
 def test_the_memory_of_a_robot_without_latency_holds_no_actions() -> None:
