@@ -36,7 +36,7 @@ LAYERS = (
     ("worlds",),
     ("config",),
     ("draws", "standing", "world", "scenarios"),
-    ("observation", "task", "own_parts", "view", "inertia", "foresight", "steering", "manoeuvring"),
+    ("observation", "task", "own_parts", "view", "inertia", "foresight", "steering", "manoeuvring", "swaying"),
     ("simulation", "policy", "team_policy"),
     ("drawing", "replay", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),
     ("agents", "__init__"),  # the package registers the environments, an agents' one too, by name
