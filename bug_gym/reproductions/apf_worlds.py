@@ -28,7 +28,9 @@ ROBOT: dict[str, Any] = {
     "lidar": {"beams": 360, "range": 10.0, "noise": 0.0},
     "time": {"step": 0.1, "limit": 900.0},
 }
-"""The paper's speed; its scanner has 1 degree and 12 m."""
+"""The paper's speed in simulation; its scanner has 1 degree and 12 m."""
+REAL_SPEED = 0.3
+"""Of the paper's real robot, a Kobuki, and of what moves beside it; named for Fig. 12b, taken for 12a too [m/s]."""
 
 WALL_X = 6.0
 """Where the straight wall is met [m]."""
@@ -43,7 +45,8 @@ FAR = 8.0
 def scenes() -> dict[str, dict[str, Any]]:
     """The still scenes by name, as scenarios."""
     data = parse_yaml(SOURCE.read_text(encoding="utf-8"))
-    return {name: scene(data["walls"], told) for name, told in data["scenes"].items()}
+    found = {name: scene(data["walls"], told) for name, told in data["scenes"].items()}
+    return {**found, "12a": with_motion(found["12a"], speed=REAL_SPEED)}
 
 
 def scene(lines: Mapping[str, Any], told: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,5 +144,5 @@ def moving_scenes() -> dict[str, dict[str, Any]]:
         "8e": with_motion(still["7c"], movers=[mover(down, 0.5)], moving_target=goes),
         "8f": with_motion(still["7c"], movers=[mover(up, 0.5)], moving_target=goes),
         "a target that goes on": with_motion(still["7c"], moving_target=goes_on),
-        "12b": with_motion(still["7c"], movers=[mover(up, 0.3)], speed=0.3),
+        "12b": with_motion(still["7c"], movers=[mover(up, REAL_SPEED)], speed=REAL_SPEED),
     }

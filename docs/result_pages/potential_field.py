@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from bug_gym.reproductions.apf_wall_following import ALPHAS, CYCLES, METHODS, OURS, PARTS, leans
+from collections.abc import Sequence
+
+from bug_gym.reproductions.apf_wall_following import ALPHAS, CYCLES, METHODS, OURS, PARTS, falls, has_phases, leans
 from bug_gym.reproductions.oni_wang_table_1 import allowed_difference
 from result_pages import Page, Record
 from result_pages.words import code, listed, number, percent, picture, share, table
@@ -22,6 +24,18 @@ AT_A_WALL = {
     "driven": "Direction that it goes, towards that wall [degrees]",
 }
 """What Fig. 6 tells over time."""
+PHASE = {
+    "begins": "from [s]",
+    "ends": "to [s]",
+    "entered": "to the target then [m]",
+    "left": "and then [m]",
+    "from_wall": "still wall at [m]",
+}
+"""What is told of a wall that was followed."""
+FELT = 2.2
+"""How far the field feels anything [m]: where no still wall is so near, what is followed moves."""
+BRIEF = 1.0
+"""Time below which a wall is hardly followed [s]."""
 GOALS = ("a beacon", "a beacon", "by odometry")
 """What the target is in each sweep of the drift."""
 
@@ -34,11 +48,11 @@ def apf_wall_following(found: Record) -> Page:
             picture("apf-wall-following", "Distance, angle and drift"),
             table("Still scenes, length [m]", ["scene", *METHODS, "walls"], scene_rows(scenes)),
             table("Moving scenes", ["scene", "length [m]", "walls", "clearance [m]"], moving_rows(found["moving"])),
+            *([phase_table(found["phases"])] if "phases" in found else []),
             *(wall_table(found["Fig. 6"], kind) for kind in AT_A_WALL),
-            table("The map of Oni and Wang, length [m]", ["turn, route", *next(iter(found["routes"].values()))], [
-                [route, *(f"{one:.2f}" if isinstance(one, float) else one for one in kinds.values())]
-                for route, kinds in found["routes"].items()
-            ]),
+            route_table("The map of Oni and Wang, length [m]", "turn, route", found["routes"]),
+            *([route_table("The U and the hook, length [m]", "trap, turn", found["closed forms"])]
+              if "phases" in found else []),
             *(many(f"{title}", found[title]) for title in ("Traps", "Mazes")),
             many("What parts are worth, in traps", parts),
             table("Limits, a differential robot in traps", ["", *LIMITS.values()], [
@@ -49,7 +63,9 @@ def apf_wall_following(found: Record) -> Page:
         "\n\n".join(
             [
                 f"These are the numbers of `--seeds {found['seeds']}`.",
-                *(say(found) for say in (against_the_others, by_alpha, worth, against_drift, own_limits)),
+                against_the_others(found),
+                *([at_walls(found["phases"]), by_the_field(found)] if "phases" in found else []),
+                *(say(found) for say in (by_alpha, worth, against_drift, own_limits)),
             ]
         ),
         claims(found),
@@ -66,6 +82,21 @@ def scene_rows(scenes: Record) -> list[list[str]]:
 def moving_rows(moving: Record) -> list[list[str]]:
     """A row a scene and robot."""
     return [[name, one["ending"], str(one["walls"]), number(one["clearance"])] for name, one in moving.items()]
+
+
+def phase_table(phases: Record) -> str:
+    """A row a wall that was followed."""
+    rows = [[name, *(number(one[key]) for key in PHASE)] for name, told in phases.items() for one in told["phases"]]
+    return table("Walls followed in the scenes of Figs. 9 and 12", ["scene, robot", *PHASE.values()], rows)
+
+
+def route_table(title: str, of: str, routes: Record) -> str:
+    """A row a route, beside its ideal length."""
+    rows = [
+        [route, *(f"{one:.2f}" if isinstance(one, float) else one for one in kinds.values())]
+        for route, kinds in routes.items()
+    ]
+    return table(title, [of, *next(iter(routes.values()))], rows)
 
 
 def wall_table(one: Record, kind: str) -> str:
@@ -97,6 +128,11 @@ def is_length(ending: str) -> bool:
     return ending.replace(".", "").isdigit()
 
 
+def is_as_long(one: Record, kind: str) -> bool:
+    """Whether one kind of way is as long as the ideal one, within 1.5 % or three steps."""
+    return is_length(one[kind]) and abs(float(one[kind]) - one["ideal"]) <= allowed_difference(one["ideal"]) + 0.01
+
+
 def against_the_others(found: Record) -> str:
     """The paper's claim that it is shorter."""
     told = []
@@ -113,6 +149,45 @@ def against_the_others(found: Record) -> str:
         "The paper reports shorter paths than the minimum risk method, TangentBug and Bug2, one scene each; its table of "
         f"lengths is lost. Here it goes {'; '.join(told)}. TangentBug sees 2 m ahead and chooses the shorter side, which a "
         "robot that follows the wall it met cannot."
+    )
+
+
+def at_walls(phases: Record) -> str:
+    """Fig. 12: how often a wall is followed, and which; Fig. 9: V and the distance."""
+    often = {name: how_often(one["phases"]) for name, one in phases.items()}
+    walls = [wall for one in phases.values() for wall in one["phases"]]
+    nearer = sum(wall["left"] < wall["entered"] for wall in walls)
+    apart = " The latter is not twice." if len(phases["12a, differential"]["phases"]) != 2 else ""
+    free, rises = (sum(one[key] for one in phases.values()) for key in ("free", "rises"))
+    return (
+        "The paper's real robot, a Kobuki at 0.3 m/s, follows a wall twice in Fig. 12a, and once in 12b, where it avoids what "
+        f"moves in the field. At that speed a holonomic robot follows one {often['12a, holonomic']} here in 12a, and a "
+        f"differential one, as a Kobuki is, {often['12a, differential']}.{apart} In 12b they do {often['12b, holonomic']}, "
+        f"and {often['12b, differential']}.\n\n"
+        f"V, the attractive potential, falls in {free - rises} of {free} steps in the field in which nothing repels. Along a "
+        f"wall it need not: {nearer} of {len(walls)} walls are left nearer to the target than they were met."
+    )
+
+
+def how_often(walls: Sequence[Record]) -> str:
+    """How often walls were followed, and of these those that were hardly walls."""
+    count = len(walls)
+    brief = sum(one["ends"] - one["begins"] < BRIEF for one in walls)
+    moving = sum(one["from_wall"] > FELT for one in walls)
+    told = {1: "once", 2: "twice"}.get(count, f"{count} times")
+    told += f", {brief} of them for less than {BRIEF:g} s" if brief else ""
+    return told + (f", {moving} of them round what moves" if moving else "")
+
+
+def by_the_field(found: Record) -> str:
+    """Where the field itself goes as far as straight motion until contact does."""
+    routes = found["routes"].values()
+    near = sum(is_as_long(one, "field") for one in routes)
+    return (
+        "The ideal lengths are of straight motion until contact. In the U and the hook the field itself keeps to them as well: "
+        "it meets the same wall on the same side and leaves it in the same place. On the map, walked at 1 m, it does in "
+        f"{near} of {len(routes)} routes: it is caught nearer to a wall than that and has to go back, and where a wall is "
+        "askew it slides along it, which may lead round another side."
     )
 
 
@@ -179,11 +254,7 @@ def claims(found: Record) -> list[tuple[str, bool]]:
     """What was looked at."""
     scenes, moving, routes = found["scenes"], found["moving"], found["routes"]
     own = [one for kinds in routes.values() for one in (kinds["straight"], kinds["field"])]
-    close = [
-        is_length(one["straight"])
-        and abs(float(one["straight"]) - one["ideal"]) <= allowed_difference(one["ideal"]) + 0.01
-        for one in routes.values()
-    ]
+    close = [is_as_long(one, "straight") for one in routes.values()]
     cycles = {tuple(name.split()) for name, one in routes.items() if one["straight, no projection"] == "looping"}
     wrong = [
         one["wrong"] for title in ("Traps", "Mazes", "What parts are worth, traps") for one in found[title].values()
@@ -203,4 +274,21 @@ def claims(found: Record) -> list[tuple[str, bool]]:
         ("straight until contact their lengths are the ideal ones, within 1.5 % or three steps", all(close)),
         ("without the projection the three known routes cycle, and no other", cycles == CYCLES),
         ("nobody touches anything or calls an open goal unreachable", sum(wrong) == 0),
+        *(newer_claims(found) if "phases" in found else []),
+    ]
+
+
+def newer_claims(found: Record) -> list[tuple[str, bool]]:
+    """What was looked at later, and an older JSON has not."""
+    phases, traps = found["phases"], found["closed forms"].values()
+    return [
+        (
+            "at 0.3 m/s it follows walls as often as in Fig. 12: two in 12a, a holonomic robot, and one in 12b, either robot",
+            has_phases(phases),
+        ),
+        ("V falls at every step in the field in which nothing repels", falls(phases)),
+        (
+            "in the U and the hook the lengths are the ideal ones too, so near, straight and in the field",
+            all(is_as_long(one, kind) for one in traps for kind in ("straight", "field")),
+        ),
     ]

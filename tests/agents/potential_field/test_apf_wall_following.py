@@ -24,6 +24,7 @@ from episodes import (
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.potential_field.apf_wall_following import lap_verdict
+from bug_gym.agents.potential_field.field import FieldParameters
 from bug_gym.agents.potential_field.turning import Turning
 from bug_gym.agents.potential_field.wall_follower import expected_bearing
 from bug_gym.simulation import Simulation
@@ -246,15 +247,16 @@ CASES = [
 ]
 
 
+@pytest.mark.parametrize("approach", ["field", "straight"])
 @pytest.mark.parametrize("turn", ["left", "right"])
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize(("world", "length"), CASES, ids=lambda case: case if isinstance(case, str) else "")
-def test_straight_until_contact_the_way_has_the_length_of_bug0s_closed_form(
-    world: str, length: Any, turn: str, mirrored: bool
+def test_straight_until_contact_or_in_the_field_the_way_has_the_length_of_bug0s_closed_form(
+    world: str, length: Any, turn: str, mirrored: bool, approach: str
 ) -> None:
-    """37.26 m in the U."""
+    """37.26 m in the U. The field is caught before the wall straight ahead, and goes on from there to the same contour."""
     scenario = canonical_world(world, angle=0.83, mirrored=mirrored)
-    episode = run_episode(POLICY, scenario, turn=turn, clearance=0.5, **STRAIGHT)
+    episode = run_episode(POLICY, scenario, turn=turn, clearance=0.5, approach=approach)
     expected = length(OTHER[turn] if mirrored else turn)
     assert episode.outcome == "success"
     assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
@@ -272,11 +274,31 @@ HOOK = [
 @pytest.mark.parametrize("turn", ["left", "right"])
 @pytest.mark.parametrize(("start", "goal", "left", "right"), HOOK)
 def test_the_hook_is_left_by_either_side(start: Any, goal: Any, left: float, right: float, turn: str) -> None:
+    """The field meets its wall within its influence of where straight motion does, and leaves it in the same place."""
     places = {"world.start": [*start, 0.0], "world.goal": list(goal), "world.bounds": [-15, -15, 35, 25]}
-    episode = run_episode(POLICY, "hook", {**CLOSED_FORM_SENSORS, **places}, turn=turn, clearance=0.4, **STRAIGHT)
+    straight, field = (
+        run_episode(POLICY, "hook", {**CLOSED_FORM_SENSORS, **places}, turn=turn, clearance=0.4, approach=approach)
+        for approach in ("straight", "field")
+    )
     expected = left if turn == "left" else right
-    assert episode.outcome == "success"
-    assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+    for episode in (straight, field):
+        assert episode.outcome == "success"
+        assert episode.full_length == pytest.approx(expected, abs=tolerance(expected))
+    ((hit, field_hit),) = zip(straight.memory.hits, field.memory.hits, strict=True)
+    ((leave, field_leave),) = zip(straight.memory.leaves, field.memory.leaves, strict=True)
+    assert math.dist(hit, field_hit) < FieldParameters().influence
+    assert math.dist(leave, field_leave) < 3.0 * 0.1  # three steps
+
+
+def test_with_a_wide_clearance_the_field_goes_farther_than_straight_motion() -> None:
+    """It is caught nearer to a wall ahead than the 1 m of the map, and has to go back: the lengths there are no bound to it."""
+    places = {**CLOSED_FORM_SENSORS, "world.start": "A", "world.goal": "B"}
+    straight, field = (
+        run_episode(POLICY, "oni_wang", places, turn="left", clearance=1.0, approach=approach)
+        for approach in ("straight", "field")
+    )
+    farther = field.memory.hits[0][0] - straight.memory.hits[0][0]
+    assert 0.1 < farther < field.full_length - straight.full_length
 
 
 # Lengths [m] on the map of Oni and Wang at a clearance of 1 m, rounded contour, straight motion until contact.
@@ -492,14 +514,15 @@ def test_a_target_that_goes_on_is_reached(kinematics: str) -> None:
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_a_disc_across_the_way_is_avoided_in_the_field_and_the_u_by_one_wall(kinematics: str) -> None:
-    """The paper's Figs. 8b and 12b: robot and obstacle at 0.3 m/s, one phase of wall following."""
+    """As in the paper's Fig. 12b, robot and obstacle at 0.3 m/s: one wall is followed, and it is that of the U."""
     motion = {"law": "waypoints", "points": [[2.5, -3.0], [2.5, 3.0]], "speed": 0.3, "stop": True}
     world = {"family": "explicit", "bounds": [-15, -15, 35, 15], "start": [0, 0, 0], "goal": [20, 0]}
     world |= {"polygons": [CANONICAL_POLYGONS["u_trap"]]}
     world |= {"movers": [{"shape": {"circle": 0.4}, "at": [2.5, -3.0], "motion": motion}]}
     settings = {"robot.kinematics": kinematics, "robot.max_speed": 0.3, "lidar.beams": 180, "time.limit": 400.0}
     episode = run_episode(POLICY, {"world": world}, settings)
-    assert episode.outcome == "success" and len(episode.memory.hits) == 1
+    ((x, y),) = episode.memory.hits
+    assert episode.outcome == "success" and 5.0 < x < 11.0 and abs(y) < 3.0
 
 
 # ---------------------------------------------------------------------------------------------- bad input
