@@ -29,7 +29,7 @@ class PredictionEnv(gym.Env[F32, F32]):
     ## Action Space
     `Box(-1, 1, (8,), float32)`: for each of the horizons 0.8, 1.6, 3.2 and 4.8 s by how much the mover's mean velocity
     until then differs from the velocity that the tracker's Kalman filter has, ahead and to the left of that velocity,
-    over 1.5 m/s. All zero is the Kalman filter's prediction.
+    over 1.5 m/s. All zero is the Kalman filter's prediction. What lies beyond the bounds is cut.
 
     ## Observation Space
     `Box(-3, 3, (80,), float32)`, all of it in the mover's frame (origin at its place, x along its velocity):

@@ -94,6 +94,23 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
         yield cluster
 
 
+def split_policies(text: str) -> list[str]:
+    """The policies of NAME[:PARAMETER=VALUE...],..., still as text.
+
+    Raises:
+        ValueError: nothing stands before, between or behind commas.
+    """
+    names = text.split(",")
+    if not all(name.strip() for name in names):
+        raise ValueError(f"got an empty name in {shortened(text)}, expected names of policies with a comma between two")
+    return names
+
+
+def policy_entries(text: str) -> list[PolicyEntry]:
+    """The policies of NAME[:PARAMETER=VALUE...],..., each called so by tables, too."""
+    return [policy_entry(name) for name in split_policies(text)]
+
+
 def policy_entry(text: str) -> PolicyEntry:
     """A policy from NAME[:PARAMETER=VALUE...], which is also what tables call it."""
     from bug_gym.evaluation.entries import PolicyEntry  # loads the compiler

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_overrides, add_trust, assignments, policy_entry
+from bug_gym.commands.arguments import add_overrides, add_trust, assignments, policy_entries, policy_entry
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
     require_minari()
     names = collect(
         options.scenario,
-        [policy_entry(text) for text in options.policies.split(",")],
+        policy_entries(options.policies),
         options.out,
         episodes=options.episodes,
         seed=options.seed,

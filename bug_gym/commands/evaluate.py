@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_overrides, add_trust, add_workers, assignments, policy_entry, workers_of
+from bug_gym.commands.arguments import add_overrides, add_trust, add_workers, assignments, policy_entries, workers_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> None:
     with workers_of(options) as workers:
         try:
             rows = evaluate(
-                [policy_entry(text) for text in options.policies.split(",")] if options.policies else None,
+                policy_entries(options.policies) if options.policies else None,
                 load_suite(options.suite) if options.suite else options.scenario,
                 episodes=options.episodes,
                 seed=options.seed,

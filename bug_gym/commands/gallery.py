@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_overrides, add_trust, assignments, at_least_one, policy_entry
+from bug_gym.commands.arguments import add_overrides, add_trust, assignments, at_least_one, policy_entries
 from bug_gym.files import writable
 
 
@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
     parser.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: every bug)")
     parser.add_argument("--size", type=at_least_one, default=240, help="pixels of each picture (default: 240)")
-    parser.add_argument("--out", type=Path, default=Path("gallery.png"), help="PNG to write")
+    parser.add_argument("--out", type=Path, default=Path("gallery.png"), help="PNG to write (default: gallery.png)")
     parser.add_argument("--gif", type=Path, help="GIF to write as well")
     add_overrides(parser)
     add_trust(parser)
@@ -34,8 +34,8 @@ def run(options: argparse.Namespace) -> None:
     for name, line in AGENTS.items():
         if line.family == "bug":
             bugs.setdefault(line.entry_point, name)
-    asked = options.policies.split(",") if options.policies else []
-    entries = [policy_entry(text) for text in asked] or [PolicyEntry.of(name) for name in bugs.values()]
+    asked = policy_entries(options.policies) if options.policies else []
+    entries = asked or [PolicyEntry.of(name) for name in bugs.values()]
     changes = {"lidar.beams": 360, "time.limit": 600.0, **assignments(options.overrides)}
     scenario = load(options.scenario, changes, trust=options.trust)
     draw_gallery(scenario, entries, seed=options.seed, size=options.size, png=png, gif=gif)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_scenario, assignments, policy_entry
+from bug_gym.commands.arguments import add_scenario, assignments, policy_entries
 from bug_gym.files import writable
 
 
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> None:
     path = None if options.record is None else writable(options.record, [JSON])
     scenario = load(options.scenario, assignments(options.overrides), trust=options.trust)
     hand = Hand(scenario, path)
-    rivals = [policy_entry(text) for text in options.against.split(",")] if options.against else []
+    rivals = policy_entries(options.against) if options.against else []
     worlds = same_world([PolicyEntry.of(("you", hand)), *rivals], scenario)
     show = Show(worlds, first=options.seed, size=options.size)
     screen = Screen()

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_world, assignments, at_least_one, policy_entry
+from bug_gym.commands.arguments import add_world, assignments, at_least_one, policy_entry, split_policies
 from bug_gym.files import writable
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def _named(options: argparse.Namespace) -> tuple[list[str], str]:
         )
     if options.policies is not None and before:
         raise ValueError(f"got {', '.join(before)} as well as --policies, expected one of the two")
-    return (before if options.policies is None else options.policies.split(",")), scenario
+    return (before if options.policies is None else split_policies(options.policies)), scenario
 
 
 def _write_page(out: Path, rollouts: list[Rollout], every: int) -> None:

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_workers, at_least_one, workers_of
+from bug_gym.commands.arguments import add_workers, at_least_one, split_policies, workers_of
 from bug_gym.files import replaced_when_done, writable
 from bug_gym.reproductions import reproduction, require_use
 from bug_gym.reproductions.result import Reproduction, Settings
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     if out:
         writable(out.with_suffix(".html"))
     reproduce = reproduction(options.name)
-    policies = tuple(options.policies.split(",")) if options.policies else ()
+    policies = tuple(split_policies(options.policies)) if options.policies else ()
     require_use(options.name, Settings(options.seeds, data=options.data, policies=policies))
     with workers_of(options) as workers:
         result = reproduce(Settings(options.seeds, workers, options.data, progress=True, policies=policies))

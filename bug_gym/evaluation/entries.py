@@ -9,7 +9,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any
 
-from bug_gym.agents import Spec, is_scripted, make_policy, outside_reference, reads_map
+from bug_gym.agents import Spec, is_scripted, make_policy, model_digest, outside_reference, reads_map
 from bug_gym.agents.outside import imported_class, is_object, required_policy
 from bug_gym.checks import shortened
 from bug_gym.config import Scenario, checked
@@ -102,14 +102,27 @@ class PolicyEntry:
 
     @property
     def code(self) -> str:
-        """Digest of the file of a policy from outside; "" where there is none, and for the package's own."""
+        """Digests of what a policy is made of beside this package: its file, or model, and models of its parameters.
+
+        Models are those that are named by their place (a path, or `hf://user/name`); the others belong to the package.
+        "" where there is none of all that; one of a parameter stands behind its name, as in "predictor=0123456789abcdef".
+        """
+        texts = {key: value for key, value in sorted(self.parameters.items()) if isinstance(value, str)}
+        of_parameters = [f"{key}={digest}" for key, value in texts.items() if (digest := model_digest(value))]
+        return ", ".join(filter(None, [self._own_digest, *of_parameters]))
+
+    @property
+    def _own_digest(self) -> str:
+        """Digest of the file of a class from outside, or of a model named by its place; "" where there is neither."""
         policy_class = imported_class(self.reference) if self.reference else self.policy_class
-        return "" if policy_class is None else code_digest(policy_class)
+        if policy_class is not None:
+            return code_digest(policy_class)
+        return "" if self.policy is not None else model_digest(self.name)
 
     @property
     def is_nameless(self) -> bool:
         """Whether nobody can tell later whether a policy is the same: an object, or a class without a file."""
-        return self.policy is not None or (self.policy_class is not None and not self.code)
+        return self.policy is not None or (self.policy_class is not None and not self._own_digest)
 
     @property
     def _made_of(self) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 
 import bug_gym
 from bug_gym.agents import make_policy
+from bug_gym.agents.learning.folder import TRAINED_FOLDER
 from bug_gym.cli import main
 from bug_gym.config import load
 from bug_gym.evaluation import collection, minari_files
@@ -462,6 +464,32 @@ def test_a_dataset_of_a_policy_whose_code_was_changed_is_not_gone_on_with(tmp_pa
         else:
             with pytest.raises(ValueError, match=r"holds another run: policy_code was"):
                 collect("dynamic", [f"{path}:Mine"], tmp_path / "out", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("policy", "models"),
+    [
+        (PolicyEntry("learned", "./model/"), ("ppo_static", "ppo_dynamic")),
+        (PolicyEntry("learned", "hd_bug", {"predictor": "./model"}), ("rl_predictor", "supervised_predictor")),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_a_dataset_is_not_gone_on_with_where_another_model_lies_at_the_same_place(
+    policy: PolicyEntry, models: tuple[str, str], minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
+    monkeypatch.chdir(tmp_path)
+    asked: Any = {"expert": "random", "episodes": 1, "forms": ["flat"], "overrides": {"time.limit": 1.0}}
+    driven = stopped_after(99, monkeypatch)
+    shutil.copytree(TRAINED_FOLDER / models[0], "model")
+    collect("dynamic", [policy], "out", **asked)
+    before, count = files_of(Path("out")), len(driven)
+    collect("dynamic", [policy], "out", **asked)
+    shutil.rmtree("model")
+    shutil.copytree(TRAINED_FOLDER / models[1], "model")
+    with pytest.raises(ValueError, match=r"learned_flat-v0 holds another run: policy_code was "):
+        collect("dynamic", [policy], "out", **asked)
+    assert files_of(Path("out")) == before and len(driven) == count
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,8 +17,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bug_gym.agents.bugs.bug2 import Bug2
+from bug_gym.agents.learning import folder as model_files
+from bug_gym.agents.navigator.policy import Navigator
 from bug_gym.cli import main
 from bug_gym.config import load
+from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.results_folder import DROPPED, LENGTHS, MANIFEST, ROWS, opened
@@ -248,6 +253,107 @@ def test_a_link_in_the_place_of_a_file_is_refused(name: str, folder: Path, tmp_p
     with pytest.raises(ValueError, match=f"{name} is a symbolic link"):
         read(folder)
     assert victim.read_bytes() == before
+
+
+# ---------------------------------------------------------------------------------------------- models by their place
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory; what is on the hub stands in its folder `model`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(model_files, "fetched", lambda model, files: tmp_path / "model")
+    return tmp_path
+
+
+def put_models(policy: str, predictor: str) -> None:
+    """Put shipped models into the working directory, in the place of others: two folders, and a file as a zip."""
+    for name, there in ((policy, "model"), (predictor, "predictor")):
+        shutil.rmtree(there, ignore_errors=True)
+        shutil.copytree(model_files.TRAINED_FOLDER / name, there)
+    shutil.copy(Path("model", "policy.onnx"), "model.zip")
+
+
+BY_PLACE = {
+    **{name: name for name in ("./model/", "./model", "model.zip", "./model.zip:trust=true", "hf://somebody/model")},
+    "predictor": "hd_bug:predictor=./predictor/",
+    "network": ("navigator", Navigator, {"model": "./model"}),
+    "network on the hub": ("navigator", Navigator, {"model": "hf://somebody/model"}),
+}
+"""Policies of `put_models`."""
+
+
+@pytest.mark.parametrize("policy", BY_PLACE.values(), ids=BY_PLACE)
+def test_a_run_goes_on_with_the_model_that_lay_at_a_place_and_with_no_other(policy: Any, place: Path) -> None:
+    plan = replace(PLAN, policies=(PolicyEntry.of(policy),), left_out=frozenset())
+    put_models("ppo_static", "rl_predictor")
+    for _ in range(2):
+        with opened(place / "out", plan):
+            put_models("ppo_static", "rl_predictor")
+    before = files_in(place / "out")
+    put_models("ppo_dynamic", "supervised_predictor")
+    with (
+        pytest.raises(ValueError, match=r"out holds another run: policies\..*\.code was "),
+        opened(place / "out", plan),
+    ):
+        pass
+    assert files_in(place / "out") == before
+
+
+def test_an_evaluation_does_not_go_on_with_another_model_at_the_same_place(place: Path) -> None:
+    pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `play`")
+    asked: Any = {"episodes": 1, "overrides": {"time.limit": 1.0}, "out": place / "out"}
+    put_models("ppo_static", "rl_predictor")
+    rows = evaluate("./model/", "static", **asked)
+    before = (place / "out" / ROWS).read_bytes()
+    assert same(evaluate("./model/", "static", **asked), rows)
+    put_models("ppo_dynamic", "rl_predictor")
+    with pytest.raises(ValueError, match=r"out holds another run: policies\.\./model/\.code was "):
+        evaluate("./model/", "static", **asked)
+    assert (place / "out" / ROWS).read_bytes() == before
+
+
+@pytest.mark.parametrize("policy", ["ppo_static", "hd_bug:predictor=rl", "navigator", "bug2:turn=left"])
+def test_a_model_that_is_named_by_name_belongs_to_the_package(policy: str, place: Path) -> None:
+    for name in ("ppo_static", "rl", "navigator", "left"):
+        shutil.copytree(model_files.TRAINED_FOLDER / "ppo_static", name)
+    assert PolicyEntry.of(policy).code == ""
+
+
+def test_a_place_where_nothing_lies_is_told_by_who_makes_the_policy_not_by_the_digest(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(model: str, files: object) -> Path:
+        raise ValueError(f"{model} cannot be fetched: nobody answers")
+
+    monkeypatch.setattr(model_files, "fetched", refused)
+    Path("nothing").mkdir()
+    told = {
+        "./none/": "no trained policy in none",
+        "./nothing/": "no trained policy in nothing",
+        "none.zip": "no file none.zip",
+        "hf://somebody/none": "hf://somebody/none cannot be fetched",
+        "hd_bug:predictor=./none/": "no trained predictor in none",
+        "hd_bug:predictor=hf://somebody/none": "no trained predictor in hf:/somebody/none",
+    }
+    for policy, message in told.items():
+        assert PolicyEntry.of(policy).code == "", policy
+        with pytest.raises(ValueError, match=message):
+            evaluate(policy, "static", episodes=1, out="out")
+    assert not Path("out").exists()
+    assert PolicyEntry.of("hd_bug:predictor=~nobody_of_this_name/none").code == ""
+
+
+def test_a_class_from_outside_is_told_by_its_file_and_by_the_models_that_its_parameters_name(place: Path) -> None:
+    put_models("ppo_static", "rl_predictor")
+    alone = PolicyEntry.of(("mine", Bug2, {})).code
+    model, predictor = (PolicyEntry.of(name).code for name in ("./model", "./predictor"))
+    own = PolicyEntry.of(("mine", Bug2, {"second": "./predictor", "first": "./model", "third": "./none", "fourth": 4}))
+    assert own.code == f"{alone}, first={model}, second={predictor}"
+    typed: dict[str, Any] = {"Bug2": Bug2, "__name__": "typed_in_by_hand"}
+    exec("class Mine(Bug2): pass", typed)  # a class without a file
+    entry = PolicyEntry.of(("mine", typed["Mine"], {"first": "./model"}))
+    assert entry.is_nameless and entry.code == f"first={model}"
 
 
 # ---------------------------------------------------------------------------------------------- what a kill leaves

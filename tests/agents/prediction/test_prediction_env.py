@@ -46,6 +46,17 @@ def test_the_reward_is_by_how_much_the_answer_beats_the_filter() -> None:
     assert reward == pytest.approx(np.mean((info["kalman_errors"] - info["errors"]) / KALMAN_ERRORS))
 
 
+def test_an_answer_is_cut_to_the_bounds_of_its_space() -> None:
+    env = PredictionEnv()
+    beyond = np.array([3.0, -7.0, 0.5, 1.5, -1.0, 1e30, 0.0, -1.5], dtype=np.float32)
+    told = []
+    for answer in (beyond, np.array([1.0, -1.0, 0.5, 1.0, -1.0, 1.0, 0.0, -1.0], dtype=np.float32)):
+        env.reset(seed=2)
+        told.append(env.step(answer))
+    (_, reward, _, _, info), (_, cut_reward, _, _, cut_info) = told
+    assert reward == cut_reward and np.array_equal(info["errors"], cut_info["errors"])
+
+
 def test_worlds_follow_their_laws_in_turn() -> None:
     env = PredictionEnv(laws=("crowd", "bounce"))
     laws = []
