@@ -319,7 +319,7 @@ class Simulation:
             raise ValueError(f"actions must be finite, got {array[~np.isfinite(array)][0]}")
         if not self._all_seeded:
             self.require_episodes(rows)
-        if self._own is None:
+        if self._own is None or len(rows) == 0:  # functions of one's own are asked about rows that there are
             self._do(kernels.STEP, rows, array)
         else:
             before = self._own.before(rows)

@@ -223,6 +223,19 @@ def test_a_row_is_the_single_env_bit_for_bit(name: str, mode: AutoresetMode) -> 
     assert ends >= 2 * count
 
 
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("own", ["reward_terms", "observation_fields"])
+def test_where_all_rows_end_at_once_the_next_step_only_begins_anew(own: str, count: int) -> None:
+    """Nobody is left who goes on; functions are not asked about nobody."""
+    env = NavigationVectorEnv(count, scenario="static", overrides={"time.limit": 1.0}, **{own: OWN[own]})
+    env.reset(seed=0)
+    for step in range(1, 24):
+        _, rewards, terminated, truncated, infos = env.step(np.zeros((count, 2), dtype=np.float32))
+        assert not terminated.any() and truncated.all() == (step % 11 == 10)
+        if step % 11 == 0:
+            assert (rewards == 0.0).all() and (infos["time"] == 0.0).all()
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_the_vec_env_of_stable_baselines3_has_them(threads: int) -> None:
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")

@@ -38,7 +38,7 @@ class ManifestPolicy(Part):
     parameters: dict[str, Any]
     """The algorithm's own parameters."""
     code: str = ""
-    """Digest of the file of a policy from outside."""
+    """Digests of the file of a policy from outside, and of models named by their place."""
 
 
 class Manifest(Part):
