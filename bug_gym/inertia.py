@@ -226,9 +226,10 @@ def stoppable_number(view: View, choices: NDArray[np.float64], wish: Velocity, r
         wish: what an algorithm asks for, in the robot's frame [m/s].
         room: what it keeps about the body [m].
     """
-    drive, ahead = view.sensors.drive, foreseen(view)
+    drive = view.sensors.drive
     if drive.kinematics == "holonomic" and not needs_care(view.sensors):
         return nearest_number(choices, wish)
+    ahead = foreseen(view)
     (x, y, wide), margin, gap = _seen_from(view, ahead, room)
     order = np.argsort((choices[:, 0] - wish[0]) ** 2 + (choices[:, 1] - wish[1]) ** 2, kind="stable").tolist()
     for kept, hidden in ((margin, gap), *((LEAST_ROOM - less, 0.0) for less in LESS)):

@@ -274,6 +274,24 @@ def test_faces_that_may_be_hidden_lie_behind_what_ends_a_surface(fov: float) -> 
     assert inertia._hidden_faces(view, 0.0).size == 0
 
 
+def test_where_the_fan_of_beams_ends_nothing_ends_that_is_seen() -> None:
+    """The last beam of 4 rad meets the middle of a disc; the first, which is no neighbour of it, looks far."""
+    fov, at = 4.0, (math.cos(2.0), math.sin(2.0))
+    world = {
+        "family": "explicit",
+        "bounds": [-6, -6, 6, 6],
+        "start": [0, 0, 0],
+        "goal": [5, 5],
+        "circles": [[*at, 0.3]],
+    }
+    lidar = {"beams": 241, "range": 4.0, "fov": fov}
+    env = NavigationEnv({"world": world, "lidar": lidar}, observation="flat")
+    view = View(env.reset(seed=0)[0], Sensors.of(env.simulation.scenario))
+    bearings = np.arctan2(*inertia._hidden_faces(view, 0.5)[::-1])
+    assert bearings.size > 0  # at the disc's other end
+    assert bearings == pytest.approx(2.0 - math.asin(0.3), abs=2.0 * view.sensors.beam_spacing)
+
+
 @pytest.mark.parametrize("seed", [1070, 1071, 1074])
 def test_a_late_robot_beside_a_wall_does_not_stand_for_ever(seed: int) -> None:
     """Late commands bring it nearer to a wall than it keeps; standing was then always clear, and so it stood."""
