@@ -39,6 +39,7 @@ PAGES: dict[str, Callable[[Record], Page]] = {
     "oni-wang-table-1": bug_family.oni_wang_table_1,
     "bug-bounds": bug_family.bounds,
     "bug-no-way": bug_family.no_way,
+    "ring-verdicts": bug_family.ring_verdicts,
     "cylinder-claims": bug_family.cylinder_claims,
     "still-things": bug_family.still_things,
     "com1-rev3": bug_family.com1_rev3,

@@ -57,6 +57,9 @@ from bug_gym.view import Sensors, View
 ALIGNED = math.radians(1.0)
 """Heading error from which on the robot turns on the spot before a leg [rad]."""
 
+SURE_WAY = 0.5
+"""Way that must be free whatever noise says of what lies behind it [m]."""
+
 WIDER = (1.0, math.sqrt(2.0), 2.0)
 """Distances of a sub-goal from its open point to try, in radii: r / cos(D / 2) for turns D of 0, 90 and 120 degrees,
 where the leg from the last sub-goal would cut the corner."""
@@ -113,8 +116,10 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         least = min(body + 2.0 * sensors.range_noise + 0.021, radius)
         self.keep = least + 0.05 * (radius - least)
         """Radius of the disc that must pass along the leg under way [m]."""
-        self.take = least + 0.2 * (radius - least)
-        """The same along a leg that is chosen [m]."""
+        self.take = min(least + max(0.2 * (radius - least), 2.0 * sensors.range_noise), radius)
+        """The same along a leg that is chosen [m]; else noise would take the leg back while the robot turns to it."""
+        self.spare = 6.0 * sensors.range_noise
+        """What the far end of a long leg under way may seem to lack [m]: it is looked at again from nearer."""
         self.near = 0.5 * (body + radius)
         """How near to the outline of a mover the circle's centre comes in time, along a leg [m]."""
         self.nearest = 0.75 * body + 0.25 * radius
@@ -243,8 +248,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             is_free = self._is_swept(leg, sight.x, sight.y, radius)
         return is_free and self._is_safe(view, sight, leg, None)
 
-    def _is_swept(self, leg: Leg, x: F64, y: F64, radius: float) -> bool:
-        """Whether the circle may turn and go along a leg."""
+    def _is_swept(self, leg: Leg, x: F64, y: F64, radius: float, spare: float = 0.0) -> bool:
+        """Whether the circle may turn and go along a leg, or as far as `spare` before its end [m]."""
         if (
             self.turns
             and self.circle.offset > 0.0
@@ -252,7 +257,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         ):
             return False
         free, _, _ = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, radius, 0.0, self._left, self._right)
-        return free >= leg.length
+        return free >= min(leg.length, max(leg.length - spare, SURE_WAY))
 
     def _is_safe(self, view: View, sight: Sight, leg: Leg, candidate: Candidate | None) -> bool:
         """SAFE_POINT of a leg: no gap across it up to the circle's width."""
@@ -325,7 +330,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             if not self._meets_nobody(view, leg, sight.movers, self.nearest):
                 memory.critical = None
                 return None
-            is_way = self._is_swept(leg, sight.x, sight.y, self.keep)
+            is_way = self._is_swept(leg, sight.x, sight.y, self.keep, spare=self.spare)
             if not (is_way and self._is_safe(view, sight, leg, None)):
                 memory.refused.append(critical.place)
                 memory.critical = None

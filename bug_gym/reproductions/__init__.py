@@ -17,6 +17,7 @@ REPRODUCTIONS: dict[str, str] = {
     "oni-wang-table-1": "oni_wang_table_1",
     "bug-bounds": "bug_bounds",
     "bug-no-way": "bug_no_way",
+    "ring-verdicts": "ring_verdicts",
     "cylinder-claims": "cylinder_claims",
     "still-things": "still_things",
     "com1-rev3": "com1_rev3",

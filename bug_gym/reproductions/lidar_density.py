@@ -8,7 +8,11 @@ from __future__ import annotations
 from bug_gym.reproductions import sweep
 from bug_gym.reproductions.result import Reproduction, Settings
 
-POLICIES = ("bug0", "bug1", "bug2", "com1", "dist_bug", "tangent_bug", "hd_bug", "hd_bug_map")
+POLICIES = (
+    *("bug0", "bug1", "bug2", "com1", "dist_bug", "tangent_bug", "hd_bug", "hd_bug_map"),
+    *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug"),
+    *("apf", "apf_wall_following", "minimum_risk"),
+)
 SCENARIOS = ("static", "u_trap")
 SEEDS = 50
 BEAMS = (8, 12, 16, 24, 32, 64, 180, 360, 720)

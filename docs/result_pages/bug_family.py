@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from bug_gym.config import load
 from bug_gym.intervals import exact_mcnemar, wilson_interval
 from bug_gym.reproductions import barn, bug_bounds, bug_no_way, dynabarn, odometry_drift, operative_critical_points
 from bug_gym.reproductions.com1_rev3 import ROOMY, difference
@@ -494,6 +495,43 @@ def value_at(sweep: Record, value: float, what: str) -> dict[str, float]:
 def success_at(sweep: Record, value: float) -> dict[str, float]:
     """Success of each policy at a value of a sweep."""
     return value_at(sweep, value, "success")
+
+
+def ring_verdicts(found: Record) -> Page:
+    """How incomplete bugs end before the ring."""
+    results = found["results"]
+    everything = [one for noises in results.values() for one in noises.values()]
+    limit = load("ring").time.limit
+    late = {
+        name.split(",")[0] for name, noises in results.items() if any(one["latest"] > limit for one in noises.values())
+    }
+    rows = [
+        [f"`{who.split(', ')[0]}`", who.split(", ")[1], *map(shown_ends, noises.values())]
+        for who, noises in results.items()
+    ]
+    noises = next(iter(results.values()))
+    header = ["policy", "robot", *(f"{noise} m" for noise in noises)]
+    later = (
+        f"Later than that are {code(sorted(late))} alone, as patient as that by default."
+        if late
+        else "Nobody is later."
+    )
+    return Page(
+        [table(f"looping / stuck / unreachable / no verdict, latest end [s]; {found['seeds']} seeds a noise", header, rows)],
+        "Beams to 10 m. Without noise every seed is the same episode, driven once. Nobody here promises to tell that there "
+        'is no way; some come all round the ring and say "unreachable", which is true. The scenario itself gives '
+        f"{limit:g} s. {later}",
+        [("every run ends with a verdict and without a contact",
+          all(one["none"] == 0 and one["collisions"] == 0 for one in everything))],
+    )  # fmt: skip
+
+
+def shown_ends(one: Record) -> str:
+    """Ends at one noise as a cell."""
+    return (
+        " / ".join(str(one[key]) for key in ("looping", "stuck", "unreachable", "none"))
+        + f", {number(one['latest'], 0)}"
+    )
 
 
 def lidar_density(found: Record) -> Page:

@@ -150,6 +150,13 @@ def test_incomplete_bugs_end_by_themselves_and_call_no_open_goal_unreachable() -
     assert result.data["wrong"] == []
 
 
+def test_before_a_ring_incomplete_bugs_end_with_a_verdict_at_every_noise() -> None:
+    policies = ("point_bug", "critical_point_bug", "operative_critical_point_bug", "apf_wall_following")
+    result = reproduction("ring-verdicts")(Settings(seeds=2, policies=policies, workers=2))
+    assert result.holds and set(result.data["results"]["point_bug, holonomic"]) == {"0", "0.01", "0.02", "0.03"}
+    assert all(one["collisions"] == 0 for noises in result.data["results"].values() for one in noises.values())
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_drawn_world_has_a_way_exactly_where_its_answer_says_so(seed: int) -> None:
     """The same question, put to the free space in which shortest paths are searched, for a body between the two."""

@@ -334,6 +334,14 @@ def test_before_a_ring_round_the_goal_all_end_with_a_verdict_with_noise_too(poli
     assert episode.verdict in ("stuck", "looping", "unreachable")
 
 
+@pytest.mark.parametrize("seed", [304, 306, 308, 310])
+def test_noise_at_the_far_end_of_a_leg_does_not_turn_it_round_again_and_again(seed: int) -> None:
+    """It turned on the spot so long that the scenario's 240 s were over before its verdict."""
+    overrides = {"robot.kinematics": "differential", "lidar.range": 10.0, "lidar.noise": 0.03}
+    episode = run_episode("operative_critical_point_bug", "ring", overrides, seed=seed)
+    assert (episode.outcome, episode.verdict) == ("running", "looping")
+
+
 # ------------------------------------------------------------------------------------------------ what it costs
 
 
