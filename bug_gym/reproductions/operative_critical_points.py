@@ -1,10 +1,10 @@
 """OperativeCriticalPointBug in scenes in the manner of its paper's figures, beside other bugs; what each repair is worth.
 
-The paper (Das, Dutta and Debnath 2020) gives no numbers, so its claims are tried. Its figures show still obstacles (1), a
-crossing and an oncoming obstacle (9, 10), the deviation with its safety margin (11) and a course of boxes, one of them
-moving, from the foot to the top (12). Overtaking and several movers are our own scenes. Then random worlds: with
-sub-goals as printed, with one formula for all bearings, with legs looked at again; without SAFE_POINT, and with the
-printed ways to measure gaps, to tell what moves and to reckon when tracks meet.
+The paper (Das, Dutta and Debnath 2020) gives no numbers, so its claims are tried. Its figures show still obstacles (1), five
+obstacles in one scan (5, 7), a crossing and an oncoming obstacle (9, 10), the deviation with its safety margin (11) and a
+course of boxes, one of them moving, from the foot to the top (12). Overtaking and several movers are our own scenes. Then
+random worlds: with sub-goals as printed, with one formula for all bearings, with legs looked at again; without SAFE_POINT,
+and with the printed ways to measure gaps, to tell what moves and to reckon when tracks meet.
 """
 
 from __future__ import annotations
@@ -52,8 +52,14 @@ def mover(at: list[float], velocity: list[float], radius: float = 0.4) -> dict[s
 
 
 COURSE = [box(-1.6, 3.0, 3.0, 0.8), box(2.2, 4.6, 2.0, 1.0), box(-0.6, 6.6, 2.4, 0.7), box(2.8, 8.2, 1.6, 1.2)]
+FIVE = [
+    *(box(3.5, -0.3, 0.8, 1.6), box(6.0, 2.6, 1.2, 1.2), box(4.0, 5.0, 1.5, 1.0)),
+    *(box(5.0, -3.6, 1.4, 1.0), box(2.0, -4.5, 1.2, 1.2)),
+]
+"""None hides another one from the start."""
 SCENES: dict[str, dict[str, Any]] = {
     "still obstacles (1)": still(box(3.0, 0.6, 1.0, 3.2), box(6.5, -0.9, 1.0, 3.6)),
+    "five obstacles (5, 7)": still(*FIVE),
     "crossing (9)": {**still(), "movers": [mover([5.0, -5.0], [0.0, 1.0])]},
     "opposite (10)": {**still(), "movers": [mover([9.0, 0.0], [-0.6, 0.0])]},
     "deviation (11)": {**still(box(7.5, 3.0, 2.0, 2.0)), "movers": [mover([6.0, -3.0], [0.0, 0.5])]},

@@ -16,6 +16,7 @@ import pytest
 import shapely
 from episodes import run_episode
 
+from bug_gym.agents import make_policy
 from bug_gym.cli import main
 from bug_gym.config import load
 from bug_gym.evaluation.curves import draw_curves
@@ -26,6 +27,7 @@ from bug_gym.reproductions import (
     barn,
     bug_no_way,
     navigator,
+    operative_critical_points,
     reproduction,
     require_use,
 )
@@ -126,8 +128,22 @@ def test_the_critical_points_of_the_paper_hold_in_its_scenes_and_in_the_first_st
     policies = ("operative_critical_point_bug",)
     result = reproduction("operative-critical-points")(Settings(seeds=4, policies=policies))
     assert result.holds
-    assert {one["label"] for one in result.data["scenes"]} >= {"crossing (9)", "opposite (10)", "course (12)"}
+    assert {one["label"] for one in result.data["scenes"]} >= {"five obstacles (5, 7)", "crossing (9)"}
+    assert {one["label"] for one in result.data["scenes"]} >= {"opposite (10)", "course (12)"}
     assert result.data["repairs"]["sub_goal=printed"]["collisions"] > 0
+
+
+def test_one_scan_shows_both_ends_of_each_of_the_five_obstacles() -> None:
+    five = operative_critical_points.FIVE
+    world = {**operative_critical_points.SENSORS, "world": operative_critical_points.SCENES["five obstacles (5, 7)"]}
+    simulation = Simulation(world, 1)
+    policy, state = make_policy("operative_critical_point_bug", simulation, clearance=0.4), None
+    observation = simulation.reset(seeds=[0])[0]
+    for _ in range(2):  # an open point is one where two looks show it
+        _, state = policy.predict(observation, state)
+    assert state is not None
+    ends = [shapely.Point(place) for place in state[0].open_points]
+    assert [sum(shapely.Polygon(ring).distance(end) < 0.1 for end in ends) for ring in five] == [2] * 5
 
 
 def test_complete_bugs_say_unreachable_exactly_where_the_configuration_space_has_no_way() -> None:
