@@ -57,8 +57,8 @@ from bug_gym.view import Sensors, View
 ALIGNED = math.radians(1.0)
 """Heading error from which on the robot turns on the spot before a leg [rad]."""
 
-SURE_WAY = 0.5
-"""Way that must be free whatever noise says of what lies behind it [m]."""
+SURE_WAY = 3.0
+"""How far a leg under way must be free in any case [m]; noise alone may shut what lies farther."""
 
 WIDER = (1.0, math.sqrt(2.0), 2.0)
 """Distances of a sub-goal from its open point to try, in radii: r / cos(D / 2) for turns D of 0, 90 and 120 degrees,
@@ -116,7 +116,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         least = min(body + 2.0 * sensors.range_noise + 0.021, radius)
         self.keep = least + 0.05 * (radius - least)
         """Radius of the disc that must pass along the leg under way [m]."""
-        self.take = min(least + max(0.2 * (radius - least), 2.0 * sensors.range_noise), radius)
+        self.take = min(least + max(0.2 * (radius - least), sensors.range_noise), radius)
         """The same along a leg that is chosen [m]; else noise would take the leg back while the robot turns to it."""
         self.spare = 6.0 * sensors.range_noise
         """What the far end of a long leg under way may seem to lack [m]: it is looked at again from nearer."""
