@@ -30,8 +30,8 @@ NOISES = (0.0, 0.01, 0.02, 0.03)
 RANGE = 10.0
 """Range of the scanner [m]."""
 
-LIMIT = 400.0
-"""Time to come to an end [s]; the scenario itself gives 240, and `minimum_risk` alone is patient for 300."""
+LIMIT = 600.0
+"""Time to come to an end [s]; the scenario gives 240, but `minimum_risk` is patient for 300 after it has come nearer."""
 
 SEEDS = 200
 

@@ -512,7 +512,7 @@ def ring_verdicts(found: Record) -> Page:
     noises = next(iter(results.values()))
     header = ["policy", "robot", *(f"{noise} m" for noise in noises)]
     later = (
-        f"Later than that are {code(sorted(late))} alone, as patient as that by default."
+        f"Later than that are {code(sorted(late))} alone, whose patience is 300 s from where it has come nearest."
         if late
         else "Nobody is later."
     )
