@@ -12,8 +12,10 @@ from episodes import Episode, canonical_world, run_episode, scene, tolerance, wi
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
+from bug_gym.agents.bugs.operative_critical_point_bug import OperativeCriticalPointBug
 from bug_gym.agents.critical_points.circle import leg_along
 from bug_gym.agents.walls.boundary import WAIT
+from bug_gym.config import load
 from bug_gym.policy import STANDING
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
@@ -334,10 +336,18 @@ def test_before_a_ring_round_the_goal_all_end_with_a_verdict_with_noise_too(poli
     assert episode.verdict in ("stuck", "looping", "unreachable")
 
 
-@pytest.mark.parametrize("seed", [304, 306, 308, 310])
-def test_noise_at_the_far_end_of_a_leg_does_not_turn_it_round_again_and_again(seed: int) -> None:
+def test_a_leg_is_chosen_a_deviation_of_the_ranges_wider_than_it_must_stay() -> None:
+    for noise in (0.0, 0.01, 0.02):
+        policy = make_policy("operative_critical_point_bug", load("ring", {"lidar.noise": noise}))
+        assert isinstance(policy, OperativeCriticalPointBug)
+        assert policy.take - policy.keep >= noise - 0.05 * (policy.circle.radius - policy.circle.body)
+        assert policy.keep < policy.take <= policy.circle.radius
+
+
+@pytest.mark.parametrize(("noise", "seed"), [(0.03, 304), (0.03, 306), (0.02, 303), (0.02, 309)])
+def test_noise_at_the_far_end_of_a_leg_does_not_turn_it_round_again_and_again(noise: float, seed: int) -> None:
     """It turned on the spot so long that the scenario's 240 s were over before its verdict."""
-    overrides = {"robot.kinematics": "differential", "lidar.range": 10.0, "lidar.noise": 0.03}
+    overrides = {"robot.kinematics": "differential", "lidar.range": 10.0, "lidar.noise": noise}
     episode = run_episode("operative_critical_point_bug", "ring", overrides, seed=seed)
     assert (episode.outcome, episode.verdict) == ("running", "looping")
 
