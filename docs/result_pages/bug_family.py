@@ -9,6 +9,7 @@ from bug_gym.intervals import exact_mcnemar, wilson_interval
 from bug_gym.reproductions import barn, bug_bounds, bug_no_way, dynabarn, odometry_drift, operative_critical_points
 from bug_gym.reproductions.com1_rev3 import ROOMY, difference
 from bug_gym.reproductions.com1_rev3 import share as share_of
+from bug_gym.reproductions.ring_verdicts import shown
 from bug_gym.reproductions.still_things import POLICIES, marked
 from bug_gym.reproductions.team_worlds import FIG_6
 from result_pages import Page, Record
@@ -506,32 +507,19 @@ def ring_verdicts(found: Record) -> Page:
         name.split(",")[0] for name, noises in results.items() if any(one["latest"] > limit for one in noises.values())
     }
     rows = [
-        [f"`{who.split(', ')[0]}`", who.split(", ")[1], *map(shown_ends, noises.values())]
-        for who, noises in results.items()
+        [f"`{who.split(', ')[0]}`", who.split(", ")[1], *map(shown, noises.values())] for who, noises in results.items()
     ]
     noises = next(iter(results.values()))
     header = ["policy", "robot", *(f"{noise} m" for noise in noises)]
-    later = (
-        f"Later than that are {code(sorted(late))} alone, whose patience is 300 s from where it has come nearest."
-        if late
-        else "Nobody is later."
-    )
+    later = f"Later than that {'are' if len(late) > 1 else 'is'} {code(sorted(late))}." if late else "Nobody is later."
     return Page(
         [table(f"looping / stuck / unreachable / no verdict, latest end [s]; {found['seeds']} seeds a noise", header, rows)],
         "Beams to 10 m. Without noise every seed is the same episode, driven once. Nobody here promises to tell that there "
         'is no way; some come all round the ring and say "unreachable", which is true. The scenario itself gives '
-        f"{limit:g} s. {later}",
+        f"{limit:g} s. {later} `minimum_risk` is patient for 300 s after it has come nearer, by default.",
         [("every run ends with a verdict and without a contact",
           all(one["none"] == 0 and one["collisions"] == 0 for one in everything))],
     )  # fmt: skip
-
-
-def shown_ends(one: Record) -> str:
-    """Ends at one noise as a cell."""
-    return (
-        " / ".join(str(one[key]) for key in ("looping", "stuck", "unreachable", "none"))
-        + f", {number(one['latest'], 0)}"
-    )
 
 
 def lidar_density(found: Record) -> Page:
