@@ -135,7 +135,7 @@ def test_the_button_of_colab_opens_the_notebook_of_the_commit_where_colab_can(
     subprocess.run([sys.executable, str(script), str(page), f"{server}/who/what", "abc"], check=True)
     text = page.read_text(encoding="utf-8")
     assert f"colab-badge.svg)]({opens}/who/what/blob/abc/notebooks/colab.ipynb)" in text
-    assert f"[one for Colab]({server}/who/what/blob/abc/notebooks/colab.ipynb)" in text
+    assert f"[Colab]({server}/who/what/blob/abc/notebooks/colab.ipynb)" in text
     assert f"license-MIT-blue)]({server}/who/what/blob/abc/LICENSE)" in text
 
 
