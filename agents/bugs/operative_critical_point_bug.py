@@ -116,8 +116,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         least = min(body + 2.0 * sensors.range_noise + 0.021, radius)
         self.keep = least + 0.05 * (radius - least)
         """Radius of the disc that must pass along the leg under way [m]."""
-        self.take = least + 0.2 * (radius - least)
-        """The same along a leg that is chosen [m]."""
+        self.take = min(least + max(0.2 * (radius - least), sensors.range_noise), radius)
+        """The same along a leg that is chosen [m]; else noise would take the leg back while the robot turns to it."""
         self.spare = 6.0 * sensors.range_noise
         """What the far end of a long leg under way may seem to lack [m]: it is looked at again from nearer."""
         self.near = 0.5 * (body + radius)

@@ -12,8 +12,10 @@ from episodes import Episode, canonical_world, run_episode, scene, tolerance, wi
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
+from bug_gym.agents.bugs.operative_critical_point_bug import OperativeCriticalPointBug
 from bug_gym.agents.critical_points.circle import leg_along
 from bug_gym.agents.walls.boundary import WAIT
+from bug_gym.config import load
 from bug_gym.policy import STANDING
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
@@ -332,6 +334,14 @@ def test_before_a_ring_round_the_goal_all_end_with_a_verdict_with_noise_too(poli
     episode = run_episode(policy, "ring", {"lidar.range": 10.0, "lidar.noise": 0.03}, seed=1)
     assert episode.outcome == "running"
     assert episode.verdict in ("stuck", "looping", "unreachable")
+
+
+def test_a_leg_is_chosen_a_deviation_of_the_ranges_wider_than_it_must_stay() -> None:
+    for noise in (0.0, 0.01, 0.02):
+        policy = make_policy("operative_critical_point_bug", load("ring", {"lidar.noise": noise}))
+        assert isinstance(policy, OperativeCriticalPointBug)
+        assert policy.take - policy.keep >= noise - 0.05 * (policy.circle.radius - policy.circle.body)
+        assert policy.keep < policy.take <= policy.circle.radius
 
 
 @pytest.mark.parametrize(("noise", "seed"), [(0.03, 304), (0.03, 306), (0.02, 303), (0.02, 309)])
