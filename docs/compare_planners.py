@@ -358,6 +358,10 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5, help="of RRT* on each map (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=PAGE, help="the page to write (default: planner_speed.md)")
     options = parser.parse_args()
+    chosen = {
+        name: value for name, value in vars(options).items() if name != "out" and value != parser.get_default(name)
+    }
+    asked = "".join(f" --{name} {value}" for name, value in chosen.items())
     parts = []
     for connectivity in (8, 4):
         rows = a_star_rows(options.side, options.seeds, connectivity)
@@ -377,7 +381,8 @@ def main() -> None:
     page = [
         "# Speed of the planners",
         "",
-        "Written by `python docs/compare_planners.py`. " + " ".join((__doc__ or "").split("\n\n", 1)[1].split()),
+        f"Written by `python docs/compare_planners.py{asked}`. "
+        + " ".join((__doc__ or "").split("\n\n", 1)[1].split()),
         "",
         f"Machine: {own['cpu']}, {own['cores']} cores; Python {own['python']}, numpy {own['numpy']}, numba {own['numba']}. "
         f"Made at commit `{commit}`.",

@@ -4,8 +4,8 @@ Source: Dutta, Debnath and Das (2016); sub-goals as in Das, Dutta and Debnath (2
 obstacles grew out of it. Sensing assumed: a scan all round; goal, own position. Memory kept: the corners visited.
 States: motion_to_goal, motion_to_sub_goal, corner_rounding. Each open point of the scan gives a sub-goal; where
 something is in the way to the goal the critical point is the sub-goal with the least distance to the goal among those
-not visited. Unlike E-Bug it does not count the way to the sub-goal. Guarantee: none; with no sub-goal left it stops as
-"stuck". Length bound: none.
+not visited. Unlike E-Bug it does not count the way to the sub-goal. Guarantee: none, it can cycle (then "looping");
+with no sub-goal left it stops as "stuck". Length bound: none.
 
 Reported, by the later paper: better than other bugs, in one figure without numbers. Found: so against bugs that follow
 walls, not always against TangentBug: in a scene in the manner of that figure it goes 11.81 m, TangentBug 12.39 m, Bug2

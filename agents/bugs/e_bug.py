@@ -2,8 +2,9 @@
 
 Source: Meddah and Dib (2015), after PointBug; as reported by Hasibuzzaman, Jan and Wu. Sensing assumed: a scan all
 round; goal, own position. Memory kept: the vertices visited. States: motion_to_goal, motion_to_sub_goal,
-corner_rounding. Where the goal is in sight the robot goes there; elsewhere to the vertex V in sight and not yet visited
-that makes |x V| + |V goal| least. Guarantee: none; with no vertex left it stops as "stuck". Length bound: none.
+corner_rounding. Where the goal is in sight the robot goes there; elsewhere to the vertex V in sight and not yet
+visited that makes |x V| + |V goal| least. Guarantee: none, it can cycle (then "looping"); with no vertex left it
+stops as "stuck". Length bound: none.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ later paper. Sensing assumed: a scan all round; goal, own position. Memory kept:
 has shifted once and twice. States: motion_to_goal, motion_to_sub_goal, corner_rounding. Where the track of a moving
 obstacle meets the robot's straight way to the goal in time, a virtual obstacle is put into the scan there, and is gone
 round like one that stands. There is no SAFE_POINT and no virtual circle; a robot that is no point keeps the clearance.
-Guarantee: none; with no sub-goal left it stops as "stuck". Length bound: none.
+Guarantee: none, it can cycle (then "looping"); with no sub-goal left it stops as "stuck". Length bound: none.
 
 Reported: nothing of its own; the later paper names it as a step. Found: it uses what was repaired there, the obstacle's own
 distance in equation (10) and tracks of discs in place of shifting open points; so the times at which tracks meet are those

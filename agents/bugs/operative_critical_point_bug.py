@@ -1,11 +1,12 @@
 """OperativeCriticalPointBug: the virtual circle's centre goes from sub-goal to sub-goal, each the nearest to the goal.
 
 Source: Das, Dutta and Debnath (2020). Sensing assumed: a scan all round; goal, own position, size of the body. Memory
-kept: critical points chosen, what stands, what has shifted once and twice. States: rotation, motion_to_goal,
-motion_to_critical_point, waiting. Each open point gives a sub-goal at the radius of the virtual circle, square to the
-line of sight; where something is in the way to the goal, the robot turns on the spot and goes straight to the nearest
-one to the goal that was not chosen before and is a SAFE_POINT. A moving obstacle whose track meets the robot's in time
-leaves a virtual obstacle there. Guarantee: none; with no sub-goal left it stops as "stuck". Length bound: none.
+kept: critical points chosen, what stands, what has shifted once and twice. States: rotation, looking (on the spot,
+the first of two looks), motion_to_goal, motion_to_critical_point, waiting. Each open point gives a sub-goal at the
+radius of the virtual circle, square to the line of sight; where something is in the way to the goal, the robot turns
+on the spot and goes straight to the nearest one to the goal that was not chosen before and is a SAFE_POINT. A moving
+obstacle whose track meets the robot's in time leaves a virtual obstacle there. Guarantee: none, it can cycle (then
+"looping"); with no sub-goal left it stops as "stuck". Length bound: none.
 
 What the paper leaves open or prints wrongly, and how it is here: the four cases of equation (4) hold below 180 degrees
 only and (5) has cos twice (`sub_goal`); sub-goals as printed touch things, so each leg is looked at again at each step

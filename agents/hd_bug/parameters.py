@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from bug_gym.agents.parameters import Length, Weight, require_numbers
+from bug_gym.spaces import require_one_of
 
 Part = Literal[
     "",
@@ -49,7 +50,7 @@ class HDBugParameters:
     hysteresis: Weight = 0.0
     """By which share of its cost, and by 0.3 m, another candidate must be better than the one that it heads for."""
     patience: Weight = 10.0
-    """How far it goes by candidates without coming nearer to the goal, as a share of the distance to it; more than 1."""
+    """How far it goes by candidates without coming nearer to the goal, in times of the distance to it and 2 m."""
     horizon: Length = 3.0
     """How far ahead movers are predicted [s]."""
     margin: Length = 0.3
@@ -60,6 +61,7 @@ class HDBugParameters:
     """A part that is taken away, to see what it is worth; "": none."""
 
     def __post_init__(self) -> None:
+        require_one_of("without", self.without, get_args(Part))
         require_numbers(
             self,
             positive=("r_base", "v_max", "v_base", "v_min", "horizon", "margin", "patience"),

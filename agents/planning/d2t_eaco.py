@@ -1,12 +1,12 @@
 """D2T with eACO: cluster obstacles, triangulate the space between, ants pull the way taut, velocity obstacles follow it.
 
 Source: Sellers, Lei, Luo, Bi and Jan (2026), the whole method; what was settled of each part stands in its file:
-clustering, mesh, sleeve, ants, vo_follower. Sensing assumed: the map, what moves, own place; with `known=False` scan, own
-place, goal, and then movers are avoided as what stands. Memory kept: the way; with `known=False` all scan points seen.
-States: planning, following, waiting. Guarantee: reaches the goal in still worlds or says that there is no way at all;
-with a horizon none, and none in a maze that is not known, where a way that is rebuilt twice a second may change its mind
-again and again. Length: with "funnel" a few per mille over the shortest; with ants some per cent more the longer
-the way is.
+clustering, mesh, sleeve, ants, vo_follower. Sensing assumed: the map, what moves, own place; with `known=False` scan,
+own place, goal, and then movers are avoided as what stands. Memory kept: the way; with `known=False` all scan points
+seen. States: planning, following, waiting, and with `known=False` looking. Guarantee: reaches the goal in still
+worlds or says that there is no way at all; with a horizon none, and none in a maze that is not known, where a way
+that is rebuilt twice a second may change its mind again and again. Length: with "funnel" a few per mille over the
+shortest; with ants some per cent more the longer the way is.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Success against odometry drift: which bugs survive when the robot does not know well where it is.
 
-The goal is computed from odometry, as by a robot without a beacon. Drift is the worry of the paper on the potential
-field with wall following, and of McGuire, de Croon and Tuyls (2019).
+In one sweep the goal is sensed as a beacon, in the other computed from odometry, as by a robot without one. Drift is the worry
+of the paper on the potential field with wall following, and of McGuire, de Croon and Tuyls (2019).
 """
 
 from __future__ import annotations

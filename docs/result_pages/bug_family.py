@@ -49,6 +49,7 @@ def com1_rev3(found: Record) -> Page:
     worlds = {name: one for name, one in found["claim"].items() if name != "holds"}
     crowds = {robots: one for robots, one in found["room"].items() if robots != "holds"}
     quarter = found["formulas"]["(20)"]
+    sizes = sum(kind["n"] for kind in found["formulas"]["kinds"])
     halves = [one["by_half"] == one["both"] for one in worlds.values()]
     pays = {name: one for name, one in found["pays"].items() if name != "holds"}
     rarer = {name: one for name, one in pays.items() if one["arrived"][0] < one["arrived"][1]}
@@ -68,7 +69,7 @@ def com1_rev3(found: Record) -> Page:
             com1_rev3_stops({name: one for name, one in found["fig_6"].items() if name != "holds"}),
             com1_rev3_pays(pays),
         ],
-        f"Of worlds and sizes this record has the first {crowds['2']['n']} (`--seeds`); the whole has 500 and 50.\n\n"
+        f"{crowds['2']['n']} worlds (`pays` {next(iter(pays.values()))['n']} a line) and {sizes} sizes of obstacles.\n\n"
         "s*: way of the winner when it is known to win, on the contour with rounded corners. A run is measured against the "
         "formula of the rounded contour; the pair that meets lacks at most twice the gap at which its robots meet. The "
         f"paper's (20), a quarter of the circumference on a disc, is more than the difference on {quarter['below']} of "
@@ -448,13 +449,23 @@ def dynabarn_worlds(found: Record) -> Page:
     best, second = sorted(results, key=lambda policy: -float(results[policy]["success"]))[:2]
     missed = {name: {run.split(": ")[0] for run in results[name]["missed"]} for name in (best, second)}
     p = exact_mcnemar(len(missed[second] - missed[best]), len(missed[best] - missed[second]))
+    shares = [f"in {percent(results[one]['success'])} % of its runs" for one in (best, second)]
+    scores = [f"{results[one]['as_meant']:.4f}" for one in (best, second)]
+    if results[best]["success"] == results[second]["success"]:
+        most = (
+            f"`{best}` and `{second}` reach the goal most often, each {shares[0]}, with scores of "
+            f"{' and '.join(scores)} as meant"
+        )
+    else:
+        most = (
+            f"`{best}` reaches the goal most often, {shares[0]}, with a score of {scores[0]} as meant; next comes "
+            f"`{second}`, {shares[1]}"
+        )
     return Page(
         [table("Worlds of DynaBARN", header, rows)],
-        f"`{best}` reaches the goal most often, in {percent(results[best]['success'])} % of its runs, with a score of "
-        f"{results[best]['as_meant']:.4f} as meant; next comes `{second}` with {percent(results[second]['success'])} % (p = "
-        f"{p:.2g}, McNemar). There are {dynabarn.PHASES} runs in each world, which intervals and p take for independent. As "
-        "coded a success is 0.125, whatever its time. Jumped on: by a mover that had jumped from the end of its spline to its "
-        "beginning less than a second before, a success spoilt by being overlapped among them. The robot is the faithful one "
+        f"{most} (p = {p:.2g}, McNemar). There are {dynabarn.PHASES} runs in each world, which intervals and p take for "
+        "independent. As coded a success is 0.125, whatever its time. Jumped on: by a mover that had jumped from the end of "
+        "its spline to its beginning less than a second before, a success spoilt by being overlapped among them. The robot is the faithful one "
         "of `barn`: no limit of angular acceleration, no slip. Who is privileged is told the map, where nothing stands but the "
         "walls around it.",
         [],
@@ -544,7 +555,7 @@ def lidar_density(found: Record) -> Page:
         f"{percent(last[best])} %, the others with {percent(min(last.values()))} to "
         f"{percent(max(value for name, value in last.items() if name != best))} %. The clearance is the default one, "
         "which knows nothing of the noise; but nobody takes a step that may lead into something, so who does not arrive is "
-        f"late at worst: noise ends {ended} in a contact. With up to {max(touching, default=0):g} beams some policies touch "
+        f"late or gives up: noise ends {ended} in a contact. With up to {max(touching, default=0):g} beams some policies touch "
         "what lies between two.",
     )
 

@@ -17,10 +17,12 @@ from bug_gym.agents.hd_bug.moving_goal import meeting_time
 from bug_gym.agents.hd_bug.parameters import Part
 from bug_gym.agents.hd_bug.path_list import Door
 from bug_gym.agents.hd_bug.perceive import Scene
+from bug_gym.agents.hd_bug.policy import HDBug
+from bug_gym.config import load
 from bug_gym.reproductions import hd_bug_tables
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
-from bug_gym.view import View
+from bug_gym.view import Sensors, View
 
 MODES = {"direct", "candidates", "backtracking", "circumnavigation", "anticipation", "reaction", "emergency"}
 LABELS = {"light", "cheap", "candidate", "dear", "chosen", "closed", "list", "way", "forecast", "hit", "leave", "wall"}
@@ -42,6 +44,12 @@ LABELS = {"light", "cheap", "candidate", "dear", "chosen", "closed", "list", "wa
 def test_parameters_that_cannot_be_are_refused(parameters: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make_policy("hd_bug", Simulation("static"), **parameters)
+
+
+def test_a_part_that_it_has_not_is_refused_of_the_class_too() -> None:
+    sensors = Sensors.of(load("static"))
+    with pytest.raises(ValueError, match="without is one of '', 'path_list', .*, got 'phase_3'"):
+        HDBug(sensors, without="phase_3")
 
 
 # ------------------------------------------------------------------------------------------------------ still worlds
