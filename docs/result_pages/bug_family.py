@@ -466,8 +466,8 @@ def dynabarn_worlds(found: Record) -> Page:
         f"{most} (p = {p:.2g}, McNemar). There are {dynabarn.PHASES} runs in each world, which intervals and p take for "
         "independent. As coded a success is 0.125, whatever its time. Jumped on: by a mover that had jumped from the end of "
         "its spline to its beginning less than a second before, a success spoilt by being overlapped among them. The robot is "
-        "the faithful one of `barn`: no limit of angular acceleration, no slip. Who is privileged is told the map, where nothing stands but the "
-        "walls around it.",
+        "the faithful one of `barn`: no limit of angular acceleration, no slip. Who is privileged is told the map, where "
+        "nothing stands but the walls around it.",
         [],
     )
 
