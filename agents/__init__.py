@@ -33,7 +33,15 @@ from bug_gym.agents.parameters import Parameter, checked_parameters, parameter_n
 from bug_gym.agents.sight import require_sight
 from bug_gym.checks import shortened
 from bug_gym.naming import nearest_hint
-from bug_gym.policy import MisfitError, Policy, ScriptedPolicy, is_discrete, require_own_spaces, source_scenario
+from bug_gym.policy import (
+    MisfitError,
+    Policy,
+    ScriptedPolicy,
+    is_discrete,
+    require_own_spaces,
+    source_scenario,
+    space_of,
+)
 from bug_gym.references import from_anywhere, is_reference, reference_of
 from bug_gym.team_policy import EachAlone, PeersAsMovers, TeamPolicy, agents_of, without_peers
 from bug_gym.view import Sensors
@@ -319,9 +327,9 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
         **parameters: the algorithm's own, see its class.
 
     Raises:
-        ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy that was made
-            for another robot, a robot that a scripted policy is shown too little to drive (bug_gym.agents.sight), or a
-            privileged one and no live env; what is named from outside is not there, or no policy.
+        ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy (or an object of
+            stable-baselines3) that was made for another robot, a robot that a scripted policy is shown too little to drive
+            (bug_gym.agents.sight), or a privileged one and no live env; what is named from outside is not there, or no policy.
         ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """
     spec = Spec.of(name)
@@ -378,15 +386,37 @@ def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Po
     """A policy that somebody has made, for each robot of a source."""
     if parameters:
         raise ValueError(f"a policy that is made already takes no parameters, got {', '.join(parameters)}")
-    normalised = getattr(policy, "get_vec_normalize_env", None)
+    single = policy.policy if isinstance(policy, EachAlone) else policy
+    normalised = getattr(single, "get_vec_normalize_env", None)
     if callable(normalised) and (layer := normalised()) is not None and layer.norm_obs:
         raise ValueError(
-            f"{type(policy).__name__} was trained on observations that VecNormalize normalises, and would be asked about the "
+            f"{type(single).__name__} was trained on observations that VecNormalize normalises, and would be asked about the "
             "env's own: expected an object whose predict normalises them first (`normalize_obs` of that VecNormalize)"
         )
+    if _is_of_sb3(single):
+        _require_fitting_model(single, source)
     agents = agents_of(source)
     made: Policy = EachAlone(policy, agents) if agents and not isinstance(policy, (EachAlone, TeamPolicy)) else policy
     return made
+
+
+def _is_of_sb3(policy: Any) -> bool:
+    """Whether an object is a model of stable-baselines3, or the policy of one, told without importing that."""
+    return any(str(base.__module__).partition(".")[0] == "stable_baselines3" for base in type(policy).__mro__)
+
+
+def _require_fitting_model(model: Any, source: Any) -> None:
+    """Refuse a model of stable-baselines3 that was trained in other spaces, as its zip would be refused.
+
+    Where wrappers change the spaces of an env it may have been trained in just these.
+    """
+    from bug_gym.agents.learning.robot_model import require_spaces  # loads pydantic models
+
+    told = type(model).__name__
+    if (model.observation_space, model.action_space) == (space_of(source, "observation"), space_of(source, "action")):
+        return
+    require_own_spaces(source, told)
+    require_spaces(told, model.observation_space, model.action_space, Sensors.of(source_scenario(source)))
 
 
 def _require_known(parameters: Mapping[str, Any], known: Sequence[str], told: str) -> None:

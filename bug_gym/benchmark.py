@@ -99,7 +99,7 @@ class Task(NamedTuple):
 def run_benchmark(
     *, repeats: int = 5, seconds: float = 0.5, worlds: int = WORLDS, out: Path | None = None
 ) -> list[Measurement]:
-    """Measure everything and print a table.
+    """Measure everything, write it where that is asked for, and print a table.
 
     Args:
         repeats: how many times each.
@@ -122,11 +122,13 @@ def run_benchmark(
     with progress_bar(shown=True) as track:
         measurements = [measure(task, repeats) for task in track(tasks, "measurements", len(tasks))]
     settings = {**machine(), "worlds": worlds, "repeats": repeats, "seconds": seconds}
-    print_measurements(settings, measurements)
-    if out is not None:
-        data = {"settings": settings, "measurements": [asdict(measurement) for measurement in measurements]}
-        with replaced_when_done(out) as partial_file:
-            partial_file.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    try:  # the file first: where nobody reads the table, printing it ends the command
+        if out is not None:
+            data = {"settings": settings, "measurements": [asdict(measurement) for measurement in measurements]}
+            with replaced_when_done(out) as partial_file:
+                partial_file.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    finally:
+        print_measurements(settings, measurements)
     return measurements
 
 

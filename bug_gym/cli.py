@@ -68,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except SystemExit as left:
             if written := _write_out():
                 return written
+            if isinstance(getattr(sys.stdout, "failure", None), BrokenPipeError):  # rich ends with 1 there
+                return BROKEN_PIPE
             if unseen.tell() and not left.code:
                 return _complain(UNWRITTEN, "error: standard output is closed")
             raise
@@ -140,7 +142,10 @@ def _complain(code: int, message: str) -> int:
 
 
 class _Output:
-    """A stream that remembers why it could not be written: such an error is not one of the command's files."""
+    """A stream that remembers why it could not be written: such an error is not one of the command's files.
+
+    What its encoding has no character for it writes in another way: no work is lost for a dash.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
@@ -150,12 +155,27 @@ class _Output:
         """Write to the stream."""
         try:
             return self.stream.write(text)
+        except UnicodeEncodeError:
+            return self.stream.write(_told_plainly(text, self.stream.encoding))
+        except OSError as error:
+            self.failure = error
+            raise
+
+    def flush(self) -> None:
+        """Write what the stream holds."""
+        try:
+            self.stream.flush()
         except OSError as error:
             self.failure = error
             raise
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
+
+
+def _told_plainly(text: str, encoding: str) -> str:
+    """A text as an encoding can write it: a dash as a hyphen, as wide, other characters that it lacks by their numbers."""
+    return text.replace("–", "-").encode(encoding, "backslashreplace").decode(encoding)
 
 
 @contextmanager

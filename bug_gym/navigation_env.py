@@ -94,10 +94,10 @@ class NavigationEnv(gym.Env[Any, Any]):
     The same keys after each step and reset: `is_success`, `collision`, `outcome` ("running", "success", "collision",
     "timeout"), `path_length` [m], `time` [s], `min_clearance` [m], `goal_distance` [m], `reward_terms` (name -> value).
     `reset(options={"shortest_path": True})` adds `shortest_path_length` [m], which takes time; it is infinite where
-    there is no way. `reset(options={"drawn": True})` adds what a scenario with ranges has drawn for the episode, as
-    `drawn.robot.max_speed` and the like. Other options are refused. With `info="numeric"` there are numbers alone: `outcome`
-    is its code (0 running, 1 success, 2 collision, 3 timeout), and each reward term has a key, `reward_terms.progress` and
-    so on.
+    there is no way, NaN where the body does not fit at the goal. `reset(options={"drawn": True})` adds what a scenario with
+    ranges has drawn for the episode, as `drawn.robot.max_speed` and the like. Other options are refused. With
+    `info="numeric"` there are numbers alone: `outcome` is its code (0 running, 1 success, 2 collision, 3 timeout), and each
+    reward term has a key, `reward_terms.progress` and so on.
 
     ## Arguments
     | Argument | Default | Meaning |

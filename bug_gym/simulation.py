@@ -506,6 +506,16 @@ class Simulation:
         start, radius = layout.starts[robot, :2], self.world.own(row, "body_reach")
         return shortest_path(layout.circles, layout.polygons, layout.border, start, goal, radius=radius)
 
+    def shortest_length(self, row: int = 0, robot: int = 0) -> float:
+        """Length of the shortest path [m]; infinite where there is none, NaN where the robot does not fit at its start or goal.
+
+        A goal may be nearer to a wall than the body: it is reached from beside it.
+        """
+        try:
+            return self.shortest_path(row, robot).length
+        except ValueError:
+            return math.nan
+
     def drawn(self, row: int = 0) -> dict[str, float]:
         """What the scenario drew for a row's episode, by dotted key: {"robot.max_speed": 0.83}; empty: it draws nothing."""
         return dict(zip(self.world.drawn_keys, self.world.drawn[row].tolist(), strict=True))

@@ -180,7 +180,7 @@ def asked_info(simulation: Simulation, options: Mapping[str, Any], row: int = 0,
     """What the options of a reset ask of a robot beside its info: `shortest_path` and `drawn`."""
     told: dict[str, Any] = {}
     if options.get("shortest_path"):
-        told["shortest_path_length"] = simulation.shortest_path(row, robot).length
+        told["shortest_path_length"] = simulation.shortest_length(row, robot)
     if options.get("drawn"):
         told |= told_draws(simulation.drawn(row))
     return told

@@ -28,7 +28,6 @@ from bug_gym.config import Scenario
 from bug_gym.geometry import Point, wrap
 from bug_gym.inertia import are_cut_at_once, scans_kept, stoppable_actions
 from bug_gym.log import warn_once
-from bug_gym.observation import width
 from bug_gym.policy import (
     STANDING,
     Drawing,
@@ -238,7 +237,7 @@ class PeersAsMovers:
     def __init__(self, policy: Policy, sensors: Sensors) -> None:
         self.policy = policy
         self.sensors = sensors
-        self._kept = width(without_peers(sensors).fields)
+        (self._peers,) = (slice(field.begin, field.end) for field in sensors.fields if field.name == "peers")
 
     def predict(
         self,
@@ -249,13 +248,21 @@ class PeersAsMovers:
     ) -> tuple[NDArray[Any], tuple[Any, ...] | None]:
         """As the policy's own, for observations with `peers`."""
         flat = flat_observation(observation, self.sensors)
-        return self.policy.predict(flat[..., : self._kept], state, episode_start, deterministic)
+        return self.policy.predict(np.delete(flat, self._peers, axis=-1), state, episode_start, deterministic)
 
 
 def without_peers(sensors: Sensors) -> Sensors:
-    """The same robot alone in its world; `peers` is the last field of an observation."""
-    fields = tuple(field for field in sensors.fields if field.name != "peers")
-    return sensors if len(fields) == len(sensors.fields) else replace(sensors, fields=fields)
+    """The same robot alone in its world: the scenario's own fields, which stand behind `peers`, move up."""
+    peers = next((field for field in sensors.fields if field.name == "peers"), None)
+    if peers is None:
+        return sensors
+    gap = peers.end - peers.begin
+    fields = tuple(
+        replace(field, begin=field.begin - gap) if field.begin > peers.begin else field
+        for field in sensors.fields
+        if field is not peers
+    )
+    return replace(sensors, fields=fields)
 
 
 def checked_states(state: Any, robots: int) -> tuple[Any, ...]:

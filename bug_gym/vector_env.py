@@ -58,7 +58,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         autoreset_mode: what happens with a row whose episode has ended. NEXT_STEP: its next step is a reset, the action
             is ignored. SAME_STEP: it is reset at once, `final_obs` and `final_info` hold the end. DISABLED: the caller
             resets it, `reset(options={"reset_mask": mask})`.
-        max_episode_steps: cuts off episodes after so many steps where the scenario's time limit comes later.
+        max_episode_steps: cuts off episodes after so many steps where the scenario's time limit comes later; in the last of
+            these `truncated` is true however the episode ends, as with Gymnasium's TimeLimit.
         threads: how many threads share the rows; more pay from some two thousand worlds on.
         info: "named", or "numeric": codes of outcomes and no dicts for reward terms, see NavigationEnv.
         reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
@@ -95,6 +96,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
         settings = with_most_steps(load(scenario, overrides, **own), max_episode_steps)
+        self._most_steps = max_episode_steps
         self.simulation = Simulation(settings, num_envs, threads=threads)
         require_one_robot(self.simulation)
         self.spaces = RobotSpaces(self.simulation, observation, action)
@@ -140,7 +142,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self._ended[rows] = False
         infos = self._infos(mask)
         if wanted.get("shortest_path"):
-            lengths = np.array([self.simulation.shortest_path(row).length for row in rows.tolist()])
+            lengths = np.array([self.simulation.shortest_length(row) for row in rows.tolist()])
             infos |= with_masks({"shortest_path_length": lengths}, mask)
         if wanted.get("drawn"):
             world = self.simulation.world
@@ -189,6 +191,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")
         status = simulation.status(simulation.all_rows)
         flat, reward, terminated, truncated = simulation.transition(simulation.all_rows, status).of_robot(0)
+        if self._most_steps is not None:  # the wrapper's word, which does not ask whether an episode ended by itself
+            truncated = truncated | (simulation.world.steps >= self._most_steps)
         self._ended = terminated | truncated
         infos: Infos = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():

@@ -21,7 +21,8 @@ import bug_gym
 from bug_gym import ObservationField, RewardTerm
 from bug_gym.agents.sb3 import make_robots_vec_env
 from bug_gym.config import ScenarioError, dump, load
-from bug_gym.evaluation import evaluate
+from bug_gym.evaluation import evaluate, make_plan
+from bug_gym.evaluation.collection import collect
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.own_parts import ARRAYS, EARLIER, KNOWN, LAST
 from bug_gym.robots_env import parallel_env
@@ -444,6 +445,34 @@ def test_a_scenario_keeps_its_functions_through_overrides() -> None:
     scenario = load(load("dynamic", **OWN), {"lidar.beams": 16})
     assert scenario.reward_terms["near_wall"].function is near_wall
     assert NavigationEnv(scenario).reset(seed=0)[1]["reward_terms"]["hurry"] == 0.0
+
+
+def test_an_evaluation_takes_a_scenario_that_holds_functions_without_trust(named: Path) -> None:
+    def hurry(steps: Any) -> Any:
+        return -0.1 * np.ones(len(steps))
+
+    brief = {"time.limit": 1.0}
+    handed_in = load("static", brief, reward_terms={"hurry": hurry, "typed": lambda steps: 0.0 * steps})
+    for scenario in (handed_in, load(named, brief, trust=True)):
+        for asked in (scenario, [scenario], {"scenarios": [scenario]}, {"scenarios": [{"scenario": scenario}]}):
+            assert len(evaluate("go_to_goal", asked, episodes=1)) == 1
+        assert len(evaluate("go_to_goal", scenario, episodes=1, overrides={"lidar.beams": 16})) == 1
+    kept = make_plan("go_to_goal", handed_in, episodes=1).scenarios[0].scenario
+    assert kept is handed_in
+    with pytest.raises(ScenarioError, match="trust=True"):  # an object that nobody has trusted
+        evaluate("go_to_goal", load(named, brief), episodes=1)
+
+
+def test_datasets_are_of_functions_that_their_env_finds_by_name(named: Path, tmp_path: Path) -> None:
+    pytest.importorskip("minari", reason="Minari comes with the extra `data`")
+    out, brief = tmp_path / "datasets", {"time.limit": 1.0}
+    asked: dict[str, Any] = {"episodes": 1, "forms": ["flat"], "expert": "go_to_goal"}
+    typed = load("static", brief, reward_terms={"typed": lambda steps: 0.0 * steps})
+    with pytest.raises(ScenarioError, match=r"static: expected functions .* of a module or file, .*typed"):
+        collect(typed, ["go_to_goal"], out, **asked)
+    assert not out.exists()
+    for scenario in (load("static", brief, reward_terms={"near_wall": near_wall}), load(named, brief, trust=True)):
+        assert len(collect(scenario, ["go_to_goal"], out, **asked)) == 1
 
 
 def test_the_digest_tells_them_and_is_as_ever_without() -> None:

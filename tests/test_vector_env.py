@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 import warnings
 from collections.abc import Callable
@@ -270,6 +271,35 @@ def test_most_steps_of_an_episode_cut_it_off_as_the_time_limit_wrapper_does() ->
     for actions in np.zeros((20, 2, 2), dtype=np.float32):
         came, expected = ours.step(actions), sync.step(actions)
         assert data_equivalence(came[1:4], expected[1:4], exact=True)
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_an_episode_that_ends_by_itself_in_the_last_step_is_cut_off_too_as_the_wrapper_has_it(
+    mode: AutoresetMode,
+) -> None:
+    wall = [[1, -1], [2, -1], [2, 1], [1, 1]]
+    world = {"family": "explicit", "bounds": [-2, -2, 8, 2], "start": [0, 0, 0], "goal": [7, 0], "polygons": [wall]}
+    settings: dict[str, Any] = {"num_envs": 2, "scenario": {"world": world}}
+    settings |= {"max_episode_steps": 9}
+    ours = gym.make_vec("BugGym/Navigation-v0", autoreset_mode=mode, **settings)
+    sync = gym.make_vec(
+        "BugGym/Navigation-v0", vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **settings
+    )
+    ours.reset(seed=0), sync.reset(seed=0)
+    actions = np.array([[1.0, 0.0], [0.0, 0.0]], dtype=np.float32)  # into the wall, and nowhere
+    for _ in range(9):
+        came, expected = ours.step(actions), sync.step(actions)
+        assert data_equivalence(came[1:4], expected[1:4], exact=True)
+    assert came[2].tolist() == [True, False] and came[3].tolist() == [True, True]
+
+
+def test_the_shortest_path_to_a_goal_beside_which_the_body_does_not_fit_is_no_number() -> None:
+    near = {"world": {"family": "explicit", "bounds": [0, 0, 10, 10], "start": [2, 5, 0], "goal": [9.85, 5]}}
+    rows = NavigationVectorEnv(2, scenario=near)
+    _, infos = rows.reset(seed=7, options={"shortest_path": True})
+    assert np.isnan(infos["shortest_path_length"]).tolist() == [True, True]
+    _, info = gym.make("BugGym/Navigation-v0", scenario=near).reset(seed=7, options={"shortest_path": True})
+    assert math.isnan(info["shortest_path_length"])
 
 
 def test_most_steps_never_prolong_an_episode() -> None:

@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.learning.folder import GRAPH, model_folder, open_graph, read_config, require_answers
 from bug_gym.agents.learning.history import History, history_width, with_history
-from bug_gym.agents.learning.robot_model import RobotModel
+from bug_gym.agents.learning.robot_model import RobotModel, require_spaces
 from bug_gym.checks import needed_from, shortened
 from bug_gym.geometry import F32, Point
-from bug_gym.kinematics import DISCRETE_HEADINGS, DISCRETE_SPEEDS, discrete_actions
+from bug_gym.kinematics import discrete_actions
 from bug_gym.observation import as_dict
 from bug_gym.policy import MisfitError, Observation, flat_observation
-from bug_gym.spaces import ActionBox
 from bug_gym.view import Sensors, require_sensors
 
 
@@ -194,41 +193,6 @@ class ZipPolicy:
         fit: Any = as_dict(flat, self.sensors.fields) if self._is_dict else flat
         actions, state = self.model.predict(fit, state, episode_start, deterministic)
         return as_env_actions(actions, self._table, discrete=self.discrete), state
-
-
-OF_THE_WORLD = ("goal", "pose", "terrain", "peers")
-"""Fields whose bounds are another world's where it is larger: a model may be played in both."""
-
-
-def require_spaces(path: Path, observed: Any, acted: Any, sensors: Sensors) -> None:
-    """Raise a MisfitError where a model was trained in other spaces than those of a robot.
-
-    Their bounds tell of a scanner with another reach, of another top speed, and of wrappers that scale or that join the
-    fields in another order: all of which the model's network takes for granted.
-
-    Args:
-        path: the model's file.
-        observed: its observation space.
-        acted: its action space.
-        sensors: the robot.
-    """
-    is_dict, fields = isinstance(observed, gym.spaces.Dict), sensors.fields
-    came = {name: space.shape for name, space in observed.items()} if is_dict else observed.shape
-    expected = {field.name: field.shape for field in fields} if is_dict else (fields[-1].end,)
-    if came != expected:
-        raise MisfitError(f"{path} was made for observations {came}, the robot's are {expected}")
-    for field in fields:
-        if field.name not in OF_THE_WORLD:
-            space, part = (observed[field.name], ...) if is_dict else (observed, slice(field.begin, field.end))
-            low, high = space.low[part], space.high[part]
-            if (low.ravel() != field.low.ravel()).any() or (high.ravel() != field.high.ravel()).any():
-                raise MisfitError(
-                    f"{path} was made for {field.name} from {low.min():g} to {high.max():g}, the robot's are from "
-                    f"{field.low.min():g} to {field.high.max():g}: another robot, or wrappers that change what it sees"
-                )
-    if acted not in (ActionBox(), gym.spaces.Discrete(DISCRETE_HEADINGS * DISCRETE_SPEEDS)):
-        actions = f"{gym.spaces.Box(-1.0, 1.0, (2,))} or {gym.spaces.Discrete(DISCRETE_HEADINGS * DISCRETE_SPEEDS)}"
-        raise MisfitError(f"{path} was made for actions {acted}, the robot's are {actions}")
 
 
 def as_env_actions(actions: NDArray[Any], table: NDArray[np.float32], *, discrete: bool) -> NDArray[Any]:

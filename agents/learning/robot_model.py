@@ -7,11 +7,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Annotated, Any
 
+import gymnasium as gym
 import numpy as np
 from pydantic import Field
 
+from bug_gym.kinematics import DISCRETE_HEADINGS, DISCRETE_SPEEDS
 from bug_gym.observation import SENSED
+from bug_gym.policy import MisfitError
 from bug_gym.schema.values import AtLeastOne, Count, NotNegative, Number, Positive
+from bug_gym.spaces import ActionBox
 from bug_gym.view import Sensors
 
 LAYOUT = ("ranges", "goal", "pose", "velocity", "peers")
@@ -20,6 +24,9 @@ LAYOUT = ("ranges", "goal", "pose", "velocity", "peers")
 
 SAID_WHERE_THERE = ("own", "wheelbase", "max_steering")
 """Fields that are left out where they say nothing."""
+
+OF_THE_WORLD = ("goal", "pose", "terrain", "peers")
+"""Fields whose bounds are another world's where it is larger: a model may be played in both."""
 
 
 @dataclass(frozen=True)
@@ -138,3 +145,34 @@ class RobotModel:
     def own_scales(self) -> list[float]:
         """What each of those is divided by, so that it is a number near one."""
         return [scale or 1.0 for _, numbers, scale in self.own for _ in range(numbers)]
+
+
+def require_spaces(told: object, observed: Any, acted: Any, sensors: Sensors) -> None:
+    """Raise a MisfitError where a model was trained in other spaces than those of a robot.
+
+    Their bounds tell of a scanner with another reach, of another top speed, and of wrappers that scale or that join the
+    fields in another order: all of which the model's network takes for granted.
+
+    Args:
+        told: what an error calls the model, such as its file.
+        observed: its observation space.
+        acted: its action space.
+        sensors: the robot.
+    """
+    is_dict, fields = isinstance(observed, gym.spaces.Dict), sensors.fields
+    came = {name: space.shape for name, space in observed.items()} if is_dict else observed.shape
+    expected = {field.name: field.shape for field in fields} if is_dict else (fields[-1].end,)
+    if came != expected:
+        raise MisfitError(f"{told} was made for observations {came}, the robot's are {expected}")
+    for field in fields:
+        if field.name not in OF_THE_WORLD:
+            space, part = (observed[field.name], ...) if is_dict else (observed, slice(field.begin, field.end))
+            low, high = space.low[part], space.high[part]
+            if (low.ravel() != field.low.ravel()).any() or (high.ravel() != field.high.ravel()).any():
+                raise MisfitError(
+                    f"{told} was made for {field.name} from {low.min():g} to {high.max():g}, the robot's are from "
+                    f"{field.low.min():g} to {field.high.max():g}: another robot, or wrappers that change what it sees"
+                )
+    if acted not in (ActionBox(), gym.spaces.Discrete(DISCRETE_HEADINGS * DISCRETE_SPEEDS)):
+        actions = f"{gym.spaces.Box(-1.0, 1.0, (2,))} or {gym.spaces.Discrete(DISCRETE_HEADINGS * DISCRETE_SPEEDS)}"
+        raise MisfitError(f"{told} was made for actions {acted}, the robot's are {actions}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +22,7 @@ from bug_gym.agents.learning.curriculum import Curriculum, require_stages
 from bug_gym.agents.learning.history import MOST_STEPS
 from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, expanded, explain, load, read_yaml
 from bug_gym.naming import nearest_hint
-from bug_gym.schema.errors import shortened
+from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.values import (
     AtLeastOne,
     Coefficient,
@@ -131,7 +132,8 @@ class PPOSettings(Settings):
 
     algo: Literal["ppo"]
     n_envs: AtLeastOne = 1024
-    batch_size: Samples = 8192
+    batch_size: Annotated[Samples, Field(ge=2)] = 8192
+    """Samples of a gradient step; their advantages are set against one another."""
     n_steps: AtLeastOne = 32
     """Steps of each world from one update to the next."""
     n_epochs: AtLeastOne = 4
@@ -152,6 +154,12 @@ class PPOSettings(Settings):
     @model_validator(mode="after")
     def _stages_follow_one_another(self) -> Self:
         require_stages(self.curriculum)
+        return self
+
+    @model_validator(mode="after")
+    def _compares_samples(self) -> Self:
+        if self.n_steps * self.n_envs < 2:
+            raise wrong("got 1 with n_envs 1, expected 2 samples or more from one update to the next", "n_steps")
         return self
 
     @model_serializer(mode="wrap")
@@ -197,6 +205,22 @@ class SACSettings(OffPolicySettings):
     """Weight of the entropy; "auto_X" learns it from X on."""
     target_entropy: Number = -2.0
     """Entropy that "auto" keeps."""
+
+    @model_validator(mode="after")
+    def _entropy_has_a_weight(self) -> Self:
+        if isinstance(self.ent_coef, str) and self.ent_coef != "auto" and not _is_weight(self.ent_coef):
+            came = f"got {shortened(self.ent_coef)}"
+            raise wrong(
+                f"{came}, expected a number, auto, or auto_ and a number above 0, such as auto_0.05", "ent_coef"
+            )
+        return self
+
+
+def _is_weight(text: str) -> bool:
+    try:
+        return 0.0 < float(text.removeprefix("auto_")) < math.inf
+    except ValueError:
+        return False
 
 
 class DQNSettings(OffPolicySettings):

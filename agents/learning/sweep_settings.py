@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import islice, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     import optuna
 
 SWEEP_FOLDER = SCENARIO_FOLDER.parent / "sweeps"
+MOST_TRIED = 1000
+"""Combinations that are looked at, for one that can be trained with, before anything is: some seconds."""
 
 
 class Range(Part):
@@ -140,7 +143,7 @@ def load_sweep(source: str | Path | Mapping[str, Any]) -> SweepSettings:
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
     try:
-        first = trained_with(settings, _first_values(settings))
+        first = _first_training(settings)
     except ScenarioError as error:
         raise ScenarioError(f"{label}: {error}") from None
     if isinstance(first, OfflineSettings):
@@ -150,14 +153,27 @@ def load_sweep(source: str | Path | Mapping[str, Any]) -> SweepSettings:
     return settings
 
 
-def _first_values(settings: SweepSettings) -> dict[str, Any]:
-    """A value for each key: so that a key or a value that cannot be is told before anything is trained."""
-    return {
-        key: (int(values.low) if float(values.low).is_integer() and values.step else values.low)
-        if isinstance(values, Range)
-        else values[0]
-        for key, values in settings.space.items()
-    }
+def _first_training(settings: SweepSettings) -> AnySettings:
+    """The first training that can be, so that a key or values that never can are told before anything is trained.
+
+    Raises:
+        ScenarioError: there is none among the first MOST_TRIED; what is wrong with the very first.
+    """
+    wrong_with_first: ScenarioError | None = None
+    for values in islice(product(*map(_ends, settings.space.values())), MOST_TRIED):
+        try:
+            return trained_with(settings, dict(zip(settings.space, values, strict=True)))
+        except ScenarioError as error:
+            wrong_with_first = wrong_with_first or error
+    assert wrong_with_first is not None  # every key has a value
+    raise wrong_with_first
+
+
+def _ends(choices: tuple[Choice, ...] | Range) -> tuple[Choice, ...]:
+    """The values of a key, of a range the least and the greatest."""
+    if not isinstance(choices, Range):
+        return choices
+    return tuple(int(end) if choices.step and float(end).is_integer() else end for end in (choices.low, choices.high))
 
 
 def trained_with(settings: SweepSettings, values: Mapping[str, Any]) -> AnySettings:

@@ -21,6 +21,7 @@ from bug_gym.agents.learning.settings import AnySettings
 from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings, trained_with
 from bug_gym.agents.learning.training import is_done, require_same, train
 from bug_gym.checks import needed_from, shortened
+from bug_gym.config import ScenarioError
 from bug_gym.files import one_writer, replaced_when_done, writable
 from bug_gym.workers import Crew, Workers
 
@@ -160,9 +161,13 @@ def _train_trials(settings: SweepSettings, out: Path, trials: Sequence[optuna.Tr
             else trial.suggest_categorical(key, list(choices))
             for key, choices in settings.space.items()
         }
-        trained = trained_with(settings, values)
-        for seed in range(settings.seeds):
-            folder = out / f"trial-{trial.number}" / f"seed-{seed}"
+        folders = [out / f"trial-{trial.number}" / f"seed-{seed}" for seed in range(settings.seeds)]
+        try:
+            trained = trained_with(settings, values)
+        except ScenarioError as error:
+            _tell_failed(folders[0], error)
+            continue
+        for seed, folder in enumerate(folders):
             require_same(folder, trained, [seed])
             if not is_done(trained, folder, seed):
                 jobs.append(Job(_train, trained, seed, folder))
@@ -175,10 +180,15 @@ def _train(settings: AnySettings, out: str, *, seed: int) -> None:
     try:
         train(settings, out, seed=seed, threads=1, tensorboard=False)
     except (ValueError, ArithmeticError) as error:
-        first, *_ = str(error).splitlines() or [""]  # errors of scenarios have a line for each key
-        Path(out).mkdir(parents=True, exist_ok=True)  # it may have failed before it made its folder
-        with replaced_when_done(Path(out, FAILED)) as partial:
-            partial.write_text(f"{type(error).__name__}: {shortened(first, 300)}", encoding="utf-8")
+        _tell_failed(Path(out), error)
+
+
+def _tell_failed(folder: Path, error: Exception) -> None:
+    """Leave a word in a model's folder why there is none."""
+    first, *_ = str(error).splitlines() or [""]  # errors of scenarios have a line for each key
+    folder.mkdir(parents=True, exist_ok=True)  # it may have failed before it made its folder
+    with replaced_when_done(folder / FAILED) as partial:
+        partial.write_text(f"{type(error).__name__}: {shortened(first, 300)}", encoding="utf-8")
 
 
 def _why_failed(settings: SweepSettings, out: Path, number: int) -> str:

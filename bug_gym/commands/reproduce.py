@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,21 +41,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; returns its exit code."""
-    from rich.console import Console
-
     from bug_gym.drawing.clips import PNG  # loads the compiler
-    from bug_gym.evaluation.curves import draw_curves  # loads the compiler
-    from bug_gym.evaluation.report import print_text_table  # loads the compiler
 
     out = options.out and writable(options.out, [".json"])
-    picture = out and writable(out.with_suffix(PNG))
     if out:
-        writable(out.with_suffix(".html"))
+        for suffix in (PNG, ".html"):
+            writable(out.with_suffix(suffix))
     reproduce = reproduction(options.name)
     policies = tuple(split_policies(options.policies)) if options.policies else ()
     require_use(options.name, Settings(options.seeds, data=options.data, policies=policies))
     with workers_of(options) as workers:
         result = reproduce(Settings(options.seeds, workers, options.data, progress=True, policies=policies))
+    told: list[str] = []
+    try:  # files first: where nobody reads the tables, printing them ends the command
+        for line in _written(out, result, options) if out else ():
+            told.append(line)
+    finally:  # and tables also where a file could not be written
+        _print(result)
+        for line in told:
+            print(line)
+    return NOT_HELD if options.strict and result.holds is False else 0
+
+
+def _print(result: Reproduction) -> None:
+    """Print tables, notes and the verdict."""
+    from rich.console import Console
+
+    from bug_gym.evaluation.report import print_text_table  # loads the compiler
+
     console = Console()
     for table in result.tables:
         print_text_table(table.title, table.header, table.rows, console)
@@ -62,19 +76,26 @@ def run(options: argparse.Namespace) -> int:
         console.print(note, highlight=False)
     if result.holds is not None:
         console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
-    if out:
-        told = subprocess.run(
-            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
-        )
-        commit = told.stdout.strip() if told.returncode == 0 else "unknown"
-        with replaced_when_done(out) as partial:
-            Path(partial).write_text(result.as_json(commit), encoding="utf-8")
-        print(f"numbers: {out}")
-        with workers_of(options) as workers:
-            _write_page(out.with_suffix(".html"), result, workers)
-    if out and result.curves:  # after the numbers, which are not lost where matplotlib is missing
-        draw_curves(picture, result.curves)
-    return NOT_HELD if options.strict and result.holds is False else 0
+
+
+def _written(out: Path, result: Reproduction, options: argparse.Namespace) -> Iterator[str]:
+    """Write numbers, page and curves; gives a line about a file once it is there."""
+    from bug_gym.drawing.clips import PNG  # loads the compiler
+    from bug_gym.evaluation.curves import draw_curves  # loads the compiler
+
+    told = subprocess.run(
+        ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+    )
+    commit = told.stdout.strip() if told.returncode == 0 else "unknown"
+    with replaced_when_done(out) as partial:
+        Path(partial).write_text(result.as_json(commit), encoding="utf-8")
+    yield f"numbers: {out}"
+    page = out.with_suffix(".html")
+    with workers_of(options) as workers:
+        _write_page(page, result, workers)
+    yield f"report: {page}"
+    if result.curves:  # after the numbers, which are not lost where matplotlib is missing
+        draw_curves(out.with_suffix(PNG), result.curves)
 
 
 def _write_page(path: Path, result: Reproduction, workers: Workers) -> None:
@@ -90,4 +111,3 @@ def _write_page(path: Path, result: Reproduction, workers: Workers) -> None:
     first = [results(tables, result.notes, result.holds), *watched(shown, recorded)]
     differences = compare(rows, default_baseline(rows)) if rows else []
     write_page(path, result.name, rows, summarise(rows) if rows else [], differences, recorded, first)
-    print(f"report: {path}")

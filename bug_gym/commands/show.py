@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,8 +40,9 @@ def run(options: argparse.Namespace) -> None:
         print(f"{save}: {name}, seed {options.seed}, as an explicit world")
     if out:
         save_png(out, Canvas(simulation, size=options.size).draw(scan=False))
-        length = simulation.shortest_path().length
-        print(f"{out}: {name}, seed {options.seed}, shortest path {length:.2f} m")
+        length = simulation.shortest_length()
+        told = "no room for the body at start or goal" if math.isnan(length) else f"shortest path {length:.2f} m"
+        print(f"{out}: {name}, seed {options.seed}, {told}")
 
 
 def _save_world(path: Path, simulation: Simulation) -> None:

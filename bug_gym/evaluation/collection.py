@@ -7,6 +7,7 @@ on with the others, and what it writes is the same, byte for byte.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import math
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 import bug_gym
 from bug_gym.checks import checked_count, shortened
-from bug_gym.config import Scenario, load
+from bug_gym.config import Scenario, ScenarioError, dump, load
 from bug_gym.evaluation.demonstrations import Demonstrations, Extras, demonstrate
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.minari_files import (
@@ -42,9 +43,10 @@ from bug_gym.evaluation.plan import Plan, data_digest, make_plan, own_code
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
 from bug_gym.evaluation.results_folder import differences, kept_manifest
+from bug_gym.evaluation.work import require_sendable
 from bug_gym.files import one_writer, released
 from bug_gym.limits import MOST_WORKERS
-from bug_gym.workers import each, starred
+from bug_gym.workers import are_several, each, starred
 
 SCORED = 100
 """Worlds that the reference scores are taken of, the first ones."""
@@ -57,6 +59,8 @@ MIXED = "mixed"
 """Name of the dataset with the episodes of all policies."""
 KEPT = ".collect"
 """Folder of the blocks that are done."""
+NEEDED = ".needed"
+"""How the names of files end that say in a folder of blocks which runs need them."""
 
 
 class Signature(NamedTuple):
@@ -216,23 +220,30 @@ def collect(
     extras = extras or Extras()
     _required(scenario, overrides, extras, trust=trust)
     plan = _planned(scenario, policies, episodes=episodes, seed=seed, overrides=overrides, trust=trust)
+    _require_named(plan)
+    if are_several(workers):
+        require_sendable(plan)
     sources = _sources(plan, root, extras)
     planned = partial(_planned, scenario, episodes=episodes, seed=seed, overrides=overrides, trust=trust)
     lowest, highest = (_score(PolicyEntry.of(policy), sources, planned) for policy in (FLOOR, expert))
     datasets = _datasets(sources, forms, highest.name)
+    drivers = [score.source for score in (lowest, highest) if score.source is not None]
+    mark = _mark(datasets)
     with ExitStack() as stack:
         root.mkdir(parents=True, exist_ok=True)
         stack.enter_context(one_writer(root))
         track = stack.enter_context(progress_bar(shown=progress))
         missing = [dataset for dataset in datasets if not _is_there(root, dataset)]
         if missing:
-            drivers = [score.source for score in (lowest, highest) if score.source is not None]
             needed = {source.folder: source for source in (*drivers, *_needed(missing))}  # those of datasets are longer
-            _drive(list(needed.values()), workers, track)
+            _drive(list(needed.values()), mark, workers, track)
             _write(root, missing, (lowest.mean(), highest.mean()), signature or Signature(), workers, track)
-        shutil.rmtree(_kept(root, plan), ignore_errors=True)
-        with suppress(OSError):  # another scenario's blocks may be there
-            (root / KEPT).rmdir()
+        for source in (*drivers, *sources):
+            _let_go(source.folder, mark)
+        staged = {_stage(dataset).parent for dataset in datasets}
+        for folder in (*staged, _kept(root, plan), root / KEPT):
+            with suppress(OSError):  # blocks of another run may be there
+                folder.rmdir()
     return [dataset.id for dataset in datasets]
 
 
@@ -258,6 +269,16 @@ def _planned(
     if objects := [entry.label for entry in plan.policies if entry.policy is not None]:
         raise ValueError(f"datasets are of policies by name, got the object {objects[0]}")
     return plan
+
+
+def _require_named(plan: Plan) -> None:
+    """Raise a ScenarioError where a dataset, which has names of functions and families, could not say what its env is of."""
+    (worlds,) = plan.scenarios
+    try:
+        load(dump(worlds.scenario), trust=True)
+    except ScenarioError as error:
+        expected = "expected functions and families of a module or file, from where a dataset's env takes them"
+        raise ScenarioError(f"{worlds.label}: {expected}: {error}") from None
 
 
 def _kept(root: Path, plan: Plan) -> Path:
@@ -328,11 +349,13 @@ def _is_there(root: Path, dataset: _Dataset) -> bool:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _drive(sources: Sequence[_Source], workers: int, track: Track[Any]) -> None:
+def _drive(sources: Sequence[_Source], mark: str, workers: int, track: Track[Any]) -> None:
     """Drive the blocks that are not there yet, the first ones of all policies first."""
-    jobs = []
     for source in sources:
         _agree(source)
+    jobs = []
+    for source in sources:
+        (source.folder / mark).touch()
         for number, (path, seeds) in enumerate(source.blocks()):
             if path.exists():
                 Demonstrations.read(path, seeds)  # a damaged one is told of before the work
@@ -355,6 +378,24 @@ def _agree(source: _Source) -> None:
     there = kept_manifest(source.folder / "manifest.json", identity)
     if changes := list(differences(there, identity)):
         raise ValueError(f"{source.folder} holds another run: {'; '.join(changes[:3])}")
+
+
+def _mark(datasets: Sequence[_Dataset]) -> str:
+    """Name of the file that says in a folder of blocks that a run for these datasets needs them, until all are there."""
+    told = json.dumps([[dataset.id, dataset.identity()] for dataset in datasets], sort_keys=True)
+    return f"{hashlib.sha256(told.encode()).hexdigest()[:16]}{NEEDED}"
+
+
+def _let_go(folder: Path, mark: str) -> None:
+    """Remove a folder of blocks that a run needed and no other one does."""
+    if not (folder / mark).exists():
+        return
+    if len(list(folder.glob(f"*{NEEDED}"))) > 1:
+        (folder / mark).unlink()
+        return
+    for block in folder.glob("*.npz"):
+        block.unlink()  # before what says of whom they are
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _write(

@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from bug_gym import kernels, kinematics
 from bug_gym.agents.floors.random import Random, RandomMemory
+from bug_gym.agents.hd_bug.memory import HDBugMemory
+from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.episodes import Episodes
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import noted, prepared
@@ -200,9 +202,10 @@ def _made(entry: PolicyEntry, simulation: Simulation) -> Policy:
 
 def _last_points(memory: Any) -> tuple[Point, Point]:
     """Where a policy last hit and last left a boundary, by its memory, or by that of the bug that works for it."""
-    bug = getattr(memory, "follow", None) or memory
-    hit, leave = (getattr(bug, name, None) or [NOWHERE] for name in ("hits", "leaves"))
-    return hit[-1], leave[-1]
+    bug = memory.follow if isinstance(memory, HDBugMemory) and memory.follow else memory
+    if not isinstance(bug, BugMemory):  # fields of others may have these names
+        return NOWHERE, NOWHERE
+    return (bug.hits or [NOWHERE])[-1], (bug.leaves or [NOWHERE])[-1]
 
 
 class _Taken(NamedTuple):

@@ -132,13 +132,14 @@ class PolicyEntry:
         """The policy for the robots of a simulation.
 
         Raises:
-            ValueError: an object that reads the map of another env.
+            ValueError: an object that reads the map of another env, or that was trained on other observations.
+            MisfitError: a model of stable-baselines3 that was made for another robot.
         """
         if self.policy is not None:
             if getattr(self.policy, "maps", None) is not None:
                 expected = "give its name and parameters instead"
                 raise ValueError(f"{self.label}: a planner reads the map of the env that it was made with: {expected}")
-            return self.policy
+            return make_policy(self.policy, simulation)
         try:
             with kept_in_process():
                 return make_policy(self._made_of, simulation, **self.parameters)

@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from bug_gym.evaluation.entries import PolicyEntry, PolicyNote, ScenarioEntry
 from bug_gym.evaluation.rows import EpisodeRow
@@ -80,3 +81,10 @@ class FailedPolicyError(ValueError):
         """What has failed, by scenario and policy."""
         self.rows = list(rows)
         """All rows but those of a policy in a scenario where it failed."""
+        self.place = place
+        """File with the tracebacks, None where there is none."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled with what it is made of; exceptions of a caller's stay behind, they may not come out of a worker."""
+        notes = {"__notes__": list(self.__notes__)} if hasattr(self, "__notes__") else None
+        return type(self), (tuple(one.as_text() for one in self.failures), self.rows, self.place), notes

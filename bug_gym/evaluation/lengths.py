@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from bug_gym.evaluation.entries import ScenarioEntry
 from bug_gym.simulation import Simulation
 
@@ -17,10 +15,4 @@ def shortest_lengths(scenario: ScenarioEntry, seed: int) -> list[float]:
     """Shortest paths [m] of the robots of one world; NaN where a robot does not fit at its start or goal."""
     simulation = Simulation(scenario.scenario)
     simulation.reset(seeds=[seed])
-    lengths = []
-    for robot in range(simulation.robots):
-        try:
-            lengths.append(simulation.shortest_path(robot=robot).length)
-        except ValueError:  # the goal may be nearer to a wall than the body: it is reached from beside it
-            lengths.append(math.nan)
-    return lengths
+    return [simulation.shortest_length(robot=robot) for robot in range(simulation.robots)]

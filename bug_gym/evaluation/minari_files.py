@@ -113,11 +113,11 @@ def write_dataset(
     import minari
     from minari.dataset.minari_storage import MinariStorage
 
-    # It was trusted when episodes were driven in it; whoever makes the env of the dataset says so anew.
-    env = gym.make("BugGym/Navigation-v0", scenario=dump(about.scenario), observation=form, trust=True)
+    # Its code was trusted when episodes were driven in it; whoever makes the env of the dataset says so anew.
+    env = gym.make("BugGym/Navigation-v0", scenario=about.scenario, observation=form)
     spec = deepcopy(env.spec)
     assert spec is not None
-    del spec.kwargs["trust"]
+    spec.kwargs["scenario"] = dump(about.scenario)
     table = observation_fields(about.scenario)
     with moved_when_done(stage, root / name) as folder:
         storage = MinariStorage.new(

@@ -27,7 +27,7 @@ from bug_gym.references import kept_in_process
 from bug_gym.schema.errors import shortened
 from bug_gym.simulation import Simulation
 from bug_gym.task import OUTCOMES
-from bug_gym.team_policy import TeamPolicy
+from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors
 
 SLOTS = 16
@@ -409,6 +409,7 @@ class Rollout:
         turns, turning = turns_and_turning(trace.points)
         success = outcome == "success"
         memory = self.memory(robot)
+        team = memory if isinstance(memory, TeamMemory) else TeamMemory()  # fields of others may have these names
         self._ended[row].append(
             EpisodeRow(
                 policy=self.entry.label,
@@ -425,7 +426,7 @@ class Rollout:
                 shortest_path_length=shortest,
                 # The shortest path leads to the goal itself, so the rest of the way counts too.
                 spl=spl(success=success, shortest=shortest, taken=taken + float(info["goal_distance"])),
-                time_ratio=self._time_ratio(trace, time),
+                time_ratio=self._time_ratio(row, trace, time),
                 min_clearance=float(info["min_clearance"]),
                 turns=turns,
                 total_turning=turning,
@@ -433,8 +434,8 @@ class Rollout:
                 decision_time_p99=float(np.percentile(trace.seconds, 99.0)),
                 decision_time_total=math.fsum(trace.seconds),
                 robots_gap=trace.gap,
-                holds=int(getattr(memory, "holds", 0)),
-                held_time=float(getattr(memory, "held", 0.0)),
+                holds=int(team.holds),
+                held_time=float(team.held),
                 standing_time=self._standing_time(trace) if self.simulation.robots > 1 else 0.0,
                 mission=self.scenario.scenario.mission,
             )
@@ -444,13 +445,12 @@ class Rollout:
         """How long a robot has not moved when its episode ends [s]."""
         return _standing_steps(trace.points) * self.scenario.scenario.time.step
 
-    def _time_ratio(self, trace: _Trace, time: float) -> float:
-        """Earliest time of meeting the moving goal on a straight run, over the time taken."""
+    def _time_ratio(self, row: int, trace: _Trace, time: float) -> float:
+        """Earliest time of meeting the moving goal on a straight run of the row's robot, over the time taken."""
         if not trace.goals or time == 0.0:
             return math.nan
-        settings = self.scenario.scenario
-        times = settings.time.step * np.arange(len(trace.goals))
-        speed, radius = settings.robot.max_speed, settings.goal.radius
+        times = self.scenario.scenario.time.step * np.arange(len(trace.goals))
+        speed, radius = (self.simulation.world.own(row, name) for name in ("max_speed", "goal_radius"))
         return earliest_intercept(trace.points[0], trace.goals, times, speed, capture_radius=radius) / time
 
 

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, InstanceOf, field_validator, model_validator
 
 from bug_gym.agents.outside import Spec
 from bug_gym.checks import shortened
-from bug_gym.config import Scenario, ScenarioError, checked, dump, expanded, read_yaml, scenario_names
+from bug_gym.config import Scenario, ScenarioError, checked, expanded, read_yaml, scenario_names
 from bug_gym.naming import nearest_hint
 from bug_gym.references import is_reference
 from bug_gym.schema.errors import wrong
@@ -35,8 +35,8 @@ class Seeds(Part):
 class SuiteScenario(Part):
     """A scenario of a suite; its name alone is enough."""
 
-    scenario: str | dict[str, Any]
-    """A name, the path of a YAML file (relative to the suite's), or a mapping that says the same."""
+    scenario: str | dict[str, Any] | InstanceOf[Scenario]
+    """A name, the path of a YAML file (relative to the suite's), a mapping that says the same, or a Scenario of a caller's."""
     overrides: dict[str, Any] = {}
     """Values by dotted key that replace the scenario's."""
     label: Name | None = None
@@ -47,7 +47,7 @@ class SuiteScenario(Part):
     @model_validator(mode="before")
     @classmethod
     def _a_name_is_enough(cls, data: object) -> object:
-        return {"scenario": data} if isinstance(data, str) else data
+        return {"scenario": data} if isinstance(data, (str, Scenario)) else data
 
 
 class SuitePolicy(Part):
@@ -164,9 +164,7 @@ def as_suite(source: Any) -> tuple[Suite, str]:
         suite = load_suite(source)
         return suite, f"{suite.name} v{suite.version}"
     sources = source if isinstance(source, (list, tuple)) else [source]
-    plain = [
-        dump(item) if isinstance(item, Scenario) else str(item) if isinstance(item, Path) else item for item in sources
-    ]
+    plain = [str(item) if isinstance(item, Path) else item for item in sources]
     return checked(Suite, {"scenarios": [{"scenario": item} for item in plain]}, "scenarios"), ""
 
 

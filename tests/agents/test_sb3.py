@@ -33,6 +33,11 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMoni
 from bug_gym.agents import make_policy
 from bug_gym.agents.learning.vec_envs import join
 from bug_gym.agents.sb3 import NavigationVecEnv, make_robots_vec_env, make_vec_env
+from bug_gym.evaluation import evaluate, record_episode
+
+BRIEF = {"time.limit": 0.5}
+DRIVES = (lambda policy, scenario: evaluate([policy], scenario, episodes=1), record_episode)
+"""What drives a policy besides an env's own loop."""
 
 ROOT = Path(__file__).resolve().parents[2]
 IDS = list(bug_gym.SCENARIOS_BY_ID)
@@ -341,3 +346,42 @@ def test_a_model_of_normalised_observations_is_refused_and_one_that_normalises_t
     make_policy(Normalising(), load("empty"))
     plain = VecNormalize(make_vec_env("BugGym/Empty-v0", 2, observation="flat", seed=0), norm_obs=False)
     make_policy(PPO("MlpPolicy", plain, n_steps=8, batch_size=16, seed=0, device="cpu"), load("empty"))
+    for drive in DRIVES:
+        with pytest.raises(ValueError, match="normalises"):
+            drive(model, load("empty"))
+        assert drive(Normalising(), load("empty", BRIEF)) is not None
+
+
+def untrained(env: Any) -> PPO:
+    """A model in the spaces of an env."""
+    policy = "MultiInputPolicy" if isinstance(env.observation_space, gym.spaces.Dict) else "MlpPolicy"
+    return PPO(policy, env, n_steps=8, batch_size=8, device="cpu", seed=0)
+
+
+@pytest.mark.parametrize("other", [{"lidar.range": 9}, {"robot.max_speed": 2}, {"lidar.beams": 32}], ids=str)
+def test_a_model_for_a_robot_that_sees_or_drives_otherwise_is_refused_as_its_zip_is(
+    other: dict[str, Any], tmp_path: Path
+) -> None:
+    model = untrained(make_vec_env("dynamic", 1, observation="flat", overrides=other))
+    model.save(tmp_path / "model.zip")
+    with pytest.raises(MisfitError, match="was made for") as of_zip:
+        make_policy(str(tmp_path / "model.zip"), load("dynamic"), trust=True)
+    for made in (model, model.policy):
+        for drive in (make_policy, *DRIVES):
+            with pytest.raises(MisfitError, match="was made for") as error:
+                drive(made, load("dynamic"))
+            assert str(error.value).partition(" ")[2] == str(of_zip.value).partition(" ")[2]
+    assert make_policy(model, load("dynamic", other)) is model
+
+
+def test_a_model_drives_in_a_larger_world_and_in_the_wrapped_env_that_it_was_trained_in() -> None:
+    larger = load("dynamic", {"world.bounds": [-30, -30, 30, 30], **BRIEF})
+    for env in (make_vec_env("dynamic", 1), make_vec_env("dynamic", 1, observation="flat", action="discrete")):
+        model = untrained(env)
+        for drive in DRIVES:
+            assert drive(model, larger) is not None
+    wrapped = gym.wrappers.RescaleAction(gym.make("BugGym/DynamicFlat-v0"), np.float32(0.0), np.float32(1.0))
+    model = untrained(wrapped)
+    assert make_policy(model, wrapped) is model
+    with pytest.raises(MisfitError, match="was made for actions"):
+        make_policy(model, wrapped.unwrapped)

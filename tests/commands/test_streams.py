@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shlex
 import subprocess
@@ -9,6 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
+from rich.table import Table
 
 from bug_gym.cli import main
 
@@ -92,6 +95,59 @@ def test_no_file_gets_the_number_of_a_closed_output(tmp_path: Path) -> None:
     run = shell(line)
     assert run.returncode == 0
     assert int((tmp_path / "file").read_text()) > 2
+
+
+PRINTING = """
+import sys
+from rich.console import Console
+from rich.table import Table
+from bug_gym import cli
+from bug_gym.commands import list as command
+def run(options):
+    table = Table("a")
+    table.add_row("b")
+    Console().print(table)
+command.run = run
+raise SystemExit(cli.main(["list"]))
+"""
+
+
+@POSIX
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_table_whose_reader_has_gone_ends_in_silence_too(unbuffered: str) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        line = f"{shlex.quote(sys.executable)} -c {shlex.quote(PRINTING)} >&{write}"
+        run = shell(line, unbuffered=unbuffered, pass_fds=(write,))
+    finally:
+        os.close(write)
+    assert (run.returncode, run.stderr) == (141, "")
+
+
+@POSIX
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_table_on_a_full_disk_is_said_in_one_line(unbuffered: str) -> None:
+    run = shell(f"{shlex.quote(sys.executable)} -c {shlex.quote(PRINTING)} > /dev/full", unbuffered=unbuffered)
+    assert (run.returncode, run.stderr) == (1, "bug-gym: error: standard output: No space left on device\n")
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "ascii", "cp437", "utf-8"])
+def test_what_an_encoding_lacks_is_written_in_another_way(encoding: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(options: object) -> None:
+        table = Table("a", "b")
+        table.add_row("–", "日")
+        Console().print(table)
+        print("–")
+
+    monkeypatch.setattr("bug_gym.commands.list.run", run)
+    written = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(written, encoding=encoding))
+    assert main(["list"]) == 0
+    dash, name = ("–", "日") if encoding == "utf-8" else ("-", r"\u65e5")
+    *_, row, _, last = written.getvalue().decode(encoding).splitlines()
+    assert dash in row and name in row and last == dash
 
 
 def test_another_pipe_that_breaks_is_an_error(

@@ -325,6 +325,46 @@ def test_the_same_seed_gives_the_same_bytes_stopped_or_not(
     assert files_of(tmp_path / "another")[name] != files_of(tmp_path / "whole")[name]
 
 
+def test_blocks_are_kept_until_every_run_that_needs_them_is_done(
+    minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(collection, "BLOCK", 2)
+    blocks = tmp_path / collection.KEPT / "dynamic"
+    asked: dict[str, Any] = {"episodes": 4, "expert": "random", "forms": ["flat"]}
+    with monkeypatch.context() as patched:
+        stopped_after(3, patched)
+        with pytest.raises(KeyboardInterrupt):
+            collected(tmp_path, ["bug1", "bug2"], **asked)
+    kept = files_of(blocks)
+    assert {"bug1", "bug2"} <= {Path(name).parent.name for name in kept if name.endswith(".npz")}
+    for _ in range(2):  # the second one finds its datasets
+        collected(tmp_path, ["go_to_goal"], **asked)
+        assert {name: files_of(blocks).get(name) for name in kept} == kept
+        assert not (blocks / "go_to_goal").exists()
+    collected(tmp_path, ["bug2"], **asked)  # whose blocks the mixed dataset needs, too
+    assert {name for name in kept if name.startswith("bug")} <= set(files_of(blocks))
+    with monkeypatch.context() as patched:
+        driven = stopped_after(99, patched)
+        collected(tmp_path, ["bug1", "bug2"], **asked)
+    assert "bug2" not in [name for name, _ in driven]
+    assert not (tmp_path / collection.KEPT).exists()
+
+
+def test_blocks_of_another_run_of_the_same_policy_are_kept(
+    minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, Any] = {"expert": "bug2", "episodes": 2}
+    collected(tmp_path, ["bug2"], forms=["flat"], **asked)
+    with monkeypatch.context() as patched:
+        patched.setattr(collection, "_write", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            collected(tmp_path, ["bug2"], forms=["dict"], extras=Extras(modes=True), **asked)
+    kept = files_of(tmp_path / collection.KEPT)
+    assert kept
+    collected(tmp_path, ["bug2"], forms=["flat"], **asked)  # all is there
+    assert files_of(tmp_path / collection.KEPT) == kept
+
+
 def test_several_workers_write_the_same_bytes(minari: Any, tmp_path: Path) -> None:
     for workers in (1, 2):
         collected(tmp_path / str(workers), ["bug2"], workers=workers, episodes=2)

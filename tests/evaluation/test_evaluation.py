@@ -144,6 +144,18 @@ def test_a_policy_meets_a_moving_target_no_earlier_than_a_straight_run_could() -
     assert all(0.0 < row.time_ratio <= 1.0 for row in rows)
 
 
+def test_the_earliest_meeting_is_that_of_the_robot_that_was_drawn() -> None:
+    target = {"at": [5, 0], "motion": {"law": "bounce", "velocity": [0.3, 0.0]}}
+    world = {"family": "explicit", "bounds": [-20, -20, 40, 20], "start": [0, 0, 0], "target": target}
+    scenario = {"robot": {"kinematics": "holonomic"}, "time": {"limit": 60.0}, "world": world}
+    speeds = {"robot.max_speed": {"choice": [0.8, 2.0]}}
+    rows = evaluate(["go_to_goal"], scenario, episodes=8, overrides=speeds)
+    # Straight after what goes away: 5 m less the goal's radius at the difference of the speeds, but for a step.
+    met = [(5.0 - 0.3) / (speed - 0.3) for speed in (0.8, 2.0)]
+    assert {min(met, key=lambda time: abs(time - row.time)) for row in rows} == set(met)
+    assert all(row.time_ratio == pytest.approx(1.0, abs=0.1 / min(met)) for row in rows)
+
+
 def test_every_policy_drives_in_the_same_worlds() -> None:
     rows = evaluate(["go_to_goal", "bug0"], ["static", "maze"], episodes=3, seed=5)
     worlds = [(row.scenario, row.seed, row.shortest_path_length) for row in rows]

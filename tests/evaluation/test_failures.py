@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 import json
+import pickle
+import re
 import threading
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import bug_gym
 from bug_gym import agents
 from bug_gym.agents import AGENTS, REGISTERED, register
 from bug_gym.agents.floors import go_to_goal
 from bug_gym.cli import main
+from bug_gym.config import load
 from bug_gym.evaluation import FailedPolicyError, evaluate, record_episode
+from bug_gym.evaluation.demonstrations import Extras, demonstrate
+from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.references import imported
+from bug_gym.view import View
 from bug_gym.worlds.family import Crew, Family, Rng
 from bug_gym.worlds.layout import Layout
 from bug_gym.worlds.places import finish
 
+PACKAGE = Path(bug_gym.__file__).parent
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [3, 1]}, "lidar": {"beams": 8}}
 FAR = {**OPEN, "name": "far", "world": {"family": "empty", "start": [0, 0, 0], "goal": [6, 1]}}
 
@@ -281,6 +292,76 @@ def test_what_cannot_be_sent_to_workers_is_named_before_anything_is_written(plac
             evaluate(policies, scenario, episodes=9, workers=2, out="results")
         assert not (place / "results").exists()
         assert evaluate(policies, scenario, episodes=1)  # one process sends nothing
+
+
+def exceptions() -> list[str]:
+    """Module and name of each exception class that the package defines, read from the source."""
+    found = []
+    for path in (path for folder in (PACKAGE, PACKAGE / "agents") for path in folder.rglob("*.py")):  # agents is a link
+        module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+        names = re.findall(r"^class (\w+)\(\w*(?:Error|Exception)\):", path.read_text(encoding="utf-8"), re.MULTILINE)
+        found += [f"{module}:{name}" for name in names]
+    return sorted(set(found))
+
+
+def failed_policies() -> FailedPolicyError:
+    """An error of two policies, one of them with an exception that cannot be pickled, and with a note."""
+    with pytest.raises(FailedPolicyError) as error:
+        evaluate(["mine.py:Raises", "mine.py:FarAway", "go_to_goal"], FAR, episodes=1, out="results")
+    error.value.add_note("seen here")
+    return error.value
+
+
+@pytest.mark.parametrize("name", exceptions())
+def test_every_exception_of_the_package_can_be_sent_from_process_to_process(name: str) -> None:
+    if ".learning." in name:
+        pytest.importorskip("torch", reason="torch comes with the extra `train`")
+    found = imported(name, "class")
+    error = failed_policies() if found is FailedPolicyError else found("what is wrong")
+    sent = pickle.loads(pickle.dumps(error))
+    assert type(sent) is found and str(sent) == str(error)
+    assert getattr(sent, "__notes__", []) == getattr(error, "__notes__", [])
+
+
+def test_policies_that_have_failed_come_out_of_another_process_as_text_with_all_rows() -> None:
+    error = failed_policies()
+    sent = pickle.loads(pickle.dumps(error))
+    assert (sent.failures, sent.place) == (error.failures, error.place)
+    assert repr(sent.rows) == repr(error.rows)  # some numbers are NaN
+    assert [one.traceback for one in sent.failures] == [one.traceback for one in error.failures]
+    assert [row.policy for row in sent.rows] == ["go_to_goal"]
+    assert all(one.error is None for one in sent.failures)
+
+
+@dataclass
+class OwnFields(Memory):
+    """Fields with names that the package's own memories have, and other meanings."""
+
+    holds: tuple[str, ...] = ()
+    held: str = "nothing"
+    hits: int = 3
+    leaves: float = 0.5
+    follow: str = "the goal"
+
+
+class Remembers(ScriptedPolicy):
+    """Goes ahead with fields of its own."""
+
+    def start(self) -> OwnFields:
+        return OwnFields()
+
+    def act(self, view: View, memory: OwnFields) -> Velocity:
+        return 1.0, 0.0
+
+
+def test_names_of_fields_in_a_memory_of_ones_own_mean_nothing() -> None:
+    scenario = load(OPEN, {"time.limit": 1.0})
+    (row,) = evaluate(Remembers, scenario, episodes=1)
+    assert (row.holds, row.held_time) == (0, 0.0)
+    found = demonstrate(
+        PolicyEntry.of(Remembers), ScenarioEntry("open", scenario, range(1)), range(1), Extras(modes=True)
+    )
+    assert len(found.points) == len(found.actions) and np.isnan(found.points).all()
 
 
 def test_what_is_no_fault_of_a_policy_ends_all() -> None:

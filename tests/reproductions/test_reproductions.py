@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
+import errno
+import io
 import json
 import re
 from collections.abc import Callable, Sequence
@@ -16,8 +19,10 @@ import pytest
 import shapely
 from episodes import run_episode
 
+from bug_gym import benchmark
 from bug_gym.agents import make_policy
-from bug_gym.cli import main
+from bug_gym.cli import main, make_parser
+from bug_gym.commands import reproduce
 from bug_gym.config import load
 from bug_gym.evaluation.curves import draw_curves
 from bug_gym.evaluation.rows import EpisodeRow
@@ -32,7 +37,7 @@ from bug_gym.reproductions import (
     require_use,
 )
 from bug_gym.reproductions.claims import paired
-from bug_gym.reproductions.result import Reproduction, Settings
+from bug_gym.reproductions.result import Curves, Reproduction, Settings, Table
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import free_space
 from bug_gym.simulation import Simulation
@@ -106,6 +111,59 @@ def test_no_error_ends_as_a_false_claim_does(
         code = main(["reproduce", "oni-wang-table-1", "--out", str(out), "--strict"])
     assert code not in (0, told)
     assert capsys.readouterr().err.splitlines()[-1].startswith("bug-gym: error: ")
+
+
+class Unwritable(io.StringIO):
+    """A stdout that takes nothing."""
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_the_files_are_written_where_tables_cannot_be_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = Reproduction("made up", [Table("a table", ["a"], [["1"]])], holds=True)
+    monkeypatch.setattr("bug_gym.commands.reproduce.reproduction", lambda name: lambda settings: found)
+    monkeypatch.setattr("sys.stdout", Unwritable())
+    with pytest.raises(OSError, match="No space left"):
+        reproduce.run(options_of(tmp_path / "found.json"))
+    assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["holds"]
+    assert "a table" in (tmp_path / "found.html").read_text(encoding="utf-8")
+
+
+def test_tables_are_printed_where_a_file_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any) -> None:
+        raise ImportError("no matplotlib")
+
+    curves = Curves("c", "x", "y", [0.0], {"a": [(0.0, 0.0, 0.0)]})
+    found = Reproduction("made up", [], holds=True, curves=[curves])
+    monkeypatch.setattr("bug_gym.commands.reproduce.reproduction", lambda name: lambda settings: found)
+    monkeypatch.setattr("bug_gym.evaluation.curves.draw_curves", fail)
+    out = tmp_path / "found.json"
+    with pytest.raises(ImportError, match="no matplotlib"):
+        reproduce.run(options_of(out))
+    told = capsys.readouterr().out
+    assert "every claim holds" in told and f"numbers: {out}" in told and f"report: {out.with_suffix('.html')}" in told
+
+
+def options_of(out: Path) -> argparse.Namespace:
+    """What the command line makes of a name and a file."""
+    return make_parser().parse_args(["reproduce", "oni-wang-table-1", "--out", str(out)])
+
+
+def test_the_benchmark_writes_its_file_where_its_table_cannot_be_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("speed_tasks", "part_tasks", "start_tasks", "plan_tasks", "decision_tasks"):
+        monkeypatch.setattr(benchmark, name, lambda *_: [])
+    monkeypatch.setattr(benchmark, "speed_tasks", lambda *_: [benchmark.Task("one", "s", lambda: 1.0)])
+    monkeypatch.setattr("sys.stdout", Unwritable())
+    out = tmp_path / "speeds.json"
+    with pytest.raises(OSError, match="No space left"):
+        benchmark.run_benchmark(repeats=1, out=out)
+    (line,) = json.loads(out.read_text(encoding="utf-8"))["measurements"]
+    assert line["name"] == "one" and line["median"] == 1.0
 
 
 def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:

@@ -146,6 +146,7 @@ def test_trust_stays_with_what_is_changed_and_copied() -> None:
     trusted = load(MINE, trust=True)
     changed = load(trusted, {"world.pegs": 6})
     assert len(circles_of(changed)) == 6
+    assert len(evaluate("go_to_goal", trusted, episodes=1, overrides={"time.limit": 0.5})) == 1
     copied = pickle.loads(pickle.dumps(trusted))
     assert copied == trusted and copied.digest == trusted.digest
     with pytest.raises(ScenarioError, match="trust"):

@@ -15,17 +15,19 @@ import torch
 from bug_gym import ObservationField
 from bug_gym.agents import make_policy
 from bug_gym.agents.learning.folder import read_config
+from bug_gym.agents.learning.models import write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import load_settings
-from bug_gym.agents.learning.training import make_training_env, rebuild
+from bug_gym.agents.learning.training import make_model, make_training_env, rebuild
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError, load
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.plan import make_plan
 from bug_gym.navigation_env import NavigationEnv
-from bug_gym.observation import dict_space, flat_space
+from bug_gym.observation import as_dict, as_flat, dict_space, flat_space
 from bug_gym.policy import MisfitError
+from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
 
 CODE = """
@@ -89,6 +91,36 @@ def test_a_training_learns_from_them_and_says_so(files: Path, capsys: pytest.Cap
         rebuild(out)
     robot_width = env.spaces.fields[-1].end  # behind it lies the history, a lag of 180 beams and a goal
     assert rebuild(out, trust=True).observation_space.shape == (robot_width + 180 + 2,)
+
+
+def test_a_model_that_was_trained_alone_sees_them_among_several_robots(files: Path) -> None:
+    settings = load_settings(files / "training.yaml", trust=True)
+    robot = RobotModel.of(Sensors.of(settings.loaded[0]))
+    network = make_model(settings, make_training_env(settings, 0), 0).policy
+    point = {
+        "steps": 0,
+        "seconds": 0.0,
+        "cpu_seconds": 0.0,
+        "success": 0.0,
+        "collision": 0.0,
+        "timeout": 1.0,
+        "time": None,
+    }
+    write_agent(files, network, settings, robot, {"0": {"curve": [point], "best": point, "held_out": {}}})
+    one = load(files / "mine.yaml", trust=True)
+    three = load(one, {"robots.count": 3}, trust=True)
+    simulation = Simulation(three)
+    simulation.reset(seeds=[0])
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 3, 2)).astype(np.float32)
+    flat = simulation.step(drawn).observation[0]
+    seen = as_dict(flat, simulation.fields)
+    np.testing.assert_array_equal(seen["last"], flat[:, -2:])
+    expected, _ = make_policy(f"{files}/", one).predict(as_flat(seen, Sensors.of(one).fields))
+    policy: Any = make_policy(f"{files}/", three)
+    for observation in (flat, seen):
+        np.testing.assert_array_equal(policy.predict(observation)[0], expected)
+    named, _ = policy.predict({f"robot_{number}": row for number, row in enumerate(flat)})
+    np.testing.assert_allclose(np.stack(list(named.values())), expected, atol=1e-6)
 
 
 def test_data_cannot_grant_itself_trust(files: Path) -> None:

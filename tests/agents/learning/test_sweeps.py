@@ -120,6 +120,44 @@ def test_a_trial_that_cannot_be_trained_is_told_and_the_others_are(workers: int,
     )
 
 
+@pytest.mark.parametrize(
+    ("space", "bad", "said"),
+    [
+        ({"gamma": [0.9, 1.5, 0.99]}, 1.5, "gamma: got 1.5, expected at most 1"),
+        ({"batch_size": [1, 32]}, 1, "batch_size: got 1, expected at least 2"),
+    ],
+)
+def test_values_that_no_training_can_have_are_told_and_the_others_are_trained(
+    space: dict[str, Any], bad: float, said: str, tmp_path: Path
+) -> None:
+    ((key, values),) = space.items()
+    shorter = {"n_timesteps": 64, "n_envs": 2, "n_steps": 16, "batch_size": 32, "eval_episodes": 2, "test_episodes": 2}
+    settings = load_sweep({"training": "ppo_static", "overrides": SHORT | shorter, "space": space})
+    told: list[str] = []
+    best = sweeps.sweep(settings, tmp_path, report=told.append)
+    (failed,) = (line for line in told if "failed" in line)
+    assert f"failed with {{'{key}': {bad}}}: ScenarioError: " in failed and said in failed and "\n" not in failed
+    with (tmp_path / sweeps.TABLE).open() as file:
+        tried = sorted(float(row[key]) for row in csv.DictReader(file))
+    assert tried == sorted(value for value in values if value != bad)
+    again: list[str] = []
+    assert sweeps.sweep(settings, tmp_path, report=again.append) == best and not again, "all is done"
+
+
+def test_a_sweep_is_refused_where_none_of_its_combinations_can_be_trained_with() -> None:
+    bad_first = {"gamma": [1.5, 0.9], "learning_rate": [-1.0, 1e-3]}
+    assert load_sweep(GRID | {"space": bad_first}).total == 4
+    with pytest.raises(ScenarioError, match="gamma: got 1.5, expected at most 1"):
+        load_sweep(GRID | {"space": bad_first | {"gamma": [1.5, 2.0]}})
+    together = {"n_envs": [1], "n_steps": [1]}
+    with pytest.raises(ScenarioError, match="n_steps: got 1 with n_envs 1"):
+        load_sweep(GRID | {"space": together})
+    assert load_sweep(GRID | {"space": together | {"n_steps": [1, 16]}}).total == 2
+    endless = {"sampler": "tpe", "trials": 2, "space": {f"{key}_": list(range(9)) for key in SHORT}}
+    with pytest.raises(ScenarioError, match="unknown key"):
+        load_sweep(GRID | endless)
+
+
 def test_a_sweep_of_which_nothing_can_be_trained_says_why(tmp_path: Path) -> None:
     settings = load_sweep({"training": "ppo_static", "overrides": SHORT, "space": {"learning_rate": [DIVERGES]}})
     for _ in range(2):

@@ -90,11 +90,21 @@ def test_each_training_that_is_shipped_can_be_loaded_and_its_scenarios_share_a_r
         ({"scenarios": ["dynamik"]}, "dynamic"),
         ({"history": [0]}, "history"),
         ({"buffer_size": 5}, "buffer_size"),
+        ({"batch_size": 1}, "batch_size: got 1, expected at least 2"),
+        ({"n_envs": 1, "n_steps": 1}, "n_steps: got 1 with n_envs 1, expected 2 samples or more"),
     ],
 )
 def test_a_setting_that_cannot_be_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         tiny(**changes)
+
+
+@pytest.mark.parametrize("weight", ["auto_0", "auto_-1", "auto_x", "much", "auto_nan"])
+def test_a_weight_of_the_entropy_that_cannot_be_is_refused(weight: str) -> None:
+    with pytest.raises(ScenarioError, match=f"ent_coef: got '{weight}', expected a number, auto, or auto_"):
+        load_settings("sac_dynamic", {"ent_coef": weight})
+    for known in ("auto", "auto_0.1", 0.1):
+        assert load_settings("sac_dynamic", {"ent_coef": known}).algo == "sac"
 
 
 def test_an_unknown_training_is_refused_with_the_nearest_names() -> None:
@@ -371,6 +381,8 @@ def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
         (["ppo_dynamic", "--set", "gama=1"], "gamma"),
         (["ppo_dynamic", "--seed", "-1"], "seed"),
         (["ppo_dynamic", "--start-from", "nothing"], "nothing"),
+        (["ppo_dynamic", "--set", "batch_size=1"], "batch_size: got 1, expected at least 2"),
+        (["ppo_dynamic", "--set", "n_envs=1", "--set", "n_steps=1"], "n_steps: got 1 with n_envs 1"),
     ],
 )
 def test_bad_input_leaves_with_exit_code_2(
