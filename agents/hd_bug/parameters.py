@@ -50,7 +50,7 @@ class HDBugParameters:
     hysteresis: Weight = 0.0
     """By which share of its cost, and by 0.3 m, another candidate must be better than the one that it heads for."""
     patience: Weight = 10.0
-    """How far it goes by candidates without coming nearer to the goal, as a share of the distance to it and 2 m (10: tenfold)."""
+    """How far it goes by candidates without coming nearer to the goal, as a share of the way to it and 2 m (10: tenfold)."""
     horizon: Length = 3.0
     """How far ahead movers are predicted [s]."""
     margin: Length = 0.3
