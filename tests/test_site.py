@@ -196,6 +196,15 @@ def test_the_leaderboard_is_ordered_by_success_and_says_where_each_line_comes_fr
         assert entry["command"] in text and entry["commit"] in text
 
 
+def test_a_line_of_the_leaderboard_tells_that_its_worlds_are_no_longer_these() -> None:
+    board = part("site_pages.leaderboard").board
+    entry = json.loads(BOARD[0].read_text(encoding="utf-8"))
+    assert "earlier version" not in board("rush", [entry])
+    older = entry | {"digests": entry["digests"] | {"rush": "0" * 16}}
+    assert board("rush", [older]).count("(in worlds of an earlier version)") == 9
+    assert "earlier version" not in board("maze", [older])
+
+
 def test_an_entry_is_what_an_evaluation_wrote(tmp_path: Path) -> None:
     evaluate(["go_to_goal"], "empty", episodes=2, out=tmp_path, overrides={"world.goal": [2.0, 0.0]})
     make = part("make_entry").entry

@@ -9,6 +9,7 @@ from typing import Any
 from make_results import command
 from result_pages.words import number, percent
 
+from bug_gym.config import load
 from site_pages import Pages
 from site_pages.markup import paragraphs, table
 from site_pages.numbers import BOARD, RESULTS, fares
@@ -17,7 +18,8 @@ HEAD = """# Leaderboard
 
 Policies in the same worlds, by the share of them that they reach. Every line has the command that makes it, the commit that
 it was made at, the seeds of its worlds and the 95 % interval (Wilson) of its success: lines whose intervals overlap are not
-told apart by so few worlds. Ties are ordered by SPL, success weighted by the shortest path over the path.
+told apart by so few worlds, nor lines of two versions of the worlds. Ties are ordered by SPL, success weighted by the
+shortest path over the path.
 """
 
 HOW = """## Add yours
@@ -63,9 +65,10 @@ def lines_of(scenario: str, entries: list[dict[str, Any]]) -> list[tuple[dict[st
 
 def board(scenario: str, entries: list[dict[str, Any]]) -> str:
     """The table of a scenario."""
-    rows = []
+    rows, today = [], load(scenario).digest
     for place, (entry, one) in enumerate(lines_of(scenario, entries), start=1):
         policy = f"`{one['policy']}`{' (reads the map)' if one['policy'] in entry['privileged'] else ''}"
+        policy += "" if entry["digests"][scenario] == today else " (in worlds of an earlier version)"
         reached = f"{percent(one['success'])} ({100 * one['success_low']:.1f} - {100 * one['success_high']:.1f})"
         seeds = entry["seeds"][scenario]
         rows.append([
