@@ -15,9 +15,9 @@ import inspect
 import logging
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from bug_gym.agents.outside import (
     GROUP,
@@ -393,9 +393,9 @@ def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Po
             f"{type(single).__name__} was trained on observations that VecNormalize normalises, and would be asked about the "
             "env's own: expected an object whose predict normalises them first (`normalize_obs` of that VecNormalize)"
         )
-    if _is_of_sb3(single):
-        _require_fitting_model(single, source)
     agents = agents_of(source)
+    if _is_of_sb3(single) and (fitting := _fitting_model(single, source)) is not single:
+        policy = EachAlone(fitting, policy.agents) if isinstance(policy, EachAlone) else fitting
     made: Policy = EachAlone(policy, agents) if agents and not isinstance(policy, (EachAlone, TeamPolicy)) else policy
     return made
 
@@ -405,18 +405,24 @@ def _is_of_sb3(policy: Any) -> bool:
     return any(str(base.__module__).partition(".")[0] == "stable_baselines3" for base in type(policy).__mro__)
 
 
-def _require_fitting_model(model: Any, source: Any) -> None:
-    """Refuse a model of stable-baselines3 that was trained in other spaces, as its zip would be refused.
+def _fitting_model(model: Any, source: Any) -> Policy:
+    """A model of stable-baselines3 as it drives a robot of a source; refused in other spaces, as its zip would be.
 
-    Where wrappers change the spaces of an env it may have been trained in just these.
+    One trained alone drives among several robots as its zip does. Where wrappers change the spaces of an env it may have
+    been trained in just these.
     """
     from bug_gym.agents.learning.robot_model import require_spaces  # loads pydantic models
 
-    told = type(model).__name__
-    if (model.observation_space, model.action_space) == (space_of(source, "observation"), space_of(source, "action")):
-        return
+    told, spaces = type(model).__name__, (model.observation_space, model.action_space)
+    if spaces == (space_of(source, "observation"), space_of(source, "action")):
+        return cast(Policy, model)
     require_own_spaces(source, told)
-    require_spaces(told, model.observation_space, model.action_space, Sensors.of(source_scenario(source)))
+
+    def fitting(sensors: Sensors) -> Policy:
+        require_spaces(told, *spaces, sensors)
+        return cast(Policy, model)
+
+    return _for_robot(fitting, Sensors.of(source_scenario(source)))
 
 
 def _require_known(parameters: Mapping[str, Any], known: Sequence[str], told: str) -> None:
@@ -432,10 +438,10 @@ def _told(name: Any) -> str:
     return reference_of(name) if isinstance(name, type) else str(name)
 
 
-def _for_robot(policy_class: type[Any], sensors: Sensors, **parameters: Any) -> Policy:
+def _for_robot(policy_class: Callable[..., Policy], sensors: Sensors, **parameters: Any) -> Policy:
     """A single robot's policy; a learned one that knows no peers sees those of several robots as movers only."""
     try:
-        policy: Policy = policy_class(sensors, **parameters)
+        policy = policy_class(sensors, **parameters)
     except MisfitError as among_peers:
         alone = without_peers(sensors)
         if alone is sensors:

@@ -385,3 +385,18 @@ def test_a_model_drives_in_a_larger_world_and_in_the_wrapped_env_that_it_was_tra
     assert make_policy(model, wrapped) is model
     with pytest.raises(MisfitError, match="was made for actions"):
         make_policy(model, wrapped.unwrapped)
+
+
+def test_a_model_trained_alone_drives_among_several_robots_as_its_zip_does(tmp_path: Path) -> None:
+    model = untrained(make_vec_env("dynamic", 1, observation="flat"))
+    model.save(tmp_path / "model.zip")
+    several = load("dynamic", {"robots.count": 2, **BRIEF})
+    env = parallel_env(several)
+    observations, _ = env.reset(seed=0)
+    from_zip, _ = make_policy(str(tmp_path / "model.zip"), env, trust=True).predict(observations)
+    for made in (model, model.policy):
+        actions, _ = make_policy(made, env).predict(observations)
+        assert actions.keys() == from_zip.keys() == set(env.agents)
+        for agent, action in actions.items():
+            np.testing.assert_allclose(action, from_zip[agent], atol=1e-6)
+        assert evaluate([made], several, episodes=1) is not None
