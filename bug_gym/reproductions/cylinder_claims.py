@@ -1,4 +1,4 @@
-"""Whether bugs tell rightly that there is no way among thin cylinders close together, as in the BARN benchmark.
+"""Whether policies tell rightly that there is no way among thin cylinders close together, as in the BARN benchmark.
 
 The worlds are those of the family `cellular_automaton` (Perille et al. 2020): every fourth is shut for the body itself, the
 others have a way at the clearance that the policies keep. The family asks that of the configuration space: a disc is stopped
@@ -12,11 +12,12 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
-from bug_gym.agents import make_policy
+from bug_gym.agents import AGENTS, make_policy, parameters_table
 from bug_gym.config import Scenario, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
+from bug_gym.policy import MisfitError
 from bug_gym.reproductions import bug_no_way
 from bug_gym.reproductions.barn import COMMON, PARAMETERS, ROBOTS, STEPS
 from bug_gym.reproductions.bug_no_way import Answer, as_replayable, counts, held, not_tried
@@ -34,16 +35,49 @@ DRIVEN = ("holonomic", "jackal")
 POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
     *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map", "hd_bug", "point_bug", "k_bug", "e_bug"),
-    *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug", "orca"),
+    *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug", "orca", "apf"),
+    *(
+        "minimum_risk",
+        "bfs",
+        "dijkstra",
+        "a_star",
+        "bidirectional_a_star",
+        "d_star",
+        "d_star_lite",
+        "theta_star",
+        "rrt_star",
+    ),
+    *("visibility_graph", "d2t_eaco", "d2t_dijkstra"),
 )
-"""All that end by themselves in still worlds and are given no map."""
-KEEPS_ITS_OWN = "orca"
-"""Keeps a distance of its own, smaller than the clearance."""
+"""All that end by themselves in still worlds; planners are given the map."""
 
 
 def parameters(policy: str, robot: str) -> dict[str, Any]:
-    """What a policy is told."""
-    return {} if policy == KEEPS_ITS_OWN else PARAMETERS[robot]
+    """What a policy is told: the clearance, a planner as its margin beside the body; some keep a distance of their own."""
+    known = {parameter.name for name, parameter in parameters_table() if name == policy}
+    if "clearance" in known:
+        return PARAMETERS[robot]
+    return {"margin": PARAMETERS[robot]["clearance"] - ROBOTS[robot]["radius"]} if "margin" in known else {}
+
+
+def robots_of(policy: str) -> list[str]:
+    """The robots of DRIVEN that a policy drives.
+
+    Raises:
+        ValueError: an unknown policy, or one that drives neither.
+    """
+    if policy in AGENTS and AGENTS[policy].privileged:
+        return list(DRIVEN)  # they need a live world, and drive any robot
+    found, refused = [], None
+    for robot in DRIVEN:
+        try:
+            make_policy(policy, scenario(robot, shut=False), **parameters(policy, robot))
+            found.append(robot)
+        except MisfitError as error:
+            refused = error
+    if refused is not None and not found:
+        raise refused
+    return found
 
 
 def scenario(robot: str, *, shut: bool) -> Scenario:
@@ -87,15 +121,12 @@ def reproduce(settings: Settings) -> Reproduction:
     """
     seeds = settings.seeds or SEEDS
     policies = settings.policies or POLICIES
-    for policy in policies:
-        # an unknown one ends it here
-        make_policy(policy, scenario("holonomic", shut=False), **parameters(policy, "holonomic"))
+    driven = [(policy, robot) for policy in policies for robot in robots_of(policy)]
     kept = Kept(settings.data, Answer, lambda one: (one.policy, one.kind, one.seed))
     asked = [
         (policy, robot, [seed for seed in block if (policy, robot, seed) not in kept])
         for block in blocks(seeds)
-        for robot in DRIVEN
-        for policy in policies
+        for policy, robot in driven
     ]
     jobs = [(policy, robot, block) for policy, robot, block in asked if block]
     with progress_bar(shown=settings.progress) as track:
@@ -105,8 +136,7 @@ def reproduce(settings: Settings) -> Reproduction:
     found = sorted(one for one in kept.found.values() if one.policy in policies and one.seed < seeds)
     counted = {
         f"{policy} {robot}": numbers([one for one in found if (one.policy, one.kind) == (policy, robot)])
-        for policy in policies
-        for robot in DRIVEN
+        for policy, robot in driven
     }
     wrong = [one for one in found if not one.is_right]
     header = ["policy and robot", *next(iter(counted.values()))]

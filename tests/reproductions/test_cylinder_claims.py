@@ -34,6 +34,24 @@ def test_orca_keeps_a_distance_of_its_own_and_claims_rightly() -> None:
         assert (found["reached"], found["unreachable"]) == (6, 2)
 
 
+def test_planners_keep_the_same_room_as_bugs_and_claim_rightly() -> None:
+    for robot, kept in PARAMETERS.items():
+        if robot in cylinder_claims.DRIVEN:
+            told = cylinder_claims.parameters("a_star", robot)
+            assert told["margin"] + cylinder_claims.ROBOTS[robot]["radius"] == pytest.approx(kept["clearance"])
+    result = reproduction("cylinder-claims")(Settings(seeds=8, policies=("a_star", "d2t_dijkstra")))
+    assert result.data["wrong"] == [] and result.holds
+    for found in result.data["policies"].values():
+        assert (found["reached"], found["unreachable"]) == (6, 2)
+
+
+def test_who_drives_neither_robot_is_refused_before_the_work() -> None:
+    assert [cylinder_claims.robots_of(name) for name in ("bug2", "a_star")] == [["holonomic", "jackal"]] * 2
+    for name, said in {"navigator": "was made for another robot", "buug2": "unknown policy 'buug2'"}.items():
+        with pytest.raises(ValueError, match=said):
+            reproduction("cylinder-claims")(Settings(seeds=4, policies=(name,)))
+
+
 @pytest.mark.parametrize("robot", cylinder_claims.DRIVEN)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_world_has_a_way_exactly_where_its_answer_says_so(robot: str, seed: int) -> None:
