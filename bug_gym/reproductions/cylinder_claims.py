@@ -36,18 +36,8 @@ POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
     *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map", "hd_bug", "point_bug", "k_bug", "e_bug"),
     *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug", "orca", "apf"),
-    *(
-        "minimum_risk",
-        "bfs",
-        "dijkstra",
-        "a_star",
-        "bidirectional_a_star",
-        "d_star",
-        "d_star_lite",
-        "theta_star",
-        "rrt_star",
-    ),
-    *("visibility_graph", "d2t_eaco", "d2t_dijkstra"),
+    *("minimum_risk", "bfs", "dijkstra", "a_star", "bidirectional_a_star", "d_star", "d_star_lite", "theta_star"),
+    *("rrt_star", "visibility_graph", "d2t_eaco", "d2t_dijkstra"),
 )
 """All that end by themselves in still worlds; planners are given the map."""
 
