@@ -118,11 +118,18 @@ def kept_in_process() -> Iterator[None]:
 
 
 def code_digest(code: Any) -> str:
-    """Digest of the file that code is written in, which tells whether it is still the same; "" where there is none."""
+    """Digest of the file that code is written in, which tells whether it is still the same.
+
+    In a notebook, whose cells are no files, that of its own lines; "" where nobody knows them.
+    """
+    code = getattr(code, "py_func", code)
     try:
-        written = Path(inspect.getsourcefile(getattr(code, "py_func", code)) or "").read_bytes()
-    except (TypeError, OSError):  # typed in by hand, or run without its source
-        return ""
+        written = Path(inspect.getsourcefile(code) or "").read_bytes()
+    except (TypeError, OSError):
+        try:
+            written = inspect.getsource(code).encode()
+        except (TypeError, OSError):  # typed in by hand, or run without its source
+            return ""
     return hashlib.sha256(written).hexdigest()[:16]
 
 

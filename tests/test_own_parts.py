@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import linecache
 import math
 import pickle
 import re
@@ -383,6 +384,35 @@ def test_an_evaluation_with_functions_of_ones_own_goes_on_until_their_file_chang
     module.write_text(module.read_text() + "# another one\n")
     with pytest.raises(ValueError, match=r"holds another run: .*code\."):
         evaluate("go_to_goal", named, episodes=1, out=out, trust=True)
+
+
+def of_a_notebook(cell: str, *, has_lines: bool = True) -> Any:
+    """The function `hurry` of a cell, whose lines a notebook knows and no file holds."""
+    place = f"<cell {hash(cell)}>"
+    if has_lines:
+        linecache.cache[place] = (len(cell), None, cell.splitlines(keepends=True), place)
+    typed: dict[str, Any] = {}
+    exec(compile(cell, place, "exec"), typed)
+    return typed["hurry"]
+
+
+def test_an_evaluation_with_a_function_of_a_notebook_goes_on_until_its_lines_change(tmp_path: Path) -> None:
+    def run(function: Any) -> int:
+        scenario = load("static", {"time.limit": 1.0}, reward_terms={"hurry": function})
+        return len(evaluate("go_to_goal", scenario, episodes=1, out=tmp_path / "rows"))
+
+    cell = "def hurry(steps):\n    return -{} * steps\n"
+    assert run(of_a_notebook(cell.format(0.1))) == run(of_a_notebook(cell.format(0.1))) == 1
+    with pytest.raises(ValueError, match=r"holds another run: .*code\."):
+        run(of_a_notebook(cell.format(0.2)))
+
+
+def test_nobody_can_go_on_with_a_function_whose_lines_nobody_knows(tmp_path: Path) -> None:
+    function = of_a_notebook("def hurry(steps):\n    return -0.3 * steps\n", has_lines=False)
+    scenario = load("static", {"time.limit": 1.0}, reward_terms={"hurry": function})
+    assert len(evaluate("go_to_goal", scenario, episodes=1, out=tmp_path / "rows")) == 1
+    with pytest.raises(ValueError, match=r"a run with reward_terms\.hurry, which is written in no file"):
+        evaluate("go_to_goal", scenario, episodes=1, out=tmp_path / "rows")
 
 
 def test_a_scenario_file_names_functions(named: Path) -> None:

@@ -22,7 +22,7 @@ from bug_gym.config import checked
 from bug_gym.evaluation.entries import ScenarioEntry
 from bug_gym.evaluation.failures import Failure
 from bug_gym.evaluation.lengths import Lengths, World
-from bug_gym.evaluation.plan import Plan
+from bug_gym.evaluation.plan import Plan, own_code
 from bug_gym.evaluation.records import LengthsRecord, Manifest
 from bug_gym.evaluation.rows import EpisodeRow, spl
 from bug_gym.files import HOLDER, LOCK, PARTIAL, append, from_json, one_writer, replaced_when_done, writable
@@ -131,6 +131,12 @@ class ResultFolder:
         objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
             raise ValueError(f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object")
+        for entry in self._plan.scenarios:
+            if nameless := [key for key, digest in own_code(entry.scenario).items() if not digest]:
+                raise ValueError(
+                    f"{self.path} holds a run with {nameless[0]}, which is written in no file: nobody can tell whether it is "
+                    "the same function"
+                )
 
     def _read_lengths(self) -> _Lines[tuple[World, list[float]]]:
         lines = _Lines(self.path / LENGTHS, self._length_of)
