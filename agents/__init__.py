@@ -214,15 +214,20 @@ def register(name: str, reference: str, *, family: str = "from outside") -> None
 
 @functools.cache
 def _installed() -> dict[str, Agent]:
-    """Policies of installed packages, by their entry points; one whose name is taken is left out with a word."""
+    """Policies of installed packages, by their entry points; one is left out with a word whose name is taken or is none."""
     found: dict[str, Agent] = {}
     for point in importlib.metadata.entry_points(group=GROUP):
         package = point.dist.name if point.dist else "?"
-        if point.name in AGENTS | TEAMS | found or not is_reference(point.value):
-            reason = "names no module:Class" if not is_reference(point.value) else "has a name that is taken"
-            logger.warning("policy %r of package %s is left out: %r %s", point.name, package, point.value, reason)
+        if not is_reference(point.value):
+            reason = "names no module:Class"
+        elif not re.fullmatch(r"[A-Za-z_][\w-]*", point.name):  # as `register` has it
+            reason = "has a name that cannot be one, expected letters, digits, _ and -"
+        elif point.name in AGENTS | TEAMS | found:
+            reason = "has a name that is taken"
         else:
             found[point.name] = Agent(point.value, "from outside", f"package {package}")
+            continue
+        logger.warning("policy %r of package %s is left out: %r %s", point.name, package, point.value, reason)
     return found
 
 
@@ -393,11 +398,25 @@ def _made_already(policy: Any, source: Any, parameters: Mapping[str, Any]) -> Po
             f"{type(single).__name__} was trained on observations that VecNormalize normalises, and would be asked about the "
             "env's own: expected an object whose predict normalises them first (`normalize_obs` of that VecNormalize)"
         )
+    _require_own_robot(single, source)
     agents = agents_of(source)
     if _is_of_sb3(single) and (fitting := _fitting_model(single, source)) is not single:
         policy = EachAlone(fitting, policy.agents) if isinstance(policy, EachAlone) else fitting
     made: Policy = EachAlone(policy, agents) if agents and not isinstance(policy, (EachAlone, TeamPolicy)) else policy
     return made
+
+
+def _require_own_robot(policy: Any, source: Any) -> None:
+    """Refuse a policy that was made for another robot: what it desires would mean something else, or come too late."""
+    sensors, told = getattr(policy, "sensors", None), type(policy).__name__
+    if not isinstance(sensors, Sensors):
+        return
+    if differs := list(sensors.differences(Sensors.of(source_scenario(source)))):
+        raise MisfitError(f"{told} was made for another robot: {'; '.join(differs)}")
+    takes, gives = space_of(source, "action"), getattr(policy, "discrete", None)
+    if takes is not None and gives is not None and gives is not is_discrete(source):
+        kinds = {True: "numbers of discrete actions", False: "velocities"}
+        raise MisfitError(f"{told} was made to answer with {kinds[gives]}, the env takes {kinds[not gives]}")
 
 
 def _is_of_sb3(policy: Any) -> bool:

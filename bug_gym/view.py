@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from dataclasses import fields as fields_of
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -106,6 +107,25 @@ class Sensors:
             dropout=most_of(lidar.dropout),
             min_range=most_of(lidar.min_range),
         )
+
+    def differences(self, other: Sensors) -> Iterator[str]:
+        """Each thing in which another robot differs for a driver, as "max_speed 1.0, not 2.0"; data sheets do not count.
+
+        Nor do peers: who knows none sees them as movers.
+        """
+        names = [one.name for one in fields_of(Drive)]
+        pairs: list[tuple[str, Any, Any]] = [
+            (name, getattr(self.drive, name), getattr(other.drive, name)) for name in names
+        ]
+        for name in ("radius", "footprint", "range"):
+            pairs.append((name, getattr(self, name), getattr(other, name)))
+        pairs.append(("beams", len(self.angles), len(other.angles)))
+        pairs.append(("first angle", float(self.angles[0]), float(other.angles[0])))
+        pairs.append(("angle between beams", self.beam_spacing, other.beam_spacing))
+        mine, theirs = ({one.name: one.end - one.begin for one in robot.fields} for robot in (self, other))
+        pairs += [(f"numbers of {name}", mine.get(name, 0), theirs.get(name, 0)) for name in mine | theirs]
+        left_out = ("numbers of ranges", "numbers of peers")
+        yield from (f"{name} {one}, not {two}" for name, one, two in pairs if one != two and name not in left_out)
 
     @cached_property
     def width(self) -> int:

@@ -179,6 +179,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
             memory.time += drive.step
         memory.cost.go_on(view.pose, drive.max_speed, drive.max_turn_rate if self.turns else math.inf)
         memory.circle = (*view.to_odometry(self.circle.ahead, self.circle.left), self.circle.radius)
+        moved = 0.0 if memory.goal_seen is None else math.dist(memory.goal_seen, view.goal_position)
+        memory.goal_seen, memory.goal_shift = view.goal_position, math.atan2(moved, view.goal_distance)
         if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
             memory.goal = view.goal_position
             memory.traversed.clear()
@@ -511,7 +513,9 @@ class OperativeCriticalPointBug(ScriptedPolicy):
     def _drive(self, view: View, memory: OperativeMemory, leg: Leg, mode: str) -> Velocity:
         """Velocity along a leg: a turn on the spot, then straight on."""
         drive = self.sensors.drive
-        if self.turns and abs(leg.heading) > ALIGNED:
+        # A goal that moves across is never ahead to a degree: it is led by what it moves meanwhile.
+        aligned = ALIGNED + (2.0 * memory.goal_shift if mode == "motion_to_goal" else 0.0)
+        if self.turns and abs(leg.heading) > aligned:
             memory.mode = "motion_to_goal" if mode == "motion_to_goal" else "rotation"
             return velocity_along(leg.heading, CREEP)
         memory.mode = mode

@@ -76,6 +76,10 @@ class OperativeMemory(Memory):
     """The same by open points."""
     time: float = 0.0
     """Time of the episode [s]."""
+    goal_seen: Point | None = None
+    """Where the goal was at the last decision, odometry frame [m]."""
+    goal_shift: float = 0.0
+    """By how much its bearing has changed since by its own motion, at most [rad]."""
     goal: Point | None = None
     """Where the target was when all this was remembered."""
     critical: CriticalPoint | None = None

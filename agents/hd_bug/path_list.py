@@ -49,6 +49,8 @@ class PathNode:
     """Way travelled until there [m]."""
     previous: PathNode | None = field(default=None, repr=False)
     following: PathNode | None = field(default=None, repr=False)
+    came_from: PathNode | None = field(default=None, repr=False)
+    """The node that the robot was at before: not the previous one where it had gone back over the list."""
     doors: list[Door] = field(default_factory=list, repr=False)
     """Its open doors; without any it is closed."""
 
@@ -107,7 +109,7 @@ class PathList:
         number = len(self.nodes)
         if number == len(self._places):
             self._grow()
-        node = PathNode(number, place, odometer, previous=self.last)
+        node = PathNode(number, place, odometer, previous=self.last, came_from=self.here)
         if self.last is None:
             self.first = node
         else:

@@ -201,7 +201,7 @@ class HDBug(ScriptedPolicy):
         points += [(*closing.place, "closed") for closing in memory.closed]
         points.append((*memory.chosen, "chosen"))
         followed = self.circumnavigation.draw(memory)
-        segments = [(*a.place, *a.following.place, "list") for a in path if a.following is not None]
+        segments = [(*a.came_from.place, *a.place, "list") for a in path if a.came_from is not None]
         way = [memory.pose[:2], *(path.nodes[number].place for number in memory.way)]
         segments += [(*a, *b, "way") for a, b in zip(way, way[1:], strict=False)]
         for future in memory.forecast:

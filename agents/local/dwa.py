@@ -143,7 +143,8 @@ class DWA(ScriptedPolicy):
             return velocity_along(second, speed)
         if self.window.is_steered:
             return self._steered(view, memory, speeds, scores, (speed, speed * second))
-        if self._is_stuck(view, memory, speeds, scores):
+        turns_on = memory.side != 0 and speed < LEAST * self.sensors.drive.max_speed
+        if self._is_stuck(view, memory, speeds, scores) or turns_on:
             memory.mode = "turning"
             speed, second = 0.0, memory.side * self.window.turn_rate
         else:

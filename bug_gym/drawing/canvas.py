@@ -336,14 +336,11 @@ class Canvas:
             free = (one for one in places if inner.contains(one) and one.collidelist(written) < 0)
             if (place := next(free, None)) is not None:
                 written.append(place)
-                behind = game.Surface(place.size)
-                behind.fill(PAGE)
-                behind.set_alpha(170)
-                small.blit(behind, place)
+                self._fade(small, tuple(place))
                 small.blit(text, place)
 
     def _write_legend(self, small: pygame.Surface, samples: Sequence[Sample]) -> None:
-        """Below the world: a bar for scale on the right, and the labels of a drawing for which there is room left."""
+        """Below the world: a bar for scale on the right, and the labels of a drawing; where they are many, over it too."""
         draw, column, middle = load_pygame().draw, self.margin, self.height - 0.5 * self.margin
         metres = round_length(0.15 * self.width / self.view.scale)
         text, right = self._text(f"{metres:g} m", FAINT), self.width - self.margin
@@ -352,14 +349,28 @@ class Canvas:
         left -= text.get_width() + 0.25 * self.margin
         small.blit(text, (left, middle - 0.5 * text.get_height()))
         brush, width, height = Brush(small, self.view, self.unit), 0.75 * self.margin, 0.4 * self.margin
+        bottom, room = True, left - 0.5 * width
         for sample in samples:
             text = self._text(sample.label.replace("_", " "), INK)
-            end = column + 1.25 * width + text.get_width()
-            if end > left - 0.5 * width:
-                return
+            long = 1.25 * width + text.get_width()
+            if column + long > room and column > self.margin:
+                bottom, column, middle, room = False, self.margin, middle - 0.9 * self.margin, right
+            if not bottom:
+                self._fade(
+                    small, (column - 0.25 * width, middle - 0.45 * self.margin, long + 0.5 * width, 0.9 * self.margin)
+                )
             paint_sample(brush, sample, column, middle, width, height)
             small.blit(text, (column + 1.25 * width, middle - 0.5 * text.get_height()))
-            column = end + 0.5 * width
+            column += long + 0.5 * width
+
+    def _fade(self, small: pygame.Surface, place: tuple[float, float, float, float]) -> None:
+        """Make what is in a rectangle (left, top, width, height) pale, so that it can be written on."""
+        game = load_pygame()
+        area = game.Rect(*place)
+        behind = game.Surface(area.size)
+        behind.fill(PAGE)
+        behind.set_alpha(170)
+        small.blit(behind, area)
 
     def _text(self, text: str, color: Color) -> pygame.Surface:
         """Text on a surface of its own."""

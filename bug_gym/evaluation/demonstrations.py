@@ -158,7 +158,7 @@ class Extras(NamedTuple):
 
 
 class RandomByWorld(Random):
-    """The random policy with other draws in each world; by itself it draws the same in all of them."""
+    """The random policy with draws by the world's seed in place of the first observation, as datasets have had them."""
 
     def __init__(self, simulation: Simulation, **parameters: Any) -> None:
         super().__init__(Sensors.of(simulation.scenario), **parameters)

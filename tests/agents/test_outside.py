@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -156,7 +157,7 @@ def test_a_class_and_an_object_are_policies() -> None:
 def test_several_robots_have_a_policy_from_outside_each() -> None:
     env = parallel_env(scenario=PAIR)
     assert isinstance(make_policy(Straight, env), EachAlone)
-    alone = make_policy(Straight, Simulation("static"))
+    alone = make_policy(Straight, Simulation({key: value for key, value in PAIR.items() if key != "robots"}))
     assert isinstance(make_policy(alone, env), EachAlone)
     each = make_policy(Straight, env)
     assert make_policy(each, env) is each
@@ -188,6 +189,21 @@ def test_an_installed_package_offers_policies(
     assert [record.args[0] for record in caplog.records if record.args] == ["bug2", "odd"]  # type: ignore[index]
     assert main(["list", "policies"]) == 0
     assert "from outside; package their-package" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["a,b", "col:on", "two words", "1bug", "a/b"])
+def test_an_offer_whose_name_no_command_can_take_is_left_out_with_a_word(
+    name: str, place: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ValueError, match="expected letters, digits, _ and -"):
+        register(name, "my_bug.py:MyBug")
+    install(place, f"{name} = my_bug:MyBug\ntheir-bug_2 = my_bug:MyBug")
+    assert main(["list", "policies"]) == 0
+    told = capsys.readouterr().out
+    assert "their-bug_2" in told and name not in told and name not in known_agents()
+    (warning,) = [record.getMessage() for record in caplog.records]
+    left_out = f"policy {name!r} of package their-package is left out: 'my_bug:MyBug' has a name that cannot be one"
+    assert warning == f"{left_out}, expected letters, digits, _ and -"
 
 
 @pytest.mark.parametrize(
@@ -470,6 +486,21 @@ def test_a_new_policy_is_a_file_that_runs_and_a_test_that_passes(
     assert done.returncode == 0, done.stdout + done.stderr
     assert main(["new", "policy", "fine_bug"]) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("folder", ["my bugs", "bug's own", "it's $HOME", "plain"])
+def test_a_shell_takes_the_lines_that_run_a_new_policy_as_they_are_told(
+    place: Path, folder: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "policy", "fine_bug", "--folder", folder]) == 0
+    _, *lines = capsys.readouterr().out.splitlines()
+    assert [line[:9] for line in lines] == ["run it:  ", "see it:  ", "test it: "]
+    run, see, test = (shlex.split(line[9:]) for line in lines)
+    policy = f"{folder}/fine_bug.py:FineBug"
+    assert run == ["bug-gym", "evaluate", "--scenario", "static", "--policies", f"bug2,{policy}"]
+    assert see == ["bug-gym", "render", policy, "static", "--out", "fine_bug.png"]
+    assert test == ["python", "-m", "pytest", f"{folder}/test_fine_bug.py"] and Path(test[-1]).exists()
+    assert main([*run[1:], "--episodes", "1"]) == 0
 
 
 @pytest.mark.parametrize(("name", "message"), [("bug2", "taken"), ("My-Bug", "expected"), ("class", "expected")])

@@ -433,6 +433,23 @@ def test_the_legend_shows_a_dashed_line_for_a_dashed_line_and_the_mark_of_a_poin
     assert heights[1][-1] > heights[1][0] and heights[2][len(heights[2]) // 2] > heights[2][-1]  # a triangle, a diamond
 
 
+def test_the_legend_tells_all_labels_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[tuple[str, float, float]] = []
+    paint = rendering.paint_sample
+
+    def painted(pen: Any, sample: Any, x: float, y: float, *size: float) -> None:
+        told.append((sample.label, x, y))
+        paint(pen, sample, x, y, *size)
+
+    monkeypatch.setattr(rendering, "paint_sample", painted)
+    labels = list(brush.LABEL_COLORS)
+    canvas = Canvas(yard(), size=300)
+    canvas.draw(Drawing(points=[(1.0, 0.0, label) for label in labels]))
+    assert [label for label, *_ in told] == labels
+    assert len({(x, y) for _, x, y in told}) == len(labels)
+    assert all(0.0 <= x < canvas.width and 0.0 <= y < canvas.height for _, x, y in told)
+
+
 def test_no_two_labels_of_a_policy_look_the_same() -> None:
     """Hit and leave, cheap and dear, chosen and way: told apart by mark or kind as well as by colour."""
     for one, other in (("hit", "leave"), ("cheap", "dear"), ("candidate", "chosen"), ("closed", "candidate")):

@@ -335,7 +335,7 @@ def test_parameters_reach_the_policy_under_a_label_of_its_own() -> None:
         ([("a", "bug0", {"turm": "left"})], "did you mean 'turn'"),
         ([3], "expected a name"),
         ([], "no policies"),
-        ([GivesUp(Sensors.of(load("disc")))], "made for 360 beams"),
+        ([GivesUp(Sensors.of(load("disc")))], "made for another robot: .*beams 360, not 64"),
     ],
 )
 def test_bad_policies_are_told_before_anything_is_written(policies: Any, message: str, tmp_path: Path) -> None:

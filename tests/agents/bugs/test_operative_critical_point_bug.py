@@ -55,6 +55,17 @@ def test_legs_that_are_looked_at_again_touch_nothing_and_are_no_longer_than_the_
     assert episode.full_length <= longest + tolerance(longest)
 
 
+@pytest.mark.parametrize("velocity", [(0.0, 0.4), (0.0, -0.4), (0.3, 0.3), (-0.4, 0.0), (0.4, 0.0)])
+def test_in_the_open_it_never_stands_before_a_target_that_moves(velocity: tuple[float, float]) -> None:
+    """Pure pursuit of a target at v takes at most the distance over the difference of speeds, and the turns of half a round."""
+    target = {"at": [10, 0], "motion": {"law": "bounce", "velocity": list(velocity)}}
+    world = {"family": "explicit", "bounds": [-60, -60, 60, 60], "start": [0, 0, 0], "target": target}
+    episode = run_episode("ocpb", {"world": world, "robot": {"kinematics": "differential"}, "time": {"limit": 60.0}})
+    drive = episode.simulation.scenario.robot
+    assert episode.outcome == "success"
+    assert 0.1 * len(episode.path) <= 10.0 / (1.0 - math.hypot(*velocity)) + math.pi / float(drive.max_turn_rate)
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("turn", ["left", "right"])
 def test_of_two_equal_sub_goals_that_on_the_side_of_the_turn_is_taken(turn: str, mirrored: bool) -> None:

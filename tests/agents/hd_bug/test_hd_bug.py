@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
+import shapely
 from episodes import CLOSED_FORM_SENSORS, Disc, Episode, Slab, UTrap, canonical_world, run_episode
 
 from bug_gym.agents import make_policy
@@ -20,6 +21,7 @@ from bug_gym.agents.hd_bug.perceive import Scene
 from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.config import load
 from bug_gym.reproductions import hd_bug_tables
+from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -166,6 +168,21 @@ def test_it_goes_back_over_its_list_out_of_the_hook() -> None:
     assert "backtracking" in episode.modes and episode.memory.closed
     assert len(episode.memory.path) <= episode.length / 0.5 + 30
     assert episode.memory.odometer == pytest.approx(episode.length, abs=0.2)
+
+
+@pytest.mark.parametrize(("scenario", "seed"), [("ring", 0), ("rooms", 0), ("hook", 0)])
+def test_the_list_is_drawn_where_the_robot_went_and_through_no_wall(scenario: str, seed: int) -> None:
+    """Nodes made one after the other may lie on both sides of a wall, where it went back to an older one in between."""
+    limits = {"robot.kinematics": "differential", "time.limit": 300.0}
+    episode = run_episode("hd_bug", scenario, limits, seed=seed)
+    policy: Any = make_policy("hd_bug", episode.simulation)
+    layout = draw_layout(episode.simulation.scenario, seed, 0)
+    walls = shapely.union_all([shapely.Polygon(shell, holes) for shell, *holes in layout.polygons])
+    x, y, heading = layout.starts[0]
+    rows = [row[:4] for row in policy.draw(episode.memory).segments if row[-1] == "list"]
+    cos, sin = math.cos(heading), math.sin(heading)
+    ends = np.array(rows).reshape(-1, 2, 2) @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+    assert len(ends) >= 3 and not shapely.intersects(shapely.linestrings(ends), walls).any()
 
 
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic", "ring"])

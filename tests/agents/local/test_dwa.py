@@ -257,6 +257,15 @@ def test_the_side_of_a_turn_is_kept_until_a_velocity_gets_on() -> None:
     assert not policy._is_stuck(view, DWAMemory(), 0.01 * speeds, none)
 
 
+def test_before_the_end_of_a_trap_it_turns_on_instead_of_to_and_fro() -> None:
+    """What it would rather do than turn on is stand, looking at the goal: it had gone to and fro between the two."""
+    episode = run_episode("dwa", "u_trap", {"robot.kinematics": "differential"}, max_steps=600)
+    turned = np.diff(np.unwrap(episode.path[:, 2]))
+    back = np.sign(turned[1:]) * np.sign(turned[:-1]) < 0
+    stands = np.hypot(*np.diff(episode.path[:, :2], axis=0).T) < 0.005
+    assert (back & stands[1:] & stands[:-1]).sum() <= 10
+
+
 @pytest.mark.parametrize("kinematics", ["differential", "ackermann"])
 def test_who_gets_on_forgets_which_way_it_turned(kinematics: str) -> None:
     simulation = Simulation({"world": {**BOX, "goal": [11, 0]}}, overrides={"robot.kinematics": kinematics})
