@@ -89,6 +89,7 @@ class Demonstrations:
             "actions": ("f", [(steps, 2)]),
             "rewards": ("f", [(steps,)]),
             "modes": ("S", [(steps,), (0,)]),
+            "points": ("f", [(steps, 2, 2), (0, 2, 2)]),
             "shortest": ("f", [(worlds,), (0,)]),
         }
         for name, (kind, shapes) in expected.items():

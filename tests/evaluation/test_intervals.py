@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import binom, norm, trim_mean
 
-from bug_gym.evaluation.rows import OUTCOMES, EpisodeRow
+from bug_gym.evaluation.rows import FIELD_TYPES, OUTCOMES, EpisodeRow
 from bug_gym.evaluation.summary import COMPARED, OVERALL, Summary, compare, paired_difference, summarise
 from bug_gym.intervals import (
     exact_mcnemar,
@@ -264,6 +264,20 @@ def test_time_is_compared_where_both_succeeded() -> None:
     theirs = [row("b", 1, time=6.0), row("b", 2, time=8.0), row("b", 3, "timeout", time=60.0)]
     result = paired_difference(ours, theirs, "time")
     assert (result.n, result.mean) == (1, 3.0) and isnan(result.low)
+
+
+@pytest.mark.parametrize("field", ["steps", "path_length", "time_ratio", "min_clearance", "turns", "total_turning"])
+def test_nothing_that_a_failure_cuts_short_is_compared_with_a_success(field: str) -> None:
+    """A crash after a second is no short way with few turns."""
+    kind = FIELD_TYPES[field]
+    ours = [row("a", 1, **{field: kind(3)}), row("a", 2, "collision", **{field: kind(0)}), row("a", 3)]
+    theirs = [
+        row("b", 1, **{field: kind(1)}),
+        row("b", 2, **{field: kind(9)}),
+        row("b", 3, "timeout", **{field: kind(0)}),
+    ]
+    result = paired_difference(ours, theirs, field)
+    assert (result.n, result.mean) == (1, 2.0)
 
 
 def test_a_field_that_no_pair_has_gives_nan_over_no_pairs() -> None:

@@ -19,6 +19,7 @@ from episodes import (
     goal_distances,
     in_world,
     run_episode,
+    scene,
     tolerance,
 )
 from numpy.typing import NDArray
@@ -282,6 +283,24 @@ def test_where_the_way_back_is_blocked_the_other_hand_takes_the_wall() -> None:
     assert walk_back(policy.boundary, view, memory) is None
     assert memory.contour is not None and (memory.contour.side, memory.contour.wall) == (-1, (0.8, 0.3))
     assert not memory.is_turning
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_through_a_gap_that_the_body_alone_passes_it_goes_back_where_nothing_has_moved(moved: bool) -> None:
+    """It came through it; where something has moved it may be narrower by now."""
+    beside = 0.26
+    discs = [[0.1, side * (beside + 0.3), 0.3] for side in (1, -1)]
+    simulation = Simulation(scene(circles=discs) | {"robot": {"kinematics": "holonomic", "radius": 0.2}})
+    policy = make_policy("alg1", simulation, clearance=0.5)
+    assert isinstance(policy, Alg1)
+    boundary = policy.boundary
+    assert boundary.body_radius < beside < boundary.safe_radius
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    hit_and_trace(boundary, view, memory, 1, 0.0).is_disturbed = moved
+    memory.is_turning = True
+    memory.trace = [Mark((1.0, 0.0), (1.0, 0.5)), Mark((0.1, 0.0), (0.1, beside))]
+    assert (walk_back(boundary, view, memory) is None) == moved
+    assert memory.is_turning == (not moved)
 
 
 # ------------------------------------------------------------------------------------------ what always holds

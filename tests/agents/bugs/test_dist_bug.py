@@ -22,6 +22,8 @@ from episodes import (
 
 from bug_gym.agents import make_policy
 from bug_gym.config import load
+from bug_gym.simulation import Simulation
+from bug_gym.view import View
 
 SLAB, DISC, TRAP = Slab(), Disc(), UTrap()
 CASES = [
@@ -170,6 +172,24 @@ def test_a_robot_that_swerves_into_what_it_saw_a_way_past_still_arrives(seed: in
     """In these mazes a differential robot leaves in a curve, and meets a wall before the scan said so."""
     settings = {"world.loops": 0.3, "lidar.beams": 180, "time.limit": 600.0}
     assert run_episode("dist_bug", "maze", settings, seed=seed).outcome == "success"
+
+
+def test_a_scan_that_promised_too_much_is_believed_half_as_far_until_a_hit_is_nearer_than_all_before() -> None:
+    simulation = Simulation(canonical_world("slab"))
+    policy: Any = make_policy("dist_bug", simulation, r_max=8.0)
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    here, step = view.goal_distance, policy.boundary.step
+
+    def trust_after_hit(promised: float) -> float:
+        """How far the scan is believed after a hit here, where the next wall was seen so far from the goal [m]."""
+        memory.promised = promised
+        policy._hit(view, memory)
+        return float(memory.trust)
+
+    assert [trust_after_hit(promised) for promised in (math.inf, here - 3.0 * step)] == [math.inf, 4.0]
+    assert [trust_after_hit(promised) for promised in (here - step, here - 3.0 * step)] == [4.0, 2.0]
+    memory.best = here + 1.0
+    assert trust_after_hit(here) == math.inf
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.k_bug import KBug
 from bug_gym.agents.walls.vertex_chain import chain_past, tangent
 from bug_gym.geometry import F64, Point
+from bug_gym.simulation import Simulation
 
 C, LEAST = 0.5, 0.45
 GOAL = (20.0, 0.0)
@@ -171,6 +172,24 @@ def test_one_vertex_alone_would_choose_the_other_side_of_the_bag() -> None:
     assert tips[0] < tips[1]
     episode = run_episode("e_bug", world(BAG, INSIDE), clearance=C, max_steps=2)
     assert episode.memory.sub_goals[0][1] > 0.0
+
+
+@pytest.mark.parametrize(("elsewhere", "sides"), [(2.0, [-1, 1, -1, 1]), (0.0, [-1, -1, -1, -1])])
+def test_at_a_collision_point_met_again_it_takes_the_other_side(elsewhere: float, sides: list[int]) -> None:
+    """Once it has been elsewhere in between; else it is the same collision, looked at again."""
+    simulation = Simulation(world(BOX), 1)
+    policy = make_policy("k_bug", simulation, clearance=C)
+    flat, state = simulation.reset(seeds=[0]), None
+    while state is None or len(state[0].collisions) < len(sides):
+        known = 0 if state is None else len(state[0].collisions)
+        action, state = policy.predict(flat[:, 0], state)
+        assert state is not None
+        memory: Any = state[0]
+        if len(memory.collisions) > known:
+            memory.corner, memory.mode = None, "motion_to_goal"
+            memory.odometer += elsewhere
+        flat = simulation.step(0.0 * action[:, None]).observation
+    assert [collision.side for collision in memory.collisions] == sides
 
 
 def first_steps(polygon: Polygon, start: Point) -> Episode:

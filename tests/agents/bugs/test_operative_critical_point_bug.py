@@ -12,8 +12,10 @@ from episodes import Episode, canonical_world, run_episode, scene, tolerance, wi
 
 from bug_gym import kernels
 from bug_gym.agents import make_policy
-from bug_gym.agents.bugs.operative_critical_point_bug import OperativeCriticalPointBug
-from bug_gym.agents.critical_points.circle import leg_along
+from bug_gym.agents.bugs.operative_critical_point_bug import OperativeCriticalPointBug, Sight
+from bug_gym.agents.critical_points.circle import leg_along, leg_to
+from bug_gym.agents.critical_points.meeting import Mover
+from bug_gym.agents.critical_points.memory import CriticalPoint, LastEnd
 from bug_gym.agents.walls.boundary import WAIT
 from bug_gym.config import load
 from bug_gym.policy import STANDING
@@ -186,6 +188,63 @@ def test_an_obstacle_that_is_gone_by_then_is_left_alone() -> None:
     assert episode.outcome == "success"
     assert len(episode.memory.movers) == 1 and not episode.memory.avoided
     assert episode.full_length == pytest.approx(10.0, abs=0.01)
+
+
+def beginning(scenario: dict[str, Any], policy: str = "ocpb") -> tuple[Any, View, Any]:
+    """A holonomic bug, what it sees at first, and its memory of that."""
+    simulation = Simulation(scenario | {"robot": {"kinematics": "holonomic"}})
+    bug: Any = make_policy(policy, simulation, clearance=C)
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], bug.sensors), bug.start()
+    if policy == "ocpb":
+        bug._advance(view, memory)
+    return bug, view, memory
+
+
+@pytest.mark.parametrize("policy", ["ocpb", "modified_critical_point_bug"])
+@pytest.mark.parametrize(("x", "meets"), [(5.0, True), (9.0, True), (12.0, False)])
+def test_an_obstacle_is_met_on_the_way_to_the_goal_and_not_beyond_it(x: float, meets: bool, policy: str) -> None:
+    """It crosses the line through start and goal when the robot would be there, at 1 m/s each."""
+    bug, view, memory = beginning(scene(), policy)
+    mover = Mover(7, (x, -x), (0.0, 1.0), 0.4)
+    if policy == "ocpb":
+        assert bug._meetings(view, memory, Sight([mover], None, *view.points)) == meets
+    else:
+        bug._note_meetings(view, memory, [mover])
+    assert list(memory.virtual) == ([7] if meets else [])
+
+
+def test_who_is_avoided_already_may_come_as_near_as_along_a_leg() -> None:
+    """Beside it the robot would turn back else."""
+    bug, view, memory = beginning(scene())
+    middle = 0.5 * (bug.near + bug.circle.radius) + 0.4
+    sight = Sight([Mover(7, (8.0, middle), (-1.0, 0.0), 0.4)], None, *view.points)
+    assert bug._meetings(view, memory, sight) and not bug._meetings(view, memory, sight)
+    sight = Sight([Mover(7, (8.0, middle - 0.5 * bug.circle.radius), (-1.0, 0.0), 0.4)], None, *view.points)
+    assert bug._meetings(view, memory, sight) and bug._meetings(view, memory, sight)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_leg_that_takes_too_long_is_given_up_and_its_sub_goal_not_taken_again(late: bool) -> None:
+    bug, view, memory = beginning(scene())
+    place, open_point = (3.0, 2.0), LastEnd((3.0, 2.0 - C), 1)
+    memory.time = 9.0
+    critical = CriticalPoint(place, open_point, 8.9 if late else 9.1)
+    memory.critical = critical
+    velocity = bug._go_on(view, memory, Sight([], None, *view.points), critical)
+    leg = leg_to(bug.circle, place, turns=False)
+    assert leg is not None and bug._is_new(view, memory, leg) == (not late)
+    assert (velocity is None and memory.critical is None) == late
+
+
+def test_sub_goals_of_open_points_that_have_given_one_come_last() -> None:
+    """Of the two ends of a slab that of the nearer sub-goal comes first, until it has led to one."""
+    bug, view, memory = beginning(canonical_world("slab"))
+    reading = bug.scanner.read(view, None, ())
+    first, *others = bug._in_order(view, memory, reading, only_virtual=False)
+    memory.used.append(LastEnd(view.to_odometry(*first.end.point), -first.end.side))
+    assert bug._in_order(view, memory, reading, only_virtual=False)[0] == first
+    memory.used.append(LastEnd(view.to_odometry(*first.end.point), first.end.side))
+    assert bug._in_order(view, memory, reading, only_virtual=False) == [*others, first] and others
 
 
 def test_by_the_printed_times_the_same_obstacle_is_missed_or_a_false_alarm() -> None:
@@ -379,6 +438,24 @@ def test_the_cost_of_a_way_is_its_length_and_its_turns_in_seconds(kinematics: st
     assert cost.moving == pytest.approx(length / 0.5, rel=1e-3)
     assert cost.rotating == pytest.approx(turned / rate if kinematics == "differential" else 0.0, rel=1e-2, abs=1e-9)
     assert cost.total == pytest.approx(cost.moving + cost.rotating + cost.detecting)
+
+
+def test_a_mover_that_is_found_costs_the_time_between_two_looks_once() -> None:
+    """It is left alone, so that nothing is waited for."""
+    episode = run_episode("ocpb", with_mover([8.0, -1.5], [0.0, 0.7]), clearance=C)
+    policy: Any = make_policy("ocpb", episode.simulation, clearance=C)
+    assert len(episode.memory.movers) == 1 and "waiting" not in episode.modes
+    assert episode.memory.cost.detecting == pytest.approx(policy.interval)
+    assert run_episode("ocpb", canonical_world("slab"), clearance=C).memory.cost.detecting == 0.0
+
+
+def test_what_is_waited_for_costs_as_long_as_it_is() -> None:
+    simulation = Simulation(scene(circles=[[0.5, 0.0, 0.2]]))
+    policy: Any = make_policy("ocpb", simulation)
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    for number in range(1, 20):
+        policy._drive(view, memory, leg_along(policy.circle, 0.0, 5.0, turns=False), "motion_to_critical_point")
+        assert memory.cost.detecting == pytest.approx(number * policy.sensors.drive.step)
 
 
 def test_a_differential_robot_turns_on_the_spot_and_goes_straight() -> None:

@@ -13,6 +13,9 @@ from episodes import Episode, run_episode
 from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.agents.local.navigator import ROOM, Avoidance, Navigator, NavigatorParameters
+from bug_gym.agents.planning.follow import Scene
+from bug_gym.agents.planning.route import Route
+from bug_gym.agents.planning.vo_follower import VelocityObstacleFollower
 from bug_gym.evaluation import evaluate
 from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
@@ -291,6 +294,28 @@ def test_head_on(policy: str, avoidance: str, kinematics: str) -> None:
     # Half planes leave half of the avoiding to the other, who does none of it here; the rest comes step by step.
     assert episode.outcome == "success" and episode.min_clearance >= (MARGIN - 0.02 if avoidance == "vo" else 0.05)
     assert episode.length <= 21.0
+
+
+@pytest.mark.parametrize(
+    ("post", "along"), [(None, 1.0), ((0.25, 0.35), 0.5), ((0.5, 0.15), 0.25)], ids=["open", "a bend", "beside it"]
+)
+def test_on_a_way_with_a_bend_the_place_ahead_is_the_first_that_the_body_comes_to_straight(
+    post: tuple[float, float] | None, along: float
+) -> None:
+    """The way leads 0.6 m on and then left; a post stands within the bend, and the body is 0.2 m wide to either side."""
+    circles = [] if post is None else [[*post, 0.01]]
+    world = {"family": "explicit", "bounds": [-5, -5, 9, 5], "circles": circles, "start": [0, 0, 0], "goal": [8, 0]}
+    simulation = Simulation(
+        {"world": world, "robot": {"kinematics": "holonomic", "radius": 0.2}, "lidar": {"beams": 720}}
+    )
+    sensors = Sensors.of(simulation.scenario)
+    view = View(simulation.reset(seeds=[0])[0, 0], sensors)
+    route, follower = (
+        Route(np.array([[0.0, 0.0], [0.6, 0.0], [0.6, 3.0]]), margin=0.0),
+        VelocityObstacleFollower(sensors),
+    )
+    place, found = follower._target(route, view, Scene((0.0, 0.0, 0.0), (0.6, 3.0), None), ROOM)
+    assert found == along and place == pytest.approx(route.at(along))
 
 
 @pytest.mark.parametrize("planner", ["a_star", "d_star_lite", "rrt_star", "visibility_graph"])

@@ -12,6 +12,7 @@ from episodes import run_episode
 from shapely.affinity import translate as moved
 
 from bug_gym.agents import make_policy
+from bug_gym.agents.local.navigator import Navigator, NavigatorParameters
 from bug_gym.agents.planning import triangulated
 from bug_gym.agents.planning.a_star import a_star
 from bug_gym.agents.planning.ants import Colony, eaco
@@ -150,6 +151,13 @@ def test_the_policy_takes_what_pulls_the_way_taut_as_a_parameter(optimiser: str)
     policy = make_policy("d2t_eaco", Simulation("static"), optimiser=optimiser, ants=7, levy_rate=0.0)
     assert isinstance(policy, D2TEaco)
     assert policy.manner.optimiser == optimiser and policy.manner.colony.ants == 7
+
+
+def test_its_follower_avoids_movers_as_its_parameters_say_and_leaves_what_stands_to_the_way() -> None:
+    settings = {"avoidance": "orca", "mover_horizon": 1.7, "mover_margin": 0.35}
+    policy: Any = make_policy("d2t_eaco", Simulation("static"), **settings)
+    own = NavigatorParameters(avoidance="orca", horizon=1.7, mover_margin=0.35, still_horizon=0.0)
+    assert policy.follower.navigator.robot == Navigator(policy.sensors, own).robot
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from bug_gym.agents.potential_field.field import FieldParameters
 from bug_gym.agents.potential_field.turning import Turning
 from bug_gym.agents.potential_field.wall_follower import expected_bearing
 from bug_gym.simulation import Simulation
+from bug_gym.view import View
 from bug_gym.worlds.oni_wang import ONI_WANG_PLACES, ONI_WANG_POLYGON
 
 POLICY = "apf_wall_following"
@@ -460,6 +461,41 @@ def test_shut_in_itself_it_says_so_after_a_lap_and_one_with_a_closer_hand(turn: 
     episode = run_episode(POLICY, "ring", settings, clearance=0.5, turn=turn, approach=approach)
     assert episode.verdict == "unreachable"
     assert episode.length == pytest.approx(RING.first_inside + 2.0 * RING.lap_inside, rel=0.15)
+
+
+def before_a_wall(x: float) -> tuple[Any, View, Any]:
+    """A policy, what it sees from (x, 0) of a wall at 5 m across the way to the goal, and its memory."""
+    scenario = long_wall()
+    scenario["world"] |= {"start": [x, 0, 0], "goal": [15, 0]}
+    simulation = Simulation(scenario)
+    policy: Any = make_policy(POLICY, simulation, clearance=0.5)
+    return policy, View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize(("turns", "verdict"), [(4.9, ""), (5.1, "looping")])
+def test_who_has_turned_five_times_along_one_wall_and_passed_no_gate_again_goes_in_circles(
+    turns: float, verdict: str, side: int
+) -> None:
+    policy, view, memory = before_a_wall(4.5)
+    contour = policy.boundary.lay_hand(view, 1, 0.0)
+    policy._watch(view, memory, contour, turning(total=side * turns * 2.0 * math.pi))
+    assert memory.verdict == verdict and memory.mode == "potential_field"
+
+
+@pytest.mark.parametrize(
+    ("x", "away", "why", "waits"),
+    [(0.0, 0.9, "force", True), (0.0, 1.1, "force", False), (0.0, 0.9, "swing", False), (4.75, 0.9, "away", False)],
+    ids=["just left", "farther on", "for long", "blocked at once"],
+)
+def test_who_has_just_left_a_wall_takes_nothing_for_a_minimum_within_two_clearances(
+    x: float, away: float, why: str, waits: bool
+) -> None:
+    """The forces of that wall still hold it; but for what blocks the way at once, or holds it for three seconds."""
+    policy, view, memory = before_a_wall(x)
+    assert not policy._has_just_left(view, memory)
+    memory.leaves, memory.minimum.why = [view.to_odometry(-away, 0.0)], why
+    assert policy._has_just_left(view, memory) == waits
 
 
 # ---------------------------------------------------------------------------------------------- drift and movers

@@ -305,6 +305,19 @@ def test_after_three_seconds_it_is_a_swing_whatever_else_it_is() -> None:
     assert looks((0.04, 0.0), 0.0, count=20, first=False).why == "force"
 
 
+@pytest.mark.parametrize(
+    ("cancels", "found"),
+    [("110", "010"), ("101", "001"), ("1001", "0000"), ("100101", "000001"), ("0111", "0011"), ("11001", "01000")],
+)
+def test_two_of_the_last_three_looks_make_a_minimum_and_the_last_is_one_of_them(cancels: str, found: str) -> None:
+    simulation = Simulation({"world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}})
+    view = View(simulation.reset(seeds=[0])[0, 0], Sensors.of(simulation.scenario))
+    wall, memory = Obstacle(place=(0.8, 0.0), velocity=(0.0, 0.0), is_moving=False), MinimumMemory()
+    totals = [0.0 if look == "1" else 0.5 for look in cancels]
+    looks = [is_caught(view, memory, Forces((1.0, 0.0), (total, 0.0), [wall], 0.0), 0.0) for total in totals]
+    assert looks == [look == "1" for look in found]
+
+
 def test_what_moves_makes_no_minimum() -> None:
     assert looks((0.0, 0.0), math.pi, blocked=False, count=100).why == ""
 

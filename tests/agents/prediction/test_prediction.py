@@ -68,10 +68,28 @@ def test_what_goes_straight_is_predicted_to_go_on(name: str, unseen: float) -> N
     assert places == pytest.approx(POSITION[:, None] + VELOCITY[:, None] * TIMES[:, None])
 
 
+@pytest.mark.parametrize(("unseen", "by_centres"), [(0.4, True), (0.6, False)])
+def test_what_is_hidden_for_longer_than_half_a_second_goes_on_as_the_filter_says(
+    unseen: float, by_centres: bool
+) -> None:
+    """Its last centres are old then; the filter says here that it has turned round."""
+    tracks = tracks_of(POSITION, VELOCITY, unseen=unseen)._replace(velocity=-VELOCITY)
+    places = predict("constant_velocity", tracks).places
+    assert places == pytest.approx(
+        POSITION[:, None] + (VELOCITY if by_centres else -VELOCITY)[:, None] * TIMES[:, None]
+    )
+
+
 @pytest.mark.parametrize("name", PLAIN)
 def test_still_things_are_predicted_to_stay(name: str) -> None:
     places = predict(name, tracks_of(POSITION, VELOCITY, moving=False)).places
     assert np.array_equal(places, np.repeat(POSITION[:, None], len(TIMES), axis=1))
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_still_things_are_later_as_sure_as_they_are_now(name: str) -> None:
+    spread = predict(name, tracks_of(POSITION, VELOCITY, moving=False)).spread
+    assert spread == pytest.approx(np.full((len(POSITION), len(TIMES)), 0.1))
 
 
 @pytest.mark.parametrize("name", PREDICTORS)

@@ -44,6 +44,28 @@ def test_the_first_arrival_stops_the_others(name: str) -> None:
     assert np.abs(actions[1 - first]).max() == 0.0 and state[1 - first].mode == "stopped"
 
 
+def test_a_robot_holds_from_below_its_distance_to_an_earlier_one_until_the_other_distance() -> None:
+    """The earlier one comes nearer, goes away and comes again, and holds for nobody."""
+    starts = [(0.0, 0.0, 0.0), (0.0, 1.62, 0.0)]
+    env = bug_gym.parallel_env(team_scenario([[[9, -9], [10, -9], [10, 9], [9, 9]]], starts, (20.0, 0.0)))
+    policy: Any = make_policy("swarm_com", env)
+    seen, _ = env.reset(seed=0)
+    state: Any = None
+    gaps: list[float] = []
+    holds: list[bool] = []
+    for speed in (*[0.5] * 5, *[-0.5] * 18, *[0.5] * 10):
+        _, state = policy.predict(seen, state)
+        poses = env.simulation.world.pose[0]
+        gaps.append(math.dist(poses[0, :2], poses[1, :2]))
+        holds.append(state[1].mode == "hold")
+        assert state[0].mode != "hold"
+        seen, *_ = env.step({"robot_0": np.array([0.0, speed]), "robot_1": np.zeros(2)})
+    assert min(gaps) < 1.5 and max(gaps) > 2.0
+    for gap, before, held in zip(gaps, [False, *holds], holds, strict=False):
+        assert held == (gap < (2.0 if before else 1.5))
+    assert state[1].holds == 1 and state[1].held == pytest.approx(0.1 * sum(holds))
+
+
 def test_one_robot_is_no_swarm() -> None:
     with pytest.raises(MisfitError, match="2 robots or more"):
         make_policy("swarm_bug2", "static")

@@ -131,3 +131,19 @@ def test_who_turns_to_and_fro_between_an_arc_and_the_contour_takes_the_contour()
     asked = [boundary.follow(view, memory) for _ in range(4 * boundary.turn_decisions)]
     assert len(set(asked[: boundary.turn_decisions])) == 2
     assert len(set(asked[2 * boundary.turn_decisions :])) == 1
+
+
+@pytest.mark.parametrize("asked", [2.0, -0.3])
+def test_who_has_been_of_two_minds_for_as_long_as_half_a_turn_takes_keeps_to_the_last_one_where_it_is_open(
+    asked: float,
+) -> None:
+    """Each turn on the spot shows the wall by other beams. The wall lies 0.35 m ahead here, its contour at 0.4 m."""
+    simulation = Simulation(load(facing(start=[11.65, 4, 0], goal=[2, 4])), 1)
+    policy: Any = make_policy("com1", simulation, clearance=0.4)
+    view, boundary = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.boundary
+    contour = boundary.lay_hand(view, 1, 0.0)
+    assert boundary._resolved(view, contour, 1.6) == 1.6
+    contour.asked, contour.asked_for = asked + view.heading, boundary.turn_decisions
+    assert boundary._resolved(view, contour, 1.6) == 1.6
+    contour.asked_for += 1
+    assert boundary._resolved(view, contour, 1.6) == pytest.approx(asked if asked > 1.0 else 1.6)
