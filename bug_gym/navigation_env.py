@@ -173,7 +173,8 @@ class NavigationEnv(gym.Env[Any, Any]):
         """Start episode 0 of the seed, or without one the next episode.
 
         Raises:
-            ValueError: a seed that is no integer from 0 on, options that are no dict, or of another name.
+            ValueError: a seed that is no integer from 0 on, options that are no dict, or of another name; or a world that found
+                no place for its obstacles, whose episode a further `reset()` passes over. The world is then as it was.
         """
         wanted = checked_options(options, OPTIONS)
         # A seed is there before the first world where someone has asked for it: Gymnasium drew it, and no world comes from

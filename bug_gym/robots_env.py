@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv, ParallelEnv
@@ -87,6 +88,22 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         self.metadata = {**self.metadata, "render_fps": 1.0 / scenario.time.step}
         self._pictures = Pictures(self.simulation, render_mode)
         self._is_numeric = is_numeric(info)
+        self._np_random: np.random.Generator | None = None
+        self._np_random_seed: int | None = None
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """A generator for wrappers that draw, as Gymnasium's envs have; worlds draw nothing from it.
+
+        It begins anew with each reset that is given a seed; until then it is that of the seed that drew the first world.
+        """
+        if self._np_random is None:
+            self._np_random = seeding.np_random(self._np_random_seed)[0]
+        return self._np_random
+
+    @np_random.setter
+    def np_random(self, generator: np.random.Generator) -> None:
+        self._np_random, self._np_random_seed = generator, -1  # as Gymnasium marks one of no known seed
 
     def observation_space(self, agent: str) -> gym.spaces.Space[Any]:
         """What the robot may observe; the same object at each call."""
@@ -107,6 +124,8 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         if unknown := unknown_options(wanted, OPTIONS):
             warn_once(f"{unknown} is passed over")
         self.simulation.reset(seeds=None if seed is None else [seed])
+        if seed is not None or self._np_random_seed is None:
+            self._np_random, self._np_random_seed = None, int(self.simulation.world.seed[0])
         self.agents = list(self.possible_agents)
         infos = {
             agent: self.simulation.robot_step(robot=robot).info | asked_info(self.simulation, wanted, robot=robot)
@@ -125,7 +144,9 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
         """
         if not isinstance(actions, Mapping):
             raise ValueError(f"actions are a mapping of robots to actions, got {shortened(actions)}")
-        if not actions.keys() <= self.spaces.keys() or not actions.keys() >= set(self.agents):
+        if strange := [agent for agent in actions if agent not in self.spaces]:
+            raise ValueError(f"got actions for {shortened(strange[0])}, expected them for {self.agents}")
+        if not actions.keys() >= set(self.agents):
             raise ValueError(f"got actions for {sorted(actions)}, expected them for {self.agents}")
         moved = self.agents
         velocities = np.zeros((1, len(self.possible_agents), 2))

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 
 Rows = NDArray[np.int64]
-State = tuple[Snapshot, NDArray[np.bool_]]
-"""What `Simulation.snapshot` gives: the world's arrays, and which rows have an episode."""
+State = tuple[Snapshot, NDArray[np.int64]]
+"""What `Simulation.snapshot` gives: the world's arrays, and how far on each row's next episode is (0: it has none yet)."""
 Futures = Literal["same", "shared", "own"]
 """Which numbers branches draw from then on: the original's, others that all of them share, or each its own."""
 Scratch = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -147,7 +147,8 @@ class Simulation:
         self._own = OwnParts(self.scenario, self.world, self.fields) if has_own else None
         self.term_names = (*task.REWARD_TERMS, *self.scenario.reward_terms)
         self.all_rows: Rows = np.arange(count)
-        self._seeded = np.zeros(count, dtype=bool)
+        # How far on from its episode the next one of each row is: 1, and one more for each that found no place; 0: it has none.
+        self._ahead: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
         self._all_seeded = False
         self._threads = threads
         self._pool: ThreadPoolExecutor | None = None
@@ -182,7 +183,7 @@ class Simulation:
 
         Raises:
             ValueError: a seed that is no integer from 0 on, or a world that found no place for its obstacles; all rows
-                are then as they were.
+                are then as they were, but a next episode that found no place is passed over from then on.
         """
         rows = self.all_rows if rows is None else rows
         starts = self._next_episodes(rows, seeds)
@@ -190,17 +191,17 @@ class Simulation:
             self._place_fields(rows, starts, self._field_record)
         else:
             self._place_layouts(rows, starts)
-        self._seeded[rows] = True
+        self._ahead[rows] = 1
         self.begin(rows)
         return self.observations(rows)
 
     def has_episode(self, row: int) -> bool:
         """Whether a row has been reset."""
-        return bool(self._seeded[row])
+        return bool(self._ahead[row])
 
     def seeds(self) -> tuple[int, ...]:
         """The seed of each row's episode (N,); -1 for a row that has not been reset."""
-        return tuple(np.where(self._seeded, self.world.seed, -1).tolist())
+        return tuple(np.where(self._ahead > 0, self.world.seed, -1).tolist())
 
     def begin(self, rows: Rows) -> None:
         """Start the episodes of rows (n,) whose worlds lie ready: what `reset` does once it has placed them."""
@@ -226,7 +227,7 @@ class Simulation:
         if len(layouts) != len(rows):
             raise ValueError(f"got {len(layouts)} layouts for {len(rows)} rows")
         self.world.load_all(rows, layouts)
-        self._seeded[rows] = True
+        self._ahead[rows] = np.maximum(self._ahead[rows], 1)
         self.begin(rows)
         return self.observations(rows)
 
@@ -256,8 +257,8 @@ class Simulation:
         if seeds is not None and len(seeds) != len(rows):
             raise ValueError(f"got {len(seeds)} seeds for {len(rows)} rows")
         given = [None if value is None else checked_seed(value) for value in (() if seeds is None else seeds)]
-        seed, episode = self.world.seed[rows], self.world.episode[rows] + 1
-        fresh = np.flatnonzero(~self._seeded[rows]) if not self._all_seeded else ()
+        seed, episode = self.world.seed[rows], self.world.episode[rows] + self._ahead[rows]
+        fresh = np.flatnonzero(self._ahead[rows] == 0) if not self._all_seeded else ()
         if len(fresh):
             seed[fresh] = np.random.SeedSequence().generate_state(len(fresh), np.uint64) >> np.uint64(2)
             episode[fresh] = 0
@@ -265,6 +266,10 @@ class Simulation:
             if value is not None:
                 seed[number], episode[number] = value, 0
         return Starts(seed, episode)
+
+    def _pass_over(self, rows: Rows, episodes: NDArray[np.int64]) -> None:
+        """Have rows (n,) go on with the episode after one that found no place, where it was the next of their seed."""
+        self._ahead[rows[episodes > 0]] += 1
 
     def _place_fields(self, rows: Rows, starts: Starts, record: NDArray[Any]) -> None:
         world = self.world
@@ -281,6 +286,7 @@ class Simulation:
         share = scenarios.covered_share(world, row) if count >= 0 else 0.0
         for part, old in zip(world.placed, before, strict=True):
             part[rows] = old
+        self._pass_over(rows[failed], starts.episode[failed])
         if count < 0:
             raise ValueError(f"{where}: no start and goal with their clearance and separation fit into the bounds")
         raise ValueError(
@@ -289,8 +295,13 @@ class Simulation:
         )
 
     def _place_layouts(self, rows: Rows, starts: Starts) -> None:
-        keys = zip(*(numbers.tolist() for numbers in starts), strict=True)
-        layouts = [scenarios.draw_layout(self.scenario, *key) for key in keys]
+        layouts: list[Layout] = []
+        for number, key in enumerate(zip(*(numbers.tolist() for numbers in starts), strict=True)):
+            try:
+                layouts.append(scenarios.draw_layout(self.scenario, *key))
+            except ValueError:
+                self._pass_over(rows[[number]], starts.episode[[number]])
+                raise
         self.world.seed[rows], self.world.episode[rows] = starts
         self.world.load_all(rows, layouts)
 
@@ -312,6 +323,15 @@ class Simulation:
     def advance(self, actions: ArrayLike, rows: Rows | None = None) -> None:
         """Do what `step` does, and read nothing back."""
         rows = self.all_rows if rows is None else rows
+        self.drive(self.checked(actions, rows), rows)
+
+    def checked(self, actions: ArrayLike, rows: Rows) -> NDArray[np.float64]:
+        """Actions for `drive`, where `step` would take them; nothing is driven yet.
+
+        Raises:
+            ValueError: actions of another shape, not real or not finite.
+            gymnasium.error.ResetNeeded: a row that has never been reset.
+        """
         array = np.ascontiguousarray(real_numbers("actions", actions))
         if array.shape != (len(rows), self.robots, 2):
             raise ValueError(f"actions have shape {array.shape}, expected {(len(rows), self.robots, 2)}")
@@ -319,11 +339,18 @@ class Simulation:
             raise ValueError(f"actions must be finite, got {array[~np.isfinite(array)][0]}")
         if not self._all_seeded:
             self.require_episodes(rows)
+        return array
+
+    def drive(self, actions: NDArray[np.float64], rows: Rows) -> None:
+        """Advance the rows by one step with actions that are `checked`.
+
+        What a function of one's own raises comes after the worlds have gone on: the step is done, without what it adds.
+        """
         if self._own is None or len(rows) == 0:  # functions of one's own are asked about rows that there are
-            self._do(kernels.STEP, rows, array)
+            self._do(kernels.STEP, rows, actions)
         else:
             before = self._own.before(rows)
-            self._do(kernels.STEP, rows, array)
+            self._do(kernels.STEP, rows, actions)
             self._own.after(rows, before)
 
     def step_one(self, first: float, second: float) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -360,10 +387,10 @@ class Simulation:
             gymnasium.error.ResetNeeded: a row that has never been reset.
         """
         rows = self.all_rows if rows is None else rows
-        missing = rows[~self._seeded[rows]]
+        missing = rows[self._ahead[rows] == 0]
         if len(missing):
             raise ResetNeeded(f"row {missing[0]} has no episode yet: call reset first")
-        self._all_seeded = bool(self._seeded.all())
+        self._all_seeded = bool(self._ahead.all())
 
     def _no_actions(self, rows: Rows) -> NDArray[np.float64]:
         return np.empty((len(rows), self.robots, 2))
@@ -524,7 +551,7 @@ class Simulation:
 
     def snapshot(self) -> State:
         """Copy all that the future depends on, but for the actions."""
-        return self.world.save(), self._seeded.copy()
+        return self.world.save(), self._ahead.copy()
 
     save = snapshot
     """Its name before there were branches."""
@@ -537,12 +564,12 @@ class Simulation:
         """
         if not isinstance(state, tuple) or len(state) != 2 or not isinstance(state[0], Snapshot):
             raise ValueError(f"expected what `snapshot` returned, got {shortened(state)}")
-        snapshot, seeded = state
-        if len(snapshot.observation) != len(seeded):
-            raise ValueError(f"the state is of {len(snapshot.observation)} worlds and seeds of {len(seeded)}")
+        snapshot, ahead = state
+        if len(snapshot.observation) != len(ahead):
+            raise ValueError(f"the state is of {len(snapshot.observation)} worlds and seeds of {len(ahead)}")
         self.world.restore(snapshot)
-        self._seeded[:] = seeded
-        self._all_seeded = bool(seeded.all())
+        self._ahead[:] = ahead  # in older states bools: which rows have an episode
+        self._all_seeded = bool(self._ahead.all())
 
     def branches(self, count: int, row: int = 0, *, futures: Futures = "same", threads: int = 1) -> Simulation:
         """Another Simulation whose worlds all begin as one row of this one stands now, for planners that roll out.
@@ -595,7 +622,7 @@ class Simulation:
         self.world.copy_rows(source.world, taken, kept)
         if futures != "same":
             self.world.seed[kept] = self._other_seeds(kept, taken, is_shared=futures == "shared")
-        self._seeded[kept] = True
+        self._ahead[kept] = source._ahead[taken] if futures == "same" else 1
 
     def _other_seeds(self, rows: Rows, sources: Rows, *, is_shared: bool) -> NDArray[np.int64]:
         """Seeds (n,) for rows just copied from rows of a source, functions of what stands in them."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bug_gym.checks import checked_options, checked_seed, shortened
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
-from bug_gym.simulation import RobotStatus, Simulation
+from bug_gym.simulation import RobotStatus, Simulation, Transition
 from bug_gym.spaces import (
     OPTIONS,
     ActionForm,
@@ -42,6 +42,16 @@ RESET_MASK = "reset_mask"
 """The option of a reset that says which rows begin."""
 
 
+class Waiting(NamedTuple):
+    """What a step gave that cannot be handed over yet: a row that ended in it found no place for its next world."""
+
+    reward: NDArray[np.float64]
+    terminated: Bools
+    truncated: Bools
+    infos: Infos
+    """Last observations and infos of the rows that ended."""
+
+
 class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
     """`num_envs` worlds of NavigationEnv, see there for what a robot sees, does and gets.
 
@@ -59,7 +69,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             is ignored. SAME_STEP: it is reset at once, `final_obs` and `final_info` hold the end. DISABLED: the caller
             resets it, `reset(options={"reset_mask": mask})`.
         max_episode_steps: cuts off episodes after so many steps where the scenario's time limit comes later; in the last of
-            these `truncated` is true however the episode ends, as with Gymnasium's TimeLimit.
+            these `truncated` is true however the episode ends, as with Gymnasium's TimeLimit; -1: no such limit, as None.
         threads: how many threads share the rows; more pay from some two thousand worlds on.
         info: "named", or "numeric": codes of outcomes and no dicts for reward terms, see NavigationEnv.
         reward_terms: further terms of the reward by name, functions over named arrays: see bug_gym.own_parts.
@@ -95,8 +105,9 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
     ) -> None:
         require_one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         own: OwnArguments = {"reward_terms": reward_terms, "observation_fields": observation_fields, "trust": trust}
-        settings = with_most_steps(load(scenario, overrides, **own), max_episode_steps)
-        self._most_steps = max_episode_steps
+        most = max_episode_steps
+        self._most_steps = None if isinstance(most, (int, np.integer)) and most == -1 else most
+        settings = with_most_steps(load(scenario, overrides, **own), self._most_steps)
         self.simulation = Simulation(settings, num_envs, threads=threads)
         require_one_robot(self.simulation)
         self.spaces = RobotSpaces(self.simulation, observation, action)
@@ -114,6 +125,7 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         }
         self._pictures = Pictures(self.simulation, render_mode)
         self._ended = np.zeros(num_envs, dtype=bool)
+        self._waiting: Waiting | None = None
         self._is_numeric = is_numeric(info)
         self._of_rows: dict[str, tuple[Any, ...]] = {}  # attributes that callers have given the rows
 
@@ -131,7 +143,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
         Raises:
             ValueError: a mask or a sequence of seeds of another length than n, a seed that is no integer from 0 on,
-                options that are no dict, or of another name; all rows are then as they were.
+                options that are no dict, or of another name, or a world that found no place for its obstacles, whose episode
+                a further reset of its row passes over; all rows are then as they were.
         """
         wanted, seeds = checked_options(options, (RESET_MASK, *OPTIONS)), self._seeds(seed)
         mask = self._everywhere() if wanted.get(RESET_MASK) is None else self._checked(wanted[RESET_MASK])
@@ -140,6 +153,10 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         if isinstance(seed, (int, np.integer)):
             super().reset(seed=int(seed))
         self._ended[rows] = False
+        if self._waiting is not None:
+            # What waits is handed over for the other rows, and for those that had ended by themselves.
+            self._waiting.reward[mask & ~(self._waiting.terminated | self._waiting.truncated)] = 0.0
+            self._waiting = None if mask.all() else self._waiting
         infos = self._infos(mask)
         if wanted.get("shortest_path"):
             lengths = np.array([self.simulation.shortest_length(row) for row in rows.tolist()])
@@ -178,31 +195,69 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         return mask.copy()  # infos keep it
 
     def step(self, actions: Any) -> tuple[Observation, NDArray[np.float64], Bools, Bools, Infos]:
-        """Drive for one step in each row; with NEXT_STEP, start anew instead in rows that ended in the last one."""
+        """Drive for one step in each row; with NEXT_STEP, start anew instead in rows that ended in the last one.
+
+        Where the next world of a row that has ended finds no place, a further call tries the one after it; call again with
+        the same actions. With SAME_STEP the rows have been driven by then: the further call drives nothing, whatever its
+        actions, and returns what came of that step.
+
+        What a function of one's own raises comes when the rows have been driven, and what came of that is lost: rows that
+        ended begin anew in the next step, or need their reset with DISABLED.
+
+        Raises:
+            ValueError: actions of another shape, or not finite, or a world that found no place for its obstacles; all rows are
+                then as they were, or with SAME_STEP as said above.
+            gymnasium.error.ResetNeeded: a row that has never been reset, or with DISABLED one that has ended.
+        """
         velocities = self.spaces.velocities(actions, (self.num_envs,))[:, None]
-        simulation, ended = self.simulation, np.flatnonzero(self._ended)
-        if len(ended) == 0:
-            simulation.advance(velocities)
-        elif self.autoreset_mode == AutoresetMode.NEXT_STEP:
-            going = np.flatnonzero(~self._ended)
-            simulation.advance(velocities.take(going, axis=0), going)
-            simulation.reset(ended)
+        simulation, waiting = self.simulation, self._waiting
+        if waiting is None:
+            self._drive(velocities)
+            status = simulation.status(simulation.all_rows)
+            flat, reward, terminated, truncated = self._transition(status)
+            self._ended = terminated | truncated
         else:
-            raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")
-        status = simulation.status(simulation.all_rows)
-        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows, status).of_robot(0)
-        if self._most_steps is not None:  # the wrapper's word, which does not ask whether an episode ended by itself
-            truncated = truncated | (simulation.world.steps >= self._most_steps)
-        self._ended = terminated | truncated
-        infos: Infos = {}
+            status, flat = simulation.status(simulation.all_rows), simulation.observations()[:, 0]
+            reward, terminated, truncated, _ = waiting
+        infos: Infos = {} if waiting is None else waiting.infos
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
-            infos, ended = self._final_infos(flat), np.flatnonzero(self._ended)
+            ended = np.flatnonzero(self._ended)
+            infos = infos or self._final_infos(flat)
+            self._waiting = Waiting(reward, terminated, truncated, infos)
             flat[ended] = simulation.reset(ended)[:, 0]
             self._ended[:] = False
             status = simulation.status(simulation.all_rows)
+        self._waiting = None
         self._pictures.record()
         infos |= self._infos(self._everywhere(), status)
         return self.spaces.present_batch(flat), reward, terminated, truncated, infos
+
+    def _drive(self, velocities: NDArray[np.float64]) -> None:
+        """Drive the rows that go on; those that have ended begin anew, first of all, as a draw may find no place."""
+        simulation, rows, ended = self.simulation, self.simulation.all_rows, np.flatnonzero(self._ended)
+        if len(ended):
+            if self.autoreset_mode == AutoresetMode.DISABLED:
+                raise ResetNeeded(f"row {ended[0]} has ended: reset it with options={{'reset_mask': mask}}")
+            rows = np.flatnonzero(~self._ended)
+            velocities = velocities.take(rows, axis=0)
+        velocities = simulation.checked(velocities, rows)
+        if len(ended):
+            simulation.reset(ended)
+        try:
+            simulation.drive(velocities, rows)
+        except BaseException:
+            _, _, terminated, truncated = self._transition(simulation.status(simulation.all_rows))
+            self._ended = terminated | truncated
+            raise
+
+    def _transition(self, status: RobotStatus) -> Transition:
+        """What the last step gave for the rows, whose status has been read."""
+        transition = self.simulation.transition(self.simulation.all_rows, status).of_robot(0)
+        if self._most_steps is None:
+            return transition
+        # The wrapper's word, which does not ask whether an episode ended by itself.
+        is_last = self.simulation.world.steps >= self._most_steps
+        return transition._replace(truncated=transition.truncated | is_last)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture (H, W, 3) of each row, RGB uint8; None without a render mode."""

@@ -75,7 +75,8 @@ BOUNDS = {
     "speed of a mover": 1e-9,
 }
 """Greatest deviation of each kind that is allowed [m]: those of the tests of each kind. A body that swings is stopped by up
-to 1e-5 m too early (SWING of kernels/body.py)."""
+to 1e-5 m too early (SWING of kernels/body.py) by what stands beyond its arc; what stands within it, which these worlds leave
+little room for, may do so by twice that (tests/kernels/test_footprint.py)."""
 
 GOES_THROUGH = (Waypoints, Replay)
 """Laws of movers that mind nothing."""

@@ -521,6 +521,18 @@ def test_no_id_leaves_the_time_limit_to_a_wrapper() -> None:
     assert all(gym.spec(name).max_episode_steps is None for name in IDS)
 
 
+def test_the_reset_after_one_that_was_refused_goes_on_with_the_episode_after_it() -> None:
+    world = {"family": "field", "bounds": [-6, -6, 6, 6], "obstacles": 28, "sizes": [0.4, 0.9], "separation": 6.0}
+    env: Any = gym.make("BugGym/Navigation-v0", scenario={"world": {**world, "solvable": 0.3}})
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="seed 0, episode 1: only"):
+        env.reset()
+    assert env.unwrapped.simulation.world.episode[0] == 0
+    env.step(np.zeros(2, dtype=np.float32))
+    env.reset()
+    assert env.unwrapped.simulation.world.episode[0] == 2
+
+
 def test_importing_registers_without_loading_the_core() -> None:
     script = (
         "import sys, json, bug_gym, gymnasium; gymnasium.spec('BugGym/Maze-v0');"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -248,6 +249,40 @@ def test_a_pickled_env_goes_on_like_the_original() -> None:
     assert data_equivalence(env.step(actions), twin.step(actions), exact=True)
 
 
+def test_wrappers_draw_from_a_generator_that_resets_seed_as_they_do_the_single_envs() -> None:
+    single, env = NavigationEnv("static"), bug_gym.parallel_env("static")
+    for seed in (4, None, None, 7):
+        single.reset(seed=seed), env.reset(seed=seed)
+        for _ in range(3):
+            assert env.np_random.integers(10**9) == single.np_random.integers(10**9)
+    aec: Any = bug_gym.env("static")
+    aec.reset(seed=7)
+    assert aec.unwrapped.np_random.integers(10**9) == np.random.default_rng(7).integers(10**9)
+
+
+def test_the_generator_is_of_the_seed_that_drew_the_first_world_or_the_one_that_was_set() -> None:
+    env, given = bug_gym.parallel_env("static"), np.random.default_rng(3)
+    assert env.np_random is env.np_random
+    env.reset()
+    drawn = np.random.default_rng(env.simulation.world.seed[0])
+    assert env.np_random.integers(10**9) == drawn.integers(10**9)
+    env.reset()
+    assert env.np_random.integers(10**9) == drawn.integers(10**9)
+    env = bug_gym.parallel_env("static")
+    env.np_random = given
+    env.reset()
+    assert env.np_random is given
+    env.reset(seed=1)
+    assert env.np_random is not given
+
+
+def test_worlds_draw_nothing_from_the_generator() -> None:
+    used, other = bug_gym.parallel_env(robots=2), bug_gym.parallel_env(robots=2)
+    used.reset(seed=2), other.reset(seed=2)
+    used.np_random.random(100)
+    assert data_equivalence(used.reset(), other.reset(), exact=True)
+
+
 def test_the_shortest_path_of_each_robot_is_given_on_request() -> None:
     infos = bug_gym.parallel_env(HEAD_ON).reset(seed=0, options={"shortest_path": True})[1]
     assert [info["shortest_path_length"] for info in infos.values()] == pytest.approx([10.0, 10.0, 8.0])
@@ -280,6 +315,14 @@ def test_each_robot_in_play_and_no_other_gets_an_action(actions: dict[str, Any])
     env.reset(seed=0)
     with pytest.raises(ValueError, match="actions"):
         env.step(actions)
+
+
+@pytest.mark.parametrize("strange", [1, None, ("robot_0",), "robot_2"], ids=repr)
+def test_a_key_that_is_no_robot_is_named(strange: Any) -> None:
+    env = bug_gym.parallel_env(robots=2)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=re.escape(f"got actions for {strange!r}, expected them for ['robot_0'")):
+        env.step({"robot_0": np.zeros(2), strange: 0, "robot_1": np.zeros(2)})
 
 
 @pytest.mark.parametrize("action", [np.array([np.nan, 0.0]), np.zeros(3), None])

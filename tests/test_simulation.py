@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bug_gym import kernels, observation, task
+from bug_gym import kernels, observation, scenarios, task
 from bug_gym.kinematics import Drive, steering
 from bug_gym.log import told
 from bug_gym.simulation import Simulation, announce_compilation
@@ -615,6 +615,87 @@ def test_episodes_count_up_from_a_seed_and_an_unseeded_row_goes_on() -> None:
     assert simulation.world.episode.tolist() == [1, 1, 2]
     simulation.reset(seeds=[None, None, 5])
     assert simulation.world.episode.tolist() == [2, 2, 0] and simulation.world.seed.tolist()[::2] == [5, 5]
+
+
+# Of seed 0 episode 1 finds no place for its obstacles, of seed 2 episode 0.
+CROWDED = {
+    "family": "field",
+    "bounds": [-6, -6, 6, 6],
+    "obstacles": 28,
+    "sizes": [0.4, 0.9],
+    "separation": 6.0,
+    "solvable": 0.3,
+}
+
+
+def refused_once() -> Simulation:
+    """Two rows in their first episodes; the next one of the first row has been refused."""
+    simulation = make(count=2, world=CROWDED)
+    simulation.reset(seeds=[0, 1])
+    simulation.step(np.full((2, 1, 2), 0.5))
+    before = simulation.snapshot()[0]
+    with pytest.raises(ValueError, match="seed 0, episode 1: only"):
+        simulation.reset()
+    for was, now in zip(before[1:4], simulation.snapshot()[0][1:4], strict=True):
+        np.testing.assert_array_equal(was, now)
+    return simulation
+
+
+def test_a_next_episode_that_found_no_place_is_passed_over_and_those_of_other_rows_are_not() -> None:
+    simulation = refused_once()
+    simulation.reset()
+    assert simulation.world.episode.tolist() == [2, 1] and simulation.world.seed.tolist() == [0, 1]
+    expected = make(world=CROWDED)
+    expected.reset(seeds=[1])
+    assert (expected.reset()[0] == simulation.observations()[1]).all()
+    simulation.reset(np.array([0]))
+    assert simulation.world.episode.tolist() == [3, 1], "once only"
+
+
+def test_an_episode_that_was_asked_for_and_refused_leaves_the_next_one_as_it_was() -> None:
+    simulation = refused_once()
+    with pytest.raises(ValueError, match="seed 2, episode 0"):
+        simulation.reset(seeds=[2, 1])
+    simulation.reset()
+    assert simulation.world.episode.tolist() == [2, 1] and simulation.world.seed.tolist() == [0, 1]
+
+
+def test_what_was_refused_goes_with_snapshots_pickles_and_copies() -> None:
+    simulation, other, branch = refused_once(), make(count=2, world=CROWDED), make(world=CROWDED)
+    other.restore(simulation.snapshot())
+    branch.restore(simulation.branches(1).snapshot())
+    for twin in (other, pickle.loads(pickle.dumps(simulation)), simulation.branches(1), branch, simulation):
+        twin.reset(np.array([0]))
+        assert twin.world.episode[0] == 2
+    of_another_seed = refused_once().branches(1, futures="own")
+    assert of_another_seed.snapshot()[1].tolist() == [1]
+
+
+def test_a_state_that_tells_no_more_than_which_rows_have_episodes_is_restored() -> None:
+    simulation = refused_once()
+    world, ahead = simulation.snapshot()
+    older: Any = (world, ahead > 0)
+    simulation.restore(older)
+    with pytest.raises(ValueError, match="seed 0, episode 1: only"):
+        simulation.reset()
+
+
+def test_a_world_drawn_in_python_that_is_refused_is_passed_over_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = scenarios.draw_layout
+
+    def draw(scenario: Any, seed: int, episode: int) -> Any:
+        if (seed, episode) == (1, 1):
+            raise ValueError("no start and goal")
+        return drawn(scenario, seed, episode)
+
+    monkeypatch.setattr(scenarios, "draw_layout", draw)
+    simulation = make(count=3, world={"family": "maze"})
+    simulation.reset(seeds=[0, 1, 2])
+    with pytest.raises(ValueError, match="no start and goal"):
+        simulation.reset()
+    assert simulation.world.episode.tolist() == [0, 0, 0]
+    simulation.reset()
+    assert simulation.world.episode.tolist() == [1, 2, 1]
 
 
 def test_a_first_reset_without_seed_draws_one_from_entropy() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import math
 import pickle
@@ -196,6 +197,132 @@ def test_what_was_returned_stays_as_it_is() -> None:
         assert data_equivalence(tuple(kept), tuple(copies), exact=True)
 
 
+# Of seed 0 episode 1 finds no place for its obstacles, of seed 1 episode 2. Episodes of three steps.
+CROWDED: dict[str, Any] = {
+    "world": {
+        "family": "field",
+        "bounds": [-6, -6, 6, 6],
+        "obstacles": 28,
+        "sizes": [0.4, 0.9],
+        "separation": 6.0,
+        "solvable": 0.3,
+    },
+    "time": {"limit": 0.3},
+}
+
+
+def state_of(vector: NavigationVectorEnv) -> list[bytes]:
+    """What its worlds are."""
+    return [array.tobytes() for array in vector.simulation.save()[0][1:4]]
+
+
+def one_step_apart(mode: AutoresetMode) -> NavigationVectorEnv:
+    """Two rows of which the second is a step behind."""
+    vector = NavigationVectorEnv(2, scenario=CROWDED, autoreset_mode=mode)
+    vector.reset(seed=[0, 1])
+    vector.step(np.zeros((2, 2), np.float32))
+    vector.reset(seed=[None, 1], options={"reset_mask": np.array([False, True])})
+    return vector
+
+
+def next_world(single: NavigationEnv) -> tuple[Any, dict[str, Any]]:
+    """The next episode that finds its place."""
+    for _ in range(5):
+        with contextlib.suppress(ValueError):
+            return single.reset()
+    raise AssertionError("no place in five tries")
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_step_that_finds_no_place_for_a_next_world_is_called_again_and_loses_nothing(mode: AutoresetMode) -> None:
+    vector, singles = one_step_apart(mode), [NavigationEnv(CROWDED) for _ in range(2)]
+    for row, single in enumerate(singles):
+        single.reset(seed=row)
+    singles[0].step(np.zeros(2, np.float32))
+    refused, ended = 0, [False, False]
+    for actions in random_actions(20, 2):
+        given: Any = actions
+        for _ in range(5):
+            before = state_of(vector)
+            try:
+                observation, reward, terminated, truncated, infos = vector.step(given)
+                break
+            except ValueError as error:
+                assert "found a free place" in str(error)
+                refused += 1
+                if mode == AutoresetMode.NEXT_STEP:
+                    assert state_of(vector) == before
+                else:
+                    given = -actions  # count for nothing: the step has been driven
+        for row, single in enumerate(singles):
+            came = tuple(in_row(values, row) for values in (observation, reward, terminated, truncated, infos))
+            if ended[row]:
+                first, info = next_world(single)
+                expected: Any = (first, 0.0, False, False, info)
+            else:
+                expected = single.step(actions[row])
+            is_over = bool(expected[2] or expected[3])
+            ended[row] = is_over and mode == AutoresetMode.NEXT_STEP
+            if is_over and mode == AutoresetMode.SAME_STEP:
+                last, *flags, last_info = expected
+                first, info = next_world(single)
+                expected = (first, *flags, info | {"final_obs": last, "final_info": last_info})
+            assert data_equivalence(came, expected, exact=True)
+    assert refused >= 2
+
+
+def with_a_step_that_waits() -> tuple[NavigationVectorEnv, NavigationVectorEnv]:
+    """Two rows of which the first has ended and found no place for its next world; and the same a step before."""
+    vector = one_step_apart(AutoresetMode.SAME_STEP)
+    vector.step(np.ones((2, 2), np.float32))
+    before = pickle.loads(pickle.dumps(vector))
+    with pytest.raises(ValueError, match="seed 0, episode 1: only"):
+        vector.step(np.ones((2, 2), np.float32))
+    return vector, before
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_a_row_may_be_reset_while_a_step_waits_to_be_handed_over(row: int) -> None:
+    vector, before = with_a_step_that_waits()
+    mask = np.arange(2) == row
+    observation, _ = vector.reset(seed=[5, 5], options={"reset_mask": mask})
+    twin = pickle.loads(pickle.dumps(vector))
+    seen, reward, terminated, truncated, infos = vector.step(np.zeros((2, 2), np.float32))
+    before.simulation.advance(np.ones((2, 1, 2)))
+    last = before.simulation.transition(before.simulation.all_rows).of_robot(0)
+    assert not terminated.any() and truncated.tolist() == infos["_final_obs"].tolist() == [True, False]
+    assert data_equivalence(infos["final_obs"][0], before.spaces.present(last.observation[0]), exact=True)
+    assert reward.tolist() == [last.reward[0], 0.0 if row == 1 else last.reward[1]]
+    assert data_equivalence(in_row(seen, row), in_row(observation, row), exact=True)
+    assert infos["time"].tolist() == [0.0, 0.0 if row == 1 else pytest.approx(0.2)]
+    again = twin.step(np.zeros((2, 2), np.float32))
+    assert data_equivalence(again, (seen, reward, terminated, truncated, infos), exact=True)
+    assert vector.step(np.zeros((2, 2), np.float32))[4]["time"][row] == pytest.approx(0.1), "driven again"
+
+
+def test_a_reset_of_all_rows_drops_the_step_that_waits() -> None:
+    vector, _ = with_a_step_that_waits()
+    fresh = NavigationVectorEnv(2, scenario=CROWDED, autoreset_mode=AutoresetMode.SAME_STEP)
+    for env in (vector, fresh):
+        env.reset(seed=[0, 1])
+    for actions in random_actions(2, 2):
+        assert data_equivalence(vector.step(actions), fresh.step(actions), exact=True)
+
+
+def test_actions_that_are_refused_start_no_row_anew() -> None:
+    vector = NavigationVectorEnv(2, scenario="empty", overrides={"time.limit": 0.2})
+    vector.reset(seed=0)
+    vector.step(np.zeros((2, 2)))
+    vector.reset(options={"reset_mask": np.array([False, True])})
+    assert vector.step(np.zeros((2, 2)))[3].tolist() == [True, False]
+    before = state_of(vector)
+    with pytest.raises(ValueError, match="finite"):
+        vector.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
+    assert state_of(vector) == before
+    infos = vector.step(np.array([[np.nan, 0.0], [0.0, 0.0]]))[4]  # of a row that begins anew nobody reads it
+    assert infos["time"].tolist() == [0.0, pytest.approx(0.2)]
+
+
 def test_the_shortest_paths_come_as_an_array() -> None:
     infos = make(2).reset(seed=8, options={"shortest_path": True})[1]
     singles = [NavigationEnv("rush", SHORT).reset(seed=8 + row, options={"shortest_path": True})[1] for row in range(2)]
@@ -300,6 +427,13 @@ def test_the_shortest_path_to_a_goal_beside_which_the_body_does_not_fit_is_no_nu
     assert np.isnan(infos["shortest_path_length"]).tolist() == [True, True]
     _, info = gym.make("BugGym/Navigation-v0", scenario=near).reset(seed=7, options={"shortest_path": True})
     assert math.isnan(info["shortest_path_length"])
+
+
+@pytest.mark.parametrize("most", [-1, np.int64(-1), None])
+def test_gymnasiums_sign_for_no_limit_is_none(most: Any) -> None:
+    vector: Any = gym.make_vec("BugGym/Static-v0", num_envs=2, max_episode_steps=most, overrides={"time.limit": 0.4})
+    vector.reset(seed=0)
+    assert [bool(vector.step(np.zeros((2, 2)))[3].any()) for _ in range(4)] == [False, False, False, True]
 
 
 def test_most_steps_never_prolong_an_episode() -> None:

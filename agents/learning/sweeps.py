@@ -1,29 +1,36 @@
 """Many trainings with other values each, every one or by a search, and which did best: Optuna proposes, workers train.
 
-What is done is kept in Optuna's own storage, `study.db` in the folder, and in a folder for each trial and seed: a sweep that
-was cut off goes on, and Optuna's tools read it. A trial whose training comes to nothing, as one does whose step is so large
-that its network's numbers are none any more, counts as done, and says why in its folder and in the study.
+What is done is kept in Optuna's own storage, `study.db` in the folder, and in a folder for each trial and seed, and Optuna's
+tools read it. A sweep that was cut off goes on with the trials that were under way; their models that are done are not trained
+again. The others begin anew, but for PPO where this process trains by itself: it goes on from its last checkpoint.
+
+A trial whose training comes to nothing, as one does whose step is so large that its network's numbers are none any more, counts
+as done, and says why in its folder and in the study.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING
 
+import torch
+
+from bug_gym.agents.learning.checkpoints import CHECKPOINT, load_checkpoint
 from bug_gym.agents.learning.elsewhere import Job, train_each
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.settings import AnySettings
 from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings, trained_with
-from bug_gym.agents.learning.training import is_done, require_same, train
+from bug_gym.agents.learning.training import identity_of, is_done, require_same, train
 from bug_gym.checks import needed_from, shortened
 from bug_gym.config import ScenarioError
 from bug_gym.files import one_writer, replaced_when_done, writable
-from bug_gym.workers import Crew, Workers
+from bug_gym.workers import Crew, Workers, are_several
 
 if TYPE_CHECKING:
     import optuna
@@ -62,12 +69,13 @@ def sweep(
     out.mkdir(parents=True, exist_ok=True)
     with one_writer(out):
         study = _study(settings, out)
-        _begin_unfinished_again(study)
+        under_way = _under_way(study)
         if settings.sampler == "grid":
             _ask_whole_grid(study, settings.grid)
         while (left := settings.total - _finished(study)) > 0:
             at_once = max(workers.size if isinstance(workers, Crew) else workers, 1)
-            trials = [study.ask() for _ in range(min(left, max(at_once // settings.seeds, 1)))]
+            count = min(left, max(at_once // settings.seeds, 1))
+            trials = [under_way.pop(0) if under_way else study.ask() for _ in range(count)]
             _train_trials(settings, out, trials, workers)
             for trial in trials:
                 if why := _why_failed(settings, out, trial.number):
@@ -128,27 +136,27 @@ def _finished(study: optuna.Study) -> int:
     return sum(map(_is_finished, study.trials))
 
 
-def _begin_unfinished_again(study: optuna.Study) -> None:
-    """What was under way when a sweep was cut off is asked for again, with the same values."""
-    from optuna.trial import TrialState
+def _under_way(study: optuna.Study) -> list[optuna.Trial]:
+    """The trials that a sweep was at when it was cut off: they go on under their numbers, in their folders."""
+    import optuna
 
-    for trial in study.trials:
-        if trial.state == TrialState.RUNNING:
-            study.tell(trial.number, state=TrialState.FAIL)
-            study.enqueue_trial(trial.params)
+    running = [trial for trial in study.trials if trial.state == optuna.trial.TrialState.RUNNING]
+    return [optuna.Trial(study, trial._trial_id) for trial in running]  # as `study.ask` makes one
 
 
 def _ask_whole_grid(study: optuna.Study, grid: Mapping[str, Sequence[Choice]]) -> None:
-    """Have each combination waiting, but for those that are done or waiting already."""
+    """Have each combination waiting, but for those that are done, under way or waiting already."""
     from optuna.trial import TrialState
 
     done = [trial.params for trial in study.trials if _is_finished(trial)]
-    waiting = [
-        trial.system_attrs["fixed_params"] for trial in study.trials if trial.state == TrialState.WAITING
+    asked = [
+        trial.system_attrs.get("fixed_params", trial.params)
+        for trial in study.trials
+        if trial.state in (TrialState.WAITING, TrialState.RUNNING)
     ]  # where Optuna keeps what was enqueued
     for values in product(*grid.values()):
         combination = dict(zip(grid, values, strict=True))
-        if combination not in done and combination not in waiting:
+        if combination not in done and combination not in asked:
             study.enqueue_trial(combination)
 
 
@@ -169,13 +177,30 @@ def _train_trials(settings: SweepSettings, out: Path, trials: Sequence[optuna.Tr
             continue
         for seed, folder in enumerate(folders):
             require_same(folder, trained, [seed])
-            if not is_done(trained, folder, seed):
+            if not (is_done(trained, folder, seed) or (folder / FAILED).exists()):
                 jobs.append(Job(_train, trained, seed, folder))
+    if not are_several(workers):
+        for job in jobs:
+            _train_here(job)
+        return
     for _ in train_each(jobs, workers):
         pass
 
 
-def _train(settings: AnySettings, out: str, *, seed: int) -> None:
+def _train_here(job: Job) -> None:
+    """Train in the model's own folder, from the checkpoint of a training that was cut off; none is kept of what has ended."""
+    checkpoint = job.folder / CHECKPOINT
+    if checkpoint.exists():
+        torch.set_num_threads(1)  # as `_train` has it
+        try:
+            load_checkpoint(checkpoint, identity_of(job.settings, job.seed))
+        except ValueError:  # damaged, or of another version of torch
+            checkpoint.unlink()
+    job.train(job.settings, job.folder, seed=job.seed)
+    checkpoint.unlink(missing_ok=True)
+
+
+def _train(settings: AnySettings, out: str | os.PathLike[str], *, seed: int) -> None:
     """Train a model, or leave a word in its folder why there is none: no other trial is lost with it."""
     try:
         train(settings, out, seed=seed, threads=1, tensorboard=False)

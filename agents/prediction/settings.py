@@ -7,6 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 from bug_gym.agents.prediction.samples import LAWS, STREET
+from bug_gym.checks import checked_count, checked_seed, checked_time
+
+PPO_SEEDS = 2**32
+"""Seeds that PPO can have, those of NumPy's generator that stable-baselines3 seeds."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,12 @@ class PredictorSettings:
     """The same at the end; between them it falls evenly."""
 
     def __post_init__(self) -> None:
+        for name in ("worlds", "validation_worlds", "epochs", "batch", "rollout"):
+            checked_count(name, getattr(self, name))
+        checked_count("test_worlds", self.test_worlds, least=1 if self.real is None else 0)
+        checked_time("rate", self.rate)
+        if checked_seed(self.seed) >= PPO_SEEDS and self.kind == "ppo":
+            raise ValueError(f"a seed of PPO is below 2**32, got {self.seed}")
         if self.tries < 2 or self.tries % 2:
             raise ValueError(f"tries: got {self.tries}, expected an even number of answers")
 

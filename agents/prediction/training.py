@@ -17,21 +17,30 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
+from bug_gym.agents.learning.models import load_weights
 from bug_gym.agents.prediction.card import write_predictor
 from bug_gym.agents.prediction.descent import train_reinforce, train_supervised
-from bug_gym.agents.prediction.learned import CONFIG, read_config
+from bug_gym.agents.prediction.learned import CONFIG, WEIGHTS, read_config
+from bug_gym.agents.prediction.network import Answering, network
 from bug_gym.agents.prediction.ppo import train_ppo
 from bug_gym.agents.prediction.samples import Samples, samples_of, world_of
 from bug_gym.agents.prediction.settings import PredictorSettings
+from bug_gym.checks import checked_count
+from bug_gym.files import one_writer
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
+from bug_gym.references import told_of
 from bug_gym.workers import Workers, each
 
 TRAININGS = {"ppo": train_ppo, "reinforce": train_reinforce, "supervised": train_supervised}
 """What trains by `kind`."""
+BAD_INPUT = 2
+"""Exit code where an argument is wrong, or a file cannot be read or written."""
 
 
 def gather(sources: Sequence[str | Path], seeds: Sequence[int], *, workers: Workers = 1) -> Samples:
@@ -90,17 +99,30 @@ def train(
         repeats: other seeds to train with, to see how much depends on the seed; only their curves are kept.
 
     Raises:
-        ValueError: a predictor to begin with that is damaged, or the folder holds another one.
+        ValueError: as `prepared` has it.
     """
-    if settings.start_from is not None:
-        begun = read_config(settings.start_from)["settings"]
-        settings = replace(settings, hidden=tuple(begun["hidden"]))
-    require_same(out, settings)
+    settings = prepared(settings, out)
     model, curve = TRAININGS[settings.kind](settings, training, validation)
     curves = {seed: TRAININGS[settings.kind](replace(settings, seed=seed), training, validation)[1] for seed in repeats}
     counts = len(training.features), len(validation.features)
     repeated = {seed: one.points for seed, one in curves.items()}
     write_predictor(out, settings, model, curve, counts, held_out=held_out, repeats=repeated)
+
+
+def prepared(settings: PredictorSettings, out: Path) -> PredictorSettings:
+    """The settings with the layers of the predictor to begin with, and the folder made: what is wrong is told before the work.
+
+    Raises:
+        ValueError: a predictor to begin with that is damaged, or the folder holds another one.
+        OSError: there can be no such folder.
+    """
+    if (begun := settings.start_from) is not None:
+        config = read_config(begun)
+        settings = replace(settings, hidden=tuple(config["settings"]["hidden"]))
+        load_weights(begun / WEIGHTS, Answering(network(settings.hidden)), config["sha256"][WEIGHTS])
+    require_same(out, settings)
+    out.mkdir(parents=True, exist_ok=True)
+    return settings
 
 
 def require_same(folder: Path, settings: PredictorSettings) -> None:
@@ -135,12 +157,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--start-from", type=Path, help="folder of a predictor to train on")
     parser.add_argument("--threads", type=int, default=2)
     options = vars(parser.parse_args(arguments))
-    out, threads, seeds = options.pop("out"), options.pop("threads"), options.pop("seeds")
-    torch.set_num_threads(threads)
+    try:
+        _run(**options)
+    except (ValueError, OSError, ImportError) as error:
+        parser.exit(BAD_INPUT, f"{parser.prog}: error: {told_of(error)}\n")
+
+
+def _run(*, out: Path, threads: int, seeds: int, **options: Any) -> None:
+    threads = checked_count("threads", threads, most=MOST_WORKERS)
+    checked_count("seeds", seeds, most=MOST_TRAININGS)
     settings = PredictorSettings(**options)
     repeats = range(settings.seed + 1, settings.seed + seeds)
-    samples = gather_for(settings, workers=threads)
-    train(settings, out, *samples, held_out=gather_held_out(settings, workers=threads), repeats=repeats)
+    for seed in repeats[-1:]:
+        replace(settings, seed=seed)  # the last one is the greatest
+    if settings.real is not None:
+        world_of(settings.real, settings.seed)  # the recording can be read
+    settings = prepared(settings, out)
+    with one_writer(out):
+        torch.set_num_threads(threads)
+        samples = gather_for(settings, workers=threads)
+        train(settings, out, *samples, held_out=gather_held_out(settings, workers=threads), repeats=repeats)
 
 
 if __name__ == "__main__":

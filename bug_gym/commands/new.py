@@ -7,6 +7,7 @@ import importlib.util
 import keyword
 import os
 import re
+import shlex
 from pathlib import Path
 
 from bug_gym.checks import shortened
@@ -107,7 +108,8 @@ WORLD = '''"""NAME: pillars in rows, each a little off its place.
 
 Change the keys and `layout`. A layout is a function of its arguments: all chance comes from `rng`. Lengths are in metres.
 What there is to build with: bug_gym.worlds.layout (circles, polygons, movers), bug_gym.worlds.places and
-bug_gym.worlds.clearance (where there is room).
+bug_gym.worlds.clearance (where there is room). Where worlds are read from files, have `data_files(self)` return their
+paths, as a tuple: an evaluation that goes on with earlier rows looks whether they are still the same.
 """
 
 from __future__ import annotations
@@ -212,7 +214,7 @@ def run(options: argparse.Namespace) -> None:
     class_name = "".join(part.capitalize() for part in name.split("_"))
 
     def filled(text: str) -> str:
-        folder = "" if options.folder == Path() else f"{options.folder}{os.sep}"
+        folder = "" if options.folder == Path() else f"{options.folder.as_posix()}/"
         return text.replace("FOLDER", folder).replace("NAME", name).replace("CLASS", class_name)
 
     files = {options.folder / filled(path): text for path, text in TEMPLATES[options.what].items()}
@@ -230,7 +232,8 @@ def run(options: argparse.Namespace) -> None:
     *first, last = map(str, files)
     print(f"wrote {', '.join(first)} and {last}")
     for line in TOLD[options.what]:
-        print(filled(line))
+        what, _, command = line.partition(":")
+        print(f"{what + ':':8}", *(shlex.quote(filled(word)) for word in command.split()))
 
 
 def _checked_name(what: str, name: str) -> str:

@@ -68,7 +68,8 @@ def _checked_own(key: str, parts: object) -> Mapping[str, Any]:
     if not isinstance(parts, Mapping | None):
         raise ScenarioError(f"{key}: got {shortened(parts)}, expected a mapping of names to functions")
     if wrong := [name for name in parts or () if not isinstance(name, str) or "." in name]:
-        raise ScenarioError(f"{key}: got the name {shortened(wrong[0])}, expected letters, digits and underscores")
+        expected = "letters, digits and underscores, a letter first"
+        raise ScenarioError(f"{key}: got the name {shortened(wrong[0])}, expected {expected}")
     return parts or {}
 
 

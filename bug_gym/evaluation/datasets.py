@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import bug_gym
 from bug_gym.agents.learning.recorded import Recorded
 from bug_gym.agents.learning.settings import FromData
 from bug_gym.config import Scenario
 from bug_gym.evaluation.collection import MIXED, collect
 from bug_gym.evaluation.entries import PolicyEntry
 from bug_gym.evaluation.minari_files import open_dataset, read_identity, require_minari
+from bug_gym.evaluation.plan import data_digest, own_code
+from bug_gym.files import released
 from bug_gym.held_out import TRAINING_SEEDS
 from bug_gym.observation import as_flat, fields, width
 
 COLLECTED = Path("results", "datasets")
-"""Folder of the datasets that trainings have had collected."""
+"""Folder of the datasets that trainings have had collected: POLICIES-EPISODES-DIGEST, see `_digest`."""
 
 
 def episodes_for(
@@ -55,7 +60,8 @@ def _collected(settings: FromData, scenario: Scenario, root: Path, workers: int,
     """Folder of the dataset that a training's settings tell of; a few policies' each in one of its own."""
     data = settings.data
     entries = [PolicyEntry.of(policy) for policy in data.policies]
-    place = root / f"{'+'.join(data.policies)}-{data.episodes}".replace(":", "_").replace(os.sep, "_")
+    name = f"{'+'.join(data.policies)}-{data.episodes}-{_digest(scenario, entries)}"
+    place = root / name.replace(":", "_").replace(os.sep, "_")
     names = collect(
         scenario,
         entries,
@@ -68,6 +74,13 @@ def _collected(settings: FromData, scenario: Scenario, root: Path, workers: int,
         progress=progress,
     )
     return place / (names[0] if len(entries) == 1 else next(name for name in names if f"/{MIXED}_flat-" in name))
+
+
+def _digest(scenario: Scenario, entries: Sequence[PolicyEntry]) -> str:
+    """What tells a dataset from others of the same policies: version, scenario, and the code and files that it is made of."""
+    codes = [own_code(scenario), data_digest(scenario), *(entry.code for entry in entries)]
+    told = [released(bug_gym.__version__), scenario.digest, *codes]
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:8]
 
 
 def _folder_of(dataset: str | os.PathLike[str]) -> Path:

@@ -61,7 +61,7 @@ class Summary:
     spl_iqm_low: float
     spl_iqm_high: float
     path_ratio: float
-    """Path over shortest path, mean over successes."""
+    """Path, and the rest of the way to the goal, over shortest path, mean over successes, see the function `path_ratio`."""
     time: float
     """Time [s], mean over successes."""
     time_ratio: float
@@ -183,7 +183,8 @@ def paired_difference(
     """Difference a minus b of a field over the worlds (scenario, seed) that both policies drove in.
 
     Success and SPL are those of missions; of anything else the difference is taken robot by robot and its mean is the
-    world's. Time, path, clearance and turning are compared where both robots succeeded, and no field where it is NaN or
+    world's. Time, path, clearance and turning are compared where both robots succeeded: where the first arrival ends a
+    mission they are those of the two that arrived first, whatever their numbers. No field is compared where it is NaN or
     infinite for either: n says in how many worlds it was. The interval is a bootstrap of worlds within scenarios.
     """
     comparable = [name for name, kind in FIELD_TYPES.items() if kind is not str and name not in ("seed", "robot")]
@@ -207,7 +208,9 @@ def _gap(one: Mission, other: Mission, field: str) -> float:
     if field in ("success", "spl"):
         return float(getattr(one, field)) - float(getattr(other, field))
     pairs = list(zip(one.rows, other.rows, strict=True))
-    if field in _ON_SUCCESS:
+    if field in _ON_SUCCESS and one.ends_with_first:  # another robot may win here than there
+        pairs = [(one.winner, other.winner)] if one.winner and other.winner else []
+    elif field in _ON_SUCCESS:
         pairs = [(a, b) for a, b in pairs if a.success and b.success]
     gaps = [float(getattr(a, field)) - float(getattr(b, field)) for a, b in pairs]
     return _mean(gap for gap in gaps if isfinite(gap))

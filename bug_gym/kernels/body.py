@@ -49,7 +49,8 @@ def swing(f: Floats, s: Record, footprint: Floats, r: int, c: int) -> tuple[int,
     """How many chords stand for the way of circle c of robot r's body in this step, and how far it leaves them [m].
 
     While the robot goes straight and turns evenly, a circle beside its origin runs along an arc of a cycloid. Contact is
-    tested on the chords with that much more radius: none is missed, and none comes more than SWING too early.
+    tested on the chords with that much more radius: none is missed, and none comes more than twice SWING too early, as the
+    chord may lie that much beside the arc besides; between two such bodies four times.
     """
     offset = length(footprint[c, 0], footprint[c, 1])
     turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])

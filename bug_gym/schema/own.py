@@ -145,8 +145,8 @@ class ObservationField(Part):
 
 
 def _name(value: str) -> str:
-    if not re.fullmatch(r"[A-Za-z_]\w{0,79}", value):
-        raise wrong(f"got {shortened(value)}, expected a name of letters, digits and underscores")
+    if not re.fullmatch(r"[A-Za-z]\w{0,79}", value):  # Gymnasium's infos have a mask of their rows under "_name"
+        raise wrong(f"got {shortened(value)}, expected a name of letters, digits and underscores, a letter first")
     return value
 
 

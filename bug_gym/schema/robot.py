@@ -50,7 +50,8 @@ class Robot(Part):
     """Radius of a round body [m]."""
     circles: Annotated[tuple[Disc, ...], Field(min_length=1, max_length=1000)] | None = None
     """A body of several circles x, y, radius in the robot's frame [m], instead of the one of `radius`. While it turns they
-    are tested along their arcs: no contact is missed, and none comes more than 0.01 mm too early."""
+    are tested along their arcs: no contact is missed, and none comes more than 0.02 mm too early, or 0.04 mm where two robots
+    with such bodies meet."""
     max_speed: DrawnTopSpeed = 1.0
     """Maximum speed, of a differential or ackermann robot ahead [m/s]."""
     max_reverse: DrawnSpeed = 0.3

@@ -784,7 +784,7 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ({"world": {"family": "field", "moving": 0.5, "laws": []}}, "world.laws", "at least one of"),
         ({"world": {"family": "field", "solvable": 0.1}}, "world.solvable", "at least the robot's reach (0.2)"),
         (
-            {"world": {"family": "field", "start": [0, 0, 0], "goal": [3, 4]}},
+            {"world": {"family": "field", "start": [0, 0, 0], "goal": [3, 4], "separation": 8}},
             "world.separation",
             "got 8, expected at most 5,",
         ),
@@ -798,6 +798,16 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ({"world": {"family": "maze", "passage": 0.4}}, "world.passage", "more than the robot's width (0.4)"),
         ({"world": {"family": "maze", "passage": 15}}, "world.passage", "expected at most what lets two cells"),
         ({"world": {"family": "maze", "separation": 28}}, "world.separation", "got 28, expected at most 26.5"),
+        (
+            {"world": {"family": "maze", "bounds": [0, 0, 4, 4]}},
+            "world.separation",
+            "got 8, the default, expected at most 3.9598, all that there is: set world.separation",
+        ),
+        (
+            {"world": {"family": "field", "bounds": [0, 0, 3, 4], "start": [1, 1, 0]}},
+            "world.separation",
+            "got 8, the default, expected at most 5, all that there is: set world.separation",
+        ),
         ({"world": {"family": "oni_wang", "start": "D"}}, "world.goal", "expected another place than start"),
         ({"world": {"family": "oni_wang", "bounds": [-1, -9, 30, 9]}}, "world.bounds", "that hold the map"),
         ({"world": {"family": "barn", "path": "no.jsonl"}}, "world.path", "got 'no.jsonl', expected a file"),

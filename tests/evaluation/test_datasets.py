@@ -16,9 +16,11 @@ pytest.importorskip("minari", reason="minari comes with the extra `data`")
 
 import minari
 
+import bug_gym
 from bug_gym.agents.learning.settings import load_settings
 from bug_gym.cli import main
 from bug_gym.config import load
+from bug_gym.evaluation import datasets
 from bug_gym.evaluation.collection import collect
 from bug_gym.evaluation.datasets import episodes_for, read_episodes
 from bug_gym.evaluation.demonstrations import ENDINGS, demonstrate
@@ -66,6 +68,33 @@ def test_what_is_not_there_is_collected_once_in_worlds_of_trainings(tmp_path: Pa
     assert made_at == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.hdf5")}
     alone = episodes_for(settings_of(["bug2"]), root=tmp_path)
     assert np.array_equal(alone.actions, found.actions[: len(alone.actions)])
+
+
+def test_a_dataset_of_other_worlds_is_collected_beside_the_first(tmp_path: Path) -> None:
+    settings = [settings_of(["bug2"], overrides={**SHORT, "world.obstacles": count}) for count in (3, 5)]
+    found = [episodes_for(one, root=tmp_path) for one in settings]
+    assert found[0].origin["digest"] != found[1].origin["digest"]
+    places = sorted(path.name.rpartition("-")[0] for path in tmp_path.iterdir())
+    assert places == [f"bug2-{len(SEEDS)}"] * 2
+    made_at = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.hdf5")}
+    for one, before in zip(settings, found, strict=True):
+        assert episodes_for(one, root=tmp_path).origin == before.origin
+    assert made_at == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.hdf5")}
+
+
+def test_a_dataset_of_a_changed_policy_or_version_is_collected_beside_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = tmp_path / "own.py"
+    for place, line in (("one", "x = 1"), ("two", "x = 2")):
+        text = f"from bug_gym.agents.bugs.bug2 import Bug2\n\n{line}\n\n\nclass Own(Bug2):\n    pass\n"
+        own.write_text(text, encoding="utf-8")
+        told = episodes_for(settings_of([f"{own}:Own"]), root=tmp_path / "found").origin
+        assert told["policy_code"], place
+    assert len(list((tmp_path / "found").iterdir())) == 2
+    first = datasets._digest(SCENARIO, [])
+    monkeypatch.setattr(bug_gym, "__version__", "99.0.0")
+    assert datasets._digest(SCENARIO, []) != first
 
 
 def test_a_dataset_is_found_by_minaris_name(collected: Path, monkeypatch: pytest.MonkeyPatch) -> None:

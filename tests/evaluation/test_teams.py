@@ -128,6 +128,32 @@ def test_paired_differences_of_robots_are_of_their_worlds() -> None:
     assert (time.n, time.mean) == (4, (2.0 + 3 * 6.0) / 4)
 
 
+@pytest.mark.parametrize(("here", "there"), [(0, 0), (0, 1), (1, 0)])
+def test_where_the_first_arrival_ends_a_mission_the_winners_are_compared_whatever_their_numbers(
+    here: int, there: int
+) -> None:
+    """Worlds 0 and 1 are won by both, 2 by one of them, and 3 by nobody; what the other robot did is no part of it."""
+    won: dict[str, Any] = {"time": 12.0, "path_length": 10.0, "min_clearance": 0.5, "turns": 4, "holds": 0}
+    ended: dict[str, Any] = {"outcome": "ended", "time": 12.0, "path_length": 99.0, "min_clearance": 0.01, "holds": 2}
+    lost = {"outcome": "timeout", "time": 60.0, "path_length": 99.0}
+    one, other = [], []
+    for seed, better in enumerate((1.0, 3.0)):
+        first = {**won, "time": 12.0 - better, "path_length": 10.0 - 2.0 * better, "turns": 3}
+        one += first_of("one", seed, *([won, ended] if here == 0 else [ended, won]))
+        other += first_of("other", seed, *([first, ended] if there == 0 else [ended, first]))
+    one += first_of("one", 2, won, ended) + first_of("one", 3, lost, lost)
+    other += first_of("other", 2, lost, lost) + first_of("other", 3, lost, lost)
+    means = {"time": 2.0, "path_length": 4.0, "turns": 1.0, "min_clearance": 0.0}
+    found = {field: paired_difference(one, other, field) for field in means}
+    assert {field: (gap.n, gap.mean) for field, gap in found.items()} == {key: (2, mean) for key, mean in means.items()}
+    # What says something of failures, too, is of all robots in all worlds: 2 holds of one of the two in world 2 alone.
+    holds = paired_difference(one, other, "holds")
+    assert (holds.n, holds.mean) == (4, 1.0 / 4)
+    # Where all are to arrive the same rows are compared robot by robot, where both arrived.
+    mine, theirs = ([replace(row, mission="all") for row in rows] for rows in (one, other))
+    assert paired_difference(mine, theirs, "time").n == (2 if here == there else 0)
+
+
 def test_a_page_shows_teams_and_counts_no_robot_as_failed_whose_partner_won(tmp_path: Path) -> None:
     rows = []
     for seed in range(3):

@@ -18,7 +18,7 @@ from bug_gym.simulation import Simulation
 F64 = NDArray[np.float64]
 
 EARLY = 1e-5
-"""A contact of a circle that swings comes at most so much too early [m], see body.SWING."""
+"""So much the chords of a circle that swings leave its arc at most, and so much is added to its radius [m]: see body.SWING."""
 
 
 def contact_of_robot_0(f: Any, k: Any, s: Any, footprint: Any, columns: Any, index: Any) -> float:
@@ -151,6 +151,45 @@ def test_two_long_robots_that_turn_toward_one_another_touch_at_the_closed_form_a
     for robot, side in ((0, 1.0), (1, -1.0)):
         heading = side * simulation.world.pose[0, robot, 2]
         assert angle - 4.0 * EARLY <= heading <= angle + 1e-9
+
+
+def body_gap(simulation: Simulation, posts: list[list[float]]) -> float:
+    """Distance of the first robot's body from that of the second one, or from posts x, y, radius where it is alone [m]."""
+    poses = simulation.world.pose[0].tolist()
+    ours, *others = (np.array(simulation.scenario.robot.body(tuple(pose))) for pose in poses)
+    them = others[0] if others else np.array(posts)
+    apart = np.hypot(*(ours[:, None, :2] - them[None, :, :2]).transpose(2, 0, 1))
+    return float((apart - ours[:, None, 2] - them[None, :, 2]).min())
+
+
+@pytest.mark.parametrize(("robots", "bound"), [(1, 2.0 * EARLY), (2, 4.0 * EARLY)])
+def test_a_contact_comes_too_early_by_what_each_swinging_body_adds_and_by_its_chords(robots: int, bound: float) -> None:
+    """What lies within an arc is met farthest from it: the chord is EARLY nearer to it, and EARLY is added to the radius."""
+    rng = np.random.default_rng(0)
+    body = [[0.3, 0, 0.1], [-0.3, 0, 0.1], [0, 0.3, 0.05]]
+    drive = {"kinematics": "differential", "max_reverse": 1.0, "max_turn_rate": 1.5, "circles": body}
+    gaps = []
+    for _ in range(400):
+        way, turn, heading = rng.uniform(-np.pi, np.pi, 3).tolist()
+        x, y = (rng.uniform(0.1, 0.9) * np.array([math.cos(way), math.sin(way)])).tolist()
+        posts = [[0.6 * x, 0.6 * y, 0.03]] if robots == 1 else []
+        world = {"family": "explicit", "circles": posts, "start": [0, 0, turn], "goal": [8, 8]}
+        parts: dict[str, Any] = {"robot": drive, "lidar": {"beams": 1}, "time": {"step": 0.3}, "world": world}
+        if robots == 2:
+            parts["robots"] = [{"start": [0, 0, turn]}, {"start": [x, y, heading]}]
+        try:
+            simulation = Simulation(parts)
+        except ScenarioError:  # it begins in the post
+            continue
+        simulation.reset(seeds=[0])
+        if body_gap(simulation, posts) <= 0.0:
+            continue
+        for _ in range(10):
+            simulation.step(rng.choice([-1.0, 0.0, 1.0], (1, robots, 2)))
+        if {outcome(simulation, robot) for robot in range(robots)} == {"collision"}:
+            gaps.append(body_gap(simulation, posts))
+    assert len(gaps) > 40 and min(gaps) >= -1e-9
+    assert 0.6 * bound < max(gaps) <= bound
 
 
 # ---------------------------------------------------------------------------------------------- arcs, sampled

@@ -529,6 +529,27 @@ REFUSED: list[tuple[str, dict[str, Any], str, str]] = [
 ]
 
 
+@pytest.mark.parametrize("family", ["field", "forest", "rooms", "urban", "beach"])
+def test_two_points_may_lie_nearer_together_than_the_default_separation(family: str) -> None:
+    points = {"bounds": [-50.0, -50.0, 50.0, 50.0], "start": [0.0, 0.0, 0.5], "goal": [3.0, 0.0]}
+    scenario = load({"robots": {"count": 2}, **scenario_of(family, **points)})
+    simulation = Simulation(scenario)
+    simulation.reset(seeds=[0])
+    layout = simulation.world.layout(0)
+    assert layout.starts[:, :2].mean(axis=0) == pytest.approx([0.0, 0.0])
+    assert layout.goals[0] == pytest.approx([3.0, 0.0])
+    again = load(dump(scenario))
+    assert again == scenario and again.digest == scenario.digest
+    # Who asks for a separation is told, also where it is the default's.
+    default = type(scenario.world).model_fields["separation"].default
+    told = message(scenario_of(family, **points, separation=default))
+    assert told == f"scenario: world.separation: got {default:g}, expected at most 3, all that there is"
+    # Points that are far enough apart leave the default, and with it the scenario's digest, as they are.
+    points |= {"start": [-35.0, 0.0, 0.0], "goal": [35.0, 0.0]}
+    far, same = (load(scenario_of(family, **points, **more)) for more in ({}, {"separation": default}))
+    assert far.world.separation == default and far.digest == same.digest  # type: ignore[union-attr]
+
+
 @pytest.mark.parametrize(("family", "world", "key", "allowed"), REFUSED)
 def test_what_a_family_cannot_have_is_told_by_its_key(
     family: str, world: dict[str, Any], key: str, allowed: str

@@ -21,7 +21,9 @@ from bug_gym.evaluation import evaluate
 optuna = pytest.importorskip("optuna", reason="of the extra `sweep`")
 pytest.importorskip("stable_baselines3", reason="of the extra `train`")
 
-from bug_gym.agents.learning import sweeps  # noqa: E402
+from bug_gym.agents.learning import sweeps, training  # noqa: E402
+from bug_gym.agents.learning.checkpoints import CHECKPOINT  # noqa: E402
+from bug_gym.agents.learning.elsewhere import Job  # noqa: E402
 from bug_gym.agents.learning.training import train, train_seeds  # noqa: E402
 
 SHORT: dict[str, Any] = {
@@ -92,6 +94,82 @@ def test_a_grid_tries_each_combination_once_and_goes_on(tmp_path: Path, monkeypa
     assert sweeps.sweep(settings, tmp_path, report=told.append) == best and len(told) == 2, "all is done"
     with pytest.raises(ValueError, match="is of another sweep: seeds was 1, is now 2"):
         sweeps.sweep(load_sweep(GRID | {"seeds": 2}), tmp_path)
+
+
+@pytest.mark.parametrize("again", [1, 2])
+def test_a_trial_that_was_cut_off_goes_on_with_its_other_seeds(
+    again: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shorter = {"n_timesteps": 512, "n_steps": 16, "save_freq": 128, "eval_freq": 256}
+    settings = load_sweep(GRID | {"overrides": SHORT | shorter, "space": {"gamma": [0.9, 0.99]}, "seeds": 2})
+    whole = sweeps.sweep(settings, tmp_path / "whole")
+    validate, saved = training.validate, tmp_path / "cut" / "trial-0" / "seed-1" / CHECKPOINT
+
+    def cut_off(network: Any, trained: Any, steps: int, progress: Any, folder: Path) -> Any:
+        if saved.exists():
+            raise KeyboardInterrupt
+        return validate(network, trained, steps, progress, folder)
+
+    monkeypatch.setattr(training, "validate", cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        sweeps.sweep(settings, tmp_path / "cut")
+    monkeypatch.setattr(training, "validate", validate)
+    done = tmp_path / "cut" / "trial-0" / "seed-0" / WEIGHTS
+    made_at = done.stat().st_mtime_ns
+    begun: list[tuple[str, bool]] = []
+    real = sweeps._train_here
+
+    def watched(job: Any) -> None:
+        begun.append((str(job.folder.relative_to(tmp_path / "cut")), (job.folder / CHECKPOINT).exists()))
+        real(job)
+
+    monkeypatch.setattr(sweeps, "_train_here", watched)
+    told: list[str] = []
+    best = sweeps.sweep(settings, tmp_path / "cut", workers=again, report=told.append)
+    assert best.name == whole.name and [line[:7] for line in told] == ["trial 0", "trial 1"]
+    if again == 1:
+        assert begun == [("trial-0/seed-1", True), ("trial-1/seed-0", False), ("trial-1/seed-1", False)]
+    assert done.stat().st_mtime_ns == made_at
+    assert (tmp_path / "cut" / sweeps.TABLE).read_text() == (tmp_path / "whole" / sweeps.TABLE).read_text()
+    folders = ["trial-0/seed-0", "trial-0/seed-1", "trial-1/seed-0", "trial-1/seed-1"]
+    for kind in ("whole", "cut"):
+        found = sorted(tmp_path.glob(f"{kind}/trial-*/seed-*"))
+        assert [str(path.relative_to(tmp_path / kind)) for path in found] == folders
+        assert again == 2 or not list(tmp_path.glob(f"{kind}/**/{CHECKPOINT}"))
+    for folder in folders:
+        parts = (tmp_path / "whole" / folder / WEIGHTS, tmp_path / "cut" / folder / WEIGHTS)
+        assert parts[0].read_bytes() == parts[1].read_bytes()
+
+
+def test_a_trial_that_was_cut_off_begins_anew_where_its_checkpoint_is_no_use(tmp_path: Path) -> None:
+    settings = load_settings("ppo_static", SHORT | {"n_timesteps": 256})
+    (tmp_path / CHECKPOINT).write_bytes(b"of another torch")
+    sweeps._train_here(Job(sweeps._train, settings, 0, tmp_path))
+    assert (tmp_path / WEIGHTS).is_file() and not (tmp_path / sweeps.FAILED).exists()
+
+
+def test_a_search_goes_on_with_what_it_drew_and_a_failure_is_not_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    space = {"gamma": {"low": 0.9, "high": 0.99}}
+    settings = load_sweep(GRID | {"space": space, "sampler": "tpe", "trials": 2, "seeds": 2})
+    tried: list[tuple[float, str, int]] = []
+
+    def fake(trained: Any, out: Path, *, seed: int, **arguments: Any) -> None:
+        tried.append((trained.gamma, Path(out).parent.name, seed))
+        if len(tried) == 2:
+            raise KeyboardInterrupt
+        raise ValueError("no such world")
+
+    monkeypatch.setattr(sweeps, "train", fake)
+    with pytest.raises(KeyboardInterrupt):
+        sweeps.sweep(settings, tmp_path)
+    with pytest.raises(ValueError, match="no trial could be trained"):
+        sweeps.sweep(settings, tmp_path)
+    assert [one[1:] for one in tried] == [
+        (f"trial-{trial}", seed) for trial, seed in [(0, 0), (0, 1), (0, 1), (1, 0), (1, 1)]
+    ]
+    assert len({one[0] for one in tried[:3]}) == 1 and tried[3][0] != tried[0][0]
 
 
 DIVERGES = 1e8

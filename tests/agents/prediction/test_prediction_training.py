@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pytest
@@ -17,11 +18,11 @@ import torch
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 
 from bug_gym.agents.learning.folder import TRAINED_FOLDER, open_graph
-from bug_gym.agents.prediction import make_predictor
+from bug_gym.agents.prediction import make_predictor, training
 from bug_gym.agents.prediction.card import write_predictor
 from bug_gym.agents.prediction.descent import tried_slopes
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, KALMAN_ERRORS, TOP_SPEED, WIDTH, cost_of, errors_of
-from bug_gym.agents.prediction.learned import CONFIG, GRAPH, LearnedPredictor
+from bug_gym.agents.prediction.learned import CONFIG, GRAPH, WEIGHTS, LearnedPredictor
 from bug_gym.agents.prediction.network import Answering, Curve, costs_at_horizons, network
 from bug_gym.agents.prediction.ppo import AnswerBuffer, AnswerVecEnv, TriedAnswers, gains_over_others
 from bug_gym.agents.prediction.samples import Samples, with_mirrored
@@ -262,3 +263,80 @@ def test_a_recording_is_learnt_from_with_the_same_command(tmp_path: Path) -> Non
 def test_worlds_where_nothing_is_tracked_teach_nothing(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="nothing was tracked"):
         gather([street(tmp_path / "street.csv", 20)], [])
+
+
+COMMAND = ["supervised", "--worlds", "1", "--validation-worlds", "1", "--test-worlds", "1", "--epochs", "1"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--threads", "0"], "threads must be at least 1, got 0"),
+        (["--seeds", "0"], "seeds must be at least 1, got 0"),
+        (["--seed", "-1"], "a seed is an integer from 0 to 2**63 - 1, got -1"),
+        (["--seed", str(2**63 - 2), "--seeds", "3"], f"got {2**63}"),
+        (["--rate", "-1"], "rate must be a number above 0, got -1.0"),
+        (["--rate", "nan"], "rate must be a number above 0, got nan"),
+        (["--worlds", "0"], "worlds must be at least 1, got 0"),
+        (["--validation-worlds", "0"], "validation_worlds must be at least 1, got 0"),
+        (["--test-worlds", "0"], "test_worlds must be at least 1, got 0"),
+        (["--epochs", "0"], "epochs must be at least 1, got 0"),
+        (["--start-from", "/nonexist"], "no trained predictor in /nonexist: it has no predictor.json"),
+        (["--out", "file"], "file: File exists"),
+        (["--out", "file/below"], "file/below: Not a directory"),
+        (["--out", "trained"], "trained holds another predictor: epochs was 2, is now 1"),
+        (["--start-from", "damaged"], "damaged/predictor.safetensors is damaged"),
+        (["--real", "nothing.csv"], "nothing.csv"),
+    ],
+)
+def test_what_cannot_be_is_told_in_a_line_before_anything_is_gathered(
+    words: list[str],
+    said: str,
+    quick: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def gathered(*arguments: Any, **named: Any) -> Any:
+        raise AssertionError("something is gathered")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(training, "gather", gathered)
+    Path("file").touch()
+    for name in ("trained", "damaged"):
+        shutil.copytree(quick, name)
+    Path("damaged", WEIGHTS).write_bytes(b"none")
+    with pytest.raises(SystemExit) as left:
+        main([*COMMAND, "--out", "new", *words])
+    assert left.value.code == 2 and not Path("new").exists()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("python -m bug_gym.agents.prediction.training: error: ") and said in line
+
+
+def test_a_seed_that_no_generator_of_ppo_takes_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"a seed of PPO is below 2\*\*32, got 4294967296"):
+        replace(QUICK, seed=2**32)
+    assert replace(QUICK, kind="supervised", seed=2**32).seed == 2**32
+
+
+def test_a_folder_is_kept_to_one_training(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def gathered(settings: Any, **named: Any) -> Any:
+        with pytest.raises(SystemExit):
+            main([*COMMAND, "--out", str(tmp_path / "new")])
+        return drifting(1000, 0), drifting(100, 1)
+
+    monkeypatch.setattr(training, "gather_for", gathered)
+    monkeypatch.setattr(training, "gather_held_out", lambda *_, **__: {})
+    main([*COMMAND, "--out", str(tmp_path / "new")])
+    assert "new is in use: process " in capsys.readouterr().err and (tmp_path / "new" / CONFIG).is_file()
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A predictor of two epochs."""
+    out = tmp_path_factory.mktemp("quick")
+    settings = PredictorSettings("supervised", worlds=1, validation_worlds=1, test_worlds=1, epochs=2)
+    train(settings, out, drifting(300, 0), drifting(100, 1))
+    return out
