@@ -7,21 +7,18 @@ not matter. Each node needs this package, of the same source, and what jobs name
 
 from __future__ import annotations
 
-import hashlib
 import logging
-import os
 import pickle
 import socket
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from itertools import islice
-from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bug_gym.checks import needed_from, shortened
+from bug_gym.references import source_digest
 from bug_gym.workers import WorkerLostError, add_to_path
 
 if TYPE_CHECKING:
@@ -171,21 +168,6 @@ def _result(asked: ray.ObjectRef[R]) -> R:
     except RayError as error:
         lost = f"a job lost its process or node {RETRIES + 1} times"
         raise WorkerLostError(f"{lost}, last by {type(error).__name__}; is there memory enough?") from None
-
-
-@cache
-def source_digest() -> str:
-    """SHA-256 of all Python files of this package, as hexadecimal digits."""
-    package = Path(__file__).parent
-    digest = hashlib.sha256()
-    for folder, inner, names in os.walk(package, followlinks=True):
-        inner.sort()
-        for name in sorted(names):
-            if name.endswith(".py"):
-                file = Path(folder, name)
-                digest.update(f"{file.relative_to(package).as_posix()}\n".encode())
-                digest.update(file.read_bytes().replace(b"\r\n", b"\n"))
-    return digest.hexdigest()
 
 
 @contextmanager

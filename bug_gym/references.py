@@ -10,18 +10,25 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import json
+import operator
+import os
 import re
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from bug_gym.checks import shortened
 from bug_gym.naming import nearest_hint
 
 MODULE = r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*"
+INSTALLED = frozenset(("site-packages", "dist-packages"))
+"""Folders of installed packages."""
 
 
 def is_reference(name: str) -> bool:
@@ -117,20 +124,144 @@ def kept_in_process() -> Iterator[None]:
         raise RuntimeError(told).with_traceback(left.__traceback__) from None
 
 
-def code_digest(code: Any) -> str:
-    """Digest of the file that code is written in, which tells whether it is still the same.
+# ---------------------------------------------------------------------------------------------------------------------
+# Whether code is still the same
+# ---------------------------------------------------------------------------------------------------------------------
 
-    In a notebook, whose cells are no files, that of its own lines; "" where nobody knows them.
+
+@cache
+def source_digest() -> str:
+    """SHA-256 of this package's Python files, settings and records of models, as hexadecimal digits.
+
+    It is the same for a checkout and a wheel of it, on any system; records of models have the checksums of their other files.
     """
-    code = getattr(code, "py_func", code)
+    package = str(Path(__file__).parent)
+    digest = hashlib.sha256()
+    for folder, inner, names in os.walk(package, followlinks=True):
+        inner[:] = _with_sources(inner)
+        for name in sorted(names):
+            if name.endswith((".py", ".yaml", ".json")) and not name.startswith("."):
+                file = os.path.join(folder, name)  # noqa: PTH118 - paths as objects would take half of the time
+                digest.update(f"{file[len(package) + 1 :].replace(os.sep, '/')}\n".encode())
+                with open(file, "rb") as opened:  # noqa: PTH123
+                    digest.update(opened.read().replace(b"\r\n", b"\n"))
+    return digest.hexdigest()
+
+
+def code_digest(code: Any) -> str:
+    """Digest of what a class or function is written in, which tells whether it is still the same.
+
+    That is its file, of a class also those of its bases, and where one of these files lies in a package all that lies there;
+    this package, Python's and installed ones are left out, but for that of the class itself. In a notebook, whose cells are no
+    files, it is the digest of their own lines; "" where nobody knows them.
+
+    Raises:
+        ValueError: a file was changed after it was imported: what runs is not what it says now.
+    """
+    code = inspect.unwrap(getattr(code, "py_func", code))
+    written: set[tuple[str, str]] = set()
+    for one in _callers_classes(code) if isinstance(code, type) else [code]:
+        found = _written(one)
+        if not found:
+            return ""
+        written |= found.items()
+    return _short(json.dumps(sorted(written)).encode())
+
+
+def note_code(code: Any) -> None:
+    """Take down what a class or function is written in now, so that a change after this is noticed."""
+    with suppress(ValueError, OSError):  # whoever asks for the digest is told
+        code_digest(code)
+
+
+_MODULES: WeakKeyDictionary[ModuleType, tuple[Any, str]] = WeakKeyDictionary()
+"""The specification of each module that was asked about, which another import replaces, and the digest of its file then."""
+_CODE: WeakKeyDictionary[Any, tuple[list[CodeType], str]] = WeakKeyDictionary()
+"""What each class or function that was asked about runs, which a notebook's autoreload replaces, and the digest likewise."""
+
+
+def _short(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]
+
+
+def _with_sources(folders: list[str]) -> list[str]:
+    """Those of some folders in which sources may lie, sorted."""
+    return sorted(name for name in folders if name not in ("__pycache__", *INSTALLED) and not name.startswith("."))
+
+
+def _callers_classes(found: type[Any]) -> list[type[Any]]:
+    """A class and those of its bases that are neither of this package nor of Python or an installed one."""
+    return [one for one in found.__mro__ if one is found or not (_is_ours(one) or _is_installed(one))]
+
+
+def _is_ours(code: Any) -> bool:
+    return _top(code) == __name__.partition(".")[0]
+
+
+def _is_installed(found: type[Any]) -> bool:
+    place = getattr(sys.modules.get(found.__module__), "__file__", None) or ""
+    return _top(found) in sys.stdlib_module_names or not INSTALLED.isdisjoint(Path(place).parts)
+
+
+def _top(code: Any) -> str:
+    """The package or module at the top in which code lies."""
+    return str(getattr(code, "__module__", None) or "").partition(".")[0]
+
+
+def _written(code: Any) -> dict[str, str]:
+    """Digests of the files that a class or function is written in, by name, its package's too; of lines that are in no file."""
     try:
-        written = Path(inspect.getsourcefile(code) or "").read_bytes()
+        file = Path(inspect.getsourcefile(code) or "")
+        digest = _short(file.read_bytes())
     except (TypeError, OSError):
         try:
-            written = inspect.getsource(code).encode()
-        except (TypeError, OSError):  # typed in by hand, or run without its source
-            return ""
-    return hashlib.sha256(written).hexdigest()[:16]
+            return {code.__qualname__: _short(inspect.getsource(code).encode())}
+        except (TypeError, OSError, AttributeError):  # typed in by hand, or run without its source
+            return {}
+    if code.__module__ != "__main__":
+        _require_as_imported(file, code.__module__, digest)
+    functions = vars(code).values() if isinstance(code, type) else [code]
+    runs = [function.__code__ for function in functions if isinstance(function, FunctionType)]
+    known, before = _CODE.get(code, ([], ""))
+    if not before or len(known) != len(runs) or not all(map(operator.is_, known, runs)):
+        _CODE[code] = runs, digest
+    elif before != digest:
+        if code.__module__ == "__main__":  # a script, which workers do not import: it is what it was
+            return {file.name: before}
+        raise ValueError(_told_changed(file))
+    for folder in getattr(sys.modules.get(_top(code)), "__path__", ()) if not _is_ours(code) else ():
+        if file.is_relative_to(folder):
+            return _package(Path(folder))
+    return {file.name: digest}
+
+
+def _package(folder: Path) -> dict[str, str]:
+    """Digests of the Python files of a package, by name."""
+    digests = {}
+    for place, inner, names in os.walk(folder):
+        inner[:] = _with_sources(inner)
+        for file in (Path(place, name) for name in names if name.endswith(".py") and not name.startswith(".")):
+            name = file.relative_to(folder.parent)
+            digest = digests[name.as_posix()] = _short(file.read_bytes())
+            _require_as_imported(file, ".".join(name.with_suffix("").parts).removesuffix(".__init__"), digest)
+    return digests
+
+
+def _require_as_imported(file: Path, name: str, digest: str) -> None:
+    """Refuse a file that has changed since somebody first asked about the module of this name, where it is of that file."""
+    module = sys.modules.get(name)
+    if module is None or getattr(module, "__file__", None) != str(file):
+        return
+    specification = getattr(module, "__spec__", None)
+    known, before = _MODULES.get(module, (None, ""))
+    if known is None or known is not specification:
+        _MODULES[module] = specification, digest
+    elif before != digest:
+        raise ValueError(_told_changed(file))
+
+
+def _told_changed(file: Path) -> str:
+    return f"{file.name} was changed after it was imported: reload it, or restart"
 
 
 def _module(name: str) -> ModuleType:

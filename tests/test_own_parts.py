@@ -14,6 +14,7 @@ import gymnasium as gym
 import numba
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
@@ -521,6 +522,13 @@ def test_the_digest_tells_them_and_is_as_ever_without() -> None:
         ({"reward_terms": {"goal": near_wall}}, r"reward_terms\.goal: this name is taken"),
         ({"reward_terms": {"t": 3}}, r"reward_terms\.t\.function: got 3, expected a function"),
         ({"reward_terms": {"a b": near_wall}}, "expected a name of letters"),
+        ({"reward_terms": {"_goal": near_wall}}, r"got '_goal', expected a name of .*, a letter first"),
+        ({"reward_terms": {"_": near_wall}}, "a letter first"),
+        (
+            {"reward_terms": {"a.b": near_wall}},
+            r"reward_terms: got the name 'a\.b', expected letters, .*, a letter first",
+        ),
+        ({"observation_fields": {"_way": FIELDS["way"]}}, r"got '_way', expected a name of .*, a letter first"),
         ({"reward_terms": {"t": {"function": near_wall, "wieght": 2}}}, "unknown key.*did you mean 'weight'"),
         ({"reward_terms": [near_wall]}, "reward_terms: got .*expected a mapping"),
         ({"reward_terms": {"t": lambda rangs: rangs}}, r"reward_terms\.t .*asks for 'rangs', did you mean 'ranges'"),
@@ -588,6 +596,38 @@ def test_a_function_that_raises_is_named_beside_its_own_error() -> None:
         env.step(np.zeros(2, dtype=np.float32))
     (note,) = error.value.__notes__
     assert note.startswith("in reward_terms.t (") and note.endswith("called with ranges, pose of 1 robots")
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_an_end_in_a_step_whose_term_raised_is_not_reported_a_step_late(mode: AutoresetMode) -> None:
+    errors = [ZeroDivisionError("of mine")]
+
+    def raises_once(steps: Any) -> Any:
+        if steps.max() == 3 and errors:
+            raise errors.pop()
+        return np.zeros(len(steps))
+
+    own = {"t": raises_once}
+    env = NavigationVectorEnv(
+        2, scenario="static", overrides={"time.limit": 0.3}, autoreset_mode=mode, reward_terms=own
+    )
+    still = np.zeros((2, 2), dtype=np.float32)
+    env.reset(seed=0)
+    env.step(still)
+    env.reset(seed=[None, 1], options={"reset_mask": np.array([False, True])})
+    env.step(still)
+    with pytest.raises(ZeroDivisionError):
+        env.step(still)
+    if mode == AutoresetMode.DISABLED:
+        with pytest.raises(ResetNeeded, match="row 0"):
+            env.step(still)
+        env.reset(options={"reset_mask": np.array([True, False])})
+    _, _, terminated, truncated, infos = env.step(still)
+    assert not terminated.any() and truncated.tolist() == [False, True]
+    ends = infos["final_info"] if mode == AutoresetMode.SAME_STEP else infos
+    assert ends["time"][1] == pytest.approx(0.3) and ends["outcome"][1] == "timeout"
+    assert env.simulation.world.episode[0] == 1
+    assert env.simulation.world.steps[0] == int(mode == AutoresetMode.DISABLED)
 
 
 def test_a_function_that_ends_the_process_is_named_and_does_not() -> None:

@@ -205,6 +205,31 @@ def test_the_unpacked_wheel_works_without_the_checkout(wheel: zipfile.ZipFile, t
     assert Path(run.stdout.strip()).is_relative_to(tmp_path)
 
 
+def test_the_source_has_one_digest_wherever_it_lies_and_another_once_it_is_edited(
+    built: Path, wheel: zipfile.ZipFile, tmp_path: Path
+) -> None:
+    def digest(folder: Path) -> str:
+        script = "from bug_gym.references import source_digest; print(source_digest())"
+        run = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stderr
+        return run.stdout
+
+    wheel.extractall(tmp_path)
+    expected, package = digest(built.parent), tmp_path / "bug_gym"  # there with two links, here without
+    assert digest(tmp_path) == expected
+    for path in [*package.rglob("*.py"), *package.rglob("*.yaml"), *package.rglob("*.json")]:
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))  # as git checks out on Windows
+    for name in ("bugs/notes.md", "bugs/.#bug2.py", "bugs/.ipynb_checkpoints/bug2.py", "__pycache__/x.py"):
+        (package / "agents" / name).parent.mkdir(exist_ok=True)
+        (package / "agents" / name).write_text("x = 1")
+    assert digest(tmp_path) == expected
+    for name in ("agents/bugs/bug2.py", "configs/scenarios/static.yaml", "agents/trained/ppo_static/config.json"):
+        with (package / name).open("a", encoding="utf-8") as file:
+            file.write("\n")
+        before, expected = expected, digest(tmp_path)
+        assert expected != before, name
+
+
 def test_importing_the_package_loads_nothing_heavy() -> None:
     script = f"import json, sys, bug_gym; print(json.dumps([name for name in {HEAVY} if name in sys.modules]))"
     run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -110,9 +110,11 @@ def run(options: argparse.Namespace) -> None:
 def _print_details(rows: list[EpisodeRow], summaries: list[Summary], baseline: str | None, console: Console) -> None:
     """Every other table: those of the scenarios, and the paired differences, those of teams too."""
     from bug_gym.evaluation.report import print_differences, print_table, print_text_table  # loads the compiler
-    from bug_gym.evaluation.summary import compare, default_baseline  # loads the compiler
+    from bug_gym.evaluation.summary import PRIVILEGED, compare, default_baseline  # loads the compiler
     from bug_gym.evaluation.teams import team_differences  # loads the compiler
 
+    if baseline is not None and all(row.policy != baseline for row in rows):
+        baseline += PRIVILEGED
     if baseline is None or all(row.policy != baseline for row in rows):  # it may have failed
         baseline = default_baseline(rows)
     print_table(summaries, console)

@@ -24,7 +24,7 @@ from bug_gym.evaluation.replays import REPLAYS, chosen, record_episode, replays_
 from bug_gym.evaluation.report import write_summary
 from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
-from bug_gym.evaluation.summary import compare, default_baseline, summarise
+from bug_gym.evaluation.summary import PRIVILEGED, compare, default_baseline, summarise
 from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds, require_sendable
 from bug_gym.workers import Workers, are_several, checked_workers, on_this_machine
 
@@ -67,8 +67,8 @@ def evaluate(
         overrides: values by dotted key that replace those of every scenario.
         progress: whether to show a bar on the terminal.
         data: path of the data that a suite needs and that is not part of this package.
-        baseline: label of the policy that the summary compares the others with; None: the most successful one that does
-            not read the map, see `summary.default_baseline`.
+        baseline: label of the policy that the summary compares the others with, with or without the mark of those that
+            read the map; None: the most successful one that does not read it, see `summary.default_baseline`.
         repair: whether lines of `out` that this run cannot have, or has twice, are dropped; else they are an error.
         privileged: whether policies that read the map take part; tables mark them.
         trust: whether what scenarios name (functions, families of worlds) may be imported, which runs the code
@@ -82,7 +82,8 @@ def evaluate(
         One row an episode and robot, by scenario, policy, seed and robot.
 
     Raises:
-        ValueError: an unknown name, a policy that does not fit, or `out` is of another run, in use or damaged.
+        ValueError: an unknown name, a policy that does not fit, a caller's file that was changed after it was imported
+            (where `out` or workers need it), or `out` is of another run or source of this package, in use or damaged.
         FailedPolicyError: a policy fails on its way. The others have been driven to the end then, and `out` is written: the
             error has their rows. Of a policy and a scenario where it failed none count, as its worlds would be others than
             theirs; those that were done stay in `out`, with the tracebacks in failed.txt.
@@ -103,7 +104,10 @@ def evaluate(
     )
     if are_several(workers):
         require_sendable(plan)
+        plan.require_as_imported()
     labels = [policy.label for policy in plan.policies]
+    if baseline is not None and baseline not in labels and f"{baseline}{PRIVILEGED}" in labels:
+        baseline = f"{baseline}{PRIVILEGED}"
     if baseline is not None and baseline not in labels:
         raise ValueError(f"baseline must be one of {', '.join(labels)}, came {shortened(baseline)}")
     with ExitStack() as stack:

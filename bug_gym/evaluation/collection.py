@@ -39,13 +39,14 @@ from bug_gym.evaluation.minari_files import (
     write_dataset,
     write_namespaces,
 )
-from bug_gym.evaluation.plan import Plan, data_digest, make_plan, own_code
+from bug_gym.evaluation.plan import SOURCE, Plan, data_digest, make_plan, own_code
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
-from bug_gym.evaluation.results_folder import differences, kept_manifest
+from bug_gym.evaluation.results_folder import kept_manifest, other_run
 from bug_gym.evaluation.work import require_sendable
 from bug_gym.files import one_writer, released
 from bug_gym.limits import MOST_WORKERS
+from bug_gym.references import source_digest
 from bug_gym.workers import are_several, each, starred
 
 SCORED = 100
@@ -109,6 +110,7 @@ class _Source(NamedTuple):
         seeds = self.scenario.seeds
         told = {
             "version": released(bug_gym.__version__),
+            SOURCE: source_digest()[:16],
             "scenario": self.scenario.label,
             "digest": self.scenario.scenario.digest,
             **_digests(self.scenario.scenario, self.entry),
@@ -338,8 +340,8 @@ def _is_there(root: Path, dataset: _Dataset) -> bool:
     folder = root / dataset.id
     if not os.path.lexists(folder):
         return False
-    if changes := list(differences(read_identity(folder), dataset.identity())):
-        raise ValueError(f"{folder} holds another run: {'; '.join(changes[:3])}")
+    if other := other_run(read_identity(folder), dataset.identity()):
+        raise ValueError(f"{folder} holds {other}; name another folder, or remove this one")
     open_dataset(folder)
     return True
 
@@ -376,8 +378,8 @@ def _agree(source: _Source) -> None:
     source.folder.mkdir(parents=True, exist_ok=True)
     identity = source.identity()
     there = kept_manifest(source.folder / "manifest.json", identity)
-    if changes := list(differences(there, identity)):
-        raise ValueError(f"{source.folder} holds another run: {'; '.join(changes[:3])}")
+    if other := other_run(there, identity):
+        raise ValueError(f"{source.folder} holds {other}; name another folder, or remove this one")
 
 
 def _mark(datasets: Sequence[_Dataset]) -> str:
@@ -408,12 +410,14 @@ def _write(
 ) -> None:
     """Put the datasets together; the scores are the lowest and the highest one."""
     write_namespaces(root, datasets[0].sources[0].scenario.label)
-    jobs = [(root, dataset, scores, signature) for dataset in datasets]
+    jobs = [(root, dataset, dataset.identity(), scores, signature) for dataset in datasets]
     for _ in track(each(partial(starred, _write_one), jobs, workers), "datasets", len(jobs)):
         pass
 
 
-def _write_one(root: Path, dataset: _Dataset, scores: tuple[float, float], signature: Signature) -> None:
+def _write_one(
+    root: Path, dataset: _Dataset, identity: Mapping[str, Any], scores: tuple[float, float], signature: Signature
+) -> None:
     worlds = dataset.sources[0].scenario
     names = ", ".join(source.name for source in dataset.sources)
     who = f"the policies {names}" if len(dataset.sources) > 1 else f"the policy {names}"
@@ -423,7 +427,7 @@ def _write_one(root: Path, dataset: _Dataset, scores: tuple[float, float], signa
         algorithm=names,
         description=f"Episodes of {who} of bug_gym in worlds of the scenario {worlds.label}, seeds "
         f"{worlds.seeds[0]} to {worlds.seeds[-1]}; observations as {dataset.form}.",
-        identity=dataset.identity(),
+        identity=identity,
         lowest=lowest,
         highest=highest,
         scored=min(SCORED, len(worlds.seeds)),

@@ -22,6 +22,7 @@ from bug_gym.evaluation.plan import data_digest, own_code
 from bug_gym.files import released
 from bug_gym.held_out import TRAINING_SEEDS
 from bug_gym.observation import as_flat, fields, width
+from bug_gym.references import source_digest
 
 COLLECTED = Path("results", "datasets")
 """Folder of the datasets that trainings have had collected: POLICIES-EPISODES-DIGEST, see `_digest`."""
@@ -79,7 +80,7 @@ def _collected(settings: FromData, scenario: Scenario, root: Path, workers: int,
 def _digest(scenario: Scenario, entries: Sequence[PolicyEntry]) -> str:
     """What tells a dataset from others of the same policies: version, scenario, and the code and files that it is made of."""
     codes = [own_code(scenario), data_digest(scenario), *(entry.code for entry in entries)]
-    told = [released(bug_gym.__version__), scenario.digest, *codes]
+    told = [released(bug_gym.__version__), source_digest(), scenario.digest, *codes]
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:8]
 
 

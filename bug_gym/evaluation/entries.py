@@ -15,7 +15,7 @@ from bug_gym.checks import shortened
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import MisfitError, Policy, ScriptedPolicy
-from bug_gym.references import code_digest, is_reference, kept_in_process, reference_of
+from bug_gym.references import code_digest, is_reference, kept_in_process, note_code, reference_of
 from bug_gym.simulation import Simulation
 
 EXPECTED = (
@@ -102,7 +102,7 @@ class PolicyEntry:
 
     @property
     def code(self) -> str:
-        """Digests of what a policy is made of beside this package: its file, or model, and models of its parameters.
+        """Digests of what a policy is made of beside this package: its code, or model, and models of its parameters.
 
         Models are those that are named by their place (a path, or `hf://user/name`); the others belong to the package.
         "" where there is none of all that; one of a parameter stands behind its name, as in "predictor=0123456789abcdef".
@@ -113,11 +113,29 @@ class PolicyEntry:
 
     @property
     def _own_digest(self) -> str:
-        """Digest of the file of a class from outside, or of a model named by its place; "" where there is neither."""
-        policy_class = imported_class(self.reference) if self.reference else self.policy_class
-        if policy_class is not None:
-            return code_digest(policy_class)
+        """Digest of the code of a class from outside, or of a model named by its place; "" where there is neither."""
+        if self._own_class is not None:
+            return code_digest(self._own_class)
         return "" if self.policy is not None else model_digest(self.name)
+
+    @property
+    def _own_class(self) -> type[Any] | None:
+        """The class from outside, None where there is none."""
+        return imported_class(self.reference) if self.reference else self.policy_class
+
+    def note_code(self) -> None:
+        """Take down what a class from outside is written in now, so that a change after this is noticed."""
+        if self._own_class is not None:
+            note_code(self._own_class)
+
+    def require_as_imported(self) -> None:
+        """Refuse a class from outside whose file has changed since: other processes would import another one.
+
+        Raises:
+            ValueError: it has.
+        """
+        if self._own_class is not None:
+            code_digest(self._own_class)
 
     @property
     def is_nameless(self) -> bool:

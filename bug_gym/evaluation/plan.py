@@ -8,10 +8,11 @@ import json
 import logging
 import os
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ import bug_gym
 from bug_gym.agents import Spec, playable_names
 from bug_gym.checks import shortened
 from bug_gym.config import Scenario, ScenarioError, dump, load
-from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
+from bug_gym.evaluation.entries import EXPECTED, PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
 from bug_gym.evaluation.summary import PRIVILEGED
@@ -28,7 +29,7 @@ from bug_gym.files import released
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.log import warn_once
 from bug_gym.policy import MisfitError
-from bug_gym.references import code_digest
+from bug_gym.references import code_digest, note_code, source_digest
 from bug_gym.schema.own import OWN_PARTS, required_function
 from bug_gym.simulation import Simulation
 from bug_gym.worlds.layout import Layout
@@ -36,15 +37,27 @@ from bug_gym.worlds.own import OwnFamily, required_trust
 
 logger = logging.getLogger("bug_gym")
 
+SOURCE = "bug_gym_source"
+"""What manifests call the digest of this package's source."""
 
-def own_code(scenario: Scenario) -> dict[str, str]:
-    """Digests of the files that a scenario's own functions and family are written in, by key and name."""
+
+def own_parts(scenario: Scenario) -> dict[str, Any]:
+    """A scenario's own functions and family, by key and name."""
     parts = {f"{key}.{name}": own for key in OWN_PARTS for name, own in getattr(scenario, key).items()}
-    told = {told: code_digest(required_function(own, told)) for told, own in parts.items()}
+    found = {told: required_function(own, told) for told, own in parts.items()}
     required_trust(scenario.world)
     if isinstance(scenario.world, OwnFamily):
-        told["world.family"] = code_digest(scenario.world.found)
-    return told
+        found["world.family"] = scenario.world.found
+    return found
+
+
+def own_code(scenario: Scenario) -> dict[str, str]:
+    """Digests of what a scenario's own functions and family are written in, by key and name.
+
+    Raises:
+        ValueError: a file was changed after it was imported.
+    """
+    return {told: code_digest(code) for told, code in own_parts(scenario).items()}
 
 
 def data_digest(scenario: Scenario) -> str:
@@ -75,7 +88,7 @@ class Plan:
         """The plan as data: runs with the same one make the same rows, but for the times of decisions.
 
         Raises:
-            ValueError: a policy has parameters that JSON cannot hold.
+            ValueError: a policy has parameters that JSON cannot hold, or a caller's file was changed after it was imported.
         """
         scenarios = {
             entry.label: {
@@ -97,11 +110,31 @@ class Plan:
         }
         versions = {"bug_gym": released(bug_gym.__version__), "python": platform.python_version()}
         versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
+        versions[SOURCE] = source_digest()[:16]
         manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions}
         try:
             return dict(json.loads(json.dumps(manifest, allow_nan=False)))  # as it will be read back
         except (TypeError, ValueError) as error:
             raise ValueError(f"a policy's parameters must be plain data that JSON can hold: {error}") from None
+
+    def note_code(self) -> None:
+        """Take down what is from outside as it is written now, so that a change after this is noticed."""
+        for entry in self.policies:
+            entry.note_code()
+        for scenario in self.scenarios:
+            for code in own_parts(scenario.scenario).values():
+                note_code(code)
+
+    def require_as_imported(self) -> None:
+        """Refuse files of a caller's that have changed since they were imported: other processes would import others.
+
+        Raises:
+            ValueError: one has.
+        """
+        for entry in self.policies:
+            entry.require_as_imported()
+        for scenario in self.scenarios:
+            own_code(scenario.scenario)
 
 
 def make_plan(
@@ -118,9 +151,11 @@ def make_plan(
     """What to evaluate, from the arguments of `evaluate`, each policy tried once in each scenario.
 
     Raises:
-        ValueError: an unknown name, a label that comes twice, a policy that fits none of the scenarios, or only some that
-            read the map where those are left out.
+        ValueError: an unknown name, a label that comes twice, or says falsely that a policy reads the map, a policy that fits
+            none of the scenarios, or only some that read the map where those are left out.
     """
+    if not isinstance(overrides, (Mapping, NoneType)):
+        raise ScenarioError(f"overrides: got {shortened(overrides)}, expected a mapping of dotted keys to values")
     suite, name = as_suite(scenario_or_suite)
     scenarios, found = [], suite.overrides(data)
     for number, item in enumerate(suite.scenarios):
@@ -130,7 +165,7 @@ def make_plan(
             raise ScenarioError(f"{name}: scenarios.{number}: {error}" if name else str(error)) from None
         seeds = item.seeds or suite.seeds
         first, count = seeds.first if seed is None else seed, seeds.count if episodes is None else episodes
-        if not all(isinstance(number, (int, np.integer)) for number in (first, count)) or first < 0 or count < 1:
+        if not (_is_whole(first) and _is_whole(count)) or first < 0 or count < 1:
             came = f"{shortened(first)} and {shortened(count)}"
             raise ValueError(f"expected a seed from 0 on and at least one episode, whole numbers, got {came}")
         first, count = int(first), int(count)
@@ -146,6 +181,8 @@ def make_plan(
         policies = suite.policies
     elif isinstance(policies, (str, Path, Mapping, Spec)) or hasattr(policies, "predict"):
         policies = [policies]
+    elif not isinstance(policies, Iterable):
+        raise ValueError(f"got {shortened(policies)} as policies, expected a list of these, or one: {EXPECTED}")
     entries = [PolicyEntry.of(policy) for policy in policies]
     if not entries:
         raise ValueError("no policies to evaluate")
@@ -159,11 +196,18 @@ def make_plan(
     _require_distinct("scenarios", [entry.label for entry in scenarios], cure)
     _require_distinct("policies", [entry.label for entry in entries], "give them labels")
     labelled, left_out = _try_out(entries, scenarios, asked_for=not by_default)
+    _require_distinct("policies", [entry.label for entry in labelled], "give them labels")  # some have a mark now
     lost = [entry for entry in labelled if all((entry.label, scenario.label) in left_out for scenario in scenarios)]
     if lost and not by_default:
         raise MisfitError(left_out[lost[0].label, scenarios[0].label])
     kept = tuple(entry for entry in labelled if entry not in lost)
-    return Plan(name, kept, tuple(scenarios), frozenset(left_out))
+    plan = Plan(name, kept, tuple(scenarios), frozenset(left_out))
+    plan.note_code()
+    return plan
+
+
+def _is_whole(number: object) -> bool:
+    return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
 
 
 def _require_room(scenarios: Sequence[ScenarioEntry], policies: int) -> None:
@@ -241,7 +285,11 @@ def _try_out(
                 left_out[entry.label, scenario.label] = came
                 continue
             if is_privileged(rollout.policy):
-                labelled[number] = replace(entry, label=f"{entry.label}{PRIVILEGED}")
+                labelled[number] = replace(entry, label=f"{entry.label.removesuffix(PRIVILEGED)}{PRIVILEGED}")
+            elif entry.label.endswith(PRIVILEGED):
+                told = f"{entry.label} does not read the map, which{PRIVILEGED} behind a label says"
+                raise ValueError(f"{told}: give it another label")
         if misfits:
             logger.warning("%s is not for the robot of: %s", scenario.label, ", ".join(misfits))
-    return labelled, left_out
+    now = {entry.label: new.label for entry, new in zip(entries, labelled, strict=True)}
+    return labelled, {(now[policy], scenario): why for (policy, scenario), why in left_out.items()}

@@ -22,7 +22,7 @@ from bug_gym.config import checked
 from bug_gym.evaluation.entries import ScenarioEntry
 from bug_gym.evaluation.failures import Failure
 from bug_gym.evaluation.lengths import Lengths, World
-from bug_gym.evaluation.plan import Plan, own_code
+from bug_gym.evaluation.plan import SOURCE, Plan, own_code
 from bug_gym.evaluation.records import LengthsRecord, Manifest
 from bug_gym.evaluation.rows import EpisodeRow, spl
 from bug_gym.files import HOLDER, LOCK, PARTIAL, append, from_json, one_writer, replaced_when_done, writable
@@ -124,10 +124,8 @@ class ResultFolder:
         if is_new:
             return
         checked(Manifest, there, f"{path} is damaged")
-        changes = list(differences(there, manifest))
-        if changes:
-            told = "; ".join(changes[:3])
-            raise ValueError(f"{self.path} holds another run: {told}; name another folder, or remove this one")
+        if other := other_run(there, manifest):
+            raise ValueError(f"{self.path} holds {other}; name another folder, or remove this one")
         objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
             raise ValueError(f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object")
@@ -331,6 +329,15 @@ def kept_manifest(path: Path, manifest: Mapping[str, Any]) -> Any:
         return from_json(path.read_bytes())
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def other_run(there: Any, here: Any) -> str:
+    """What a folder holds by its manifest, where that is another run than ours; "" where it is the same."""
+    changes = list(differences(there, here))
+    told = "; ".join(changes[:3])
+    if changes and all(change.partition(" was ")[0].rpartition(".")[2] == SOURCE for change in changes):
+        return f"what another source of bug_gym has made, whose code has changed since ({told})"
+    return f"another run: {told}" if changes else ""
 
 
 def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import shlex
@@ -9,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -330,6 +332,122 @@ def test_a_changed_file_is_read_again(place: Path) -> None:
     assert make_policy("my_bug.py:MyBug", OPEN).parameters.speed == 1.0  # type: ignore[attr-defined]
     (place / "my_bug.py").write_text(CODE.replace("= 1.0", "= 0.5"), encoding="utf-8")
     assert make_policy("my_bug.py:MyBug", OPEN).parameters.speed == 0.5  # type: ignore[attr-defined]
+
+
+FAMILY = {
+    "my_bug.py:Mine": {
+        "my_bug.py": "from my_base import Base\n\nclass Mine(Base): pass\n",
+        "my_base.py": f"{CODE}\nclass Base(MyBug): pass\n",
+        "my_plans.py": "SPEED = 1.0\n",
+    },
+    "my_package.bugs.mine:Mine": {
+        "my_package/__init__.py": "",
+        "my_package/bugs/__init__.py": "",
+        "my_package/bugs/mine.py": "from my_package.base import Base\n\nclass Mine(Base): pass\n",
+        "my_package/base.py": f"{CODE}\nclass Base(MyBug): pass\n",
+        "my_package/plans.py": "SPEED = 1.0\n",
+        "my_notes.py": "",
+    },
+}
+"""Policies of several files, and the files; the last one of each is no base and in no package."""
+
+
+def of_a_new_process(reference: str) -> str:
+    """The digest of a policy's code where nothing of it was imported before."""
+    for name in [name for name in sys.modules if name.startswith("my_")]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    return PolicyEntry.of(reference).code
+
+
+@pytest.mark.parametrize("reference", FAMILY)
+def test_the_code_of_a_policy_is_that_of_its_bases_and_its_package_too(reference: str, place: Path) -> None:
+    for name, text in FAMILY[reference].items():
+        (place / name).parent.mkdir(exist_ok=True, parents=True)
+        (place / name).write_text(text, encoding="utf-8")
+    before = of_a_new_process(reference)
+    assert len(before) == 16 and of_a_new_process(reference) == before
+    *noticed, other = FAMILY[reference]
+    for number, name in enumerate([*noticed, other]):
+        (place / name).write_text(f"{FAMILY[reference][name]}# {number}\n", encoding="utf-8")
+        after = of_a_new_process(reference)
+        assert (after != before) == (name != other), name
+        before = after
+    if "package" in reference:
+        for name in (".#hidden.py", "__pycache__/cached.py", "notes.txt"):
+            (place / "my_package" / name).parent.mkdir(exist_ok=True)
+            (place / "my_package" / name).write_text("")
+        assert of_a_new_process(reference) == before
+        (place / "my_package" / "new.py").write_text("")
+        assert of_a_new_process(reference) != before
+
+
+def test_bases_of_installed_packages_and_of_ours_do_not_count(place: Path) -> None:
+    (place / "my_own.py").write_text("from my_installed import Mine\n\nclass Own(Mine): pass\n", encoding="utf-8")
+    folder = place / "site-packages"
+    folder.mkdir()
+    sys.path.append(str(folder))
+    (folder / "my_installed.py").write_text(CODE.replace("MyBug", "Mine"), encoding="utf-8")
+    own, installed = of_a_new_process("my_own:Own"), of_a_new_process("my_installed:Mine")
+    with (folder / "my_installed.py").open("a") as file:
+        file.write("# another one\n")
+    assert of_a_new_process("my_own:Own") == own and of_a_new_process("my_installed:Mine") != installed
+
+
+def test_a_class_whose_file_was_changed_after_it_was_imported_is_refused_until_it_is_reloaded(place: Path) -> None:
+    sys.path.append(str(place))
+    mine = importlib.import_module("my_module_of_bugs")
+    before, told = mine.MyBug, r"^my_module_of_bugs\.py was changed after it was imported: reload it, or restart$"
+    rows = evaluate(before, OPEN, episodes=1)  # from now on it is known
+    (place / "my_module_of_bugs.py").write_text(CODE.replace("= 1.0", "= 0.50"), encoding="utf-8")
+    assert runs(evaluate(before, OPEN, episodes=1)) == runs(rows)  # what was imported runs, and nothing is said of it
+    for policy in (before, "my_module_of_bugs:MyBug", mine.OneForAll):
+        with pytest.raises(ValueError, match=told):
+            PolicyEntry.of(policy).code  # noqa: B018
+    with pytest.raises(ValueError, match=told):
+        evaluate(before, OPEN, episodes=1, out="results")
+    assert not list((place / "results").glob("*.json*"))
+    with pytest.raises(ValueError, match=told):
+        evaluate(before, OPEN, episodes=1, workers=2)
+    importlib.reload(mine)
+    assert evaluate(mine.MyBug, OPEN, episodes=1, out="results")[0].time > 1.5 * rows[0].time
+    with pytest.raises(ValueError, match=told):  # the old one is still that of the old text
+        evaluate(before, OPEN, episodes=1, out="others")
+
+
+def test_a_base_whose_file_was_changed_after_it_was_imported_is_named(place: Path) -> None:
+    for name, text in FAMILY["my_bug.py:Mine"].items():
+        (place / name).write_text(text, encoding="utf-8")
+    evaluate("my_bug.py:Mine", OPEN, episodes=1)
+    (place / "my_bug.py").write_text("from my_base import Base\n\nclass Mine(Base): speed = 1\n", encoding="utf-8")
+    evaluate("my_bug.py:Mine", OPEN, episodes=1, out="results")  # this one is read again
+    (place / "my_base.py").write_text(f"{FAMILY['my_bug.py:Mine']['my_base.py']}# another one\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"^my_base\.py was changed after it was imported"):
+        evaluate("my_bug.py:Mine", OPEN, episodes=1, out="others")
+
+
+def test_a_class_that_autoreload_has_brought_up_to_date_is_the_new_one(place: Path) -> None:
+    sys.path.append(str(place))
+    mine = importlib.import_module("my_module_of_bugs")
+    imported = mine.MyBug
+    before = PolicyEntry.of(imported).code
+    (place / "my_module_of_bugs.py").write_text(CODE.replace("= 1.0", "= 0.50"), encoding="utf-8")
+    importlib.reload(mine)
+    for name in ("start", "act"):  # as IPython does it
+        getattr(imported, name).__code__ = getattr(mine.MyBug, name).__code__
+    assert PolicyEntry.of(imported).code == PolicyEntry.of(mine.MyBug).code != before
+
+
+def test_the_class_of_a_script_is_what_it_was_when_its_file_changes(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = ModuleType("__main__")
+    script.__file__ = str(place / "my_bug.py")
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    exec(compile(CODE, script.__file__, "exec"), vars(script))
+    before = PolicyEntry.of(script.MyBug).code
+    (place / "my_bug.py").write_text(CODE.replace("= 1.0", "= 0.5"), encoding="utf-8")
+    assert PolicyEntry.of(script.MyBug).code == before
 
 
 def test_the_manifest_of_the_packages_own_policies_is_as_it_was(place: Path) -> None:

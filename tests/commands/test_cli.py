@@ -399,6 +399,14 @@ def test_a_name_in_a_file_writes_no_other_line_and_tells_no_terminal_anything(
     assert not Path("saved.yaml").exists()
 
 
+def test_a_baseline_that_reads_the_map_is_named_without_its_mark(capsys: pytest.CaptureFixture[str]) -> None:
+    command = "evaluate --scenario empty --episodes 2 --policies bug2,a_star,go_to_goal --details --set time.limit=2"
+    for baseline in ("a_star", "bug2"):
+        assert main([*command.split(), "--baseline", baseline]) == 0
+        shown = capsys.readouterr().out
+        assert f"difference to {baseline}" in " ".join(shown.split())
+
+
 @pytest.mark.parametrize("option", ["--policies", "--out", "--suite", "--baseline", "--set"])
 def test_an_empty_argument_is_not_taken_for_none(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     """As "$NAME" is where a shell has no NAME: with `--policies ''` all of them would be driven."""

@@ -493,6 +493,26 @@ def test_the_random_policy_may_be_the_expert_on_the_command_line_too(tmp_path: P
     assert (tmp_path / FOLDER / "random-v0").is_dir()
 
 
+def test_datasets_and_blocks_of_another_source_of_the_package_are_not_gone_on_with(
+    minari: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(collection, "BLOCK", 2)
+    collected(tmp_path / "whole")
+    with monkeypatch.context() as patched:
+        stopped_after(2, patched)
+        with pytest.raises(KeyboardInterrupt):
+            collected(tmp_path / "stopped")
+    before = [files_of(tmp_path / name) for name in ("whole", "stopped")]
+    monkeypatch.setattr(collection, "source_digest", lambda: "another" * 10)
+    told = (
+        r"holds what another source of bug_gym has made, whose code has changed since \((of\.\w+\.)?bug_gym_source was "
+    )
+    for name in ("whole", "stopped"):
+        with pytest.raises(ValueError, match=told):
+            collected(tmp_path / name)
+    assert [files_of(tmp_path / name) for name in ("whole", "stopped")] == before
+
+
 def test_a_dataset_of_a_policy_whose_code_was_changed_is_not_gone_on_with(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     code = "from bug_gym.agents.bugs.bug2 import Bug2\n\nclass Mine(Bug2):\n    pass\n"
@@ -546,6 +566,8 @@ def test_a_dataset_is_not_gone_on_with_where_another_model_lies_at_the_same_plac
         {"seeds": np.array(["x" * 5000])},
         {"seeds": np.array([{}], dtype=object)},
         {"shortest": np.zeros(3)},
+        {"points": np.zeros((3, 2, 2), dtype=np.float32)},
+        {"points": np.zeros(())},
     ],
     ids=repr,
 )

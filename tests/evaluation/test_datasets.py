@@ -93,8 +93,10 @@ def test_a_dataset_of_a_changed_policy_or_version_is_collected_beside_the_first(
         assert told["policy_code"], place
     assert len(list((tmp_path / "found").iterdir())) == 2
     first = datasets._digest(SCENARIO, [])
+    monkeypatch.setattr(datasets, "source_digest", lambda: "of another commit")
+    second = datasets._digest(SCENARIO, [])
     monkeypatch.setattr(bug_gym, "__version__", "99.0.0")
-    assert datasets._digest(SCENARIO, []) != first
+    assert len({first, second, datasets._digest(SCENARIO, [])}) == 3
 
 
 def test_a_dataset_is_found_by_minaris_name(collected: Path, monkeypatch: pytest.MonkeyPatch) -> None:

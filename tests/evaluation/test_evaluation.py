@@ -441,6 +441,54 @@ def test_a_baseline_that_does_not_drive_is_told() -> None:
         evaluate("bug0", "static", episodes=1, baseline="bug2")
 
 
+def test_a_baseline_that_reads_the_map_is_named_with_or_without_its_mark(tmp_path: Path) -> None:
+    world = {"world": {"family": "empty", "start": [0, 0, 0], "goal": [3, 0]}, "lidar": {"beams": 8}}
+    for name in ("a_star", "a_star (privileged)"):
+        evaluate(["a_star", "go_to_goal"], world, episodes=1, out=tmp_path / name, baseline=name)
+        (pair,) = {
+            (one["policy"], one["baseline"])
+            for one in json.loads((tmp_path / name / "summary.json").read_text())["differences"]
+        }
+        assert pair == ("go_to_goal", "a_star (privileged)")
+
+
+@pytest.mark.parametrize(
+    ("policies", "message"),
+    [
+        ([("a_star (privileged)", "go_to_goal"), "a_star"], r"^a_star \(privileged\) does not read the map"),
+        ([("a_star (privileged)", "a_star"), "a_star"], r"^two policies are called 'a_star \(privileged\)'"),
+    ],
+)
+def test_a_label_is_that_of_one_policy_with_the_mark_of_those_that_read_the_map_too(
+    policies: Any, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        evaluate(policies, "static", episodes=1, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_mark_of_a_policy_that_reads_the_map_stands_there_once() -> None:
+    plan = make_plan([("best (privileged)", "a_star")], OPEN, episodes=1)
+    assert [entry.label for entry in plan.policies] == ["best (privileged)"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"policies": 5}, "got 5 as policies, expected a list of these, or one: a name, a Spec"),
+        ({"policies": Memory}, "as policies, expected a list"),
+        ({"overrides": [1]}, r"overrides: got \[1\], expected a mapping of dotted keys to values"),
+        ({"overrides": "lidar.beams=3"}, "overrides: got 'lidar.beams=3', expected a mapping"),
+        ({"episodes": True}, "at least one episode, whole numbers, got 0 and True"),
+        ({"seed": False}, "expected a seed from 0 on .* got False and 50"),
+    ],
+)
+def test_what_is_no_evaluation_is_told_with_what_came(asked: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message) as error:
+        evaluate(**{"policies": "bug0", "scenario_or_suite": "static", **asked})
+    assert "\n" not in str(error.value)
+
+
 def test_the_quick_suite_is_driven_by_every_policy_but_that_of_two_robots() -> None:
     driven = [name for name in policy_names() if name != "ppo_crossing_robots"]
     assert [entry.name for entry in make_plan(None, "quick").policies] == driven

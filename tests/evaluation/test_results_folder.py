@@ -23,6 +23,7 @@ from bug_gym.agents.navigator.policy import Navigator
 from bug_gym.cli import main
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
+from bug_gym.evaluation import plan as plan_module
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.plan import Plan
 from bug_gym.evaluation.results_folder import DROPPED, LENGTHS, MANIFEST, ROWS, opened
@@ -253,6 +254,25 @@ def test_a_link_in_the_place_of_a_file_is_refused(name: str, folder: Path, tmp_p
     with pytest.raises(ValueError, match=f"{name} is a symbolic link"):
         read(folder)
     assert victim.read_bytes() == before
+
+
+def test_what_another_source_of_the_package_has_made_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = files_in(folder)
+    monkeypatch.setattr(plan_module, "source_digest", lambda: "another" * 10)
+    told = r"out holds what another source of bug_gym has made, whose code has changed since \(versions\.bug_gym_source was "
+    for repair in (False, True):
+        with pytest.raises(
+            ValueError, match=rf'{told}.*"anotheranotheran"\); name another folder, or remove'
+        ) as caught:
+            read(folder, repair=repair)
+        assert "\n" not in str(caught.value)
+    other = replace(PLAN, scenarios=(ScenarioEntry("open", SCENARIOS["open"], range(3, 5)), *PLAN.scenarios[1:]))
+    with (
+        pytest.raises(ValueError, match=r"holds another run: scenarios\.open\.seeds\.first was 2, is now 3"),
+        opened(folder, other),
+    ):
+        pass
+    assert files_in(folder) == before
 
 
 # ---------------------------------------------------------------------------------------------- models by their place

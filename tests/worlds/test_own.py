@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import pickle
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -370,6 +371,19 @@ def test_what_a_family_does_otherwise_than_asked_is_told_in_a_line(place: Path) 
         built(place, "Refuses")
 
 
+def test_an_evaluation_goes_on_until_a_file_changes_that_worlds_are_read_from(place: Path) -> None:
+    files = "    plan: str\n    def data_files(self):\n        return (Path(self.plan),)\n"
+    (place / "pegs.py").write_text(CODE.replace("    pegs: Count", f"{files}    pegs: Count"))
+    (place / "plan.txt").write_text("one")
+    scenario = {**MINE, "world": {**MINE["world"], "plan": "plan.txt"}}
+    asked: dict[str, Any] = {"episodes": 1, "trust": True, "overrides": {"time.limit": 1.0}}
+    for _ in range(2):
+        evaluate("go_to_goal", scenario, out=place / "out", **asked)
+    (place / "plan.txt").write_text("another one")
+    with pytest.raises(ValueError, match=r"holds another run: scenarios\.mine\.data was"):
+        evaluate("go_to_goal", scenario, out=place / "out", **asked)
+
+
 # ---------------------------------------------------------------------------------------------- a new one
 
 
@@ -386,8 +400,20 @@ def test_a_new_world_is_a_scenario_that_runs_and_a_test_that_passes(
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_fine_world.py"]
     done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+    assert "`data_files(self)`" in (place / "fine_world.py").read_text()
     assert main(["new", "world", "fine_world"]) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+def test_a_shell_takes_the_lines_that_run_a_new_world_as_they_are_told(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "world", "fine_world", "--folder", "my worlds"]) == 0
+    _, *lines = capsys.readouterr().out.splitlines()
+    run, see, test = (shlex.split(line.partition(":")[2]) for line in lines)
+    assert main([*run[1:], "--episodes", "1"]) == 0
+    assert main(see[1:]) == 0 and (place / "fine_world.png").exists()
+    assert test == ["python", "-m", "pytest", "my worlds/test_fine_world.py"] and Path(test[-1]).exists()
 
 
 @pytest.mark.parametrize(("name", "message"), [("maze", "taken"), ("My-World", "expected"), ("class", "expected")])
