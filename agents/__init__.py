@@ -332,8 +332,8 @@ def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:
         **parameters: the algorithm's own, see its class.
 
     Raises:
-        ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy (or an object of
-            stable-baselines3) that was made for another robot, a robot that a scripted policy is shown too little to drive
+        ValueError: an unknown policy or parameter, a parameter's value that cannot be, a learned policy (or an object)
+            that was made for another robot, a robot that a scripted policy is shown too little to drive
             (bug_gym.agents.sight), or a privileged one and no live env; what is named from outside is not there, or no policy.
         ImportError: a learned policy, and onnxruntime (for a zip stable-baselines3) is not installed.
     """

@@ -174,7 +174,8 @@ class NavigationEnv(gym.Env[Any, Any]):
 
         Raises:
             ValueError: a seed that is no integer from 0 on, options that are no dict, or of another name; or a world that found
-                no place for its obstacles, whose episode a further `reset()` passes over. The world is then as it was.
+                no place for its obstacles; a further `reset()` passes over a next episode that did not. The world is then as it
+                was.
         """
         wanted = checked_options(options, OPTIONS)
         # A seed is there before the first world where someone has asked for it: Gymnasium drew it, and no world comes from

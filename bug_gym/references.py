@@ -152,8 +152,8 @@ def code_digest(code: Any) -> str:
     """Digest of what a class or function is written in, which tells whether it is still the same.
 
     That is its file, of a class also those of its bases, and where one of these files lies in a package all that lies there;
-    this package, Python's and installed ones are left out, but for that of the class itself. In a notebook, whose cells are no
-    files, it is the digest of their own lines; "" where nobody knows them.
+    this package, Python's and installed ones are left out, but for that of the class itself. Of a notebook's function, whose
+    cells are no files, it is the digest of its own lines; "" where nobody knows them, as those of a class there.
 
     Raises:
         ValueError: a file was changed after it was imported: what runs is not what it says now.

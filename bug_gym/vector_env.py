@@ -143,8 +143,8 @@ class NavigationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
         Raises:
             ValueError: a mask or a sequence of seeds of another length than n, a seed that is no integer from 0 on,
-                options that are no dict, or of another name, or a world that found no place for its obstacles, whose episode
-                a further reset of its row passes over; all rows are then as they were.
+                options that are no dict, or of another name, or a world that found no place for its obstacles; a further
+                reset of its row passes over a next episode that did not. All rows are then as they were.
         """
         wanted, seeds = checked_options(options, (RESET_MASK, *OPTIONS)), self._seeds(seed)
         mask = self._everywhere() if wanted.get(RESET_MASK) is None else self._checked(wanted[RESET_MASK])

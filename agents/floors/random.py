@@ -1,7 +1,7 @@
 """Random actions, the same ones each time in a world, others in another: to compare with and to test with.
 
-They are drawn by a key that is made of the parameter `seed` and of the first observation of an episode: so the episodes of an
-evaluation are independent of one another, as its intervals take them to be, and so are several robots of one world.
+They are drawn by a key that is made of the parameter `seed` and of the first observation of an episode: so episodes
+that begin otherwise are independent of one another, as intervals take them to be, and so are several robots of one world.
 """
 
 from __future__ import annotations

@@ -220,7 +220,7 @@ class DrawnPlaces(Family):
     goal: Goal | None = None
     """x, y [m], or a region to draw from; none: anywhere."""
     separation: NotNegative = 8.0
-    """Least distance from start to goal [m]."""
+    """Least distance from start to goal [m]; unless it is said, points that are said may lie nearer."""
 
     def check(self, robot: Robot) -> None:
         """Start and goal lie within the bounds, and far enough apart."""

@@ -43,7 +43,7 @@ class FieldWorld(Family):
     """Clearance [m] at which a path is certain: gaps between still obstacles, and to the border, are at least twice
     as wide. None: no such promise."""
     separation: NotNegative = 8.0
-    """Least distance from start to goal [m]."""
+    """Least distance from start to goal [m]; unless it is said, points that are said may lie nearer."""
     start_clearance: NotNegative = 1.0
     """Free space around the robot's body at the start [m]."""
     goal_clearance: NotNegative = 0.5

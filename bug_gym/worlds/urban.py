@@ -45,7 +45,7 @@ class UrbanWorld(DrawnPlaces):
     depth: Positive = 1.0
     """Thickness of a building around its courtyard [m]."""
     separation: NotNegative = 15.0
-    """Least distance from start to goal [m]."""
+    """Least distance from start to goal [m]; unless it is said, points that are said may lie nearer."""
 
     @property
     def block(self) -> tuple[float, float]:

@@ -565,13 +565,14 @@ def drift(found: Record) -> Page:
     beacon, computed = found["sweeps"]
     survives = odometry_drift.SURVIVES
     most = beacon["values"][-1]
+    surviving = [name for name, value in success_at(beacon, most).items() if value >= survives]
     dips = []
-    for name, row in beacon["policies"].items():
+    for name in surviving:
+        row = beacon["policies"][name]
         lowest = min(row, key=lambda one: one["success"])
         if lowest["success"] < survives:
             value = beacon["values"][row.index(lowest)]
             dips.append(f"`{name}` falls to {percent(lowest['success'])} % at {value:g}")
-    surviving = [name for name, value in success_at(beacon, most).items() if value >= survives]
     lines = []
     for value in computed["values"][1:]:
         order = sorted(success_at(computed, value).items(), key=lambda item: -item[1])
