@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -17,6 +17,8 @@ from bug_gym.checks import checked_options, checked_seed, install_command, short
 from bug_gym.config import load
 from bug_gym.drawing.pictures import Pictures
 from bug_gym.geometry import F32
+from bug_gym.log import warn_once
+from bug_gym.references import told_of
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import (
     OPTIONS,
@@ -48,6 +50,17 @@ Saved = dict[str, Any]
 
 Restart = Literal["world", "robot"]
 """What starts anew where a robot's run has ended: its world once all its robots' have, or the robot alone, at once."""
+
+TRIES = 100
+"""Episodes of a world that a step tries after one that found no place, before it gives up."""
+
+
+class Waiting(NamedTuple):
+    """What a step gave that cannot be handed over yet: a world that ended in it has found no place for its next episodes."""
+
+    reward: NDArray[np.float64]
+    done: NDArray[np.bool_]
+    infos: list[dict[str, Any]]
 
 
 def make_vec_env(
@@ -211,6 +224,12 @@ class ArrayVecEnv(VecEnv):
 class SimulationVecEnv(ArrayVecEnv):
     """The robots of a simulation's worlds: with R robots each, row n R + r is robot r of world n.
 
+    A training never calls a step again. So where the next episode of a world that has ended finds no place, the step passes
+    it over and tries up to TRIES after it; the log tells of the first one that a scenario has passed over. Where none of
+    them finds its place the step raises a ValueError, and what came of it waits: a further step drives nothing, whatever
+    its actions, tries the episodes after those, and returns what came of the first. A `reset` drops what waits, and `save`
+    leaves it out.
+
     Args:
         simulation: the worlds.
         spaces: what a robot sees and does.
@@ -223,6 +242,7 @@ class SimulationVecEnv(ArrayVecEnv):
         super().__init__(rows, spaces.observation, spaces.action)
         self._velocities = np.zeros((simulation.count, simulation.robots, 2))
         self._returns = np.zeros(rows)
+        self._waiting: Waiting | None = None
         self._made_at = time.time()
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
@@ -235,6 +255,47 @@ class SimulationVecEnv(ArrayVecEnv):
         """Take the actions of the next `step_wait`."""
         shape = (self.simulation.count, self.simulation.robots, 2)
         self._velocities = self.spaces.velocities(actions, (self.num_envs,)).reshape(shape)
+
+    def _begin(self, worlds: NDArray[np.int64], seeds: Sequence[int | None] | None = None) -> None:
+        """Start an episode in each of the worlds, as `Simulation.reset` does."""
+        self.simulation.reset(worlds, seeds)
+
+    def _begin_next(self, worlds: NDArray[np.int64], waiting: Waiting) -> None:
+        """Start the next episodes that find their place, in those of the worlds that have not begun one since they ended.
+
+        Raises:
+            ValueError: a world finds none in TRIES; `waiting` waits from then on.
+        """
+        self._waiting = None
+        world = self.simulation.world
+        left = worlds[world.steps[worlds] > 0]
+        refusal = self._refusal(left)
+        if refusal is None:
+            return
+        before = world.episode[left]
+        for number in left:
+            tries = 0
+            while (last := self._refusal(np.array([number]))) is not None:
+                tries += 1
+                if tries >= TRIES:
+                    self._waiting = waiting
+                    last.add_note(f"{tries} episodes in a row found no place")
+                    raise last
+        first = int(np.argmax(world.episode[left] > before + 1))
+        where, told = f"seed {world.seed[left[first]]}, episode {before[first] + 1}", told_of(refusal)
+        name = self.simulation.scenario.name
+        passed = "it is passed over, as any further one that finds no place"
+        warn_once(f"{told if where in told else f'{where}: {told}'}; {passed}", f"passed over in {name}")
+
+    def _refusal(self, worlds: NDArray[np.int64]) -> ValueError | None:
+        """Start the next episode in each of the worlds; or in none, and return what says so, where one finds no place."""
+        try:
+            self._begin(worlds)
+        except ValueError as error:
+            if not self.simulation.world.steps[worlds].all():  # they have begun: a function of one's own has failed
+                raise
+            return error
+        return None
 
     def _tell_resets(self, rows: Iterable[int]) -> None:
         """Fill the `reset_infos` of rows whose episodes begin, with what `set_options` asks of them."""
@@ -262,6 +323,7 @@ class SimulationVecEnv(ArrayVecEnv):
         floats, ints, observation = saved["arrays"]
         snapshot = Snapshot(Capacity(*saved["capacity"]), floats, ints, observation, saved["digest"])
         self.simulation.restore((snapshot, saved["seeded"]))
+        self._waiting = None
 
     def close(self) -> None:
         """Let the threads go."""
@@ -288,7 +350,7 @@ class NavigationVecEnv(SimulationVecEnv):
     def reset(self) -> Observation:
         """Start an episode in each row; `reset_infos` tell what `set_options` asked for as NavigationEnv's `reset` would."""
         flat = self.simulation.reset(seeds=None if self._seeds[0] is None else self._seeds)
-        self._returns[:] = 0.0
+        self._returns[:], self._waiting = 0.0, None
         self._tell_resets(range(self.num_envs))
         self._reset_seeds()
         self._reset_options()
@@ -296,19 +358,28 @@ class NavigationVecEnv(SimulationVecEnv):
         return self.spaces.present_batch(flat[:, 0])
 
     def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Drive for one step in each row, and start anew in those whose episode ends."""
+        """Drive for one step in each row, and start anew in those whose episode ends.
+
+        Raises:
+            ValueError: a row that ends finds no place for its next episodes; a further step hands over what came of this one.
+        """
         simulation = self.simulation
-        simulation.advance(self._velocities)
-        flat, reward, terminated, truncated = simulation.transition(simulation.all_rows).of_robot(0)
-        self._returns += reward
-        done = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        ended = np.flatnonzero(done)
-        for row in ended.tolist():
-            steps = int(simulation.world.steps[row])
-            infos[row] = self._final_info(row, self.spaces.present(flat[row].copy()), steps)
+        if self._waiting is None:
+            simulation.advance(self._velocities)
+            flat, reward, terminated, truncated = simulation.transition(simulation.all_rows).of_robot(0)
+            self._returns += reward
+            done = terminated | truncated
+            ended = np.flatnonzero(done)
+            for row in ended.tolist():
+                steps = int(simulation.world.steps[row])
+                infos[row] = self._final_info(row, self.spaces.present(flat[row].copy()), steps)
+        else:
+            flat, (reward, done, infos) = simulation.observations()[:, 0], self._waiting
+            ended = np.flatnonzero(done)
         if len(ended):
-            flat[ended] = simulation.reset(ended)[:, 0]
+            self._begin_next(ended, Waiting(reward, done, infos))
+            flat[ended] = simulation.observations(ended)[:, 0]
             self._returns[ended] = 0.0
             self._tell_resets(ended.tolist())
         self._pictures.record()
@@ -369,7 +440,7 @@ class RobotsVecEnv(SimulationVecEnv):
         """Start an episode in each world; `reset_infos` tell what `set_options` asked for as `parallel_env`'s `reset` would."""
         seeds = self._seeds[:: self.simulation.robots]
         self._begin(self.simulation.all_rows, None if seeds[0] is None else seeds)
-        self._returns[:], self._steps[:] = 0.0, 0
+        self._returns[:], self._steps[:], self._waiting = 0.0, 0, None
         self._tell_resets(range(self.num_envs))
         self._reset_seeds()
         self._reset_options()
@@ -388,45 +459,51 @@ class RobotsVecEnv(SimulationVecEnv):
         return self.simulation.observations().reshape(self.simulation.count, -1)
 
     def _begin(self, worlds: NDArray[np.int64], seeds: Sequence[int | None] | None = None) -> None:
-        self.simulation.reset(worlds, seeds)
+        super()._begin(worlds, seeds)
         self._starts[worlds] = self.simulation.world.pose[worlds]
 
     def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Drive for one step in each world, and start anew what its end starts anew."""
+        """Drive for one step in each world, and start anew what its end starts anew.
+
+        Raises:
+            ValueError: a world that ends finds no place for its next episodes; a further step hands over what came of this one.
+        """
         simulation, world = self.simulation, self.simulation.world
-        drove = world.active.ravel()
-        simulation.advance(self._velocities)
-        observation, reward, _, _ = simulation.transition(simulation.all_rows)
-        flat, rewards = observation.reshape(self.num_envs, -1), reward.ravel()
-        self._returns += rewards
-        self._steps += 1
-        done = ~world.active.ravel()
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for row in np.flatnonzero(done).tolist():
-            last = self.spaces.present(flat[row].copy())
-            infos[row] = {"terminal_observation": last}
-            if drove[row]:
-                infos[row] = self._final_info(row, last, int(self._steps[row]))
-        if self._start_anew(done.reshape(world.outcome.shape)):
+        if self._waiting is None:
+            drove = world.active.ravel()
+            simulation.advance(self._velocities)
+            observation, reward, _, _ = simulation.transition(simulation.all_rows)
+            flat, rewards = observation.reshape(self.num_envs, -1), reward.ravel()
+            self._returns += rewards
+            self._steps += 1
+            done = ~world.active.ravel()
+            for row in np.flatnonzero(done).tolist():
+                last = self.spaces.present(flat[row].copy())
+                infos[row] = {"terminal_observation": last}
+                if drove[row]:
+                    infos[row] = self._final_info(row, last, int(self._steps[row]))
+        else:
+            rewards, done, infos = self._waiting
+        if self._start_anew(Waiting(rewards, done, infos)):
             flat = self._flat()
             self._tell_resets(np.flatnonzero(done & world.active.ravel()).tolist())
         self._returns[done], self._steps[done] = 0.0, 0
         return self.spaces.present_batch(flat), rewards.astype(np.float32), done, infos
 
-    def _start_anew(self, done: NDArray[np.bool_]) -> bool:
-        """Start worlds, or robots, anew where runs (N, R) are done; returns whether any did."""
+    def _start_anew(self, came: Waiting) -> bool:
+        """Start worlds, or robots, anew where runs are done by what came of a step; returns whether any did."""
+        simulation, done = self.simulation, came.done.reshape(self.simulation.world.outcome.shape)
         if self.restart == "world":
-            over = np.flatnonzero(done.all(axis=1))
-            if len(over):
-                self._begin(over)
-            return len(over) > 0
-        worlds = np.flatnonzero(done.any(axis=1))
-        if len(worlds):
-            is_over = self.simulation.world.steps[worlds] >= self.simulation.scenario.time.steps
-            if is_over.any():
-                self._begin(worlds[is_over])
-            if not is_over.all():
-                self.simulation.restart_robots(worlds[~is_over], self._starts[worlds[~is_over]])
+            worlds = over = np.flatnonzero(done.all(axis=1))
+        else:
+            worlds = np.flatnonzero(done.any(axis=1))
+            is_over = simulation.world.steps[worlds] >= simulation.scenario.time.steps
+            over, going = worlds[is_over], worlds[~is_over]
+            if len(going) and self._waiting is None:  # else they have been put back already
+                simulation.restart_robots(going, self._starts[going])
+        if len(over):
+            self._begin_next(over, came)
         return len(worlds) > 0
 
     def save(self) -> Saved:

@@ -18,7 +18,7 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType
@@ -108,16 +108,22 @@ def _run(arguments: Sequence[str] | None) -> int:
             return _complain(UNWRITTEN, f"error: standard output: {getattr(error, 'strerror', error)}")
         return _complain(BAD_INPUT, f"error: {told_of(error)}")
     except KeyboardInterrupt as error:
-        out = getattr(options, "out", None)
-        goes_on = out and COMMANDS[options.command].goes_on
-        hint = f"; {out} keeps what is done, the same command goes on" if goes_on else ""
         number = error.number if isinstance(error, Ended) else signal.SIGINT
-        return _complain(SIGNALLED + number, f"interrupted{hint}")
+        return _complain(SIGNALLED + number, "; ".join(filter(None, ("interrupted", _told_left(options)))))
     except Exception as error:
         if not raised_in(error):
             raise  # a fault of ours: who reports it sends the whole of it
         return _complain(BAD_INPUT, f"error: {told_of(error)}")
     return code or DONE
+
+
+def _told_left(options: argparse.Namespace) -> str:
+    """What a command that is interrupted leaves, and what the same one would do then; "" where it leaves nothing."""
+    out = getattr(options, "out", None)
+    if not out or not COMMANDS[options.command].goes_on:
+        return ""
+    told: Callable[[], str] | None = getattr(options, "told_left", None)  # of a command that knows better
+    return f"{out} keeps what is done, the same command goes on" if told is None else told()
 
 
 def _without_gaps(arguments: Sequence[str]) -> Sequence[str]:

@@ -150,6 +150,16 @@ def moved_when_done(stage: Path, path: Path) -> Iterator[Path]:
     _sync(path.parent)
 
 
+def put_aside(path: Path, name: str) -> None:
+    """Give a file or folder another name in its folder; a file of that name is replaced, a folder is not.
+
+    Raises:
+        OSError: it cannot be done, as where a folder of that name holds something.
+    """
+    path.replace(path.with_name(name))
+    _sync(path.parent)
+
+
 def append(path: str | Path, data: bytes) -> None:
     """Add to the end of a file, which is made where it is missing; all is on the disk when this returns.
 

@@ -118,6 +118,8 @@ class ModelRecord(Part):
     """Checksums of its files, by name."""
     data: dict[str, Any] | None = None
     """Of an offline training: what its episodes were collected of, as their dataset says."""
+    dataset: str | None = None
+    """Of one that was given its episodes: the dataset's folder or name."""
     runs: dict[str, RunRecord]
     """Its trainings, by seed."""
 
@@ -190,9 +192,23 @@ def read_record(path: Path, kind: str, schema: type[Part]) -> dict[str, Any]:
 
 
 def best_so_far(folder: Path) -> Path | None:
-    """The folder of the best model of a training that has not ended, if there is one: of two the later."""
-    found = [path for path in folder.glob("best-*") if path.name[5:].isdecimal() and (path / CONFIG).is_file()]
-    return max(found, key=lambda path: int(path.name[5:]), default=None)
+    """The folder of the best model of a training that has not ended, if there is one: of two the better, else the later."""
+    return max(models_so_far(folder), key=place_of, default=None)
+
+
+def models_so_far(folder: Path) -> list[Path]:
+    """The folders of models that a training has left which has not ended: one, of a kill perhaps two."""
+    return [path for path in folder.glob("best-*") if path.name[5:].isdecimal() and (path / CONFIG).is_file()]
+
+
+def place_of(path: Path) -> tuple[float, int]:
+    """Where such a model stands among others: success in its validation, then steps; a damaged one is the last."""
+    try:
+        config = read_config(path)
+    except ValueError:
+        return -1.0, int(path.name[5:])
+    best = config["runs"][str(config["seed"])]["best"]
+    return best["success"], best["steps"]
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import warnings
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,9 +32,11 @@ from bug_gym.agents.learning.settings import (
     load_settings,
     training_names,
 )
+from bug_gym.assignments import name_and_options
 from bug_gym.config import ScenarioError, dump
 from bug_gym.config import load as load_scenario
 from bug_gym.files import machine, replaced_when_done
+from bug_gym.held_out import TRAINING_SEEDS
 from bug_gym.references import is_reference
 from bug_gym.schema.own import OWN_PARTS
 
@@ -47,7 +50,19 @@ TELLING: dict[str, type[BaseAlgorithm]] = {
     "policy_delay": TD3,
     "gae_lambda": A2C,
 }
-"""Algorithm by a setting that only it has, looked for in this order; SB3's zip does not name it."""
+"""Algorithm by a setting that only it has, looked for in this order; SB3's zip does not name it. TRPO of sb3-contrib, whose
+policy is that of A2C, is read as one, and decides as it did."""
+
+CONTRIB = {
+    "sb3_contrib.ars.policies": "ARS",
+    "sb3_contrib.common.maskable.policies": "MaskablePPO",
+    "sb3_contrib.common.recurrent.policies": "RecurrentPPO",
+    "sb3_contrib.crossq.policies": "CrossQ",
+    "sb3_contrib.qrdqn.policies": "QRDQN",
+    "sb3_contrib.tqc.policies": "TQC",
+}
+"""Algorithm of sb3-contrib by the module of its policy's class, which the zip does name: its settings are those of the
+algorithm of SB3 that it came from."""
 
 
 class Decision(torch.nn.Module):
@@ -112,6 +127,7 @@ def write_agent(
     robot: RobotModel,
     runs: Mapping[str, Any],
     data: Mapping[str, Any] | None = None,
+    dataset: str | None = None,
 ) -> None:
     """Write a model and all that made it into a folder.
 
@@ -122,6 +138,7 @@ def write_agent(
         robot: what it was trained for.
         runs: by seed: curve, best point of it, and held-out results.
         data: of an offline training: what its episodes were collected of.
+        dataset: of one that was given its episodes: where they came from.
     """
     write_onnx(folder / GRAPH, policy)
     write_weights(folder / WEIGHTS, policy)
@@ -139,6 +156,8 @@ def write_agent(
     }
     if data is not None:
         record["data"] = dict(data)
+    if dataset is not None:
+        record["dataset"] = dataset
     _write_record(folder, record)
 
 
@@ -165,14 +184,39 @@ def gather(folders: Sequence[Path], out: Path) -> Path:
 
 def command(record: Mapping[str, Any]) -> str:
     """What to type to train a model again; what a YAML of one's own said is kept in its config.json."""
-    name, seeds = record["name"], len(record["runs"])
-    words = [f"bug-gym train {name}.yaml"]
+    name = record["name"]
+    words = ["bug-gym", "train", f"{name}.yaml"]
     if name in training_names():
         shipped = json.loads(load_settings(name).model_dump_json())
         changed = {key: value for key, value in record["settings"].items() if value != shipped.get(key)}
-        words = [f"bug-gym train {name}", *(f"--set '{key}={json.dumps(value)}'" for key, value in changed.items())]
+        sets = [("--set", f"{key}={json.dumps(value)}") for key, value in changed.items()]
+        words = ["bug-gym", "train", name, *(word for pair in sets for word in pair)]
     words += ["--trust"] if any(map(_names_code, _worlds(record))) else []
-    return " ".join([*words, f"--seeds {seeds}"] if seeds > 1 else words)
+    if dataset := _dataset_of(record):
+        words += ["--dataset", dataset]
+    seeds = sorted(map(int, record["runs"]))
+    if seeds != list(range(seeds[0], seeds[0] + len(seeds))):
+        seeds = [record["seed"]]  # no command trains those alone; this one makes the model that is played
+    words += ["--seed", str(seeds[0])] if seeds[0] else []
+    words += ["--seeds", str(len(seeds))] if len(seeds) > 1 else []
+    threads = record.get("machine", {}).get("threads")  # the last bits depend on them
+    return shlex.join([*words, "--threads", str(threads)] if threads else words)
+
+
+def _dataset_of(record: Mapping[str, Any]) -> str | None:
+    """Where the episodes came from that a training was given; None: it has them collected itself, or takes none."""
+    asked = record["settings"].get("data")
+    if asked is None or "dataset" in record:
+        return record.get("dataset")
+    told, keys = record.get("data") or {}, ("policy", "parameters", "episodes", "first_seed")
+    parts = told["of"].values() if isinstance(told.get("of"), Mapping) else [told]
+    came = [tuple(part.get(key) for key in keys) for part in parts]
+    with suppress(ValueError):  # names that nobody could have collected of
+        named = map(name_and_options, asked["policies"])
+        expected = [(name, options, asked["episodes"], TRAINING_SEEDS) for name, options in named]
+        if sorted(map(str, came)) == sorted(map(str, expected)):
+            return None
+    return "DATASET"
 
 
 def _worlds(record: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
@@ -211,6 +255,7 @@ def card(record: Mapping[str, Any]) -> str:
         *_own_lines(record),
         *_learnt_from(record),
         *_unjudged(record),
+        *_cut_short(record),
         *_stages(record),
         "",
         "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",
@@ -252,6 +297,13 @@ def _unjudged(record: Mapping[str, Any]) -> list[str]:
     return ["- Best in validation of a training that had not ended: not yet judged in held-out worlds"]
 
 
+def _cut_short(record: Mapping[str, Any]) -> list[str]:
+    """That --minutes have ended it, where they have: the command that is told takes all steps."""
+    run, steps = record["runs"][str(record["seed"])], record["settings"]["n_timesteps"]
+    done = run["curve"][-1]["steps"]
+    return [f"- Ended by --minutes after {done:,} of {steps:,} steps"] if run["held_out"] and done < steps else []
+
+
 def _is_offline(record: Mapping[str, Any]) -> bool:
     return issubclass(ALGORITHMS[record["settings"]["algo"]], OfflineSettings)
 
@@ -270,7 +322,7 @@ def _learnt_from(record: Mapping[str, Any]) -> list[str]:
     settings, data = record["settings"], record.get("data")
     if settings["algo"] == "dagger":
         return [f"- Learnt from: the answers of {settings['expert']} along the learner's own ways"]
-    if not data:
+    if not data or not {"policy", "scenario", "first_seed", "episodes"} <= data.keys():
         return ["- Learnt from: episodes that were handed in"]
     drivers = ", ".join(data.get("of", [data["policy"]]))
     worlds = f"{data['scenario']}, seeds from {data['first_seed']}"
@@ -324,14 +376,44 @@ def load_zip(path: str | Path) -> BaseAlgorithm:
     """A model that SB3 has saved. It is a pickle: reading it can run any code that its author put there.
 
     Raises:
-        ValueError: no such file, or none of SB3's.
+        ValueError: no such file, or none of SB3's or sb3-contrib's; or that package is not installed.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             keys = json.loads(archive.read("data"))
     except (OSError, zipfile.BadZipFile, KeyError, ValueError) as error:
         raise ValueError(f"{path} is no model of stable-baselines3: {error}") from None
+    kind = _algorithm_of(path, keys)
+    try:
+        return kind.load(path, device="cpu")
+    except Exception as error:  # whatever a pickle raises, or a policy that is not this algorithm's
+        told = f"{type(error).__name__}: {error}"
+        raise ValueError(f"{path} cannot be read as a model of {kind.__name__}: {told}") from error
+
+
+def _algorithm_of(path: str | Path, keys: Any) -> type[BaseAlgorithm]:
+    """The algorithm of a model, by what its zip says as plain data.
+
+    Raises:
+        ValueError: it is none that is known, or not installed.
+    """
+    keys = keys if isinstance(keys, dict) else {}
+    told = keys.get("policy_class")
+    module = told.get("__module__") if isinstance(told, dict) else None
+    by_hand = "load it and hand the model in as an object"
+    if isinstance(module, str) and module.split(".")[0] == "sb3_contrib":
+        name = CONTRIB.get(module, module)
+        try:
+            import sb3_contrib
+        except ModuleNotFoundError:
+            needs = f"of the package sb3-contrib, which is not installed: pip install sb3-contrib, or {by_hand}"
+            raise ValueError(f"{path} is a model of {name}, {needs}") from None
+        found: type[BaseAlgorithm] | None = getattr(sb3_contrib, name, None)
+        if found is None:
+            raise ValueError(f"{path} is a model of {name}, which is not known here: {by_hand}")
+        return found
     kind = next((kind for key, kind in TELLING.items() if key in keys), None)
     if kind is None:
-        raise ValueError(f"{path}: known are models of {', '.join(kind.__name__ for kind in TELLING.values())}")
-    return kind.load(path, device="cpu")
+        known = ", ".join([*(kind.__name__ for kind in TELLING.values()), *CONTRIB.values()])
+        raise ValueError(f"{path}: known are models of {known}; of another one {by_hand}")
+    return kind

@@ -1,12 +1,14 @@
 """Training on recorded episodes: batches in, the same folder out as that of every other training.
 
 A training that is cut off begins again: it takes minutes, and its networks and their optimisers would be a megabyte to keep
-at each validation. What it learns from is kept, and a seed that is done is not done again.
+at each validation. What it learns from is kept, as is its best model until there is one that did as well, and a seed that is
+done is not done again.
 """
 
 from __future__ import annotations
 
 import copy
+import hashlib
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -22,7 +24,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from bug_gym.agents.learning.cloning import Cloning, WithDriver
 from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.diverging import told_when_diverged
-from bug_gym.agents.learning.folder import CONFIG, Point, read_config
+from bug_gym.agents.learning.folder import CONFIG, Point, models_so_far, read_config
 from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
 from bug_gym.agents.learning.recorded import Recorded
@@ -36,7 +38,7 @@ from bug_gym.agents.learning.settings import (
     TD3BCSettings,
 )
 from bug_gym.agents.learning.shown import VALIDATING, reported
-from bug_gym.agents.learning.so_far import BestSoFar
+from bug_gym.agents.learning.so_far import BestSoFar, keep_earlier_curve
 from bug_gym.agents.learning.td3_bc import TD3BC
 from bug_gym.agents.learning.training import (
     SEED_BLOCK,
@@ -154,6 +156,7 @@ def train_offline(
     minutes: float | None = None,
     threads: int = 1,
     progress: bool = False,
+    dataset: str | os.PathLike[str] | None = None,
 ) -> Progress:
     """Train a model on recorded episodes, or on an expert's answers.
 
@@ -165,10 +168,12 @@ def train_offline(
         minutes: time of training after which it ends early, at a validation; None: it does not.
         threads: of torch. Runs with different numbers differ in the last bits.
         progress: whether to show a bar on the terminal.
+        dataset: folder or name of what the episodes were read from, for the model's card; None: what the settings collect.
 
     Raises:
         ValueError: no episodes, or such that DAgger has no use for; a seed below 0, a model to begin with that does not
-            fit, an expert that cannot be asked, or `out` is of another training or in use; or the training has diverged.
+            fit, an expert that cannot be asked, or `out` is of another training or in use, or holds a model, which cannot be
+            gone on with; or the training has diverged.
     """
     if (episodes is None) != isinstance(settings, DaggerSettings):
         expected = "no episodes" if isinstance(settings, DaggerSettings) else "episodes to learn from"
@@ -177,7 +182,8 @@ def train_offline(
         _expert_of(settings)  # what cannot be asked is found out before anything is written
     require_same_data(Path(out), episodes)
     threads = checked_count("threads", threads, most=MOST_WORKERS)
-    work = partial(_train_in, episodes=episodes, threads=threads, progress=progress)
+    told = None if dataset is None else os.fspath(dataset)
+    work = partial(_train_in, episodes=episodes, threads=threads, progress=progress, dataset=told)
     return train_in_folder(settings, out, seed, minutes, work)
 
 
@@ -198,7 +204,8 @@ def train_offline_seeds(
         episodes: to learn from, as `train_offline` takes them.
         seeds: one a model.
         workers: who trains: this process, so many others, or a cluster.
-        **arguments: as `train_offline` takes them.
+        **arguments: as `train_offline` takes them; a model that has had its `minutes` is done, one that has had fewer is
+            refused, as it cannot be gone on with.
 
     Returns:
         The folder of the model, of several the one that did best in its validation.
@@ -211,18 +218,34 @@ def train_offline_seeds(
         require_same_data(folder, episodes)
     if are_several(workers):
         arguments = {**arguments, "progress": False}
-    return each_seed(settings, out, seeds, partial(train_offline, episodes=episodes, **arguments), workers)
+    one = partial(train_offline, episodes=episodes, **arguments)
+    return each_seed(settings, out, seeds, one, workers, minutes=arguments.get("minutes"))
 
 
 def require_same_data(folder: Path, episodes: Recorded | None) -> None:
-    """Refuse a folder with a model that has learnt from other episodes.
+    """Refuse a folder with a model that has learnt from other episodes, or with one of a training that has not ended.
 
     Raises:
         ValueError: it has.
     """
-    if not (folder / CONFIG).exists():
-        return
-    was, now = read_config(folder).get("data"), None if episodes is None else episodes.origin
+    now = origin_of(episodes)
+    for model in (folder, *models_so_far(folder)):
+        if (model / CONFIG).exists():
+            _require_same_origin(model, read_config(model).get("data"), now)
+
+
+def origin_of(episodes: Recorded | None) -> dict[str, Any] | None:
+    """What a model's config.json says of its episodes: what they were collected of, or a checksum where nobody knows."""
+    if episodes is None or episodes.origin:
+        return None if episodes is None else episodes.origin
+    digest = hashlib.sha256()
+    for part in (episodes.observations, episodes.actions, episodes.rewards, episodes.steps, episodes.terminated):
+        digest.update(f"{part.dtype} {part.shape}".encode())
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return {"sha256": digest.hexdigest()}
+
+
+def _require_same_origin(folder: Path, was: dict[str, Any] | None, now: dict[str, Any] | None) -> None:
     if was != now:
         keys = [
             key for key in dict.fromkeys([*(was or {}), *(now or {})]) if (was or {}).get(key) != (now or {}).get(key)
@@ -242,6 +265,7 @@ def _train_in(
     episodes: Recorded | None,
     threads: int,
     progress: bool,
+    dataset: str | None,
 ) -> Progress:
     torch.set_num_threads(threads)
     actor = make_actor(settings, seed)
@@ -250,8 +274,9 @@ def _train_in(
     driver = learner.driver.actor if isinstance(learner, WithDriver) else actor
     gather = _gatherer(settings, driver, samples, seed, episodes)
     done = 0
-    data = None if episodes is None else episodes.origin
-    best = BestSoFar(folder, settings, robot_of(settings.loaded), seed, data)
+    data = origin_of(episodes)
+    keep_earlier_curve(folder)
+    best = BestSoFar(folder, settings, robot_of(settings.loaded), seed, data, dataset)
     with (
         reported(settings, shown=progress) as report,
         kept_when_stopped(best, actor, kept),
@@ -265,8 +290,8 @@ def _train_in(
             report.stage(VALIDATING)
             report(done, validate(actor, settings, done, kept, folder))
             best.keep(actor, kept)
-        write_best(folder, settings, actor, kept, seed, data, report=report)
-    best.clear()
+        write_best(folder, settings, actor, kept, seed, data, dataset, report=report)
+    best.clear(kept)
     return kept
 
 

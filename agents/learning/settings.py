@@ -89,7 +89,8 @@ class Settings(Part):
     history: Lags = ()
     """How many steps ago a History looks; empty: the policy has no memory."""
     start_from: str | None = None
-    """Name or folder of a model of ours with the same network, whose weights it begins with; none: from scratch."""
+    """Name or folder of a model of ours with the same network (layers, activation, encoding, action, history), whose weights it
+    begins with; none: from scratch."""
     eval_freq: Steps = 500_000
     """Environment steps from one validation to the next."""
     eval_episodes: Episodes = 1000

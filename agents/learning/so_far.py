@@ -1,11 +1,13 @@
 """The best model of a training that has not ended, as a folder that can be played: of one that is stopped it is what is left.
 
 Each lies in a folder of its own, `best-STEPS`, which appears whole; only then the one before goes. So a kill at any moment
-leaves a whole one, and never files of two.
+leaves a whole one, and never files of two. A run that begins again finds what the one before has left: its model stays until
+there is one that did as well, and its curve gets another name.
 """
 
 from __future__ import annotations
 
+import logging
 import re
 import shutil
 import time
@@ -18,12 +20,14 @@ from typing import Any
 import torch
 from stable_baselines3.common.policies import BasePolicy
 
-from bug_gym.agents.learning.folder import CONFIG, Point
+from bug_gym.agents.learning.folder import CONFIG, Point, models_so_far, place_of
 from bug_gym.agents.learning.models import write_agent
-from bug_gym.agents.learning.progress import Progress
+from bug_gym.agents.learning.progress import CURVE, Progress
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings
-from bug_gym.files import moved_when_done
+from bug_gym.files import moved_when_done, put_aside
+
+logger = logging.getLogger("bug_gym")
 
 WRITE_EACH = 60.0
 """Time between two of them [s]: a training's first validations may each be better than the last, and each takes a second to
@@ -39,6 +43,8 @@ class BestSoFar:
         robot: that it is for.
         seed: of the training.
         data: of an offline training: what its episodes were collected of.
+        dataset: of one that was given its episodes: where they came from.
+        goes_on: whether the run goes on where the one before was stopped, so that it comes by the same validations again.
     """
 
     def __init__(
@@ -48,13 +54,17 @@ class BestSoFar:
         robot: RobotModel,
         seed: int,
         data: Mapping[str, Any] | None = None,
+        dataset: str | None = None,
+        *,
+        goes_on: bool = False,
     ) -> None:
-        self._folder, self._settings, self._robot, self._seed, self._data = folder, settings, robot, seed, data
+        self._folder, self._settings, self._robot, self._seed = folder, settings, robot, seed
+        self._data, self._dataset, self._goes_on = data, dataset, goes_on
         self._written: Point | None = None
         self._written_at = -WRITE_EACH
 
     def keep(self, network: BasePolicy, progress: Progress, *, is_end: bool = False) -> None:
-        """Write the best model, where it is another than the one written last.
+        """Write the best model, where it is another than the one written last, and none that is there did better.
 
         Args:
             network: of the model in training, which stays as it is.
@@ -65,10 +75,18 @@ class BestSoFar:
         is_due = is_end or time.monotonic() >= self._written_at + WRITE_EACH
         if best is None or best == self._written or not is_due:
             return
-        path = self._folder / f"best-{best.steps}"
-        if not path.exists():  # a training that goes on may come by the same validation again
-            self._write(path, network, progress)
-        for other in sorted(self._folder.glob("best-*")):
+        path, place = self._folder / f"best-{best.steps}", (best.success, best.steps)
+        there = {other: place_of(other) for other in models_so_far(self._folder)}
+        best_there = max(there.values(), default=(-1.0, -1))
+        if best_there > place or (best_there == place and self._goes_on):
+            return
+        if path.exists():  # of an earlier run: under another name of the same kind until this one is whole
+            if path not in there:  # no model: it is somebody else's
+                return
+            _remove(path.with_name(f"best-0{best.steps}"))
+            put_aside(path, f"best-0{best.steps}")
+        self._write(path, network, progress)
+        for other in sorted(models_so_far(self._folder)):
             if other != path:
                 _remove(other)
         self._written, self._written_at = best, time.monotonic()
@@ -78,12 +96,28 @@ class BestSoFar:
         run = {"curve": [asdict(point) for point in progress.points], "best": asdict(progress.best_point)}
         runs = {str(self._seed): {**run, "held_out": {}}}
         with moved_when_done(self._folder / ".best.partial", path) as stage, lent(network, progress.best):
-            write_agent(stage, network, self._settings, self._robot, runs, self._data)
+            write_agent(stage, network, self._settings, self._robot, runs, self._data, self._dataset)
 
-    def clear(self) -> None:
-        """Remove them: the model itself is there."""
-        for path in self._folder.glob("best-*"):
-            _remove(path)
+    def clear(self, progress: Progress) -> None:
+        """Remove them, as the model itself is there, but for those of an earlier run that did better."""
+        best = progress.best_point
+        assert best is not None
+        for path in models_so_far(self._folder):
+            if place_of(path) <= (best.success, best.steps):
+                _remove(path)
+            else:
+                logger.warning(
+                    "%s of an earlier run did better in its validation than the model in %s", path, self._folder
+                )
+
+
+def keep_earlier_curve(folder: Path) -> None:
+    """Name the curve of an earlier run `curve-STEPS.csv`, by its last validation: a run that begins again writes its own."""
+    path = folder / CURVE
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    steps = lines[-1].partition(",")[0] if lines else ""
+    if steps.isdecimal():
+        put_aside(path, f"curve-{steps}.csv")
 
 
 @contextmanager

@@ -7,13 +7,14 @@ killed goes on from its last checkpoint, at the border of a rollout, and ends wi
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -30,7 +31,16 @@ from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_check
 from bug_gym.agents.learning.curriculum import rows_of_stage
 from bug_gym.agents.learning.diverging import require_finite, told_when_diverged
 from bug_gym.agents.learning.elsewhere import Job, train_each
-from bug_gym.agents.learning.folder import CONFIG, WEIGHTS, Entered, Point, best_so_far, model_folder, read_config
+from bug_gym.agents.learning.folder import (
+    CONFIG,
+    WEIGHTS,
+    Entered,
+    Point,
+    best_so_far,
+    model_folder,
+    models_so_far,
+    read_config,
+)
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
@@ -46,7 +56,7 @@ from bug_gym.agents.learning.settings import (
     load_settings,
 )
 from bug_gym.agents.learning.shown import SAVING, TESTING, VALIDATING, WRITING, Report, reported
-from bug_gym.agents.learning.so_far import BestSoFar
+from bug_gym.agents.learning.so_far import BestSoFar, keep_earlier_curve
 from bug_gym.agents.learning.vec_envs import CurriculumVecEnv, FlatEnv, HistoryVecEnv, TrainingEnv, join
 from bug_gym.checks import checked_count, checked_seed, checked_time, shortened
 from bug_gym.config import Scenario
@@ -55,6 +65,8 @@ from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS,
 from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
+
+logger = logging.getLogger("bug_gym")
 
 SEED_BLOCK = 2**20
 """Seeds of one training's worlds."""
@@ -377,12 +389,12 @@ def train(
     tensorboard: bool = True,
     progress: bool = False,
 ) -> Progress:
-    """Train a model, or go on with a training that was cut off.
+    """Train a model, or go on with a training that was cut off; one of another algorithm than PPO begins again then.
 
     Args:
         settings: what to train, from `load_settings`.
         out: its folder: curve.csv, checkpoint.pt, TensorBoard's events, and in the end the agent, for `make_policy`;
-            until then the best so far in `best-STEPS`.
+            until then the best so far in `best-STEPS`, which stays until there is one that did as well.
         seed: of the network and the worlds.
         minutes: time of training after which it ends early; None: it does not.
         threads: of torch; None: one for each core. Runs with different numbers differ in the last bits.
@@ -391,7 +403,8 @@ def train(
 
     Raises:
         ValueError: a training that learns offline, a seed below 0, a model to begin with that does not fit, or `out` is of
-            another training, of an evaluation or in use; or the training has diverged.
+            another training, of an evaluation or in use, or holds a model that cannot be gone on with; or the training has
+            diverged.
     """
     if isinstance(settings, OfflineSettings):
         raise ValueError(f"{settings.algo} learns offline, from recorded episodes: see agents/learning/offline.py")
@@ -422,7 +435,7 @@ class Work(Protocol):
 def train_in_folder(
     settings: AnySettings, out: str | os.PathLike[str], seed: int, minutes: float | None, work: Work
 ) -> Progress:
-    """Have a model trained in a folder that nobody else writes to, and that holds no other training's model.
+    """Have a model trained in a folder that nobody else writes to, and that holds no model which would be lost.
 
     Raises:
         ValueError: as `train` has it.
@@ -432,17 +445,19 @@ def train_in_folder(
         checked_time("minutes", minutes)
     begun = None if settings.start_from is None else model_folder(settings.start_from)
     if begun is not None:
-        read_config(begun)  # what is wrong is found out before anything is written
+        require_same_network(begun, settings)  # what is wrong is found out before anything is written
     folder = Path(out)
     if (folder / "rows.jsonl").exists():
         raise ValueError(
             f"{folder} holds the rows of an evaluation, expected a new folder or that of an earlier training"
         )
-    for model in filter(None, (folder, best_so_far(folder))):
+    for model in (folder, *models_so_far(folder)):
         require_same(model, settings, [seed])
+    require_to_go_on(folder, settings)
     folder.mkdir(parents=True, exist_ok=True)
     with one_writer(folder):
         require_same(folder, settings, [seed])  # somebody may have ended just now
+        require_to_go_on(folder, settings)
         torch.set_flush_denormal(True)
         try:
             return work(folder, settings, seed, begun, minutes=minutes)
@@ -470,6 +485,29 @@ def require_same(folder: Path, settings: AnySettings, seeds: Sequence[int]) -> N
         raise ValueError(f"{folder} is of another training: seed was {was}, is now {now}")
 
 
+def require_to_go_on(folder: Path, settings: AnySettings, *, is_elsewhere: bool = False) -> None:
+    """Refuse a folder with a model of this training that a run from the beginning would replace.
+
+    Args:
+        folder: of the model.
+        settings: of the training.
+        is_elsewhere: whether another process is to train it, which has no checkpoint.
+
+    Raises:
+        ValueError: there is nothing to go on from.
+    """
+    is_kept = isinstance(settings, PPOSettings) and (folder / CHECKPOINT).exists()
+    if not (folder / CONFIG).exists() or (is_kept and not is_elsewhere):
+        return
+    config = read_config(folder)
+    done, steps = config["runs"][str(config["seed"])]["curve"][-1]["steps"], settings.n_timesteps
+    came = f"was ended after {done:,} of {steps:,} steps by --minutes" if done < steps else "has taken all of its steps"
+    where = " by other processes" if is_kept else ""
+    raise ValueError(
+        f"{folder} holds a model whose training {came}; it cannot be gone on with{where}: give a new --out"
+    )
+
+
 def _train_in(
     folder: Path,
     settings: AnySettings,
@@ -489,7 +527,9 @@ def _train_in(
     kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
     left = settings.n_timesteps - model.num_timesteps
-    best = BestSoFar(folder, settings, robot_of(settings.loaded), seed)
+    if not goes_on:
+        keep_earlier_curve(folder)
+    best = BestSoFar(folder, settings, robot_of(settings.loaded), seed, goes_on=goes_on)
     with reported(settings, shown=progress) as report, kept_when_stopped(best, model.policy, kept):
         keeper = ProgressKeeper(settings, kept, folder, env=env, save=save, minutes=minutes, report=report, best=best)
         with told_when_diverged(settings, seed, lambda: model.num_timesteps):
@@ -498,7 +538,7 @@ def _train_in(
             report.stage(SAVING)
             save()
         write_best(folder, settings, model.policy, kept, seed, report=report)
-    best.clear()
+    best.clear(kept)
     env.close()
     return kept
 
@@ -521,6 +561,36 @@ def begin_with(network: BasePolicy, begun: Path | None) -> None:
     """
     if begun is not None:
         load_weights(begun / WEIGHTS, network, read_config(begun)["sha256"][WEIGHTS])
+
+
+def require_same_network(begun: Path, settings: AnySettings) -> None:
+    """Refuse to begin with a model whose weights mean something else; of one for another robot a word is said, once.
+
+    Layers of other widths are found when the weights are read.
+
+    Raises:
+        ValueError: it is of another encoding, activation, action or history; or its files are damaged.
+    """
+    config, here = read_config(begun), json.loads(settings.model_dump_json())
+    for key in ("encoding", "action", "history", "policy_kwargs.activation_fn"):
+        was, now = _below(config["settings"], key), _below(here, key)
+        if was != now:
+            raise ValueError(f"{begun} is of another network: {key} was {shortened(was)}, is now {shortened(now)}")
+    if differences := list(RobotModel.from_dict(config["robot"]).differences(robot_of(settings.loaded))):
+        _warn_once(f"{begun}, which is begun with, was made for another robot: {'; '.join(differences)}")
+
+
+def _below(settings: Mapping[str, Any], key: str) -> Any:
+    """The value of a dotted key; None: there is none."""
+    value: Any = settings
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    return value
+
+
+@cache
+def _warn_once(told: str) -> None:
+    logger.warning("%s", told)
 
 
 def usable_cores() -> int:
@@ -566,6 +636,7 @@ def write_best(
     kept: Progress,
     seed: int,
     data: Mapping[str, Any] | None = None,
+    dataset: str | None = None,
     *,
     report: Report,
 ) -> None:
@@ -578,6 +649,7 @@ def write_best(
         kept: its validations, with the weights that did best.
         seed: of the training.
         data: of an offline training: what its episodes were collected of.
+        dataset: of one that was given its episodes: where they came from.
         report: told what is done.
     """
     report.stage(TESTING)
@@ -590,17 +662,51 @@ def write_best(
     if kept.entered:
         run["entered"] = [entered.model_dump() for entered in kept.entered]
     report.stage(WRITING)
-    write_agent(folder, network, settings, policy.robot, {str(seed): run}, data)
+    write_agent(folder, network, settings, policy.robot, {str(seed): run}, data, dataset)
 
 
-def is_done(settings: AnySettings, folder: Path, seed: int) -> bool:
-    """Whether a folder holds the model of this training, and all of its steps were taken."""
+def is_done(settings: AnySettings, folder: Path, seed: int, minutes: float | None = None) -> bool:
+    """Whether a folder holds the model of this training, and all of its steps were taken, or all of its minutes."""
     if not (folder / CONFIG).exists():
         return False
     config = read_config(folder)
     if config["settings"] != json.loads(settings.model_dump_json()) or config["seed"] != seed:
         return False
-    return bool(config["runs"][str(seed)]["curve"][-1]["steps"] >= settings.n_timesteps)
+    last = config["runs"][str(seed)]["curve"][-1]
+    is_over = minutes is not None and last["seconds"] + 0.005 >= 60.0 * minutes  # kept to hundredths
+    return bool(last["steps"] >= settings.n_timesteps or is_over)
+
+
+def told_left(
+    settings: AnySettings, out: Path, seeds: Sequence[int], minutes: float | None, *, is_elsewhere: bool = False
+) -> str:
+    """What a training leaves that is stopped, and what the same one would do then, in half a line.
+
+    Args:
+        settings, out, seeds, minutes: as `train_seeds` takes them.
+        is_elsewhere: whether other processes train.
+    """
+    left = dict[int, Path]()
+    for seed, folder in folders_of(out, seeds).items():
+        with suppress(ValueError):  # a folder that cannot be read
+            if not is_done(settings, folder, seed, minutes):
+                left[seed] = folder
+    if not left:
+        return f"{out} keeps what is done, the same command goes on"
+    seed, folder = next(iter(left.items()))
+    if isinstance(settings, PPOSettings) and (folder / CHECKPOINT).exists() and not is_elsewhere:
+        return f"{out} keeps what is done, the same command goes on"
+    if isinstance(settings, OfflineSettings) and not folder.exists():
+        return "what was collected is kept, the same command goes on with it"
+    again = "" if len(seeds) == 1 else "the others " if is_elsewhere else f"seed {seed} "
+    kept = f"{out} keeps the seeds that are done, " if len(left) < len(seeds) else ""
+    best = best_so_far(folder)
+    return f"{kept}the same command begins {again}again{'' if best is None else f'; the best so far is in {best}/'}"
+
+
+def folders_of(out: Path, seeds: Sequence[int]) -> dict[int, Path]:
+    """The folder of each seed's model."""
+    return {seed: out / f"seed-{seed}" for seed in seeds} if len(seeds) > 1 else {seeds[0]: out}
 
 
 def train_seeds(
@@ -614,6 +720,9 @@ def train_seeds(
     workers: Workers = 1,
 ) -> Path:
     """Train a model for each seed; what is done already is not done again.
+
+    A model that has had its `minutes` is done. One that has had fewer goes on from its checkpoint where there is one, and is
+    refused where there is none, as it would begin again.
 
     Args:
         settings: what to train.
@@ -631,7 +740,7 @@ def train_seeds(
     one = partial(train, minutes=minutes, threads=threads, progress=progress)
     if are_several(workers):
         one = partial(train, minutes=minutes, threads=threads or 1, tensorboard=False)
-    return each_seed(settings, out, seeds, one, workers)
+    return each_seed(settings, out, seeds, one, workers, minutes=minutes)
 
 
 def each_seed(
@@ -640,26 +749,31 @@ def each_seed(
     seeds: Sequence[int],
     one: Callable[..., Progress],
     workers: Workers = 1,
+    *,
+    minutes: float | None = None,
 ) -> Path:
     """Train a model for each seed, as `train_seeds` says.
 
     Args:
-        settings, out, seeds, workers: as `train_seeds` takes them.
+        settings, out, seeds, workers, minutes: as `train_seeds` takes them.
         one: trains one, of settings and folder and `seed`.
     """
     checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
-    folders = [Path(out) / f"seed-{seed}" for seed in seeds] if len(seeds) > 1 else [Path(out)]
-    if len(folders) > 1:
+    folders = folders_of(Path(out), seeds)
+    if len(seeds) > 1:
         require_same(Path(out) / "agent", settings, seeds)
-    missing = [
-        (seed, folder) for seed, folder in zip(seeds, folders, strict=True) if not is_done(settings, folder, seed)
-    ]
+    missing = [(seed, folder) for seed, folder in folders.items() if not is_done(settings, folder, seed, minutes)]
+    for seed, folder in missing:
+        require_same(folder, settings, [seed])
+        require_to_go_on(folder, settings, is_elsewhere=are_several(workers))
     if are_several(workers):
-        for seed, folder in missing:
-            require_same(folder, settings, [seed])
+        for _, folder in missing:
+            if folder.is_dir():
+                with one_writer(folder):
+                    keep_earlier_curve(folder)
         for _ in train_each([Job(one, settings, seed, folder) for seed, folder in missing], workers):
             pass
     else:
         for seed, folder in missing:
             one(settings, folder, seed=seed)
-    return folders[0] if len(folders) == 1 else gather(folders, Path(out) / "agent")
+    return gather(list(folders.values()), Path(out) / "agent") if len(seeds) > 1 else Path(out)

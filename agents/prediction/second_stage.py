@@ -26,18 +26,24 @@ from numpy.typing import NDArray
 from bug_gym.agents import make_policy
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS
 from bug_gym.agents.prediction.learned import LearnedPredictor
+from bug_gym.checks import checked_count, checked_seed, checked_time
 from bug_gym.config import Scenario, load
-from bug_gym.files import replaced_when_done
+from bug_gym.files import replaced_when_done, writable
 from bug_gym.geometry import F64
 from bug_gym.held_out import TRAINING_SEEDS, VALIDATION_SEEDS
+from bug_gym.limits import MOST_EPISODES, MOST_TRAININGS
+from bug_gym.references import told_of
 from bug_gym.simulation import Simulation
+from bug_gym.spaces import require_one_robot
 from bug_gym.view import Sensors
-from bug_gym.workers import Workers, each, starred
+from bug_gym.workers import Workers, checked_workers, each, starred
 
 LAWS = ("bounce", "random_walk", "crowd")
 """Of the movers in the worlds that it drives in, unless it is told others."""
 NUMBERS = ANSWERS + len(HORIZONS)
 """Of a change: a gain of each number of an answer, less 1, and an offset of each velocity ahead."""
+BAD_INPUT = 2
+"""Exit code where an argument is wrong, or a file cannot be read or written."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,17 @@ class NavigationSettings:
     """Of each kind, in which the result is compared with the predictor as it was."""
     seed: int = 0
     """Of the changes that are tried."""
+
+    def __post_init__(self) -> None:
+        checked_count("rounds", self.rounds, most=MOST_TRAININGS)
+        for name in ("pairs", "validation_worlds"):
+            checked_count(name, getattr(self, name), most=MOST_EPISODES)
+        for name in ("noise", "rate"):
+            checked_time(name, getattr(self, name))
+        checked_seed(self.seed)
+        if self.validation_worlds * len(self.worlds) < 2:
+            came = f"{self.validation_worlds} of each of {len(self.worlds)} kinds"
+            raise ValueError(f"validation_worlds: got {came}, expected two in all, as one alone tells no interval")
 
 
 def crowded(law: str) -> Scenario:
@@ -97,11 +114,23 @@ class Run(NamedTuple):
         return self.progress - float(self.collided)
 
 
-def drive(folder: Path, change: F64, world: str, seed: int) -> Run:
-    """A run of the map planner with a changed predictor through a crowded world of a motion law, or of a scenario."""
+def driver(folder: Path, change: F64, world: str) -> tuple[Simulation, Any]:
+    """The worlds of a motion law, or of a scenario, and the map planner with a changed predictor that drives there.
+
+    Raises:
+        ValueError: no such scenario, one with several robots, no such predictor, or its files are damaged.
+        ImportError: onnxruntime is not installed.
+    """
     simulation = Simulation(crowded(world) if world in LAWS else load(world))
+    require_one_robot(simulation)
     policy: Any = make_policy("hd_bug_map", simulation)
     policy.predictor = ChangedPredictor(policy.sensors, folder, change)
+    return simulation, policy
+
+
+def drive(folder: Path, change: F64, world: str, seed: int) -> Run:
+    """A run of the map planner with a changed predictor through a crowded world of a motion law, or of a scenario."""
+    simulation, policy = driver(folder, change, world)
     observation, state = simulation.reset(seeds=[seed])[:, 0], None
     first = last = simulation.robot_step()
     while not (last.terminated or last.truncated):
@@ -171,10 +200,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
     parser.add_argument("--workers", type=int, default=1)
     options = vars(parser.parse_args(arguments))
-    folder, out, workers = options.pop("folder"), options.pop("out"), options.pop("workers")
-    settings = NavigationSettings(**{**options, "worlds": tuple(options["worlds"])})
-    change, means = search(folder, settings, workers=workers)
-    found = compare(folder, change, settings, workers=workers)
+    try:
+        _run(**options)
+    except (ValueError, OSError, ImportError) as error:
+        parser.exit(BAD_INPUT, f"{parser.prog}: error: {told_of(error)}\n")
+
+
+def _run(*, folder: Path, out: Path, workers: int, worlds: Sequence[str], **options: Any) -> None:
+    several = checked_workers(workers)
+    settings = NavigationSettings(worlds=tuple(worlds), **options)
+    writable(out)
+    for world in settings.worlds:  # each can be driven in, which no run has to find out
+        driver(folder, np.zeros(NUMBERS), world)
+    change, means = search(folder, settings, workers=several)
+    found = compare(folder, change, settings, workers=several)
     record = {"settings": asdict(settings), "returns": means, "change": change.tolist(), "validation": found}
     with replaced_when_done(out) as partial:
         partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")

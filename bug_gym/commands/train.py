@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,12 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="replace a value of the training, such as gamma=0.98; may come several times",
     )
+    parser.set_defaults(told_left=str)  # nothing, until it is known what is trained
 
 
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
     with needed_from("train", "training", whole=True):
-        from bug_gym.agents.learning.training import train_seeds  # loads torch
+        from bug_gym.agents.learning.training import told_left, train_seeds  # loads torch
     from bug_gym.agents.learning.settings import OfflineSettings, load_settings, read_curriculum  # loads the compiler
 
     overrides = assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
@@ -59,9 +61,11 @@ def run(options: argparse.Namespace) -> None:
     overrides |= {"curriculum": read_curriculum(options.curriculum)} if options.curriculum else {}
     settings = load_settings(options.name, overrides, trust=options.trust)
     options.out = options.out or Path("results", "train", file_name(settings.name))
-    arguments = {"seeds": range(options.seed, options.seed + options.seeds), "minutes": options.minutes}
+    arguments: dict[str, Any] = {"seeds": range(options.seed, options.seed + options.seeds), "minutes": options.minutes}
     if options.dataset is not None and not isinstance(settings, OfflineSettings):
         raise ValueError(f"{settings.name} learns in worlds: only offline trainings take a dataset")
+    is_elsewhere = options.cluster is not None or options.workers > 1
+    options.told_left = partial(told_left, settings, options.out, **arguments, is_elsewhere=is_elsewhere)
     with workers_of(options) as workers:
         arguments["workers"] = workers
         if isinstance(settings, OfflineSettings):
@@ -83,5 +87,5 @@ def _train_offline(settings: Any, options: argparse.Namespace, arguments: dict[s
         episodes = None
     else:
         episodes = episodes_for(settings, options.dataset, progress=True)
-    threads = options.threads or 1
-    return train_offline_seeds(settings, options.out, episodes=episodes, threads=threads, progress=True, **arguments)
+    arguments |= {"episodes": episodes, "dataset": options.dataset, "threads": options.threads or 1}
+    return train_offline_seeds(settings, options.out, progress=True, **arguments)

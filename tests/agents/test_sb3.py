@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import pickle
 import subprocess
@@ -30,7 +31,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
-from bug_gym.agents import make_policy
+from bug_gym.agents import make_policy, sb3
 from bug_gym.agents.learning.vec_envs import join
 from bug_gym.agents.sb3 import NavigationVecEnv, make_robots_vec_env, make_vec_env
 from bug_gym.evaluation import evaluate, record_episode
@@ -189,6 +190,147 @@ def test_what_was_returned_stays_as_it_is() -> None:
     for actions in random_actions(40, 3):
         made.step(actions)
     assert data_equivalence(tuple(kept), tuple(copies), exact=True)
+
+
+def crowded(obstacles: int) -> dict[str, Any]:
+    """Worlds of which many find no place for so many obstacles, in episodes of three steps."""
+    field = {"family": "field", "bounds": [-6, -6, 6, 6], "sizes": [0.4, 0.9], "separation": 6.0, "solvable": 0.3}
+    return {"name": "tight", "world": {**field, "obstacles": obstacles}, "time": {"limit": 0.3}}
+
+
+def next_world(single: Any) -> tuple[Any, Any]:
+    """What the reset of an env gives for the next episode that finds its place."""
+    for _ in range(50):
+        with contextlib.suppress(ValueError):
+            came: tuple[Any, Any] = single.reset()
+            return came
+    raise AssertionError("no place in fifty tries")
+
+
+def stepped(made: Any, actions: Any) -> tuple[Any, int]:
+    """What a step gives, asked for again with other actions as long as it is refused; and how often it was."""
+    for refused in range(50):
+        try:
+            return made.step(actions if refused == 0 else -actions), refused
+        except ValueError as error:
+            assert "found a free place" in str(error)
+    raise AssertionError("no place in fifty tries")
+
+
+@pytest.mark.parametrize(("obstacles", "tries"), [(28, 100), (29, 100), (29, 1)])
+def test_a_next_world_that_finds_no_place_is_passed_over_and_nothing_of_the_step_is_lost(
+    obstacles: int, tries: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(sb3, "TRIES", tries)
+    monkeypatch.setattr("bug_gym.log.told", set())
+    made = make_vec_env(crowded(obstacles), 2, observation="flat")
+    singles = [NavigationEnv(crowded(obstacles), observation="flat") for _ in range(2)]
+    first: Any = [seed for seed in range(20) if finds_its_place(singles[0], seed)][:2]
+    made._seeds = first
+    made.reset()
+    returns, refused, passed = [0.0, 0.0], 0, 0
+    for row, single in enumerate(singles):
+        single.reset(seed=first[row])
+    for actions in random_actions(30, 2):
+        (seen, reward, done, infos), count = stepped(made, actions)
+        refused += count
+        for row, single in enumerate(singles):
+            observation, given, terminated, truncated, info = single.step(actions[row])
+            returns[row] += given
+            assert (reward[row], done[row]) == (np.float32(given), terminated or truncated)
+            if done[row]:
+                np.testing.assert_array_equal(infos[row]["terminal_observation"], observation)
+                assert infos[row]["episode"]["r"] == pytest.approx(returns[row]) and infos[row]["time"] == info["time"]
+                before = int(single.simulation.world.episode[0])
+                observation, begun = next_world(single)
+                passed += int(single.simulation.world.episode[0]) - before - 1
+                assert made.reset_infos[row] == begun
+                returns[row] = 0.0
+            np.testing.assert_array_equal(seen[row], observation)
+    assert passed > 0 and (refused > 0) == (tries == 1)
+    if obstacles == 28:
+        assert first == [0, 1]
+        (line,) = [record.getMessage() for record in caplog.records if "passed over" in record.getMessage()]
+        assert line.startswith("tight, seed 0, episode 1: only 2") and "it is passed over" in line
+
+
+def finds_its_place(single: NavigationEnv, seed: int) -> bool:
+    try:
+        single.reset(seed=seed)
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("restart", ["world", "robot"])
+def test_rows_of_robots_pass_over_next_worlds_that_find_no_place_too(
+    restart: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    several = {**crowded(27), "robots": {"count": 2}}
+    plain, asked_again = (make_robots_vec_env(several, n_envs=2, restart=restart) for _ in range(2))
+    single = parallel_env(several, observation="flat")
+    for seed in range(50):
+        with contextlib.suppress(ValueError):
+            plain.seed(seed), asked_again.seed(seed)
+            first = plain.reset()
+            break
+    assert data_equivalence(asked_again.reset(), first, exact=True)
+    single.reset(seed=seed)
+    refused = passed = 0
+    for actions in random_actions(60, 4):
+        came: Any = plain.step(actions)
+        with monkeypatch.context() as patched:
+            patched.setattr(sb3, "TRIES", 1)
+            again, count = stepped(asked_again, actions)
+        refused += count
+        assert data_equivalence(
+            (*again[:3], *without_clock(again[3])), (*came[:3], *without_clock(came[3])), exact=True
+        )
+        assert plain.reset_infos == asked_again.reset_infos
+        if restart == "world":
+            playing = list(single.agents)
+            seen, rewards, *_ = single.step({agent: actions[number] for number, agent in enumerate(playing)})
+            if not single.agents:
+                for row, agent in enumerate(playing):
+                    np.testing.assert_array_equal(came[3][row]["terminal_observation"], seen[agent])
+                before = int(single.simulation.world.episode[0])
+                seen, _ = next_world(single)
+                passed += int(single.simulation.world.episode[0]) - before - 1
+            assert [came[1][row] for row in range(2)] == [np.float32(rewards[agent]) for agent in playing]
+            np.testing.assert_array_equal(came[0][:2], [seen[agent] for agent in playing])
+    assert refused > 0 and (passed > 0) == (restart == "world")
+
+
+def test_a_reset_drops_the_step_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sb3, "TRIES", 1)
+    made, fresh = (make_vec_env(crowded(28), 2, seed=0, observation="flat") for _ in range(2))
+    made.reset()
+    monkeypatch.setattr(made, "_refusal", lambda worlds: ValueError("no place"))
+    for _ in range(2):
+        made.step(np.zeros((2, 2)))
+    with pytest.raises(ValueError, match="no place"):
+        made.step(np.zeros((2, 2)))
+    made.seed(0)
+    np.testing.assert_array_equal(made.reset(), fresh.reset())
+    assert data_equivalence(made.step(np.ones((2, 2)))[:3], fresh.step(np.ones((2, 2)))[:3], exact=True)
+
+
+def test_an_error_of_a_function_of_ones_own_passes_over_nothing() -> None:
+    calls: list[int] = []
+
+    def failing(time: Any) -> Any:
+        calls.append(len(time))
+        if len(calls) > 3:
+            raise ValueError("of one's own")
+        return time
+
+    fields: dict[str, Any] = {"mine": {"function": failing, "low": 0.0, "high": 1.0}}
+    made = make_vec_env("empty", 1, overrides={"time.limit": 0.2}, observation_fields=fields)
+    made.reset()
+    with pytest.raises(ValueError, match="of one's own"):
+        for _ in range(2):
+            made.step(np.zeros((1, 2)))
+    assert made.simulation.world.episode.tolist() == [1] and len(calls) == 4
 
 
 def test_a_truncated_episode_is_told_from_a_finished_one() -> None:
@@ -393,9 +535,9 @@ def test_a_model_trained_alone_drives_among_several_robots_as_its_zip_does(tmp_p
     several = load("dynamic", {"robots.count": 2, **BRIEF})
     env = parallel_env(several)
     observations, _ = env.reset(seed=0)
-    from_zip, _ = make_policy(str(tmp_path / "model.zip"), env, trust=True).predict(observations)
+    from_zip: Any = make_policy(str(tmp_path / "model.zip"), env, trust=True).predict(observations)[0]
     for made in (model, model.policy):
-        actions, _ = make_policy(made, env).predict(observations)
+        actions: Any = make_policy(made, env).predict(observations)[0]
         assert actions.keys() == from_zip.keys() == set(env.agents)
         for agent, action in actions.items():
             np.testing.assert_allclose(action, from_zip[agent], atol=1e-6)

@@ -225,7 +225,7 @@ def two_worlds() -> tuple[dict[str, Any], dict[str, Any]]:
     return plain, turned
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", CAREFUL)  # random draws others where the last bit of its first observation is another
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_a_turned_and_shifted_world_gives_the_same_outcome_and_length(name: str, kinematics: str) -> None:
     plain, turned = two_worlds()

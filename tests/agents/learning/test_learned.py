@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -320,6 +322,75 @@ def test_a_zip_that_is_none_is_refused(tmp_path: Path) -> None:
         make_policy(f"{tmp_path}/model.zip", "dynamic", trust=True)
     with pytest.raises(ValueError, match="no file"):
         make_policy(f"{tmp_path}/gone.zip", "dynamic", trust=True)
+
+
+CONTRIB = {
+    **{"QRDQN": "MlpPolicy", "TQC": "MlpPolicy", "CrossQ": "MlpPolicy", "TRPO": "MlpPolicy", "ARS": "MlpPolicy"},
+    **{"RecurrentPPO": "MlpLstmPolicy", "MaskablePPO": "MlpPolicy"},
+}
+"""Algorithms of sb3-contrib, and a policy of each."""
+
+
+def contrib_zip(path: Path, name: str) -> Any:
+    """A model of sb3-contrib that has learned nothing, saved as model.zip."""
+    contrib = pytest.importorskip("sb3_contrib")
+    from bug_gym.agents.sb3 import make_vec_env
+
+    action: Any = "discrete" if name in ("QRDQN", "MaskablePPO") else "continuous"
+    env = make_vec_env("dynamic", 1, seed=0, observation="flat", action=action)
+    model = getattr(contrib, name)(CONTRIB[name], env, device="cpu", seed=0)
+    model.save(path / "model.zip")
+    return model
+
+
+@pytest.mark.parametrize("name", CONTRIB)
+def test_a_zip_of_sb3_contrib_is_played_as_the_model_plays(name: str, tmp_path: Path) -> None:
+    model = contrib_zip(tmp_path, name)
+    simulation, (flat, *_) = observations("dynamic", 1)
+    policy = make_policy(f"{tmp_path}/model.zip", simulation, trust=True)
+    expected, _ = model.predict(flat, deterministic=True)
+    if expected.dtype.kind in "iu":
+        expected = discrete_actions(Sensors.of(simulation.scenario).drive)[expected]
+    np.testing.assert_array_equal(policy.predict(flat, deterministic=True)[0], expected)
+
+
+def with_data(path: Path, **changes: Any) -> str:
+    """A copy of a zip that says other things of itself."""
+    copied = path.with_name("changed.zip")
+    with zipfile.ZipFile(path) as source, zipfile.ZipFile(copied, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            target.writestr(name, json.dumps(json.loads(content) | changes) if name == "data" else content)
+    return str(copied)
+
+
+def test_a_zip_of_an_algorithm_that_is_not_there_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    contrib_zip(tmp_path, "QRDQN")
+    new = with_data(tmp_path / "model.zip", policy_class={"__module__": "sb3_contrib.new.policies"})
+    with pytest.raises(
+        ValueError, match=r"a model of sb3_contrib\.new\.policies, which is not known here: .*as an object"
+    ):
+        make_policy(new, "dynamic", trust=True)
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    with pytest.raises(
+        ValueError, match="model of QRDQN, of the package sb3-contrib, which is not installed.*as an object"
+    ):
+        make_policy(f"{tmp_path}/model.zip", "dynamic", trust=True)
+    with pytest.raises(ValueError, match="trust=True"):
+        make_policy(f"{tmp_path}/model.zip", "dynamic")
+
+
+def test_a_zip_that_its_algorithm_cannot_read_is_refused_in_a_line(tmp_path: Path) -> None:
+    contrib_zip(tmp_path, "QRDQN")
+    path = with_data(tmp_path / "model.zip", policy_class={"__module__": "mine"})
+    with pytest.raises(ValueError, match=r"changed\.zip cannot be read as a model of DQN: \w+: "):
+        make_policy(path, "dynamic", trust=True)
+    with zipfile.ZipFile(tmp_path / "empty.zip", "w") as target:
+        target.writestr("data", "[]")
+    with pytest.raises(ValueError, match="known are models of PPO, SAC.*QRDQN"):
+        make_policy(str(tmp_path / "empty.zip"), "dynamic", trust=True)
 
 
 # --------------------------------------------------------------------------------------------------------- evaluation

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.learning import iql
+from bug_gym.agents.learning import iql, offline
 from bug_gym.agents.learning.cloning import Cloning, WithDriver
 from bug_gym.agents.learning.dagger import ask, make_expert
 from bug_gym.agents.learning.folder import read_config
@@ -660,6 +662,67 @@ def test_minutes_end_a_training_at_a_validation(tmp_path: Path) -> None:
     kept = train_offline(tiny("bc"), tmp_path, episodes=answered(2), minutes=1e-9)
     assert [point.steps for point in kept.points] == [20]
     assert read_config(tmp_path)["runs"]["0"]["curve"][-1]["steps"] == 20
+
+
+@pytest.mark.parametrize("algo", ["bc", "dagger"])
+def test_what_minutes_ended_is_not_begun_again(algo: str, tmp_path: Path) -> None:
+    episodes = None if algo == "dagger" else answered(2)
+    train_offline_seeds(tiny(algo), tmp_path, episodes=episodes, seeds=[0, 1], minutes=1e-9)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("seed-*/[cp]*")}
+    train_offline_seeds(tiny(algo), tmp_path, episodes=episodes, seeds=[0, 1], minutes=1e-9)  # both are done
+    with pytest.raises(ValueError, match="seed-0 holds a model whose training was ended after 20 of 40 steps by --min"):
+        train_offline_seeds(tiny(algo), tmp_path, episodes=episodes, seeds=[0, 1])
+    with pytest.raises(ValueError, match="it cannot be gone on with: give a new --out"):
+        train_offline(tiny(algo), tmp_path / "seed-0", episodes=episodes)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("seed-*/[cp]*")} == before
+
+
+@pytest.mark.parametrize("origins", [({}, {}), ({"policy": "bug1"}, {"policy": "bug2"})])
+def test_what_is_left_of_other_episodes_is_refused(
+    origins: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*arguments: Any, **keywords: Any) -> None:
+        raise KeyboardInterrupt
+
+    one, other = (replace(answered(count), origin=origin) for count, origin in zip((2, 3), origins, strict=True))
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(offline, "write_best", stopped)
+        train_offline(tiny("bc"), tmp_path, episodes=one)
+    (left,) = tmp_path.glob("best-*")
+    before = weights(left)
+    for train_it in (train_offline, train_offline_seeds):
+        with pytest.raises(ValueError, match=r"best-\d+ is of another training: it learnt from other episodes"):
+            train_it(tiny("bc"), tmp_path, episodes=other)
+    assert same(weights(left), before)
+    train_offline(tiny("bc"), tmp_path, episodes=one)
+    assert not left.exists() and read_config(tmp_path)["runs"]["0"]["held_out"]
+
+
+def test_the_command_on_a_card_names_a_dataset_that_was_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("minari", reason="minari comes with the extra `data`")
+    monkeypatch.chdir(tmp_path)
+    changes = {key: value for key, value in TINY.items() if key != "scenarios"} | {"data": DATA}
+    words = [word for key, value in changes.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+    assert main(["train", "bc_hd_bug", *words, "--out", "collected"]) == 0
+    (given,) = {
+        path.parents[1].as_posix() for path in Path().rglob("*_flat-v0/data/metadata.json") if "mixed" in str(path)
+    }
+    changed = [*words, "--set", 'data={"policies": ["hd_bug"], "episodes": 9}']
+    assert main(["train", "bc_hd_bug", *changed, "--dataset", given, "--out", "given"]) == 0
+    told = {}
+    for name in ("collected", "given"):
+        found = re.search("Made again by `(.*)`;", Path(name, "card.md").read_text(encoding="utf-8"))
+        assert found is not None
+        told[name] = shlex.split(found[1])
+    assert "--dataset" not in told["collected"]
+    assert told["given"][told["given"].index("--dataset") + 1] == given
+    for name, command in told.items():
+        assert main([*command[1:], "--out", f"{name}-again"]) == 0
+        assert same(weights(Path(name)), weights(Path(f"{name}-again")))
+
+
+def test_the_command_on_a_card_says_that_episodes_were_handed_in(clone: Path) -> None:
+    assert "bug-gym train custom.yaml --dataset DATASET --threads 1`" in (clone / "card.md").read_text(encoding="utf-8")
 
 
 # ------------------------------------------------------------------------------------------------------------ bad input

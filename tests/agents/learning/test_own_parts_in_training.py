@@ -76,7 +76,7 @@ def test_a_training_learns_from_them_and_says_so(files: Path, capsys: pytest.Cap
     main(["train", str(files / "training.yaml"), "--out", str(out), "--threads", "1", "--trust"])
     config, card = read_config(out), (out / "card.md").read_text(encoding="utf-8")
     assert config["robot"]["own"] == [["last", 2, 2.0]]
-    assert "Made again by `bug-gym train training.yaml --trust`" in card
+    assert "Made again by `bug-gym train training.yaml --trust --threads 1`" in card
     assert f"Reward terms of its own: near = 0.25 x `{files}/rewards.py:near`" in card
     assert f"Observation fields of its own: last = `{files}/rewards.py:last`" in card
     env = NavigationEnv(files / "mine.yaml", trust=True)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -267,6 +267,139 @@ def test_another_training_does_not_go_over_what_is_left(tmp_path: Path, monkeypa
     with pytest.raises(ValueError, match=r"best-\d+ is of another training: settings.gamma"):
         train(tiny(n_timesteps=256, gamma=0.5), tmp_path, threads=1, tensorboard=False)
     assert model_folder(tmp_path) == tmp_path and best_so_far(tmp_path) is not None
+
+
+class Drove:
+    """Validation worlds of which a share was solved."""
+
+    def __init__(self, success: float) -> None:
+        self.success, self.time = success, np.ones(100)
+
+    def ended(self, name: str) -> Any:
+        share = {"success": self.success, "collision": 1.0 - self.success}.get(name, 0.0)
+        return np.arange(100) < round(100 * share)
+
+    def summary(self) -> dict[str, Any]:
+        shares = {"success": self.success, "collision": 1.0 - self.success, "timeout": 0.0}
+        return {"n": 100, "low": 0.0, "high": 1.0, "time": 1.0, **shares}
+
+
+def begins_again(**changes: Any) -> AnySettings:
+    """Settings of a training that has no checkpoints, which validates each 32 steps."""
+    own = {key: value for key, value in TINY.items() if key not in ("n_steps", "n_epochs", "save_freq")}
+    short = {"algo": "dqn", "n_envs": 4, "learning_starts": 8, "batch_size": 8, "n_timesteps": 192, "eval_freq": 32}
+    return load_settings({**own, **short, **changes})
+
+
+@pytest.fixture
+def driven(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Trains in a folder so that the validations have these shares of successes, and is stopped at the next."""
+    monkeypatch.setattr(so_far, "WRITE_EACH", 0.0)
+
+    def run(folder: Path, *shares: float, settings: AnySettings | None = None) -> None:
+        left = list(shares)
+
+        def validated(*_: Any) -> list[Drove]:
+            if not left:
+                raise KeyboardInterrupt
+            return [Drove(left.pop(0))]
+
+        monkeypatch.setattr(training, "play_validation", validated)
+        monkeypatch.setattr(training, "play", lambda *_: Drove(0.5))
+        with suppress(KeyboardInterrupt):
+            train(settings or begins_again(), folder, threads=1, tensorboard=False)
+
+    return run
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_training_that_begins_again_keeps_a_better_model_and_the_curve_of_the_run_before(
+    tmp_path: Path, driven: Callable[..., None]
+) -> None:
+    driven(tmp_path, 0.1, 0.3, 0.8, 0.7)
+    left, curve = tmp_path / "best-96", (tmp_path / "curve.csv").read_bytes()
+    before = files_in(left)
+    driven(tmp_path, 0.1, 0.3)
+    assert [path.name for path in tmp_path.glob("best-*")] == ["best-96"] and files_in(left) == before
+    assert (tmp_path / "curve-128.csv").read_bytes() == curve
+    assert len((tmp_path / "curve.csv").read_text(encoding="utf-8").splitlines()) == 3
+    driven(tmp_path, 0.9)  # which is better
+    assert [path.name for path in tmp_path.glob("best-*")] == ["best-32"]
+    assert sorted(path.name for path in tmp_path.glob("curve-*")) == ["curve-128.csv", "curve-64.csv"]
+
+
+def test_a_better_model_of_an_earlier_run_outlives_the_end_of_a_later_one(
+    tmp_path: Path, driven: Callable[..., None], caplog: pytest.LogCaptureFixture
+) -> None:
+    driven(tmp_path, 0.1, 0.8)
+    before = files_in(tmp_path / "best-64")
+    driven(tmp_path, *[0.5] * 6)
+    assert read_config(tmp_path)["runs"]["0"]["best"]["success"] == 0.5
+    assert [path.name for path in tmp_path.glob("best-*")] == ["best-64"] and files_in(tmp_path / "best-64") == before
+    assert f"{tmp_path}/best-64 of an earlier run did better in its validation" in caplog.text
+
+
+def test_a_model_that_did_as_well_is_replaced_by_a_run_that_begins_again_and_kept_by_one_that_goes_on(
+    tmp_path: Path, driven: Callable[..., None]
+) -> None:
+    driven(tmp_path / "again", 0.5)
+    written = (tmp_path / "again" / "best-32" / "config.json").stat().st_ino
+    driven(tmp_path / "again", 0.5)
+    assert (tmp_path / "again" / "best-32" / "config.json").stat().st_ino != written
+    assert [path.name for path in (tmp_path / "again").glob("best-*")] == ["best-32"]
+    ppo = tiny(save_freq=640, eval_freq=256, n_timesteps=4096)
+    driven(tmp_path / "on", 0.1, 0.2, 0.5, settings=ppo)
+    before = files_in(tmp_path / "on" / "best-768")
+    driven(tmp_path / "on", settings=ppo)  # from 640 on, where the best was that of 512
+    driven(tmp_path / "on", 0.5, settings=ppo)
+    assert files_in(tmp_path / "on" / "best-768") == before
+    assert not list((tmp_path / "on").glob("curve-*"))
+
+
+def test_who_stops_a_training_is_told_what_the_same_command_will_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(so_far, "WRITE_EACH", 0.0)
+    path = tmp_path / "training.yaml"
+
+    def told(folder: str, settings: AnySettings, *shares: float, options: tuple[str, ...] = ()) -> str:
+        left = list(shares)
+
+        def validated(*_: Any) -> list[Drove]:
+            if not left:
+                raise KeyboardInterrupt
+            return [Drove(left.pop(0))]
+
+        monkeypatch.setattr(training, "play_validation", validated)
+        path.write_text(settings.model_dump_json(), encoding="utf-8")
+        assert main(["train", str(path), "--threads", "1", "--out", str(tmp_path / folder), *options]) == 130
+        return capsys.readouterr().err.splitlines()[-1].removeprefix("bug-gym: interrupted")
+
+    out = tmp_path / "dqn"
+    assert told("dqn", begins_again(), 0.1, 0.8, 0.2) == (
+        f"; the same command begins again; the best so far is in {out}/best-64/"
+    )
+    assert told("none", begins_again()) == "; the same command begins again"
+    several = told("several", begins_again(), *[0.5] * 8, options=("--seeds", "3"))
+    out = tmp_path / "several"
+    assert several == (
+        f"; {out} keeps the seeds that are done, the same command begins seed 1 again; "
+        f"the best so far is in {out}/seed-1/best-64/"
+    )
+    goes_on = tiny(save_freq=128, eval_freq=256, n_timesteps=4096)
+    assert told("ppo", goes_on, 0.5) == f"; {tmp_path}/ppo keeps what is done, the same command goes on"
+
+
+def test_of_two_models_that_a_kill_has_left_the_better_one_is_named(
+    tmp_path: Path, driven: Callable[..., None]
+) -> None:
+    driven(tmp_path, 0.8)
+    driven(tmp_path / "other", 0.1, 0.2)
+    (tmp_path / "other" / "best-64").rename(tmp_path / "best-64")
+    assert best_so_far(tmp_path) == tmp_path / "best-32"
 
 
 def test_of_two_that_a_kill_has_left_the_later_one_is_named(tmp_path: Path) -> None:

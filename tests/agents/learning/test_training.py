@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import logging
 import math
 import os
 import re
@@ -24,13 +25,21 @@ import torch
 
 from bug_gym.agents.learning import training
 from bug_gym.agents.learning.checkpoints import Rollouts
-from bug_gym.agents.learning.folder import read_config
+from bug_gym.agents.learning.folder import model_folder, read_config
 from bug_gym.agents.learning.models import command
 from bug_gym.agents.learning.networks import RobotEncoding
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings, load_settings, training_names
-from bug_gym.agents.learning.training import make_model, make_training_env, robot_of, train, usable_cores
-from bug_gym.cli import main
+from bug_gym.agents.learning.training import (
+    make_model,
+    make_training_env,
+    require_same_network,
+    robot_of,
+    train,
+    train_seeds,
+    usable_cores,
+)
+from bug_gym.cli import main, make_parser
 from bug_gym.config import ScenarioError, load
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from bug_gym.observation import as_dict, dict_space, flat_space
@@ -240,6 +249,53 @@ def test_the_folder_of_another_training_is_refused(tmp_path: Path) -> None:
         train(tiny(), tmp_path, seed=1, threads=1, tensorboard=False)
 
 
+def without_checkpoints(algo: str, **changes: Any) -> AnySettings:
+    """Settings of a training of an algorithm that begins again where it is cut off."""
+    own = {key: value for key, value in TINY.items() if key not in ("n_steps", "save_freq")}
+    short = {"learning_starts": 16, "n_timesteps": 160, "eval_freq": 80, "overrides": {"time.limit": 3.0}}
+    return load_settings({**own, **short, "algo": algo, **changes})
+
+
+def held(folder: Path) -> dict[str, bytes]:
+    """What the files of a folder hold, but for locks."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+@pytest.mark.parametrize("algo", ["sac", "dqn"])
+def test_what_minutes_ended_is_not_begun_again(algo: str, tmp_path: Path) -> None:
+    settings = without_checkpoints(algo)
+    out = train_seeds(settings, tmp_path, seeds=[0, 1], threads=1, minutes=1e-9)
+    curve = read_config(tmp_path / "seed-0")["runs"]["0"]["curve"]
+    done = curve[-1]["steps"]
+    assert done < 160 and f"Ended by --minutes after {done} of 160 steps" in (out / "card.md").read_text()
+    before = held(tmp_path)
+    train_seeds(settings, tmp_path, seeds=[0, 1], threads=1, minutes=1e-9)  # both are done
+    assert held(tmp_path) == before
+    told = rf"seed-0 holds a model whose training was ended after {done} of 160 steps by --minutes; .* give a new --out"
+    for more in (None, 60.0):
+        with pytest.raises(ValueError, match=told):
+            train_seeds(settings, tmp_path, seeds=[0, 1], threads=1, minutes=more)
+    with pytest.raises(ValueError, match=told):
+        train(settings, tmp_path / "seed-0", threads=1, minutes=1e-9)
+    assert held(tmp_path) == before
+
+
+def test_what_minutes_ended_goes_on_here_from_its_checkpoint_and_not_elsewhere(tmp_path: Path) -> None:
+    settings = tiny()
+    train(settings, tmp_path, threads=1, tensorboard=False, minutes=1e-9)
+    before = held(tmp_path)
+    with pytest.raises(ValueError, match="cannot be gone on with by other processes: give a new --out"):
+        train_seeds(settings, tmp_path, workers=2)
+    checkpoint = (tmp_path / "checkpoint.pt").rename(tmp_path / "aside")
+    with pytest.raises(ValueError, match="cannot be gone on with: give a new --out"):
+        train_seeds(settings, tmp_path, threads=1)
+    checkpoint.rename(tmp_path / "checkpoint.pt")
+    assert held(tmp_path) == before
+    train_seeds(settings, tmp_path, threads=1)
+    assert read_config(tmp_path)["runs"]["0"]["curve"][-1]["steps"] == 1024
+
+
 def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
     train(tiny(), tmp_path, threads=1, tensorboard=False)
     path = tmp_path / "checkpoint.pt"
@@ -297,10 +353,40 @@ def test_the_command_trains_several_seeds_and_gathers_the_best(
     made_at = (out / "seed-0" / "policy.onnx").stat().st_mtime_ns
     assert main([*arguments, "--set", "gamma=0.9"]) == 0
     assert (out / "seed-0" / "policy.onnx").stat().st_mtime_ns == made_at  # what is done is not done again
-    assert "`bug-gym train tiny.yaml --seeds 2`" in (out / "agent" / "card.md").read_text(encoding="utf-8")
+    assert "`bug-gym train tiny.yaml --seeds 2 --threads 1`" in (out / "agent" / "card.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("changes", [{}, {"history": [], "gamma": 0.9}])
+@pytest.mark.parametrize(
+    ("runs", "played", "seed", "seeds"),
+    [
+        ("0", 0, 0, 1),
+        ("5", 5, 5, 1),
+        ("012", 1, 0, 3),
+        ("567", 6, 5, 3),
+        ("39", 9, 9, 1),  # no command trains those alone: the one that is played
+    ],
+)
+def test_the_command_on_a_card_trains_the_seeds_on_as_many_threads(
+    runs: str, played: int, seed: int, seeds: int
+) -> None:
+    settings = json.loads(load_settings("ppo_static").model_dump_json())
+    record = {"name": "ppo_static", "settings": settings, "runs": dict.fromkeys(runs, {}), "seed": played}
+    for machine, threads in (({"machine": {"threads": 3}}, 3), ({}, None)):
+        options = make_parser().parse_args(shlex.split(command({**record, **machine}))[1:])
+        assert (options.seed, options.seeds, options.threads) == (seed, seeds, threads)
+
+
+def test_the_command_on_a_card_makes_the_model_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    tiny_file(tmp_path)
+    assert main(["train", "tiny.yaml", "--seed", "5", "--threads", "1", "--out", "first"]) == 0
+    told = re.search("Made again by `(.*)`;", Path("first", "card.md").read_text(encoding="utf-8"))
+    assert told is not None
+    assert main([*shlex.split(told[1])[1:], "--out", "again"]) == 0
+    assert read_config(Path("again"))["seed"] == 5 and same_weights(Path("first"), Path("again"))
+
+
+@pytest.mark.parametrize("changes", [{}, {"history": [], "gamma": 0.9}, {"start_from": "./o'neil's model"}])
 def test_the_command_on_a_card_gives_the_settings_that_were_trained(changes: dict[str, Any]) -> None:
     settings = load_settings("ppo_rush", changes)
     record = {"name": "ppo_rush", "settings": json.loads(settings.model_dump_json()), "runs": {"0": {}}}
@@ -372,6 +458,44 @@ def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="cannot be read into this network"):
         wide = tiny(policy_kwargs={"net_arch": [8]}, start_from=str(tmp_path / "first"))
         train(wide, tmp_path / "third", threads=1, tensorboard=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"encoding": "linear"}, "encoding was 'clearance', is now 'linear'"),
+        ({"policy_kwargs": {"activation_fn": "tanh"}}, "policy_kwargs.activation_fn was 'relu', is now 'tanh'"),
+        ({"action": "discrete"}, "action was 'continuous', is now 'discrete'"),
+        ({"history": [4]}, r"history was \[\], is now \[4\]"),
+    ],
+)
+def test_weights_that_mean_something_else_are_not_begun_with(
+    changes: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=f"ppo_static is of another network: {said}"):
+        train(tiny(start_from="ppo_static", **changes), tmp_path / "model", threads=1)
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        ({"robot.kinematics": "holonomic"}, "kinematics differential, not holonomic"),
+        ({"lidar.range": 7.0}, "range 5.0, not 7.0"),
+        ({"lidar.fov": 3.0}, "first_angle"),
+    ],
+)
+def test_a_word_is_said_once_of_a_model_of_another_robot_that_is_begun_with(
+    overrides: dict[str, Any], said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    other = tiny(start_from="ppo_static", overrides=overrides)
+    with caplog.at_level(logging.WARNING, logger="bug_gym"):
+        require_same_network(model_folder("ppo_static"), tiny())
+        assert not caplog.messages
+        for _ in range(3):
+            require_same_network(model_folder("ppo_static"), other)
+    (told,) = caplog.messages
+    assert "was made for another robot: " in told and said in told
 
 
 @pytest.mark.parametrize(

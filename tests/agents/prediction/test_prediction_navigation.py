@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra `pla
 from bug_gym.agents.learning.folder import TRAINED_FOLDER
 from bug_gym.agents.prediction import second_stage as prediction_navigation
 from bug_gym.agents.prediction.features import ANSWERS, WIDTH
-from bug_gym.agents.prediction.learned import LearnedPredictor
+from bug_gym.agents.prediction.learned import GRAPH, LearnedPredictor
 from bug_gym.agents.prediction.second_stage import (
     LAWS,
     NUMBERS,
@@ -81,3 +83,40 @@ def test_the_command_writes_what_was_found(tmp_path: Path) -> None:
     record = json.loads(out.read_text(encoding="utf-8"))
     assert record["settings"]["worlds"] == list(LAWS)
     assert len(record["change"]) == NUMBERS and record["validation"]["worlds"] == len(LAWS)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--workers", "0"], "workers must be at least 1, got 0"),
+        (["--rounds", "0"], "rounds must be at least 1, got 0"),
+        (["--pairs", "0"], "pairs must be at least 1, got 0"),
+        (["--pairs", str(10**12)], "pairs must be at most 10,000,000, got 1000000000000"),
+        (["--noise", "0"], "noise must be a number above 0, got 0.0"),
+        (["--rate", "nan"], "rate must be a number above 0, got nan"),
+        (["--validation-worlds", "0"], "validation_worlds must be at least 1, got 0"),
+        (["--validation-worlds", "1", "--worlds", "rush"], "got 1 of each of 1 kinds, expected two in all"),
+        (["--seed", "-1"], "a seed is an integer from 0 to 2**63 - 1, got -1"),
+        (["--worlds", "bounce", "rushes"], "no scenario 'rushes'"),
+        (["--worlds", "crossing_robots"], "'crossing_robots' has 2 robots, expected 1"),
+        (["--out", "nowhere/found.json"], "no folder nowhere to write found.json into"),
+        (["--out", "damaged"], "damaged is a folder, expected a regular file or a new name"),
+        (["nothing"], "no trained predictor in nothing: it has no predictor.json"),
+        (["damaged"], "damaged/predictor.onnx is damaged"),
+    ],
+)
+def test_what_cannot_be_is_told_in_a_line_before_anything_is_driven(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def driven(*arguments: Any) -> Any:
+        raise AssertionError("something is driven")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(prediction_navigation, "drive", driven)
+    shutil.copytree(FOLDER, "damaged")
+    Path("damaged", GRAPH).write_bytes(b"none")
+    with pytest.raises(SystemExit) as left:
+        main([*([] if words[0][0] != "-" else [str(FOLDER)]), "--out", "found.json", *words])
+    assert left.value.code == 2 and not Path("found.json").exists()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("python -m bug_gym.agents.prediction.second_stage: error: ") and said in line
