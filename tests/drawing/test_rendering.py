@@ -435,7 +435,7 @@ def test_the_legend_shows_a_dashed_line_for_a_dashed_line_and_the_mark_of_a_poin
 
 def test_the_legend_tells_all_labels_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[str, float, float]] = []
-    paint = rendering.paint_sample
+    paint = painting.paint_sample
 
     def painted(pen: Any, sample: Any, x: float, y: float, *size: float) -> None:
         told.append((sample.label, x, y))

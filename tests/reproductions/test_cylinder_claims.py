@@ -6,7 +6,7 @@ from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.reproductions import cylinder_claims, reproduction
-from bug_gym.reproductions.barn import PARAMETERS
+from bug_gym.reproductions.barn import PARAMETERS, ROBOTS
 from bug_gym.reproductions.bug_no_way import PROVEN
 from bug_gym.reproductions.result import Settings
 from bug_gym.scenarios import draw_layout
@@ -38,7 +38,7 @@ def test_planners_keep_the_same_room_as_bugs_and_claim_rightly() -> None:
     for robot, kept in PARAMETERS.items():
         if robot in cylinder_claims.DRIVEN:
             told = cylinder_claims.parameters("a_star", robot)
-            assert told["margin"] + cylinder_claims.ROBOTS[robot]["radius"] == pytest.approx(kept["clearance"])
+            assert told["margin"] + ROBOTS[robot]["radius"] == pytest.approx(kept["clearance"])
     result = reproduction("cylinder-claims")(Settings(seeds=8, policies=("a_star", "d2t_dijkstra")))
     assert result.data["wrong"] == [] and result.holds
     for found in result.data["policies"].values():
