@@ -68,6 +68,9 @@ __all__ = [
 
 logger = logging.getLogger("bug_gym")
 
+NAME = re.compile(r"[A-Za-z_][\w-]*")
+"""Names that policies can have."""
+
 
 class Agent(NamedTuple):
     """One line of the table."""
@@ -194,7 +197,7 @@ def register(name: str, reference: str, *, family: str = "from outside") -> None
         ValueError: the name cannot be one or is taken, or the reference is none, or leads to no policy's class.
         ImportError: its module imports another one that is missing.
     """
-    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][\w-]*", name):
+    if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ValueError(
             f"got {shortened(name)} as the name of a policy, expected letters, digits, _ and -, such as 'my_bug'"
         )
@@ -220,7 +223,7 @@ def _installed() -> dict[str, Agent]:
         package = point.dist.name if point.dist else "?"
         if not is_reference(point.value):
             reason = "names no module:Class"
-        elif not re.fullmatch(r"[A-Za-z_][\w-]*", point.name):  # as `register` has it
+        elif not NAME.fullmatch(point.name):
             reason = "has a name that cannot be one, expected letters, digits, _ and -"
         elif point.name in AGENTS | TEAMS | found:
             reason = "has a name that is taken"

@@ -7,14 +7,13 @@ killed goes on from its last checkpoint, at the border of a rollout, and ends wi
 from __future__ import annotations
 
 import json
-import logging
 import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -63,10 +62,9 @@ from bug_gym.config import Scenario
 from bug_gym.files import one_writer
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
 from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
+from bug_gym.log import warn_once
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
-
-logger = logging.getLogger("bug_gym")
 
 SEED_BLOCK = 2**20
 """Seeds of one training's worlds."""
@@ -577,7 +575,7 @@ def require_same_network(begun: Path, settings: AnySettings) -> None:
         if was != now:
             raise ValueError(f"{begun} is of another network: {key} was {shortened(was)}, is now {shortened(now)}")
     if differences := list(RobotModel.from_dict(config["robot"]).differences(robot_of(settings.loaded))):
-        _warn_once(f"{begun}, which is begun with, was made for another robot: {'; '.join(differences)}")
+        warn_once(f"{begun}, which is begun with, was made for another robot: {'; '.join(differences)}")
 
 
 def _below(settings: Mapping[str, Any], key: str) -> Any:
@@ -586,11 +584,6 @@ def _below(settings: Mapping[str, Any], key: str) -> Any:
     for part in key.split("."):
         value = value.get(part) if isinstance(value, Mapping) else None
     return value
-
-
-@cache
-def _warn_once(told: str) -> None:
-    logger.warning("%s", told)
 
 
 def usable_cores() -> int:

@@ -291,20 +291,25 @@ def begins_again(**changes: Any) -> AnySettings:
     return load_settings({**own, **short, **changes})
 
 
+def stop_after(monkeypatch: pytest.MonkeyPatch, *shares: float) -> None:
+    """Let the validations of a training have these shares of successes, and stop it at the next."""
+    left = list(shares)
+
+    def validated(*_: Any) -> list[Drove]:
+        if not left:
+            raise KeyboardInterrupt
+        return [Drove(left.pop(0))]
+
+    monkeypatch.setattr(training, "play_validation", validated)
+
+
 @pytest.fixture
 def driven(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Trains in a folder so that the validations have these shares of successes, and is stopped at the next."""
     monkeypatch.setattr(so_far, "WRITE_EACH", 0.0)
 
     def run(folder: Path, *shares: float, settings: AnySettings | None = None) -> None:
-        left = list(shares)
-
-        def validated(*_: Any) -> list[Drove]:
-            if not left:
-                raise KeyboardInterrupt
-            return [Drove(left.pop(0))]
-
-        monkeypatch.setattr(training, "play_validation", validated)
+        stop_after(monkeypatch, *shares)
         monkeypatch.setattr(training, "play", lambda *_: Drove(0.5))
         with suppress(KeyboardInterrupt):
             train(settings or begins_again(), folder, threads=1, tensorboard=False)
@@ -366,14 +371,7 @@ def test_who_stops_a_training_is_told_what_the_same_command_will_do(
     path = tmp_path / "training.yaml"
 
     def told(folder: str, settings: AnySettings, *shares: float, options: tuple[str, ...] = ()) -> str:
-        left = list(shares)
-
-        def validated(*_: Any) -> list[Drove]:
-            if not left:
-                raise KeyboardInterrupt
-            return [Drove(left.pop(0))]
-
-        monkeypatch.setattr(training, "play_validation", validated)
+        stop_after(monkeypatch, *shares)
         path.write_text(settings.model_dump_json(), encoding="utf-8")
         assert main(["train", str(path), "--threads", "1", "--out", str(tmp_path / folder), *options]) == 130
         return capsys.readouterr().err.splitlines()[-1].removeprefix("bug-gym: interrupted")
