@@ -13,6 +13,7 @@ from episodes import run_episode
 import bug_gym
 from bug_gym import observation
 from bug_gym.agents import AGENTS, make_policy, playable_names, policy_names
+from bug_gym.agents.floors.random import Random
 from bug_gym.inertia import are_cut_at_once
 from bug_gym.policy import AT_ONCE, Drawing, ScriptedPolicy
 from bug_gym.simulation import Simulation
@@ -225,9 +226,13 @@ def two_worlds() -> tuple[dict[str, Any], dict[str, Any]]:
     return plain, turned
 
 
-@pytest.mark.parametrize("name", CAREFUL)  # random draws others where the last bit of its first observation is another
+@pytest.mark.parametrize("name", SCRIPTED)
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
-def test_a_turned_and_shifted_world_gives_the_same_outcome_and_length(name: str, kinematics: str) -> None:
+def test_a_turned_and_shifted_world_gives_the_same_outcome_and_length(
+    name: str, kinematics: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Of a first observation with another last bit it would draw others.
+    monkeypatch.setattr(Random, "first_memory", lambda self, flat, number: self.start())
     plain, turned = two_worlds()
     settings = {"robot": {"kinematics": kinematics}, "lidar": {"beams": 360, "range": 6.0}, "time": {"limit": 90.0}}
     first, second = (run_episode(name, {**settings, "world": world}) for world in (plain, turned))
