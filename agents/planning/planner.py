@@ -18,11 +18,13 @@ from bug_gym.agents.mapping.goal_watch import GoalWatch
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.planning.clear_step import clear_velocity
 from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower, pose_to_be
+from bug_gym.agents.planning.gaps import is_clear, narrow_places, pushed_off
 from bug_gym.agents.planning.growth import TOUCHING
 from bug_gym.agents.planning.live import LiveMap, Maps, Moving
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.map_policy import MapMemory, MapPolicy
 from bug_gym.agents.planning.route import Route, distances_to_chain
+from bug_gym.agents.planning.smoothing import Solids
 from bug_gym.geometry import F64, Point
 from bug_gym.policy import Drawing, Velocity, braking_radius
 from bug_gym.view import Sensors, View
@@ -47,6 +49,12 @@ DISC_SEGMENTS = 16
 
 PAUSE = 0.5
 """Time between two plans round movers [s]."""
+
+CLOSED = 0.01
+"""Radius of the discs that close a gap to the next plan, where the robot does not go through it [m]."""
+
+DETOURS = 8
+"""How often another way is looked for instead of one through such gaps."""
 
 
 class Room(NamedTuple):
@@ -206,7 +214,7 @@ class MapPlanner(MapPolicy):
 
         Nor does it end where there is none to a goal that moves, which may come to where there is one.
         """
-        found = self.plan(scene, memory)
+        found = self.drivable(scene, memory)
         if found.verdict:
             found = self.planned_beside(scene, memory, found)
         if not memory.goal_watch.has_settled:
@@ -221,6 +229,49 @@ class MapPlanner(MapPolicy):
             memory.route = None
         memory.mode = "following" if found.places is not None else "waiting"
 
+    def drivable(self, scene: Scene, memory: PlannerMemory) -> Plan:
+        """A way on which the brake does not hold a robot beside things that the body alone would pass (gaps.py).
+
+        Gaps that are too narrow for it are closed to the next plan. Where all ways lead through one, none is told.
+        """
+        found = self.plan(scene, memory)
+        if not (self.privileged and self.is_braked):
+            return found
+        radius, margin = braking_radius(self.sensors), TOUCHING * self.parameters.margin
+        solids = Solids.of(live_of(memory).still, radius)
+        reach = self.sensors.goal_radius if scene.reach is None else scene.reach
+        around = scene
+        for _ in range(DETOURS):
+            if found.places is None:
+                return found if around is scene else self.held(scene, memory)
+            if is_clear(found.places, solids):
+                return found
+            places = pushed_off(found.places, solids.with_growth(radius + margin))
+            narrow = narrow_places(places, solids)
+            narrow = narrow[np.hypot(*(narrow - scene.goal).T) > reach]
+            if len(narrow) == 0:
+                return Plan(places, margin)
+            discs = np.column_stack([narrow, np.full(len(narrow), CLOSED)])
+            around = around._replace(moving=standing_discs(discs, around.moving))
+            found = self.plan(around, memory)
+        return self.held(scene, memory)
+
+    def gives_up(self, scene: Scene, memory: PlannerMemory) -> bool:
+        """Whether another plan would find no more: what moves may be gone by then."""
+        return scene.moving is None
+
+    def held(self, scene: Scene, memory: PlannerMemory) -> Plan:
+        """That no way was found on which the brake does not hold the robot."""
+        width = 2.0 * braking_radius(self.sensors)
+        reason = f"all ways found lead through gaps narrower than {width:.3g} m, before which the robot brakes"
+        return Plan(None, reason=reason, verdict="stuck" if self.gives_up(scene, memory) else "")
+
+    @property
+    def is_braked(self) -> bool:
+        """Whether the robot is held before what its disc with room to brake would touch (`policy.brake`)."""
+        drive = self.sensors.drive
+        return drive.kinematics == "differential" and drive.latency == 0 and len(self.sensors.footprint) == 1
+
     def planned_beside(self, scene: Scene, memory: PlannerMemory, found: Plan) -> Plan:
         """Where no way was found to the goal or the free place nearest to it: one to where within its radius most room is.
 
@@ -232,7 +283,7 @@ class MapPlanner(MapPolicy):
             return found._replace(verdict="unreachable")
         # From the place that is planned for, no further than the goal's radius still lets it be.
         reach = max(self.sensors.goal_radius - math.dist(end, scene.goal), 0.0)
-        beside = self.plan(scene._replace(goal=end, reach=reach), memory)
+        beside = self.drivable(scene._replace(goal=end, reach=reach), memory)
         return found._replace(verdict="stuck") if beside.places is None else beside
 
     def standing(self, scene: Scene, memory: Any) -> tuple[PlanningMap, float]:
@@ -355,6 +406,19 @@ def near(scene: Scene) -> Moving:
     discs = scene.moving.discs
     x, y, _ = scene.pose
     return scene.moving.select(np.hypot(discs[:, 0] - x, discs[:, 1] - y) <= NEAR + discs[:, 2])
+
+
+def standing_discs(discs: F64, moving: Moving | None) -> Moving:
+    """Discs (n, 3) x, y, radius [m] that stand, and what moves."""
+    still = Moving(discs, np.zeros((len(discs), 2)), (), np.ones(len(discs), dtype=bool))
+    if moving is None:
+        return still
+    return Moving(
+        np.concatenate([moving.discs, still.discs]),
+        np.concatenate([moving.velocities, still.velocities]),
+        moving.polygons,
+        np.concatenate([moving.is_round, still.is_round]),
+    )
 
 
 def mover_discs(moving: Moving | None) -> F64:

@@ -336,7 +336,11 @@ class RRTStar(MapPlanner):
         if scene.moving is None and is_shut_in(plan, scene.pose[:2], scene.goal, self.sensors):
             return Plan(None, reason=no_way(plan, scene, self.sensors), verdict="unreachable")
         reason = f"no way was found by {self.parameters.samples} samples and more, which proves nothing"
-        return Plan(None, reason=reason, verdict="stuck" if memory.plans >= TRIES and scene.moving is None else "")
+        return Plan(None, reason=reason, verdict="stuck" if self.gives_up(scene, memory) else "")
+
+    def gives_up(self, scene: Scene, memory: PlannerMemory) -> bool:
+        """Whether it has drawn anew often enough."""
+        return scene.moving is None and memory.plans >= TRIES
 
     def _way(self, plan: PlanningMap, room: Room, scene: Scene, number: int) -> F64:
         """The best way from the robot to the goal (k, 2), none where there is none.
