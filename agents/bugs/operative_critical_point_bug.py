@@ -200,8 +200,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         self._count_detections(memory, movers)
         if not movers:
             return Sight([], None, *view.points)
-        numbers = [mover.number for mover in movers]
-        is_dynamic = np.append(np.isin(tracks.id, numbers), False)
+        numbers = {mover.number for mover in movers}
+        is_dynamic = np.array([*(number in numbers for number in tracks.id.tolist()), False])
         is_mover = is_dynamic[tracks.beam_track]
         seen = (view.ranges < self.sensors.range) & ~is_mover
         x, y = self.sensors.beam_directions[:, seen] * view.ranges[seen]
