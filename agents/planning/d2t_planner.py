@@ -145,7 +145,7 @@ class D2TPlanner(SeeingPlanner):
         super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
         own = self.parameters
         if own.follower == "velocity_obstacle":
-            self.follower = VelocityObstacleFollower(sensors, navigation(own))
+            self.follower = VelocityObstacleFollower(self.sensors, navigation(own))
         self.manner = Manner(
             optimiser=self._optimiser(),
             margin=own.margin,

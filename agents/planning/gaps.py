@@ -29,17 +29,25 @@ def is_clear(places: F64, solids: Solids) -> bool:
 
 
 def pushed_off(places: F64, solids: Solids) -> F64:
-    """A way (k, 2) [m] with the growth's room where there is so much, else between what is near; its beginning stays."""
+    """A way (k, 2) [m] with the growth's room where there is so much, else between what is near; its ends stay.
+
+    Its places move across it alone: along it they would be squeezed out of gaps.
+    """
     fine = spread(places, STEP)
-    close = np.arange(1, len(fine))
+    ways = fine[2:] - fine[:-2]
+    across = np.column_stack([-ways[:, 1], ways[:, 0]]) / np.maximum(np.hypot(*ways.T), 1e-9)[:, None]
+    close = np.arange(len(across))
     for _ in range(PUSHES):
-        apart, away = to_obstacles(fine[close], solids)
+        apart, away = to_obstacles(fine[1 + close], solids)
         lacking = np.maximum(solids.growth - away, 0.0)
         still = lacking.any(axis=1)
         if not still.any():
             break
-        close, share = close[still], 0.5 * lacking[still] / np.maximum(away[still], 1e-9)
-        fine[close] -= np.einsum("ij,ijk->ik", share, apart[still])
+        close, share = close[still], lacking[still] / np.maximum(away[still], 1e-9)
+        pushes = -share * np.einsum("ijk,ik->ij", apart[still], across[close])
+        # Of those on one side the strongest counts: all together they would throw a place to and fro.
+        push = 0.5 * (pushes.max(axis=1, initial=0.0) + pushes.min(axis=1, initial=0.0))
+        fine[1 + close] += push[:, None] * across[close]
     return pulled(fine, STEP, solids.is_clear)
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from bug_gym.agents.mapping.goal_watch import GoalWatch
 from bug_gym.agents.parameters import Length
@@ -20,12 +22,14 @@ from bug_gym.agents.planning.clear_step import clear_velocity
 from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower, pose_to_be
 from bug_gym.agents.planning.gaps import is_clear, narrow_places, pushed_off
 from bug_gym.agents.planning.growth import TOUCHING
+from bug_gym.agents.planning.known_scan import put_right
 from bug_gym.agents.planning.live import LiveMap, Maps, Moving
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.agents.planning.map_policy import MapMemory, MapPolicy
 from bug_gym.agents.planning.route import Route, distances_to_chain
 from bug_gym.agents.planning.smoothing import Solids
-from bug_gym.geometry import F64, Point
+from bug_gym.geometry import F32, F64, Point
+from bug_gym.inertia import needs_care
 from bug_gym.policy import Drawing, Velocity, braking_radius
 from bug_gym.view import Sensors, View
 
@@ -109,6 +113,8 @@ class PlannerMemory(MapMemory):
     """How often the way was planned."""
     goal_watch: GoalWatch = field(default_factory=GoalWatch)
     """Whether the goal goes elsewhere."""
+    solids: Solids | None = None
+    """What stands, as ways are measured by it."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +147,11 @@ class MapPlanner(MapPolicy):
         self, sensors: Sensors, *, discrete: bool = False, maps: Maps | None = None, **parameters: Any
     ) -> None:
         super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
+        self.noise = sensors.range_noise if self.privileged else 0.0
+        """Standard deviation of what a scan shows of the map [m], put right before it is looked at; 0: nothing is to do."""
+        if self.noise > 0.0:
+            sensors = replace(sensors, range_noise=0.0)
+            super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
         self.follower = make_follower(self.parameters.follower, sensors)
         self.rooms = rooms_for(sensors, self.parameters.margin)
 
@@ -148,6 +159,23 @@ class MapPlanner(MapPolicy):
     def keeps_to_map(self) -> bool:
         """Whether it stays on a way that was planned on the whole map; one that gets out of movers' way leaves it."""
         return self.privileged and not self.follower.avoids_movers
+
+    def decide(self, flat: F32, memories: Sequence[Any]) -> list[NDArray[Any]]:
+        """The actions for what several robots see, each as of its row alone."""
+        if self.noise > 0.0:
+            flat = np.array([self.known(row, memory) for row, memory in zip(flat, memories, strict=True)])
+        return super().decide(flat, memories)
+
+    def _action(self, view: View, memory: Any) -> NDArray[Any]:
+        """The action for what one robot sees."""
+        return super()._action(View(self.known(view.flat, memory), self.sensors) if self.noise > 0.0 else view, memory)
+
+    def known(self, flat: F32, memory: Any) -> F32:
+        """An observation (D,) whose scan is put right by the map."""
+        places, known = self.sensors.always_seen[0], flat.copy()
+        solids, pose = self.solids(memory), live_of(memory).pose
+        known[places] = put_right(flat[places].astype(np.float64), self.sensors, pose, solids, self.noise)
+        return known
 
     @abstractmethod
     def plan(self, scene: Scene, memory: Any) -> Plan:
@@ -230,31 +258,38 @@ class MapPlanner(MapPolicy):
         memory.mode = "following" if found.places is not None else "waiting"
 
     def drivable(self, scene: Scene, memory: PlannerMemory) -> Plan:
-        """A way on which the brake does not hold a robot beside things that the body alone would pass (gaps.py).
+        """A way on which no brake holds a robot beside things that the body alone would pass (gaps.py).
 
-        Gaps that are too narrow for it are closed to the next plan. Where all ways lead through one, none is told.
+        Where there is not the whole margin everywhere, such a robot keeps in the middle. Gaps that are too narrow for it are
+        closed to the next plan. Where all ways lead through one, none is told.
         """
         found = self.plan(scene, memory)
-        if not (self.privileged and self.is_braked):
+        if not (self.privileged and (self.is_braked or needs_care(self.sensors))):
             return found
-        radius, margin = braking_radius(self.sensors), TOUCHING * self.parameters.margin
-        solids = Solids.of(live_of(memory).still, radius)
+        radius, margin = braking_radius(self.sensors), self.parameters.margin
+        solids = self.solids(memory).with_growth(radius)
         reach = self.sensors.goal_radius if scene.reach is None else scene.reach
         around = scene
         for _ in range(DETOURS):
             if found.places is None:
                 return found if around is scene else self.held(scene, memory)
-            if is_clear(found.places, solids):
+            if found.margin >= margin and is_clear(found.places, solids):
                 return found
             places = pushed_off(found.places, solids.with_growth(radius + margin))
             narrow = narrow_places(places, solids)
             narrow = narrow[np.hypot(*(narrow - scene.goal).T) > reach]
-            if len(narrow) == 0:
-                return Plan(places, margin)
+            if len(narrow) == 0 or not self.is_braked:
+                return Plan(places, found.margin)
             discs = np.column_stack([narrow, np.full(len(narrow), CLOSED)])
             around = around._replace(moving=standing_discs(discs, around.moving))
             found = self.plan(around, memory)
         return self.held(scene, memory)
+
+    def solids(self, memory: PlannerMemory) -> Solids:
+        """What stands, made once an episode."""
+        if memory.solids is None:
+            memory.solids = Solids.of(live_of(memory).still, self.sensors.radius)
+        return memory.solids
 
     def gives_up(self, scene: Scene, memory: PlannerMemory) -> bool:
         """Whether another plan would find no more: what moves may be gone by then."""
