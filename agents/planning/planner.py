@@ -147,7 +147,7 @@ class MapPlanner(MapPolicy):
         self, sensors: Sensors, *, discrete: bool = False, maps: Maps | None = None, **parameters: Any
     ) -> None:
         super().__init__(sensors, discrete=discrete, maps=maps, **parameters)
-        self.noise = sensors.range_noise if self.privileged else 0.0
+        self.noise = sensors.range_noise if self.privileged and self.is_round else 0.0
         """Standard deviation of what a scan shows of the map [m], put right before it is looked at; 0: nothing is to do."""
         if self.noise > 0.0:
             sensors = replace(sensors, range_noise=0.0)
@@ -264,7 +264,7 @@ class MapPlanner(MapPolicy):
         closed to the next plan. Where all ways lead through one, none is told.
         """
         found = self.plan(scene, memory)
-        if not (self.privileged and (self.is_braked or needs_care(self.sensors))):
+        if not (self.privileged and self.is_round and (self.is_braked or needs_care(self.sensors))):
             return found
         radius, margin = braking_radius(self.sensors), self.parameters.margin
         solids = self.solids(memory).with_growth(radius)
@@ -302,10 +302,15 @@ class MapPlanner(MapPolicy):
         return Plan(None, reason=reason, verdict="stuck" if self.gives_up(scene, memory) else "")
 
     @property
+    def is_round(self) -> bool:
+        """Whether the body is a disc; one about a longer body says little of where that passes."""
+        return len(self.sensors.footprint) == 1
+
+    @property
     def is_braked(self) -> bool:
         """Whether the robot is held before what its disc with room to brake would touch (`policy.brake`)."""
         drive = self.sensors.drive
-        return drive.kinematics == "differential" and drive.latency == 0 and len(self.sensors.footprint) == 1
+        return drive.kinematics == "differential" and drive.latency == 0
 
     def planned_beside(self, scene: Scene, memory: PlannerMemory, found: Plan) -> Plan:
         """Where no way was found to the goal or the free place nearest to it: one to where within its radius most room is.
