@@ -409,13 +409,15 @@ class RobotsVecEnv(SimulationVecEnv):
 
     With `restart="world"` a robot whose run has ended stands where it is, an obstacle to the others, as in PettingZoo's
     `parallel_env`. Its row tells in each step of an end, with reward 0 and no `episode` in its info; when the last
-    robot's run ends, or the world's time is over, the world starts its next episode in the same step.
+    robot's run ends, or the world's time is over, the world starts its next episode in the same step. So learners take
+    nothing of the waiting for a part of a run, and teams know from `dones` who is out of play and who begins.
 
     With `restart="robot"` it starts again from its start while the others go on, until the world's time is over; then
     all start anew in the next episode. Where something stands on its start it waits, and its row tells of an end in
     each step.
 
-    Infos are as NavigationVecEnv's.
+    Infos are as NavigationVecEnv's: they have `episode` already. SB3's VecMonitor puts its own in their place, and would
+    take each step of a robot that waits for an episode of one step; it warns that it does so, and is not needed.
 
     Args:
         simulation: the worlds.

@@ -13,7 +13,7 @@ def assignments(pairs: Sequence[str]) -> dict[str, Any]:
     """Values by key from KEY=VALUE, the values read as YAML.
 
     Raises:
-        ValueError: no `=`, or a value that is no YAML.
+        ValueError: no `=`, a value that is no YAML, or a key that comes twice.
     """
     import yaml
 
@@ -25,6 +25,8 @@ def assignments(pairs: Sequence[str]) -> dict[str, Any]:
         key, equals, value = pair.partition("=")
         if not key or not equals:
             raise ValueError(f"got {shortened(pair)}, expected KEY=VALUE, such as lidar.beams=180")
+        if key in found:
+            raise ValueError(f"got {shortened(key)} twice, the second time as {shortened(pair)}, expected it once")
         try:
             found[key] = parse_yaml(value)
         except yaml.YAMLError:

@@ -109,7 +109,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         return _complain(BAD_INPUT, f"error: {told_of(error)}")
     except KeyboardInterrupt as error:
         number = error.number if isinstance(error, Ended) else signal.SIGINT
-        return _complain(SIGNALLED + number, "; ".join(filter(None, ("interrupted", _told_left(options)))))
+        told = ("interrupted", *getattr(error, "__notes__", ()), _told_left(options))
+        return _complain(SIGNALLED + number, "; ".join(filter(None, told)))
     except Exception as error:
         if not raised_in(error):
             raise  # a fault of ours: who reports it sends the whole of it

@@ -80,5 +80,11 @@ class Episodes:
         return np.stack(ended, axis=1)
 
     def end(self, row: int, robot: int) -> None:
-        """End the run of a robot before the world does."""
+        """End the run of a robot before the world does: it stands then, an obstacle to the others.
+
+        Where the first arrival ends the mission, its own counts no more: a goal that moves may come to where it stands.
+        """
         self.going[row, robot] = False
+        if self.simulation.scenario.mission == "first" and self.going[row].any():
+            world = self.simulation.world
+            world.outcome[row, robot], world.velocity[row, robot] = kernels.ENDED, 0.0

@@ -14,6 +14,7 @@ import re
 import shutil
 import socket
 import stat
+import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
@@ -25,7 +26,7 @@ import numpy as np
 import bug_gym
 
 LOCK, HOLDER = ".lock", ".lock.json"
-"""What `one_writer` puts into a folder: what is locked, and who holds it."""
+"""What `one_writer` puts into a folder: what is locked, and who holds it. Beside a file its name stands before."""
 PARTIAL = ".partial"
 """Part of the name of every file that is not yet whole; a kill leaves such a file behind."""
 
@@ -45,17 +46,29 @@ KINDS = {
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def out_path(path: str | os.PathLike[str]) -> Path:
+    """The path that a caller writes to, with `~` for a home.
+
+    Raises:
+        ValueError: nobody's home.
+    """
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
 def writable(path: str | Path, suffixes: Sequence[str] = ()) -> Path:
     """The path of a file to write; to be asked before the work, not after it.
 
     Args:
-        path: of a new file, or of a regular one that is to be replaced.
+        path: of a new file, or of a regular one that is to be replaced; `~` stands for a home.
         suffixes: what the name may end in, such as `.png`, in small or large letters; none: anything.
 
     Raises:
         ValueError: another suffix, no folder to write into, or something there that is no regular file.
     """
-    target = Path(path)
+    target = out_path(path)
     if suffixes and target.suffix.lower() not in suffixes:
         *first, last = suffixes
         allowed = f"{', '.join(first)} or {last}" if first else last
@@ -178,32 +191,36 @@ def _open_itself(path: str, flags: int) -> int:
 
 
 @contextmanager
-def one_writer(folder: Path) -> Iterator[None]:
-    """Keep a folder to this process; the system frees what a dead process held.
+def one_writer(path: Path) -> Iterator[None]:
+    """Keep a folder, or a file alone, to this process; the system frees what a dead process held.
+
+    Args:
+        path: of a folder that is there, or of a file, which may be missing: what is locked lies beside it then.
 
     Raises:
         ValueError: another one writes there; the message tells which.
     """
     from filelock import FileLock, Timeout
 
-    lock = FileLock(writable(folder / LOCK))
+    held, holder = (path / name if path.is_dir() else path.with_name(f".{path.name}{name}") for name in (LOCK, HOLDER))
+    lock = FileLock(writable(held))
     try:
         lock.acquire(timeout=0)
     except Timeout:
-        raise ValueError(f"{folder} is in use{_told_holder(folder / HOLDER)}") from None
+        raise ValueError(f"{path} is in use{_told_holder(holder)}") from None
     try:
-        with replaced_when_done(folder / HOLDER) as partial:
+        with replaced_when_done(holder) as partial:
             partial.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname()}), encoding="utf-8")
         try:
             yield
         finally:
-            (folder / HOLDER).unlink(missing_ok=True)
+            holder.unlink(missing_ok=True)
     finally:
         lock.release()
 
 
 def _told_holder(path: Path) -> str:
-    """Who holds a folder, as far as it can be told."""
+    """Who holds a folder or a file, as far as it can be told."""
     try:
         holder, since = from_json(path.read_bytes()), np.datetime64(int(path.stat().st_mtime), "s")
         return f": process {holder['pid']} on {holder['host']} has been writing there since {since} UTC"
@@ -256,6 +273,29 @@ def machine() -> dict[str, Any]:
 def released(version: str) -> str:
     """What results are compared by: 0.2.0 of 0.2.0.dev7+g1234567, as else each commit would have results of its own."""
     return re.sub(r"(\.dev\d+)?(\+.*)?$", "", version)
+
+
+def commit() -> str:
+    """The commit that this package's source lies in, with "-dirty" where it is not quite that; "unknown" where there is none.
+
+    A repository that only lies around the source, as a caller's does around an environment in it, knows nothing of it.
+    """
+    if _git("ls-files", "--error-unmatch", Path(__file__).name) is None:
+        return "unknown"
+    links = [str(path.resolve()) for path in Path(__file__).parent.iterdir() if path.is_symlink()]  # agents, configs
+    head, changed = _git("rev-parse", "HEAD"), _git("status", "--porcelain", "--", ".", *links)
+    return "unknown" if head is None or changed is None else f"{head}-dirty" if changed else head
+
+
+def _git(*words: str) -> str | None:
+    """What git says of this package's folder; None where it fails, or there is no git."""
+    try:
+        told = subprocess.run(
+            ["git", "-C", str(Path(__file__).parent), *words], capture_output=True, text=True, check=False
+        )
+    except OSError:
+        return None
+    return None if told.returncode else told.stdout.strip()
 
 
 def cpu_model() -> str:

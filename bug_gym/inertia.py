@@ -482,7 +482,7 @@ def foreseen(view: View) -> Ahead:
         asked = [(0.0, 0.0)] * (drive.latency - len(view.under_way))
         asked += [kinematics.asked_velocity(drive, action) for action in view.under_way]
     for velocity in asked:
-        ahead = _after(drive, ahead, velocity)
+        ahead = after(drive, ahead, velocity)
     if drive.latency > 0 and drive.kinematics == "holonomic":
         ahead = ahead._replace(faces=_hidden_faces(view, math.hypot(ahead.x, ahead.y)))
     return ahead
@@ -520,7 +520,7 @@ def as_it_will_lie(view: View, velocity: Velocity) -> Velocity:
     return cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
 
 
-def _after(drive: Drive, ahead: Ahead, asked: Velocity) -> Ahead:
+def after(drive: Drive, ahead: Ahead, asked: Velocity) -> Ahead:
     """Where a step more brings the robot that asks for a velocity."""
     if drive.kinematics == "holonomic":
         motion = _slide(drive, ahead.velocity, asked)

@@ -24,7 +24,12 @@ STEEP = 1e6
 STEEPEST_STEERING = 1.5
 """Greatest steering angle [rad], 86 degrees: the arc's radius is the wheelbase over its tangent."""
 WIDEST_SWING = 100.0
-"""Turn of a body in a step times the root of how far it reaches beside its origin [rad sqrt(m)]: 11,000 chords stand for it."""
+"""Turn of a body in a step times the root of the radius on which what is farthest out turns [rad sqrt(m)]: 11,000 chords stand
+for it."""
+FLATTEST_ARC = 0.003
+"""How far the arc of a step may lie beside its chord at most, for the chord to stand for it [m]."""
+MOST_TURNS = 1_000_000
+"""Way-points and legs of a body in a step (1 / kernels.motion.SHORTEST)."""
 STRONG = 1e6
 """Greatest acceleration [m/s^2], and what a metre of ground may cost at most [1]."""
 HEAVY = 1e9

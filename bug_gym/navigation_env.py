@@ -43,7 +43,9 @@ class NavigationEnv(gym.Env[Any, Any]):
     ## Description
     A robot drives through a bounded plane world among circles and polygons, some of which may move. It senses ranges
     with a LIDAR and knows where its goal is; it has no map. The scan is the exact distance along each ray, and contact
-    is tested along the whole way of each step, so that nothing fast or thin is missed.
+    is tested along the whole way of each step, so that nothing fast or thin is missed: the robot's chord, or its arc where
+    that may lie more than 3 mm beside it, and the movers' chords. A mover that turns within a step is off its chord by at
+    most half of its speed times the step.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, cut to these bounds:

@@ -288,7 +288,10 @@ class Simulation:
             part[rows] = old
         self._pass_over(rows[failed], starts.episode[failed])
         if count < 0:
-            raise ValueError(f"{where}: no start and goal with their clearance and separation fit into the bounds")
+            keys = "world.start_clearance, world.goal_clearance, world.separation"
+            raise ValueError(
+                f"{where}: no start and goal with their clearance and separation fit into the bounds ({keys})"
+            )
         raise ValueError(
             f"{where}: only {count} of {wanted} obstacles found a free place in {kernels.ATTEMPTS} attempts; "
             f"they cover {100.0 * share:.0f} % of the world"
@@ -428,7 +431,7 @@ class Simulation:
         self._bound_world = world.floats
         # None where there is little to say: less is compiled for that.
         is_disc = self.robots == 1 and len(world.footprint) == 1 and not world.footprint[0, :2].any()
-        self._footprint = None if is_disc else world.footprint
+        self._footprint = None if is_disc and not self.scenario.goes_on_arcs else world.footprint
         regions = world.regions if self.scenario.world.regions else None
         constants = (world.spec, world.beams, self._footprint, regions)
         self._arrays = (world.floats, world.ints, world.observation, *constants)

@@ -18,7 +18,7 @@ from bug_gym import kernels
 from bug_gym.config import Scenario
 from bug_gym.draws import CONSTANTS, draw, drawn_numbers
 from bug_gym.geometry import F64, following
-from bug_gym.limits import MEMORY, told_bytes
+from bug_gym.limits import MEMORY, SMALL, told_bytes
 from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, RandomWalk, Replay, Waypoints
 from bug_gym.schema.polygons import WeightedRegion
 from bug_gym.standing import is_standing, signed_area, standing
@@ -144,6 +144,7 @@ class World:
             "beams": lidar.beams,
             "footprint": len(robot.footprint),
             "kinematics": KINEMATICS[robot.kinematics],
+            "arcs": int(scenario.goes_on_arcs),
             "limit_steps": scenario.time.steps,
             "first_ends": int(scenario.mission == "first"),
             "goal_by_odometry": int(scenario.goal.sensing == "odometry"),
@@ -238,7 +239,7 @@ class World:
         beams = int(self.spec["beams"][0])
         floats = kernels.scratch_floats(beams) + robots + 4 * wall_room + kernels.COLUMNS * (disc_room + polygon_room)
         steering = kernels.steering_floats(walls, bodies, robots * len(self.footprint)) if capacity.steered else 0
-        integers = kernels.scratch_integers(max(disc_room, polygon_room)) + robots
+        integers = max(kernels.scratch_integers(max(disc_room, polygon_room)), robots) + robots
         self.scratch_sizes = (max(kernels.rounded_up(floats), steering), max(integers, bodies))
 
     def _describe_rows(self) -> None:
@@ -580,8 +581,10 @@ class World:
             writer.body(first_polygon + number, tuple(centre), float(np.hypot(*(rings[0] - centre).T).max()), None)
             writer.polygon(number, rings)
         first_goal = first_polygon + self.capacity.polygons
+        # A point that moves would slip through walls by rounding.
+        room = layout.goal_room if layout.target is None else max(layout.goal_room, SMALL)
         for number, (x, y) in enumerate(layout.goals):
-            writer.body(first_goal + number, (float(x), float(y)), layout.goal_room, layout.target)
+            writer.body(first_goal + number, (float(x), float(y)), room, layout.target)
         counts = {
             "disc_count": len(circular) + len(layout.circles),
             "moving_disc_count": len(circular),

@@ -103,7 +103,11 @@ def many_rows(count: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         evaluate(["bug2", "tangent_bug"], ["static", "dynamic"], episodes=50, out=f"{folder}/few")
         database = duckdb.connect()
-        few = f"SELECT * FROM read_json('{folder}/few/rows.jsonl', format='newline_delimited')"
+        numbers = ", ".join(  # the text "inf" stands beside them
+            f"TRY_CAST({name}->>'$' AS DOUBLE) AS {name}" for name in ("shortest_path_length", "min_clearance")
+        )
+        rows = f"read_json('{folder}/few/rows.jsonl', format='newline_delimited', sample_size=-1)"
+        few = f"SELECT * REPLACE ({numbers}) FROM {rows}"
         kept = database.execute(f"SELECT count(*) FROM ({few})").fetchone()
         assert kept is not None
         many = f"SELECT few.* REPLACE (seed + 1000 * n AS seed) FROM ({few}) few, range({count // kept[0]}) more(n)"

@@ -46,6 +46,8 @@ BEAMS = 12
 """Beams that are compared at a look, drawn from all."""
 PIECES = 64
 """Chords of the way of a circle beside the robot's origin in a step: it leaves them by less than a micrometre."""
+PIECES_OF_ARC = 512
+"""Chords of the way of a robot that goes on arcs: it leaves them likewise."""
 EDGE = 1e-6
 """A beam that passes an edge within this angle may see either side of it [rad]."""
 
@@ -63,6 +65,8 @@ BOUNDS = {
     "clearance of a body that swings": 1.1e-5,
     "contact": 1e-9,
     "contact of a body that swings": 1.1e-5,
+    "clearance of a body on an arc": 2.1e-5,
+    "contact of a body on an arc": 2.1e-5,
     "robot within a thing": 1e-9,
     "mover within a thing": 1e-6,
     "crowd within one another": 1e-12,
@@ -76,7 +80,7 @@ BOUNDS = {
 }
 """Greatest deviation of each kind that is allowed [m]: those of the tests of each kind. A body that swings is stopped by up
 to 1e-5 m too early (SWING of kernels/body.py) by what stands beyond its arc; what stands within it, which these worlds leave
-little room for, may do so by twice that (tests/kernels/test_footprint.py)."""
+little room for, may do so by twice that (tests/kernels/test_footprint.py), as may what stands within the arc of a robot."""
 
 GOES_THROUGH = (Waypoints, Replay)
 """Laws of movers that mind nothing."""
@@ -139,11 +143,18 @@ class Still(NamedTuple):
         return nearest
 
 
-def body_ways(before: F64, after: F64, footprint: F64, pieces: int) -> F64:
-    """Places (C, pieces + 1, 2) of a body's circles while the robot goes straight and turns evenly between two poses."""
+def body_ways(before: F64, after: F64, footprint: F64, pieces: int, *, on_arc: bool = False) -> F64:
+    """Places (C, pieces + 1, 2) of a body's circles while the robot turns evenly between two poses, straight or on an arc."""
     share = np.linspace(0.0, 1.0, pieces + 1)[:, None]
-    heading = before[2] + share[:, 0] * wrap(after[2] - before[2])
+    turn = wrap(after[2] - before[2])
+    heading = before[2] + share[:, 0] * turn
     origin = before[:2] + share * (after[:2] - before[:2])
+    if on_arc:  # the chord of a share is turned back by half of what is left to turn
+        back = -0.5 * (1.0 - share[:, 0]) * turn
+        longer = np.sinc(0.5 * share * turn / np.pi) / np.sinc(0.5 * turn / np.pi)
+        dx, dy = (longer * share * (after[:2] - before[:2])).T
+        chords = [np.cos(back) * dx - np.sin(back) * dy, np.sin(back) * dx + np.cos(back) * dy]
+        origin = before[:2] + np.column_stack(chords)
     cos, sin, x, y = np.cos(heading), np.sin(heading), footprint[:, :1], footprint[:, 1:2]
     ways: F64 = origin + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
     return ways
@@ -390,14 +401,17 @@ class World:
         self.still = Still.of(self.layout)
         self.bodies = Bodies.of(simulation, self.layout)
         self.places = [[mover.at for mover in self.layout.movers]]
+        self.goes_on_arcs = simulation.scenario.goes_on_arcs
         self.swings = "" if (simulation.world.footprint[:, :2] == 0.0).all() else " of a body that swings"
+        self.swings = " of a body on an arc" if self.goes_on_arcs else self.swings
         pose = simulation.world.pose[0, 0]
         self.smallest = self.gap(pose, pose, self.layout, 1.0)
 
     def gap(self, before: F64, after: F64, later: Layout, end: float) -> float:
-        """Smallest distance between the body and all things on the chords of a step [m]."""
+        """Smallest distance between the body and all things on the ways of a step [m]."""
         footprint = self.simulation.world.footprint
-        ways = body_ways(before, after, footprint, PIECES if self.swings else 1)
+        pieces = PIECES_OF_ARC if self.goes_on_arcs else PIECES if self.swings else 1
+        ways = body_ways(before, after, footprint, pieces, on_arc=self.goes_on_arcs)
         there = [pair for pair in zip(self.layout.movers, later.movers, strict=True) if pair[0].is_there]
         return gap_on_the_way(self.still, [pair for pair in there if pair[1].is_there], ways, footprint[:, 2], end)
 
@@ -424,6 +438,9 @@ class World:
         later, outcome = world.layout(0), str(self.simulation.info()["outcome"][0, 0])
         after, wanted = world.pose[0, 0].copy(), world.array("next_pose")[0, :3]
         way, whole = math.dist(before[:2], after[:2]), math.dist(before[:2], wanted[:2])
+        if self.goes_on_arcs:
+            way /= float(np.sinc(0.5 * wrap(after[2] - before[2]) / np.pi))
+            whole /= float(np.sinc(0.5 * (wanted[2] - before[2]) / np.pi))
         end = 1.0 if outcome == "running" else min(way / whole, 1.0)
         gap = self.gap(before, after, later, end)
         if outcome == "collision":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import re
 import runpy
 from argparse import _SubParsersAction
@@ -17,6 +18,8 @@ import yaml
 import bug_gym
 from bug_gym.agents.learning.settings import training_names
 from bug_gym.cli import main, make_parser
+from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.summary import summarise
 from bug_gym.files import released
 from bug_gym.reproductions import REPRODUCTIONS
 
@@ -45,6 +48,25 @@ def script(name: str) -> dict[str, Any]:
 
 def text_of(page: Path) -> str:
     return page.read_text(encoding="utf-8")
+
+
+# ------------------------------------------------------------------------------------------------ SQL
+
+
+def test_the_sql_of_the_guide_reads_rows_with_and_without_a_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    duckdb = pytest.importorskip("duckdb", reason="duckdb is no dependency")
+    (sql,) = re.findall(r"```sql\n(.*?)```", text_of(ROOT / "docs" / "guide" / "cluster.md"), re.S)
+    empty = {"world": {"family": "empty"}, "time": {"limit": 10.0}}  # nothing to hit: its clearance is infinite
+    found = evaluate("bug2", [empty, "ring", "static"], episodes=1, out=tmp_path / "results" / "many")
+    monkeypatch.chdir(tmp_path)
+    lines = duckdb.connect().execute(sql).fetchall()
+    expected = {(one.policy, one.scenario): (one.success, one.path_ratio) for one in summarise(found)}
+    assert len(lines) == 3
+    for policy, scenario, success, ratio in lines:
+        told = (success, math.nan if ratio is None else ratio)
+        assert told == pytest.approx(expected[policy, scenario], nan_ok=True)
 
 
 # ------------------------------------------------------------------------------------------------ made by scripts

@@ -304,7 +304,10 @@ def test_one_end_can_be_overridden() -> None:
 @pytest.mark.parametrize(
     ("overrides", "told"),
     [
-        ({"robot.max_speed": {"uniform": [0.1, 1.0]}}, r"robot.max_reverse: got 0.3, expected at most max_speed"),
+        (
+            {"robot.max_speed": {"uniform": [0.1, 1.0]}, "robot.max_reverse": 0.3},
+            r"robot.max_reverse: got 0.3, expected at most max_speed",
+        ),
         ({"robot.max_reverse": {"uniform": [0.1, 1.1]}}, r"robot.max_reverse: got {uniform: \[0.1, 1.1\]}"),
         ({"lidar.min_range": {"uniform": [0.1, 5.0]}, "lidar.range": {"uniform": [5.0, 9.0]}}, "lidar.min_range: got"),
         (

@@ -19,8 +19,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bug_gym import files
 from bug_gym.drawing.clips import save_gif, save_mp4, save_png
-from bug_gym.files import HOLDER, LOCK, append, from_json, one_writer, replaced_when_done, writable
+from bug_gym.files import HOLDER, LOCK, append, from_json, one_writer, out_path, replaced_when_done, writable
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXELS = np.zeros((16, 16, 3), dtype=np.uint8)
@@ -332,6 +333,72 @@ def test_a_link_in_the_place_of_the_lock_is_refused(name: str, tmp_path: Path, v
     (tmp_path / name).unlink()
     with one_writer(tmp_path):
         pass
+
+
+def test_a_file_alone_is_kept_to_its_writer_and_its_folder_is_free(tmp_path: Path) -> None:
+    one, other = tmp_path / "one.jsonl", tmp_path / "other.jsonl"
+    said = pytest.raises(ValueError, match=f"one.jsonl is in use: process {os.getpid()} ")
+    with one_writer(one), one_writer(other), one_writer(tmp_path), said, one_writer(one):
+        pass
+    assert not any(name.endswith(HOLDER) for name in names_in(tmp_path))
+
+
+# ---------------------------------------------------------------------------------------------- homes
+
+
+def test_a_tilde_is_a_home_wherever_something_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    write(Path("~/a.txt"))
+    append("~/b.txt", b"b")
+    assert names_in(tmp_path) == {"a.txt", "b.txt"}
+    with pytest.raises(ValueError, match="~nobody-of-that-name/a.txt: "):
+        out_path("~nobody-of-that-name/a.txt")
+
+
+# ---------------------------------------------------------------------------------------------- commits
+
+
+def git(folder: Path, *words: str) -> str:
+    """What git says of a folder, or does there."""
+    who = ("-c", "user.name=tests", "-c", "user.email=tests@example.org")
+    return subprocess.run(["git", "-C", folder, *who, *words], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package with a linked folder in a repository that knows only a file of the caller's, and is asked for."""
+    package = tmp_path / "bug_gym"
+    for folder in (package, tmp_path / "agents"):
+        folder.mkdir()
+        (folder / "files.py").write_text("")
+    (package / "agents").symlink_to(Path("..", "agents"))
+    (tmp_path / "mine.py").write_text("")
+    for words in (("init", "-q"), ("add", "mine.py"), ("commit", "-q", "-m", "mine")):
+        git(tmp_path, *words)
+    monkeypatch.setattr(files, "__file__", str(package / "files.py"))
+    return package
+
+
+def test_the_commit_of_a_repository_that_only_lies_around_the_package_is_not_its_own(package: Path) -> None:
+    assert files.commit() == "unknown"
+
+
+@pytest.mark.parametrize("changed", ["bug_gym/files.py", "bug_gym/new.py", "agents/files.py"])
+def test_a_commit_says_whether_the_package_was_changed_since(package: Path, changed: str) -> None:
+    root = package.parent
+    git(root, "add", "-A")
+    git(root, "commit", "-q", "-m", "package")
+    (root / "notes.txt").write_text("of the caller's")
+    head = git(root, "rev-parse", "HEAD").strip()
+    assert files.commit() == head
+    (root / changed).write_text("changed")
+    assert files.commit() == f"{head}-dirty"
+
+
+def test_without_git_the_commit_is_unknown(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(package))
+    assert files.commit() == "unknown"
 
 
 # ---------------------------------------------------------------------------------------------- strict JSON

@@ -85,7 +85,7 @@ EVERY_LAW = {
     "lidar": {"beams": 20, "noise": 0.01, "dropout": 0.1},
     "odometry": {"translation_noise": 0.1, "rotation_noise": 0.1, "translation_bias": 0.1, "rotation_bias": 0.1},
     "goal": {"sensing": "odometry"},
-    "robots": [{"start": [0, 0, 0.1]}, {"start": [0, 2, 0.1], "goal": [-8, 0]}],
+    "robots": [{"start": [0, 0, 0.1]}, {"start": [0, 2, 0.1]}],
     "world": {
         "family": "explicit",
         "circles": [[2.0, 0.0, 0.5], [-3, 3, 1e-3]],

@@ -149,6 +149,26 @@ def test_a_moving_goal_is_observed_where_it_is(law: str) -> None:
     assert np.ptp(places, axis=0).max() > 0.5
 
 
+@pytest.mark.parametrize("law", ["bounce", "random_walk"])
+def test_a_moving_goal_that_needs_no_room_passes_neither_border_nor_obstacle(law: str) -> None:
+    world: dict[str, Any] = {
+        "family": "explicit",
+        "bounds": [-5, -5, 5, 5],
+        "circles": [[2, 2, 0.5], [-2, 2, 0.5], [0, -3, 1]],
+        "polygons": [[[2, -2], [3, -2], [3, -1], [2, -1]]],
+        "start": [0, 0, 0],
+        "target": {"at": [3, 3.4], "room": 0.0, "motion": {"law": law, "speed": 2.0}},
+    }
+    simulation = Simulation({"lidar": {"beams": 1}, "time": {"limit": 1000.0}, "world": world}, count=20)
+    simulation.reset(seeds=range(20))
+    for _ in range(1500):
+        simulation.step(np.zeros((20, 1, 2)))
+        x, y = simulation.world.goal[:, 0].T
+        assert max(np.abs(x).max(), np.abs(y).max()) <= 5.0 + 1e-9
+        assert min((np.hypot(x - a, y - b) - radius).min() for a, b, radius in world["circles"]) >= -1e-9
+        assert (np.maximum(np.abs(x - 2.5), np.abs(y + 1.5)) >= 0.5 - 1e-9).all()
+
+
 def test_a_robot_that_begins_at_its_goal_has_reached_it_after_one_step_without_moving() -> None:
     simulation = make(world={**WIDE, "goal": [0.1, 0.1]})
     simulation.reset(seeds=[0])

@@ -54,6 +54,7 @@ from bug_gym.agents.learning.training import (
     write_best,
 )
 from bug_gym.checks import checked_count
+from bug_gym.files import out_path
 from bug_gym.held_out import TRAINING_SEEDS
 from bug_gym.kinematics import discrete_actions
 from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
@@ -180,7 +181,7 @@ def train_offline(
         raise ValueError(f"{settings.algo}: expected {expected}, got {'none' if episodes is None else 'some'}")
     if isinstance(settings, DaggerSettings):
         _expert_of(settings)  # what cannot be asked is found out before anything is written
-    require_same_data(Path(out), episodes)
+    require_same_data(out_path(out), episodes)
     threads = checked_count("threads", threads, most=MOST_WORKERS)
     told = None if dataset is None else os.fspath(dataset)
     work = partial(_train_in, episodes=episodes, threads=threads, progress=progress, dataset=told)
@@ -214,7 +215,8 @@ def train_offline_seeds(
         ValueError: as `train_offline` has it.
     """
     checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
-    for folder in (Path(out), *(Path(out) / f"seed-{seed}" for seed in seeds)):
+    whole = out_path(out)
+    for folder in (whole, *(whole / f"seed-{seed}" for seed in seeds)):
         require_same_data(folder, episodes)
     if are_several(workers):
         arguments = {**arguments, "progress": False}

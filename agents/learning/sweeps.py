@@ -29,7 +29,7 @@ from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings,
 from bug_gym.agents.learning.training import identity_of, is_done, require_same, train
 from bug_gym.checks import needed_from, shortened
 from bug_gym.config import ScenarioError
-from bug_gym.files import one_writer, replaced_when_done, writable
+from bug_gym.files import one_writer, out_path, replaced_when_done, writable
 from bug_gym.workers import Crew, Workers, are_several
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def sweep(
     with needed_from("sweep", "a sweep"):
         import optuna
     optuna.logging.set_verbosity(optuna.logging.WARNING)
+    out = out_path(out)
     out.mkdir(parents=True, exist_ok=True)
     with one_writer(out):
         study = _study(settings, out)

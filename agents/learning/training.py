@@ -59,7 +59,7 @@ from bug_gym.agents.learning.so_far import BestSoFar, keep_earlier_curve
 from bug_gym.agents.learning.vec_envs import CurriculumVecEnv, FlatEnv, HistoryVecEnv, TrainingEnv, join
 from bug_gym.checks import checked_count, checked_seed, checked_time, shortened
 from bug_gym.config import Scenario
-from bug_gym.files import one_writer
+from bug_gym.files import one_writer, out_path
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
 from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
 from bug_gym.log import warn_once
@@ -444,7 +444,7 @@ def train_in_folder(
     begun = None if settings.start_from is None else model_folder(settings.start_from)
     if begun is not None:
         require_same_network(begun, settings)  # what is wrong is found out before anything is written
-    folder = Path(out)
+    folder = out_path(out)
     if (folder / "rows.jsonl").exists():
         raise ValueError(
             f"{folder} holds the rows of an evaluation, expected a new folder or that of an earlier training"
@@ -752,9 +752,10 @@ def each_seed(
         one: trains one, of settings and folder and `seed`.
     """
     checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
-    folders = folders_of(Path(out), seeds)
+    whole = out_path(out)
+    folders = folders_of(whole, seeds)
     if len(seeds) > 1:
-        require_same(Path(out) / "agent", settings, seeds)
+        require_same(whole / "agent", settings, seeds)
     missing = [(seed, folder) for seed, folder in folders.items() if not is_done(settings, folder, seed, minutes)]
     for seed, folder in missing:
         require_same(folder, settings, [seed])
@@ -769,4 +770,4 @@ def each_seed(
     else:
         for seed, folder in missing:
             one(settings, folder, seed=seed)
-    return gather(list(folders.values()), Path(out) / "agent") if len(seeds) > 1 else Path(out)
+    return gather(list(folders.values()), whole / "agent") if len(seeds) > 1 else whole

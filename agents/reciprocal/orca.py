@@ -5,10 +5,12 @@ cannot go sideways by a larger radius: Alonso-Mora et al. (2013), "Optimal Recip
 Non-Holonomic Robots".
 Sensing assumed: ranges all round, goal, own position; of the other robots place and velocity (`peers`), and that they are
 like this one and do the same. What else moves is tracked in the scan, and all of the avoidance is this robot's. Memory
-kept: the bug's, the tracker's, and how far others held the robot up in the last decision. States: go (nobody changes
-what it would do), avoid. Guarantee: two robots that both run it never touch, with exact `peers`: none closes more than
-half of the gap between them in a step. It proves nothing about arriving, nor about movers that do not look. Length:
-none given.
+kept: the bug's, the tracker's, the borders to the others where commands act late, and how far others held the robot up in
+the last decision. States: go (nobody changes what it would do), avoid. Guarantee: two robots that both run it never touch,
+with exact `peers`, where they can change their speed at once and stand: none closes more than half of the gap between them
+in a step. Nor do they with `latency`, with exact odometry and continuous actions: neither crosses a border that both work
+out (late.py), and acceleration may be limited there. Where it is, without latency, holonomic ones and cars may touch. It proves
+nothing about arriving, nor about movers that do not look. Length: none given.
 
 The way: among walls ORCA by itself stops in every dead end. So the wish is what a bug would do if no one else were
 there: it sees the scan without the bodies of the others.
@@ -38,11 +40,14 @@ from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.reciprocal.bodies import BODIES, BODY, PX, VY, find_bodies
 from bug_gym.agents.reciprocal.half_planes import CHOSEN, choose_velocities, drawn_share
+from bug_gym.agents.reciprocal.late import LateRobots
 from bug_gym.agents.teams.partners import BODY_MARGIN
 from bug_gym.agents.tracking.layout import MOVER, TRACKS
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
 from bug_gym.checks import shortened
+from bug_gym.foresight import as_it_lies, seen_then
 from bug_gym.geometry import F64, velocity_along
+from bug_gym.inertia import as_it_will_lie
 from bug_gym.policy import STANDING, Drawing, Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
@@ -86,6 +91,8 @@ class OrcaMemory(Memory):
     """Tells this robot from the others, whose angles to the right differ."""
     at_rest: F64 | None = None
     """For how long each of the other robots has been at rest (R - 1,) [s]."""
+    borders: F64 | None = None
+    """To each of the other robots (R - 1, BORDER), where commands act late."""
     held_up: float = 0.0
     """How much of the wish the others left nothing of in the last decision, from 0 to 1."""
     was_disturbed: bool = False
@@ -162,6 +169,8 @@ class Orca(ScriptedPolicy):
         self.margin = SKIN + (0.0 if drive.kinematics == "holonomic" else 2.0 * enlargement)
         """Kept between this robot and another body, as far as there is room [m]."""
         self.wall_margin = SKIN + 2.0 * sensors.range_noise
+        self.late = LateRobots(sensors, self.peers, SKIN) if drive.latency > 0 and self.peers and not discrete else None
+        """What it does where commands act later than they are given; discrete ones are kept by nobody."""
         numbers = (
             sensors.radius,
             self.wall_margin,
@@ -174,7 +183,7 @@ class Orca(ScriptedPolicy):
             0.0 if drive.kinematics == "holonomic" else drive.max_turn_rate,
         )
         self._robot = np.array(numbers)
-        beams, most = len(sensors.angles), self.peers + TRACKS
+        beams, most = len(sensors.angles), self.peers + TRACKS + (0 if self.late is None else self.peers)
         self._lines, self._spare = np.empty((2, 3 * (beams + 2 * most)))
         self._directions = np.ascontiguousarray(sensors.beam_directions)
         self._cos, self._sin = self._directions
@@ -203,7 +212,11 @@ class Orca(ScriptedPolicy):
             memory.bodies, memory.pose = bodies, view.pose
             memory.steps += 1
             wishes.append(self._sidestep(memory))
-        chosen, velocities = self._keep_clear(views, there, wishes), []
+        if self.late is None:
+            chosen = self._keep_clear(there, [view.own_velocity for view in views], wishes)
+        else:
+            chosen = self._keep_clear_late(self.late, views, memories, there, wishes)
+        velocities: list[Velocity] = []
         for memory, (x, y, is_disturbed, slow_x, slow_y) in zip(memories, chosen, strict=True):
             if memory.verdict:
                 velocities.append(STANDING)
@@ -288,9 +301,45 @@ class Orca(ScriptedPolicy):
 
     # ------------------------------------------------------------------------------------------------ keeping clear
 
-    def _keep_clear(self, views: Sequence[View], there: Others, wishes: Sequence[Velocity]) -> list[list[float]]:
-        """The velocities nearest to the wishes that keep clear (r, CHOSEN)."""
-        velocities, chosen = np.array([view.own_velocity for view in views]), np.empty((len(views), CHOSEN))
+    def _keep_clear_late(
+        self,
+        late: LateRobots,
+        views: Sequence[View],
+        memories: Sequence[OrcaMemory],
+        there: Others,
+        wishes: Sequence[Velocity],
+    ) -> list[list[float]]:
+        """The same where a command of now will find the robots; velocities in their frames of now (r, CHOSEN)."""
+        most, (robots, beams) = 2 * self.peers + TRACKS, there.ranges.shape
+        ranges, clean, bodies = np.empty((robots, beams)), np.empty((robots, beams)), np.empty((robots, most, BODY))
+        counts, velocities = np.empty(robots, dtype=np.int64), []
+        for row, (view, without, memory) in enumerate(zip(views, there.views, memories, strict=True)):
+            then, around = seen_then(view), there.of_each[row]
+            velocities.append(then.own_velocity)
+            ranges[row] = then.ranges
+            clean[row] = then.ranges if without is view else seen_then(without).ranges
+            memory.borders = late.borders(view, around, memory.borders)
+            found = late.bodies_then(view, around, memory.borders)
+            counts[row], bodies[row, : len(found)] = len(found), found
+        asked = [as_it_will_lie(view, wish) for view, wish in zip(views, wishes, strict=True)]
+        later = there._replace(ranges=ranges, clean=clean, bodies=bodies, counts=counts)
+        chosen = self._keep_clear(later, velocities, asked)
+        for view, numbers in zip(views, chosen, strict=True):
+            x, y, _, slow_x, slow_y = numbers
+            numbers[:2], numbers[3:] = as_it_lies(view, (x, y)), as_it_lies(view, (slow_x, slow_y))
+        return chosen
+
+    def last_word(self, view: View, memory: OrcaMemory, action: NDArray[Any]) -> NDArray[Any]:
+        """The action; where commands act late, none that leads over a border."""
+        if self.late is None or memory.borders is None:
+            return action
+        return self.late.kept_back(view, action, memory.borders)
+
+    def _keep_clear(
+        self, there: Others, velocities: Sequence[Velocity], wishes: Sequence[Velocity]
+    ) -> list[list[float]]:
+        """The velocities nearest to the wishes that keep clear (r, CHOSEN), of robots that have `velocities`."""
+        chosen = np.empty((len(velocities), CHOSEN))
         choose_velocities(
             there.ranges,
             there.clean,
@@ -300,7 +349,7 @@ class Orca(ScriptedPolicy):
             there.bodies,
             there.counts,
             self._robot,
-            velocities,
+            np.array(velocities),
             np.array(wishes),
             self._lines,
             self._spare,

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bug_gym.assignments import assignments as assignments  # for the commands
 from bug_gym.checks import checked_time, shortened
+from bug_gym.files import out_path
 from bug_gym.limits import MOST
 
 if TYPE_CHECKING:
@@ -35,6 +37,14 @@ def above_zero(text: str) -> float:
         return checked_time("it", float(text))
     except ValueError:
         raise argparse.ArgumentTypeError(f"got {shortened(text)}, expected a number above 0") from None
+
+
+def told_path(text: str) -> Path:
+    """The path that a text names, with `~` for a home, which a shell leaves as it is behind `--out=`."""
+    try:
+        return out_path(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -95,13 +105,13 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
 
 
 def split_policies(text: str) -> list[str]:
-    """The policies of NAME[:PARAMETER=VALUE...],..., still as text.
+    """The policies of NAME[:PARAMETER=VALUE...],..., still as text; blanks about commas are none of theirs.
 
     Raises:
         ValueError: nothing stands before, between or behind commas.
     """
-    names = text.split(",")
-    if not all(name.strip() for name in names):
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
         raise ValueError(f"got an empty name in {shortened(text)}, expected names of policies with a comma between two")
     return names
 

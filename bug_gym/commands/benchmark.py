@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from bug_gym.commands.arguments import above_zero
+from bug_gym.commands.arguments import above_zero, told_path
 from bug_gym.files import writable
 
 
@@ -14,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repeats", type=int, default=5, help="times that each speed is measured (default: 5)")
     parser.add_argument("--seconds", type=above_zero, default=0.5, help="how long each time (default: 0.5)")
     parser.add_argument("--worlds", type=int, default=1024, help="worlds side by side (default: 1024)")
-    parser.add_argument("--out", type=Path, help="JSON to write")
+    parser.add_argument("--out", type=told_path, help="JSON to write")
 
 
 def run(options: argparse.Namespace) -> None:

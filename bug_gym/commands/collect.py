@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+import shlex
 
-from bug_gym.commands.arguments import add_overrides, add_trust, assignments, policy_entries, policy_entry
+from bug_gym.commands.arguments import add_overrides, add_trust, assignments, policy_entries, policy_entry, told_path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--code-permalink", help="address of the code, of this very version")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
     parser.add_argument(
-        "--out", type=Path, required=True, help="folder of all datasets (MINARI_DATASETS_PATH); goes on where cut off"
+        "--out",
+        type=told_path,
+        required=True,
+        help="folder of all datasets (MINARI_DATASETS_PATH); goes on where cut off",
     )
     add_overrides(parser)
     add_trust(parser)
@@ -47,7 +50,7 @@ def run(options: argparse.Namespace) -> None:
         options.out,
         episodes=options.episodes,
         seed=options.seed,
-        forms=options.observations.split(","),
+        forms=[form.strip() for form in options.observations.split(",")],
         extras=Extras(options.modes, options.shortest_path),
         expert=policy_entry(options.expert) if options.expert else EXPERT,
         signature=Signature(options.author, options.author_email, options.code_permalink),
@@ -58,4 +61,4 @@ def run(options: argparse.Namespace) -> None:
     )
     for name in names:
         print(name)
-    print(f"MINARI_DATASETS_PATH={options.out} lets Minari find them")
+    print(f"MINARI_DATASETS_PATH={shlex.quote(str(options.out.absolute()))} lets Minari find them")

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_overrides, add_trust, add_workers, assignments, policy_entries, workers_of
+from bug_gym.commands.arguments import (
+    add_overrides,
+    add_trust,
+    add_workers,
+    assignments,
+    policy_entries,
+    told_path,
+    workers_of,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-privileged", dest="privileged", action="store_false", help="leave out policies that read the map"
     )
-    parser.add_argument("--data", type=Path, help="somebody else's data that a suite needs")
-    parser.add_argument("--out", type=Path, help="folder for rows, summary and report; goes on with a run cut off")
+    parser.add_argument("--data", type=told_path, help="somebody else's data that a suite needs")
+    parser.add_argument("--out", type=told_path, help="folder for rows, summary and report; goes on with a run cut off")
     parser.add_argument(
         "--pictures", action="store_true", help="draw a typical episode of each policy and scenario into --out, too"
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bug_gym.commands.arguments import add_overrides, add_trust, assignments, at_least_one, policy_entries
+from bug_gym.commands.arguments import add_overrides, add_trust, assignments, at_least_one, policy_entries, told_path
 from bug_gym.files import writable
 
 
@@ -15,8 +15,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of the world (default: 0)")
     parser.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],... (default: every bug)")
     parser.add_argument("--size", type=at_least_one, default=240, help="pixels of each picture (default: 240)")
-    parser.add_argument("--out", type=Path, default=Path("gallery.png"), help="PNG to write (default: gallery.png)")
-    parser.add_argument("--gif", type=Path, help="GIF to write as well")
+    parser.add_argument(
+        "--out", type=told_path, default=Path("gallery.png"), help="PNG to write (default: gallery.png)"
+    )
+    parser.add_argument("--gif", type=told_path, help="GIF to write as well")
     add_overrides(parser)
     add_trust(parser)
 

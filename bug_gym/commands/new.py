@@ -11,6 +11,7 @@ import shlex
 from pathlib import Path
 
 from bug_gym.checks import shortened
+from bug_gym.commands.arguments import told_path
 from bug_gym.files import replaced_when_done
 
 POLICY = '''"""NAME: toward the goal, or as near to that direction as there is room.
@@ -205,7 +206,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
     parser.add_argument("what", choices=sorted(TEMPLATES), help="what to begin")
     parser.add_argument("name", metavar="NAME", help="its name, such as my_bug or my_world")
-    parser.add_argument("--folder", type=Path, default=Path(), help="where its files go (default: here)")
+    parser.add_argument("--folder", type=told_path, default=Path(), help="where its files go (default: here)")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from bug_gym.commands.arguments import add_scenario, assignments, policy_entries
+from bug_gym.commands.arguments import add_scenario, assignments, policy_entries, told_path
 from bug_gym.files import writable
 
 
@@ -16,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--against", metavar="POLICIES", help="NAME[:PARAMETER=VALUE...],... that race in the same world beside you"
     )
     parser.add_argument(
-        "--record", type=Path, metavar="FILE", help="a .json of all you drive; `bug-gym watch` plays it"
+        "--record", type=told_path, metavar="FILE", help="a .json of all you drive; `bug-gym watch` plays it"
     )
 
 

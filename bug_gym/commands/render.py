@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_world, assignments, at_least_one, policy_entry, split_policies
+from bug_gym.commands.arguments import add_world, assignments, at_least_one, policy_entry, split_policies, told_path
 from bug_gym.files import writable
 
 if TYPE_CHECKING:
@@ -24,7 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--policies", help="NAME[:PARAMETER=VALUE...],..., instead of names before the scenario")
     add_world(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, help="a .html that plays it, a .gif, a .mp4, or a .png of the whole path"
+        "--out",
+        type=told_path,
+        required=True,
+        help="a .html that plays it, a .gif, a .mp4, or a .png of the whole path",
     )
     parser.add_argument("--every", type=at_least_one, default=1, help="steps from one frame to the next (default: 1)")
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_workers, at_least_one, split_policies, workers_of
-from bug_gym.files import replaced_when_done, writable
+from bug_gym.commands.arguments import add_workers, at_least_one, split_policies, told_path, workers_of
+from bug_gym.files import commit, replaced_when_done, writable
 from bug_gym.reproductions import reproduction, require_use
 from bug_gym.reproductions.result import Reproduction, Settings
 
@@ -25,11 +24,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="what to run again (bug-gym list reproductions)")
     parser.add_argument("--seeds", type=at_least_one, help="seeds of each claim (default: all of them)")
     parser.add_argument("--policies", help="NAME,... where a reproduction leaves the choice")
-    parser.add_argument("--data", type=Path, help="data that a reproduction needs; what a long one has found so far")
+    parser.add_argument(
+        "--data",
+        type=told_path,
+        help="data that a reproduction needs; file in which a long one keeps what it finds, and goes on",
+    )
     add_workers(parser, at_least_one)
     parser.add_argument(
         "--out",
-        type=Path,
+        type=told_path,
         help="JSON to write, with the commit that made it; curves as PNG and a page as HTML beside it",
     )
     parser.add_argument(
@@ -48,13 +51,14 @@ def run(options: argparse.Namespace) -> int:
         for suffix in (PNG, ".html"):
             writable(out.with_suffix(suffix))
     reproduce = reproduction(options.name)
+    made_at = commit() if out else ""  # of what is imported: hours later other source may lie here
     policies = tuple(split_policies(options.policies)) if options.policies else ()
     require_use(options.name, Settings(options.seeds, data=options.data, policies=policies))
     with workers_of(options) as workers:
         result = reproduce(Settings(options.seeds, workers, options.data, progress=True, policies=policies))
     told: list[str] = []
     try:  # files first: where nobody reads the tables, printing them ends the command
-        for line in _written(out, result, options) if out else ():
+        for line in _written(out, result, options, made_at) if out else ():
             told.append(line)
     finally:  # and tables also where a file could not be written
         _print(result)
@@ -78,17 +82,13 @@ def _print(result: Reproduction) -> None:
         console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
 
 
-def _written(out: Path, result: Reproduction, options: argparse.Namespace) -> Iterator[str]:
+def _written(out: Path, result: Reproduction, options: argparse.Namespace, made_at: str) -> Iterator[str]:
     """Write numbers, page and curves; gives a line about a file once it is there."""
     from bug_gym.drawing.clips import PNG  # loads the compiler
     from bug_gym.evaluation.curves import draw_curves  # loads the compiler
 
-    told = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
-    )
-    commit = told.stdout.strip() if told.returncode == 0 else "unknown"
     with replaced_when_done(out) as partial:
-        Path(partial).write_text(result.as_json(commit), encoding="utf-8")
+        Path(partial).write_text(result.as_json(made_at), encoding="utf-8")
     yield f"numbers: {out}"
     page = out.with_suffix(".html")
     with workers_of(options) as workers:

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bug_gym.commands.arguments import add_scenario, assignments
+from bug_gym.commands.arguments import add_scenario, assignments, told_path
 from bug_gym.files import file_name, replaced_when_done, writable
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
     add_scenario(parser)
-    parser.add_argument("--out", type=Path, help="PNG to write (default without --save: SCENARIO-SEED.png)")
-    parser.add_argument("--save", type=Path, help="YAML to write: the same world with every obstacle written out")
+    parser.add_argument("--out", type=told_path, help="PNG to write (default without --save: SCENARIO-SEED.png)")
+    parser.add_argument("--save", type=told_path, help="YAML to write: the same world with every obstacle written out")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from bug_gym.checks import needed_from
-from bug_gym.commands.arguments import add_workers, at_least_one, workers_of
+from bug_gym.commands.arguments import add_workers, at_least_one, told_path, workers_of
 from bug_gym.files import file_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
     parser.add_argument("name", metavar="NAME", help="a sweep (bug-gym list sweeps), or the path of a YAML file")
-    parser.add_argument("--out", type=Path, help="folder of its models (default: results/sweeps/NAME)")
+    parser.add_argument("--out", type=told_path, help="folder of its models (default: results/sweeps/NAME)")
     add_workers(parser, at_least_one)
 
 
@@ -30,4 +31,5 @@ def run(options: argparse.Namespace) -> None:
     console = Console(stderr=True)
     with workers_of(options) as workers:
         best = sweep(settings, options.out, workers=workers, report=lambda line: console.print(line, highlight=False))
-    print(f"{best / 'seed-0'}: play it with --policies {best / 'seed-0'}/; all trials: {options.out / 'sweep.csv'}")
+    model = best / "seed-0"
+    print(f"{model}: play it with --policies {shlex.quote(f'{model}/')}; all trials: {options.out / 'sweep.csv'}")

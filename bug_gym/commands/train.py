@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from bug_gym.checks import needed_from
-from bug_gym.commands.arguments import above_zero, add_trust, add_workers, assignments, at_least_one, workers_of
+from bug_gym.commands.arguments import (
+    above_zero,
+    add_trust,
+    add_workers,
+    assignments,
+    at_least_one,
+    told_path,
+    workers_of,
+)
 from bug_gym.files import file_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
     parser.add_argument("name", metavar="NAME", help="a training (bug-gym list trainings), or the path of a YAML file")
-    parser.add_argument("--out", type=Path, help="folder of the model (default: results/train/NAME)")
+    parser.add_argument("--out", type=told_path, help="folder of the model (default: results/train/NAME)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the first model (default: 0)")
     parser.add_argument("--seeds", type=at_least_one, default=1, help="how many models, a seed each (default: 1)")
     parser.add_argument(
@@ -72,7 +81,7 @@ def run(options: argparse.Namespace) -> None:
             best = _train_offline(settings, options, arguments)
         else:
             best = train_seeds(settings, options.out, threads=options.threads, progress=True, **arguments)
-    print(f"{best}: play it with --policies {best}/")
+    print(f"{best}: play it with --policies {shlex.quote(f'{best}/')}")
 
 
 def _train_offline(settings: Any, options: argparse.Namespace, arguments: dict[str, Any]) -> Path:

@@ -24,6 +24,8 @@ from bug_gym.worlds.own import OwnFamily
 
 MAP_KEYS = {"image", "resolution"}
 """What tells a map of ROS's map_server from a scenario."""
+INDEX = r"\d{1,9}"
+"""What a key looks like that is a place in a list."""
 SCENARIO_FOLDER = Path(__file__).parents[1] / "configs" / "scenarios"
 
 
@@ -118,7 +120,9 @@ def to_yaml(scenario: Scenario) -> str:
 def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[str, Any]]:
     """A name for errors, and the scenario as plain data."""
     if isinstance(source, Scenario):
-        return source.name, _with_functions(dump(source), source)
+        # Without what follows from other values (`unsaid`): it may be another once these are overridden.
+        data = source.model_dump(mode="json", exclude_defaults=True, exclude_unset=True)
+        return source.name, _with_functions(data, source)
     if isinstance(source, Mapping):
         return "scenario", _plain(source, "scenario")
     if not isinstance(source, (str, Path)):
@@ -243,12 +247,20 @@ def _override(data: dict[str, Any], key: str, value: Any, label: str) -> None:
     """Puts `value` at a dotted key of nested mappings and lists, in place."""
     if isinstance(data.get("robots"), list):
         data["robots"] = {"places": data["robots"]}
-    *parents, last = str(key).split(".")
+    keys = str(key).split(".")
+    *parents, last = keys
     if len(parents) >= MOST_DEPTH:
         raise ScenarioError(f"{label}: override {shortened(key)}: nested deeper than {MOST_DEPTH} levels")
     place: Any = data
-    for parent in parents:
-        place = place.setdefault(parent, {}) if isinstance(place, dict) else _item(place, parent, key, label)
+    for depth, parent in enumerate(parents, start=1):
+        if not isinstance(place, dict):
+            place = _item(place, parent, key, label)
+            continue
+        if parent not in place and re.fullmatch(INDEX, keys[depth]):  # no key is a number: a list is meant
+            said = shortened(".".join(keys[:depth]))
+            reason = f"{said} is at its default, expected all of it, as an override of {said}"
+            raise ScenarioError(f"{label}: override {shortened(key)}: {reason}")
+        place = place.setdefault(parent, {})
     if isinstance(place, dict):
         place[last] = value
     else:
@@ -257,7 +269,7 @@ def _override(data: dict[str, Any], key: str, value: Any, label: str) -> None:
 
 
 def _item(items: Any, index: str, key: str, label: str) -> Any:
-    if not isinstance(items, list) or not re.fullmatch(r"\d{1,9}", index) or int(index) >= len(items):
+    if not isinstance(items, list) or not re.fullmatch(INDEX, index) or int(index) >= len(items):
         expected = f"an index below {len(items)}" if isinstance(items, list) else f"no key below {shortened(items)}"
         raise ScenarioError(f"{label}: override {shortened(key)}: got {shortened(index)}, expected {expected}")
     return items[int(index)]

@@ -11,10 +11,12 @@ from pydantic import PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError
 
 from bug_gym.config.own_worlds import AnyFamily
-from bug_gym.limits import MOST_DELAYED, WIDEST_SWING
+from bug_gym.limits import FLATTEST_ARC, MOST_DELAYED, MOST_TURNS, WIDEST_SWING
 from bug_gym.schema.errors import wrong
+from bug_gym.schema.motions import RandomWalk, Waypoints
+from bug_gym.schema.movers import Target
 from bug_gym.schema.own import OWN_PARTS, Named, ObservationFields, RewardTerms
-from bug_gym.schema.ranges import Drawn
+from bug_gym.schema.ranges import Drawn, most_of
 from bug_gym.schema.robot import Lidar, Odometry, Robot, Robots
 from bug_gym.schema.task import GoalSettings, Reward, Time
 from bug_gym.schema.values import GivenName, Part
@@ -88,6 +90,7 @@ class Scenario(Part):
         self._check_body()
         self._check_latency()
         self._check_swing()
+        self._check_turns()
         self._check_places()
         for name in self.reward_terms:
             if name in Reward.model_fields:
@@ -116,18 +119,48 @@ class Scenario(Part):
             reason = f"got {self.robot.latency:g}, expected a whole number of steps of {self.time.step:g} s"
             raise wrong(reason, "robot.latency")
 
+    @property
+    def _greatest_motion(self) -> tuple[float, float]:
+        """How far a robot that turns goes [m], and by how much it turns [rad], in a step at most."""
+        return most_of(self.robot.max_speed) * self.time.step, self.robot.greatest_turn_rate * self.time.step
+
+    @property
+    def goes_on_arcs(self) -> bool:
+        """Whether robots go on arcs and no chords: those that leave the chord of a step by more than FLATTEST_ARC."""
+        way, turn = self._greatest_motion
+        return self.robot.kinematics != "holonomic" and 0.125 * way * turn > FLATTEST_ARC
+
     def _check_swing(self) -> None:
-        """A body beside its origin swings so little in a step that its arc can be tested chord by chord."""
-        if self.robot.circles is None or self.robot.kinematics == "holonomic":
+        """A body bends its way so little in a step that its arc can be tested chord by chord."""
+        if self.robot.kinematics == "holonomic":
             return
-        beside = max(math.hypot(x, y) for x, y, _ in self.robot.circles)
-        turn = self.robot.greatest_turn_rate * self.time.step
-        if turn * math.sqrt(beside) > WIDEST_SWING:
-            most = WIDEST_SWING / math.sqrt(beside)
+        way, turn = self._greatest_motion
+        way = way if self.goes_on_arcs else 0.0
+        beside = max(math.hypot(x, y) for x, y, _ in self.robot.footprint)
+        if turn * (way + turn * beside) > WIDEST_SWING**2:
+            most = 2.0 * WIDEST_SWING**2 / (way + math.sqrt(way**2 + 4.0 * beside * WIDEST_SWING**2))
             key = "max_steering" if self.robot.kinematics == "ackermann" else "max_turn_rate"
             came = f"got {getattr(self.robot, key):g}, which turns the body by {turn:g} rad in a step"
-            reason = f"{came}, expected at most {most:g} rad with circles {beside:g} m beside its origin"
-            raise wrong(reason, f"robot.{key}")
+            where = [f"circles {beside:g} m beside its origin"] * (beside > 0.0) + [f"a way of {way:g} m"] * (way > 0.0)
+            steps = " (time.step)" if way > 0.0 else ""
+            raise wrong(f"{came}{steps}, expected at most {most:g} rad with {' and '.join(where)}", f"robot.{key}")
+
+    def _check_turns(self) -> None:
+        """No body has more way-points or legs in a step than the step goes through (kernels.motion.move_body)."""
+        for key, motion in self.world.motions():
+            if isinstance(motion, Waypoints) and not motion.stop:
+                ends = zip(motion.points, (*motion.points[1:], motion.points[0]), strict=True)
+                tour = sum(math.dist(a, b) for a, b in ends)
+                turns, part = len(motion.points) * motion.speed * self.time.step / max(tour, 1e-300), "points"
+                if tour == 0.0:
+                    continue  # it stays there
+            elif isinstance(motion, RandomWalk):
+                turns, part = 2.0 * self.time.step / (motion.min_leg + motion.max_leg), "max_leg"
+            else:
+                continue
+            if turns > MOST_TURNS:
+                came = f"got {turns:.3g} turns in a step of {self.time.step:g} s (time.step)"
+                raise wrong(f"{came}, expected at most {MOST_TURNS:,}", f"world.{key}.{part}")
 
     def _check_places(self) -> None:
         """Each robot starts clear of what is fixed and of the robots before it, and its goal is free."""
@@ -142,6 +175,11 @@ class Scenario(Part):
                 reason = f"got {list(place.start)}, expected room for the robot; in its way: {touched}"
                 raise wrong(reason, f"{key}.start")
             if place.goal is not None:
+                if isinstance(getattr(self.world, "target", None), Target):
+                    reason = (
+                        f"got {list(place.goal)}, expected none beside world.target: it moves the goals of all robots"
+                    )
+                    raise wrong(reason, f"{key}.goal")
                 self.world.check_point(place.goal, f"{key}.goal")
             bodies.append(body)
 

@@ -15,6 +15,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from bug_gym.checks import checked_count, shortened
+from bug_gym.evaluation.by_name import differing_names
 from bug_gym.evaluation.failures import FailedPolicyError, Failure
 from bug_gym.evaluation.page import PAGE, write_page
 from bug_gym.evaluation.pictures import draw_typical
@@ -137,11 +138,12 @@ def evaluate(
             if baseline is None or all(row.policy != baseline for row in rows):  # it may have failed everywhere
                 baseline = default_baseline(rows)
             summaries, differences = summarise(rows), compare(rows, baseline)
-            write_summary(folder.path, rows, summaries, differences)
+            named = differing_names(plan.policies, plan.scenarios)
+            write_summary(folder.path, rows, summaries, differences, named)
             title = plan.suite or ", ".join(entry.label for entry in plan.scenarios)
             looked_at = wanted(plan, chosen(rows, replays, successes=replay_successes))
             recorded = replays_of(looked_at, workers, track)
-            write_page(folder.path / PAGE, title, rows, summaries, differences, recorded)
+            write_page(folder.path / PAGE, title, rows, summaries, differences, recorded, named=named)
             if pictures:
                 draw_typical(plan, rows, folder.path / "pictures", on_this_machine(workers), track)
     if failures:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import logging
 import math
 import os
 import shutil
@@ -32,6 +33,7 @@ from bug_gym.evaluation.minari_files import (
     FORMS,
     About,
     dataset_id,
+    has_said,
     in_name,
     open_dataset,
     read_identity,
@@ -44,10 +46,12 @@ from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
 from bug_gym.evaluation.results_folder import kept_manifest, other_run
 from bug_gym.evaluation.work import require_sendable
-from bug_gym.files import one_writer, released
+from bug_gym.files import one_writer, out_path, released
 from bug_gym.limits import MOST_WORKERS
 from bug_gym.references import source_digest
 from bug_gym.workers import are_several, each, starred
+
+logger = logging.getLogger("bug_gym")
 
 SCORED = 100
 """Worlds that the reference scores are taken of, the first ones."""
@@ -200,7 +204,7 @@ def collect(
         forms: how observations lie in the datasets, a dataset each: "dict", "flat".
         extras: what else is recorded.
         expert: the policy whose mean return is the highest score.
-        signature: who is said to have collected them.
+        signature: who is said to have collected them; what is there already keeps its own, as a warning says then.
         overrides: values by dotted key that replace the scenario's.
         workers: processes that share the work.
         progress: whether to show a bar on the terminal.
@@ -218,7 +222,7 @@ def collect(
     workers = checked_count("workers", workers, most=MOST_WORKERS)
     if unknown := [form for form in forms if form not in FORMS] or ([] if forms else ["none"]):
         raise ValueError(f"observations lie as {' or '.join(FORMS)}, got {shortened(unknown[0])}")
-    root = Path(out).absolute()  # Minari joins a relative one to itself
+    root = out_path(out).absolute()  # Minari joins a relative one to itself
     extras = extras or Extras()
     _required(scenario, overrides, extras, trust=trust)
     plan = _planned(scenario, policies, episodes=episodes, seed=seed, overrides=overrides, trust=trust)
@@ -236,6 +240,7 @@ def collect(
         stack.enter_context(one_writer(root))
         track = stack.enter_context(progress_bar(shown=progress))
         missing = [dataset for dataset in datasets if not _is_there(root, dataset)]
+        _tell_unsigned(root, [dataset for dataset in datasets if dataset not in missing], signature or Signature())
         if missing:
             needed = {source.folder: source for source in (*drivers, *_needed(missing))}  # those of datasets are longer
             _drive(list(needed.values()), mark, workers, track)
@@ -344,6 +349,15 @@ def _is_there(root: Path, dataset: _Dataset) -> bool:
         raise ValueError(f"{folder} holds {other}; name another folder, or remove this one")
     open_dataset(folder)
     return True
+
+
+def _tell_unsigned(root: Path, there: Sequence[_Dataset], signature: Signature) -> None:
+    """Say of which datasets that are there already the signature was not written into."""
+    asked = {key: value for key, value in signature._asdict().items() if value is not None}
+    others = [dataset.id for dataset in there if not all(has_said(root / dataset.id, key, asked[key]) for key in asked)]
+    if others:
+        told = f"{', '.join(asked)} not written into what was there already: {', '.join(others)}"
+        logger.warning("%s; remove these folders to have them written anew", told)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

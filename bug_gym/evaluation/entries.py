@@ -179,6 +179,8 @@ class ScenarioEntry:
     """What tables call it."""
     scenario: Scenario
     seeds: range
+    words: str = ""
+    """As a shell hands it to a command, with its overrides; "" where it has no name, see `by_name.scenario_words`."""
 
     @property
     def has_moving_target(self) -> bool:

@@ -247,6 +247,20 @@ def read_identity(folder: Path) -> dict[str, Any]:
     Raises:
         ValueError: no dataset, a damaged one, or one that `bug-gym collect` has not written.
     """
+    return dict(_metadata(folder)[OURS])
+
+
+def has_said(folder: Path, key: str, value: str) -> bool:
+    """Whether a dataset in its folder says that of itself in its metadata.
+
+    Raises:
+        ValueError: as of `read_identity`.
+    """
+    found = _metadata(folder).get(key)
+    return value in found if isinstance(found, list) else value == found
+
+
+def _metadata(folder: Path) -> dict[str, Any]:
     path = folder / "data" / METADATA
     if not path.is_file():
         raise ValueError(f"no dataset in {folder}: {path} is missing")
@@ -256,7 +270,7 @@ def read_identity(folder: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is damaged: {error}") from None
     if not isinstance(found, dict) or not isinstance(found.get(OURS), dict):
         raise ValueError(f"{path} does not say what it was collected of, as a dataset of `bug-gym collect` does")
-    return dict(found[OURS])
+    return found
 
 
 def open_dataset(folder: Path, scenario: Scenario | None = None) -> Any:

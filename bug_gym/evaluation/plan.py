@@ -21,10 +21,11 @@ import bug_gym
 from bug_gym.agents import Spec, playable_names
 from bug_gym.checks import shortened
 from bug_gym.config import Scenario, ScenarioError, dump, load
+from bug_gym.evaluation.by_name import scenario_words
 from bug_gym.evaluation.entries import EXPECTED, PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout, is_privileged
 from bug_gym.evaluation.suites import as_suite
-from bug_gym.evaluation.summary import PRIVILEGED
+from bug_gym.evaluation.summary import OVERALL, PRIVILEGED
 from bug_gym.files import released
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.log import warn_once
@@ -51,6 +52,11 @@ def own_parts(scenario: Scenario) -> dict[str, Any]:
     return found
 
 
+def names_code(scenario: Scenario) -> bool:
+    """Whether a scenario has functions or a family of its own."""
+    return any(getattr(scenario, key) for key in OWN_PARTS) or isinstance(scenario.world, OwnFamily)
+
+
 def own_code(scenario: Scenario) -> dict[str, str]:
     """Digests of what a scenario's own functions and family are written in, by key and name.
 
@@ -58,6 +64,13 @@ def own_code(scenario: Scenario) -> dict[str, str]:
         ValueError: a file was changed after it was imported.
     """
     return {told: code_digest(code) for told, code in own_parts(scenario).items()}
+
+
+def versions() -> dict[str, str]:
+    """Of what rows are made by: this package and its source, Python, and the packages that they depend on."""
+    told = {"bug_gym": released(bug_gym.__version__), "python": platform.python_version()}
+    told |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
+    return {**told, SOURCE: source_digest()[:16]}
 
 
 def data_digest(scenario: Scenario) -> str:
@@ -108,10 +121,7 @@ class Plan:
             }
             for entry in self.policies
         }
-        versions = {"bug_gym": released(bug_gym.__version__), "python": platform.python_version()}
-        versions |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
-        versions[SOURCE] = source_digest()[:16]
-        manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions}
+        manifest = {"suite": self.suite, "scenarios": scenarios, "policies": policies, "versions": versions()}
         try:
             return dict(json.loads(json.dumps(manifest, allow_nan=False)))  # as it will be read back
         except (TypeError, ValueError) as error:
@@ -159,8 +169,9 @@ def make_plan(
     suite, name = as_suite(scenario_or_suite)
     scenarios, found = [], suite.overrides(data)
     for number, item in enumerate(suite.scenarios):
+        replaced = {**item.overrides, **found, **(overrides or {})}
         try:
-            scenario = load(item.scenario, {**item.overrides, **found, **(overrides or {})}, trust=trust)
+            scenario = load(item.scenario, replaced, trust=trust)
         except ScenarioError as error:
             raise ScenarioError(f"{name}: scenarios.{number}: {error}" if name else str(error)) from None
         seeds = item.seeds or suite.seeds
@@ -173,7 +184,8 @@ def make_plan(
             count = 1
         if first + count > 2**63:
             raise ValueError(f"expected seeds below 2**63, got {count} from {first} on")
-        scenarios.append(ScenarioEntry(item.label or scenario.name, scenario, range(first, first + count)))
+        words = scenario_words(item.scenario, replaced, trust=names_code(scenario))
+        scenarios.append(ScenarioEntry(item.label or scenario.name, scenario, range(first, first + count), words))
     by_default = policies is None and not suite.policies
     if by_default:
         policies = playable_names()
@@ -192,6 +204,8 @@ def make_plan(
         if not entries:
             raise ValueError(f"expected a policy that does not read the map, got {', '.join(asked)}")
     _require_room(scenarios, len(entries))
+    if any(entry.label == OVERALL for entry in scenarios):
+        raise ValueError(f"no scenario may be named {OVERALL!r}, as tables call all of them together")
     cure = "give them labels" if name else "give them names (`name:`)"
     _require_distinct("scenarios", [entry.label for entry in scenarios], cure)
     _require_distinct("policies", [entry.label for entry in entries], "give them labels")

@@ -31,7 +31,13 @@ MOST_FRAMES = 1_000
 
 
 def record_episode(
-    policy: Any, scenario: Any, *, seed: int = 0, every: int = 1, overrides: Mapping[str, Any] | None = None
+    policy: Any,
+    scenario: Any,
+    *,
+    seed: int = 0,
+    every: int = 1,
+    overrides: Mapping[str, Any] | None = None,
+    trust: bool = False,
 ) -> Episode:
     """An episode of a policy, for `bug_gym.show`.
 
@@ -41,11 +47,12 @@ def record_episode(
         seed: of the world.
         every: steps from one frame to the next.
         overrides: values by dotted key that replace those of the scenario.
+        trust: whether code that the scenario names may be imported and run.
 
     Raises:
         ValueError: an unknown name, a policy that does not fit, or `every` below 1.
     """
-    entry, loaded = PolicyEntry.of(policy), load(scenario, dict(overrides or {}))
+    entry, loaded = PolicyEntry.of(policy), load(scenario, dict(overrides or {}), trust=trust)
     return recorded(Rollout(entry, ScenarioEntry(loaded.name, loaded, range(seed, seed + 1)), [seed]), every=every)
 
 

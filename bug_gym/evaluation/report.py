@@ -12,14 +12,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from math import isnan
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bug_gym.evaluation.by_name import HEADER, RENDER_ONE
 from bug_gym.evaluation.matrix import percent, told_interval
 from bug_gym.evaluation.rows import EpisodeRow, json_fields
 from bug_gym.evaluation.summary import OVERALL, PairedDifference, Summary
 from bug_gym.evaluation.teams import TeamRow, team_differences, team_rows, team_tables
-from bug_gym.files import replaced_when_done
+from bug_gym.files import out_path, replaced_when_done
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -156,21 +156,23 @@ def write_summary(
     rows: Sequence[EpisodeRow],
     summaries: Sequence[Summary],
     differences: Sequence[PairedDifference] = (),
+    named: Sequence[tuple[str, str]] | None = None,
 ) -> None:
     """Write summary.json (with the rows behind it), summary.csv, differences.csv and summary.md into a folder.
 
     The folder is made where it is missing. The JSON is strict: NaN is null, infinity the string "inf"; the CSV leaves a
-    cell empty for NaN. Where robots share a world, teams.csv has a row an episode of all of them.
+    cell empty for NaN. Where robots share a world, teams.csv has a row an episode of all of them. Of names that commands take
+    (`by_name.differing_names`) summary.md says how an episode is replayed.
     """
     contents = {
         "summary.json": _json(rows, summaries, differences),
         "summary.csv": _csv(Summary, [_flat(summary) for summary in summaries]),
         "differences.csv": _csv(PairedDifference, [difference.as_dict() for difference in differences]),
-        "summary.md": _markdown(summaries, differences, rows),
+        "summary.md": _markdown(summaries, differences, rows, named),
     }
     if teams := team_rows(rows):
         contents["teams.csv"] = _csv(TeamRow, [json_fields(row) for row in teams])
-    target = Path(folder)
+    target = out_path(folder)
     target.mkdir(parents=True, exist_ok=True)
     for name, text in contents.items():
         with replaced_when_done(target / name) as partial:
@@ -255,7 +257,12 @@ def _csv(kind: type[Summary] | type[PairedDifference] | type[TeamRow], records: 
     return text.getvalue()
 
 
-def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifference], rows: Sequence[EpisodeRow]) -> str:
+def _markdown(
+    summaries: Sequence[Summary],
+    differences: Sequence[PairedDifference],
+    rows: Sequence[EpisodeRow],
+    named: Sequence[tuple[str, str]] | None,
+) -> str:
     parts = [
         "# Summary",
         "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
@@ -265,10 +272,17 @@ def _markdown(summaries: Sequence[Summary], differences: Sequence[PairedDifferen
     baseline = differences[0].baseline if differences else rows[0].policy if rows else ""
     teams = [*team_tables(rows), *team_differences(rows, baseline)]
     for title, header, lines in [*tables, *teams]:
-        rule = [":--", *("--:" for _ in header[1:])]
-        table = "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, rule, *lines))
-        parts += [f"## {title}", table]
+        parts += [f"## {title}", _markdown_table(header, lines, ["--:"] * (len(header) - 1))]
+    if named is not None:
+        parts += ["## replays", f"Any episode of a policy and a scenario with a name is replayed by `{RENDER_ONE}`."]
+    if named:
+        parts += ["Where the command has other words than the tables:", _markdown_table(HEADER, named, [":--"])]
     return "\n\n".join(parts) + "\n"
+
+
+def _markdown_table(header: Sequence[str], lines: Sequence[Sequence[str]], sides: Sequence[str]) -> str:
+    """A table whose first column is text; the sides say how the others are set."""
+    return "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, [":--", *sides], *lines))
 
 
 def _escape(cell: str) -> str:

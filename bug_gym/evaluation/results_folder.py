@@ -25,7 +25,7 @@ from bug_gym.evaluation.lengths import Lengths, World
 from bug_gym.evaluation.plan import SOURCE, Plan, own_code
 from bug_gym.evaluation.records import LengthsRecord, Manifest
 from bug_gym.evaluation.rows import EpisodeRow, spl
-from bug_gym.files import HOLDER, LOCK, PARTIAL, append, from_json, one_writer, replaced_when_done, writable
+from bug_gym.files import HOLDER, LOCK, PARTIAL, append, from_json, one_writer, out_path, replaced_when_done, writable
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import shortened
 
@@ -57,7 +57,7 @@ def opened(path: str | os.PathLike[str], plan: Plan, *, repair: bool = False) ->
     Raises:
         ValueError: the folder is of another run or in use, or its files are damaged.
     """
-    folder = Path(path)
+    folder = out_path(path)
     _require_ours(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with one_writer(folder):
@@ -124,7 +124,7 @@ class ResultFolder:
         if is_new:
             return
         checked(Manifest, there, f"{path} is damaged")
-        if other := other_run(there, manifest):
+        if other := other_run(without_places(there), without_places(manifest)):
             raise ValueError(f"{self.path} holds {other}; name another folder, or remove this one")
         objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
@@ -329,6 +329,22 @@ def kept_manifest(path: Path, manifest: Mapping[str, Any]) -> Any:
         return from_json(path.read_bytes())
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def without_places(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """A manifest without where the files of its scenarios' worlds lie: what is in them says `data`.
+
+    The digest of such a scenario goes with its path, which it is of, too: all its other values stand in `scenario`, and the
+    source says what they are where it has none. What `path` means to a family from outside nobody knows: it stays.
+    """
+    scenarios = dict(manifest["scenarios"])
+    for label, about in scenarios.items():
+        world = about["scenario"].get("world")
+        if about.get("data") and not about.get("code") and isinstance(world, dict):
+            placeless = {key: value for key, value in world.items() if key != "path"}
+            scenario = {**about["scenario"], "world": placeless}
+            scenarios[label] = {**{key: about[key] for key in about if key != "digest"}, "scenario": scenario}
+    return {**manifest, "scenarios": scenarios}
 
 
 def other_run(there: Any, here: Any) -> str:

@@ -329,16 +329,17 @@ def add_avoidance(
     """
     px, py, ox, oy, together = other
     vx, vy, speed, horizon = f[s.body_vx + b], f[s.body_vy + b], f[s.body_speed + b], f[s.body_foresight + b]
-    reach = together + (speed + length(ox, oy)) * horizon
+    foreseen, meeting = together + (speed + length(ox, oy)) * horizon, together + 2.0 * speed * s.step
     square = px * px + py * py
-    if square >= reach * reach:
+    if square >= foreseen * foreseen and square >= meeting * meeting:
         return hard, soft
     distance = math.sqrt(square)
     # Each goes at most its share of the gap this step, so that two never touch however little room a crowd leaves.
     most = share * max(distance - together, 0.0) / s.step
     if most < speed:
         hard = add_half_plane(lines, hard, -px / distance, -py / distance, -most)
-    soft = add_reciprocal(other, share, vx, vy, horizon, s.step, spare, soft)
+    if square < foreseen * foreseen:
+        soft = add_reciprocal(other, share, vx, vy, horizon, s.step, spare, soft)
     return hard, soft
 
 

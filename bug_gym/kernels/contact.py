@@ -1,4 +1,4 @@
-"""Who touches what, and when: the first contact of each robot on the chords of a step."""
+"""Who touches what, and when: the first contact of each robot on its way in a step, while all else goes on its chord."""
 
 from __future__ import annotations
 
@@ -7,9 +7,17 @@ import math
 import numpy as np
 
 from bug_gym.compiling import called, inlined
-from bug_gym.kernels.body import NO_WALL, body_circle, circle_radius, is_beside, swing, swing_contact, swung_circle
+from bug_gym.kernels.body import (
+    NO_WALL,
+    circle_radius,
+    is_beside,
+    point_at,
+    swing,
+    swing_contact,
+    swung_point,
+    way_of,
+)
 from bug_gym.kernels.chords import NEVER, disc_contact, nearest_on_chord, nearest_to_wall, wall_contact
-from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import COLLISION, RUNNING, SUCCESS, Floats, Footprint, Integers, Record
 from bug_gym.kernels.neighbours import Near, listed_walls, near_motion
 from bug_gym.kernels.rays import Discs, find_near_discs
@@ -18,13 +26,23 @@ from bug_gym.kernels.walls import next_wall, room_about, wall_between
 
 
 @inlined
-def goal_contact(f: Floats, s: Record, r: int) -> float:
+def is_bent(s: Record, footprint: Floats, c: int) -> bool:
+    """Whether circle c of a robot's body goes on several chords in a step."""
+    return bool(s.arcs != 0 or is_beside(footprint, c))
+
+
+@inlined
+def goal_contact(f: Floats, s: Record, footprint: Footprint, r: int) -> float:
     """Fraction of the step at which robot r's centre comes within the goal radius of its goal, or NEVER."""
     mx, my = f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1]
     dx = f[s.pose + 3 * r] - (f[s.goal_place + 2 * r] - mx)
     dy = f[s.pose + 3 * r + 1] - (f[s.goal_place + 2 * r + 1] - my)
     if dx * dx + dy * dy <= s.goal_radius * s.goal_radius:
         return 0.0
+    if footprint is not None and s.arcs != 0:
+        x, y = f[s.goal_place + 2 * r], f[s.goal_place + 2 * r + 1]
+        fraction, _gap = swing_contact(f, s, r, 0.0, 0.0, x, y, mx, my, s.goal_radius, NO_WALL, NO_WALL, 1.0)
+        return fraction
     ex = f[s.next_pose + 3 * r] - f[s.pose + 3 * r] - mx
     ey = f[s.next_pose + 3 * r + 1] - f[s.pose + 3 * r + 1] - my
     return disc_contact(dx, dy, ex, ey, s.goal_radius)
@@ -42,7 +60,7 @@ def disc_contacts(
     end: float,
     index: Integers,
 ) -> tuple[float, float]:
-    """First contact of robot r with discs on its chord up to `end`, and the smallest clearance to them."""
+    """First contact of robot r with discs up to the fraction `end`, and the smallest clearance to them."""
     x0, y0 = f[s.pose + 3 * r], f[s.pose + 3 * r + 1]
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
     moving = k[s.moving_disc_count]
@@ -54,8 +72,9 @@ def disc_contacts(
         mx, my = near_motion(f, k, s, 0, moving, at)
         for c in range(s.footprint):
             reach = discs.radius[at] + circle_radius(s, footprint, c)
-            if footprint is not None and is_beside(footprint, c):
-                fraction, gap = swing_contact(f, s, footprint, r, c, x, y, mx, my, reach, NO_WALL, NO_WALL, end)
+            if footprint is not None and is_bent(s, footprint, c):
+                ox, oy = footprint[c, 0], footprint[c, 1]
+                fraction, gap = swing_contact(f, s, r, ox, oy, x, y, mx, my, reach, NO_WALL, NO_WALL, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
             px, py, ex, ey = x0 - x + mx, y0 - y + my, nx - x0 - mx, ny - y0 - my
@@ -101,8 +120,9 @@ def wall_contacts(
             continue
         for c in range(s.footprint):
             radius = circle_radius(s, footprint, c)
-            if footprint is not None and is_beside(footprint, c):
-                fraction, gap = swing_contact(f, s, footprint, r, c, bx, by, mx, my, radius, w, after, end)
+            if footprint is not None and is_bent(s, footprint, c):
+                ox, oy = footprint[c, 0], footprint[c, 1]
+                fraction, gap = swing_contact(f, s, r, ox, oy, bx, by, mx, my, radius, w, after, end)
                 first, clearance = min(first, fraction), min(clearance, gap)
                 continue
             fraction = wall_contact(px, py, ex, ey, x1, y1, x2, y2, radius)
@@ -116,15 +136,14 @@ def wall_contacts(
 def obstacle_contact(
     f: Floats, k: Integers, s: Record, footprint: Footprint, near: Near, r: int, end: float, index: Integers
 ) -> tuple[float, float]:
-    """First contact of robot r with discs and walls on its chord up to `end`, and the smallest clearance.
+    """First contact of robot r with discs and walls up to the fraction `end`, and the smallest clearance.
 
     Returns (fraction or NEVER, clearance [m]); the clearance is exact where it is below the episode's smallest so far or
     below `clearance_reach`, else no smaller than those, as whoever takes minima only needs it.
     """
     nx, ny = f[s.next_pose + 3 * r], f[s.next_pose + 3 * r + 1]
     turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
-    way = length(nx - f[s.pose + 3 * r], ny - f[s.pose + 3 * r + 1])
-    slack = way + turn * s.body_reach + f[s.fastest] * s.step
+    slack = way_of(f, s, r) + turn * s.body_reach + f[s.fastest] * s.step
     need = max(f[s.min_clearance + r], s.clearance_reach) + s.body_reach + slack
     first, clearance = NEVER, math.inf
     if near.discs.total > 0:
@@ -163,12 +182,14 @@ def robots_contact(
     first = NEVER
     clearance = math.inf
     for ca in range(s.footprint):
-        a_pieces, a_margin = swing(f, s, footprint, a, ca)
+        aox, aoy = footprint[ca, 0], footprint[ca, 1]
+        a_pieces, a_margin = swing(f, s, a, aox, aoy)
         for cb in range(s.footprint):
-            b_pieces, b_margin = swing(f, s, footprint, b, cb)
+            box, boy = footprint[cb, 0], footprint[cb, 1]
+            b_pieces, b_margin = swing(f, s, b, box, boy)
             pieces, reach = max(a_pieces, b_pieces), footprint[ca, 2] + footprint[cb, 2]
-            ax, ay = body_circle(f, footprint, s.pose, a, ca)
-            bx, by = body_circle(f, footprint, s.pose, b, cb)
+            ax, ay = point_at(f, s.pose, a, aox, aoy)
+            bx, by = point_at(f, s.pose, b, box, boy)
             px, py = ax - bx, ay - by
             # Both move until one has stopped, then the other one does.
             begin = 0.0
@@ -179,8 +200,8 @@ def robots_contact(
                 share = (finish - begin) / pieces
                 for piece in range(pieces):
                     now = finish if piece == pieces - 1 else begin + (piece + 1) * share
-                    ax, ay = swung_circle(f, s, footprint, a, ca, min(now, stops[a]))
-                    bx, by = swung_circle(f, s, footprint, b, cb, min(now, stops[b]))
+                    ax, ay = swung_point(f, s, a, aox, aoy, min(now, stops[a]))
+                    bx, by = swung_point(f, s, b, box, boy, min(now, stops[b]))
                     ex, ey = ax - bx - px, ay - by - py
                     fraction = disc_contact(px, py, ex, ey, reach + a_margin + b_margin)
                     if fraction <= 1.0:
@@ -215,7 +236,7 @@ def settle_robots(
         verdicts[r] = k[s.outcome + r]
         if verdicts[r] != RUNNING:
             continue
-        goal = goal_contact(f, s, r)
+        goal = goal_contact(f, s, footprint, r)
         end = min(goal, 1.0)
         contact, clearance = obstacle_contact(f, k, s, footprint, near, r, end, index)
         stops[r] = end
@@ -226,32 +247,38 @@ def settle_robots(
             clearance = 0.0
         f[s.clearance + r] = clearance
     if footprint is not None and s.robots > 1:
-        settle_among_robots(f, k, s, footprint, stops, verdicts)
+        settle_among_robots(f, k, s, footprint, stops, verdicts, index)
 
 
 @called
 def settle_among_robots(
-    f: Floats, k: Integers, s: Record, footprint: Floats, stops: Floats, verdicts: Integers
+    f: Floats, k: Integers, s: Record, footprint: Floats, stops: Floats, verdicts: Integers, moves: Integers
 ) -> None:
-    """Stop robots that touch one another, the earliest contact first, and take their clearances to one another."""
+    """Stop robots that touch one another, the earliest contact first, and take their clearances to one another.
+
+    In `moves` (R,) is kept whom an earlier contact may still stop. Who has been stopped by another robot has met his first
+    one; found again, on the shorter way that is left of the step, it would come a little earlier, as the chords lie elsewhere.
+    """
     robots = s.robots
+    for r in range(robots):
+        moves[r] = int(k[s.outcome + r] == RUNNING)
     for _ in range(robots):
         earliest = NEVER
         for a in range(robots):
             for b in range(a + 1, robots):
+                if moves[a] == 0 and moves[b] == 0:
+                    continue
                 contact, _clearance = robots_contact(f, s, footprint, stops, a, b, max(stops[a], stops[b]))
-                # A contact settled before comes out again a rounding error earlier: that is no new one.
                 later = contact + SAME_TIME
-                touched = (k[s.outcome + a] == RUNNING and later < stops[a]) or (
-                    k[s.outcome + b] == RUNNING and later < stops[b]
-                )
+                touched = (moves[a] != 0 and later < stops[a]) or (moves[b] != 0 and later < stops[b])
                 if touched and contact < earliest:
                     earliest = contact
                     first, second = a, b
         if earliest == NEVER:
             break
         for r in (first, second):
-            if k[s.outcome + r] == RUNNING and earliest <= stops[r]:
+            if moves[r] != 0 and earliest <= stops[r]:
+                moves[r] = 0
                 stops[r] = earliest
                 verdicts[r] = COLLISION
                 f[s.clearance + r] = 0.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from bug_gym.compiling import inlined
-from bug_gym.kernels.geometry import clip, length, sin_cos, wrap
+from bug_gym.kernels.body import place_after
+from bug_gym.kernels.geometry import chord_of, clip, length, sin_cos, wrap
 from bug_gym.kernels.ground import factor_at
 from bug_gym.kernels.layout import ACKERMANN, HOLONOMIC, STREAM_ODOMETRY, Floats, Integers, Record, Regions
 from bug_gym.kernels.randomness import hash64, normal
@@ -78,10 +79,7 @@ def drive(f: Floats, s: Record, regions: Regions, r: int, first: float, second: 
     else:
         rate = clip(second * s.full_turn_rate, -s.max_turn_rate, s.max_turn_rate)
     half = 0.5 * rate * step
-    # The chord of an arc of angle 2 half: its length over the arc's is sin(half)/half.
-    half_sin, _half_cos = sin_cos(half)
-    shrink = half_sin / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
-    chord = speed * step * shrink
+    chord = chord_of(speed * step, half)
     sin, cos = sin_cos(heading + half)
     f[s.next_pose + 3 * r] = x + chord * cos
     f[s.next_pose + 3 * r + 1] = y + chord * sin
@@ -103,9 +101,10 @@ def slow_down(f: Floats, s: Record, r: int, max_speed: float, max_reverse: float
 
 
 @inlined
-def track_odometry(f: Floats, k: Integers, s: Record, r: int, dx: float, dy: float, turn: float) -> None:
+def track_odometry(
+    f: Floats, k: Integers, s: Record, r: int, dx: float, dy: float, turn: float, distance: float
+) -> None:
     """Advance robot r's own estimate of its pose by a motion (dx, dy) in its frame before the step, and a turn."""
-    distance = length(dx, dy)
     scale = 1.0
     if distance > 0.0:
         scale += s.translation_bias
@@ -123,13 +122,21 @@ def track_odometry(f: Floats, k: Integers, s: Record, r: int, dx: float, dy: flo
 
 @inlined
 def apply_motion(f: Floats, k: Integers, s: Record, r: int, fraction: float) -> None:
-    """Move robot r along its chord to the fraction where its step ends."""
+    """Move robot r along its chord, or its arc, to the fraction where its step ends."""
     x, y, heading = f[s.pose + 3 * r], f[s.pose + 3 * r + 1], f[s.pose + 3 * r + 2]
     wx, wy = fraction * (f[s.next_pose + 3 * r] - x), fraction * (f[s.next_pose + 3 * r + 1] - y)
     turn = fraction * (f[s.next_pose + 3 * r + 2] - heading)
+    if s.arcs != 0:
+        end_x, end_y = place_after(f, s, r, fraction)
+        wx, wy = end_x - x, end_y - y
+    way = length(wx, wy)
     sin, cos = sin_cos(heading)
-    track_odometry(f, k, s, r, cos * wx + sin * wy, cos * wy - sin * wx, turn)
+    dx, dy = cos * wx + sin * wy, cos * wy - sin * wx
+    distance = length(dx, dy)
+    if s.arcs != 0:
+        way = distance = fraction * abs(f[s.velocity + 2 * r]) * s.step
+    track_odometry(f, k, s, r, dx, dy, turn, distance)
     f[s.pose + 3 * r] = x + wx
     f[s.pose + 3 * r + 1] = y + wy
     f[s.pose + 3 * r + 2] = wrap(heading + turn)
-    f[s.path_length + r] += length(wx, wy)
+    f[s.path_length + r] += way

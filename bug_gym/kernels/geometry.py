@@ -50,6 +50,13 @@ def length(x: float, y: float) -> float:
 
 
 @inlined
+def chord_of(way: float, half: float) -> float:
+    """Length of the chord of an arc that is so long and turns by twice an angle [rad]."""
+    half_sin, _half_cos = sin_cos(half)
+    return way * (half_sin / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+
+
+@inlined
 def wrap(angle: float) -> float:
     """The same angle in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))

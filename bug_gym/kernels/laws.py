@@ -82,7 +82,7 @@ def crowd_velocity(
 ) -> tuple[float, float]:
     """The velocity of body b of a crowd for this step; `members` are the numbers of the `count` bodies that look.
 
-    Bodies beyond reach within b's horizon are left out. A goal is no obstacle to the robots, nor are they to it.
+    Bodies beyond reach within b's horizon and this step are left out. A goal is no obstacle to the robots, nor are they to it.
     """
     hard, soft = add_still_half_planes(f, k, s, b, lines), 0
     x, y = f[s.body_x + b], f[s.body_y + b]

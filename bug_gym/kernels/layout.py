@@ -158,7 +158,7 @@ COUNTS = (
     "footprint",
     "width",
 )
-INT_CONSTANTS = ("kinematics", "limit_steps", "first_ends", "goal_by_odometry", "regions", "latency")
+INT_CONSTANTS = ("kinematics", "arcs", "limit_steps", "first_ends", "goal_by_odometry", "regions", "latency")
 FLOAT_CONSTANTS = (
     "step",
     "max_speed",
@@ -227,6 +227,8 @@ FIELD = np.dtype(
             "separation",
             "start_clearance",
             "goal_clearance",
+            "start_edge",
+            "goal_edge",
             "start_xmin",
             "start_ymin",
             "start_xmax",

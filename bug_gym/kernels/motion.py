@@ -221,25 +221,31 @@ def begin_motion(f: Floats, k: Integers, s: Record, b: int) -> None:
     set_line(f, s, b, 0.0)
 
 
-MAX_EVENTS = 32  # of one body in one step; a body wedged in a corner waits until the next step and goes on then
+MAX_STALLS = 32  # events one upon the other; a body wedged in a corner waits until the next step and goes on then
+SHORTEST = 1e-6  # of a step: events nearer to one another are one upon the other; others there are a million at most
 
 
 @called
 def move_body(f: Floats, k: Integers, s: Record, b: int, start: float, end: float) -> None:
-    """Bring body b through all its events between `start` and `end` of a step."""
+    """Bring body b through all its events between `start` and `end` of a step.
+
+    It stands until `end` where more of them lie one upon the other than a tour of its way-points has.
+    """
     place_on_line(f, s, b, start)
     f[s.last_x + b] = f[s.body_x + b]
     f[s.last_y + b] = f[s.body_y + b]
     f[s.body_turned + b] = end
-    now = start
-    for _ in range(MAX_EVENTS):
-        if f[s.body_event + b] > end:
+    now, stalls, most = start, 0, max(MAX_STALLS, k[s.way_count + b])
+    while f[s.body_event + b] <= end:
+        event = max(f[s.body_event + b], now)
+        stalls = stalls + 1 if event - now < SHORTEST * s.step else 1
+        if stalls > most:
+            f[s.body_event + b] += end - now
+            set_line(f, s, b, end)
             return
-        now = max(f[s.body_event + b], now)
+        now = event
         place_on_line(f, s, b, now)
         handle_event(f, k, s, b, now)
-    f[s.body_event + b] += end - now
-    set_line(f, s, b, end)
 
 
 @apart

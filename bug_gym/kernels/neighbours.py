@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bug_gym.compiling import apart, called, inlined
+from bug_gym.kernels.body import way_of
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import ACKERMANN, BOUNCE, CROWD, Floats, Integers, Record
 from bug_gym.kernels.motion import UNPLANNED, body_motion, bring_forward, move_looker, quiet_until
@@ -94,9 +95,8 @@ def close_in(f: Floats, s: Record) -> float:
         farthest = max(farthest, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
         f[s.seen + 2 * r] = x
         f[s.seen + 2 * r + 1] = y
-        way = length(x - f[s.pose + 3 * r], y - f[s.pose + 3 * r + 1])
         turn = abs(f[s.next_pose + 3 * r + 2] - f[s.pose + 3 * r + 2])
-        reach = max(reach, reach_of(f, s, r, way, turn))
+        reach = max(reach, reach_of(f, s, r, way_of(f, s, r), turn))
     f[s.closing] += farthest + f[s.fastest] * s.step
     return reach
 

@@ -42,7 +42,7 @@ def place_start_and_goal(f: Floats, s: Record, p: Record, key: np.uint64, draw: 
     """Draw the robots' starts (side by side, 2 m apart) and the goal; returns the next draw, or -1 where none fits."""
     goal = s.discs + s.polygons
     side = s.robots - 1.0  # the outermost robot stands this far from the middle [m]
-    room = s.body_reach + p.start_clearance
+    room = s.body_reach + p.start_edge
     for _ in range(TRIES):
         x = between(key, draw, p.start_xmin, p.start_xmax)
         y = between(key, draw + 1, p.start_ymin, p.start_ymax)
@@ -52,7 +52,7 @@ def place_start_and_goal(f: Floats, s: Record, p: Record, key: np.uint64, draw: 
         gx = between(key, draw + 3, p.goal_xmin, p.goal_xmax)
         gy = between(key, draw + 4, p.goal_ymin, p.goal_ymax)
         draw += 5
-        clear = min(min(gx - p.xmin, p.xmax - gx), min(gy - p.ymin, p.ymax - gy)) >= p.goal_clearance
+        clear = min(min(gx - p.xmin, p.xmax - gx), min(gy - p.ymin, p.ymax - gy)) >= p.goal_edge
         sin, cos = sin_cos(heading)
         for r in range(s.robots):
             offset = 2.0 * r - side

@@ -54,6 +54,10 @@ class Episode:
         """The episode as letters, for a page."""
         return packed(self.data)
 
+    def __repr__(self) -> str:
+        """Whose it is and how long; all that it holds would fill pages."""
+        return f"Episode({self.title!r}, {self.frames} frames)"
+
     def _repr_html_(self) -> str:
         """What a notebook shows."""
         return framed(page_of([self.title], [self.packed]))

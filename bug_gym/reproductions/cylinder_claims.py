@@ -21,7 +21,7 @@ from bug_gym.policy import MisfitError
 from bug_gym.reproductions import bug_no_way
 from bug_gym.reproductions.barn import COMMON, PARAMETERS, ROBOTS, STEPS
 from bug_gym.reproductions.bug_no_way import Answer, as_replayable, counts, held, not_tried
-from bug_gym.reproductions.kept import Kept
+from bug_gym.reproductions.kept import kept_runs
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
 
@@ -112,17 +112,17 @@ def reproduce(settings: Settings) -> Reproduction:
     seeds = settings.seeds or SEEDS
     policies = settings.policies or POLICIES
     driven = [(policy, robot) for policy in policies for robot in robots_of(policy)]
-    kept = Kept(settings.data, Answer, lambda one: (one.policy, one.kind, one.seed))
-    asked = [
-        (policy, robot, [seed for seed in block if (policy, robot, seed) not in kept])
-        for block in blocks(seeds)
-        for policy, robot in driven
-    ]
-    jobs = [(policy, robot, block) for policy, robot, block in asked if block]
-    with progress_bar(shown=settings.progress) as track:
-        work = each(partial(starred, answers), jobs, settings.workers)
-        for chunk in track(work, "blocks of worlds", len(jobs)):
-            kept.add(chunk)
+    with kept_runs(settings.data, Answer, lambda one: (one.policy, one.kind, one.seed), policies) as kept:
+        asked = [
+            (policy, robot, [seed for seed in block if (policy, robot, seed) not in kept])
+            for block in blocks(seeds)
+            for policy, robot in driven
+        ]
+        jobs = [(policy, robot, block) for policy, robot, block in asked if block]
+        with progress_bar(shown=settings.progress) as track:
+            work = each(partial(starred, answers), jobs, settings.workers)
+            for chunk in track(work, "blocks of worlds", len(jobs)):
+                kept.add(chunk)
     found = sorted(one for one in kept.found.values() if one.policy in policies and one.seed < seeds)
     counted = {
         f"{policy} {robot}": numbers([one for one in found if (one.policy, one.kind) == (policy, robot)])

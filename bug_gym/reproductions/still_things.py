@@ -28,7 +28,7 @@ from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.summary import PRIVILEGED
 from bug_gym.policy import MisfitError
 from bug_gym.references import is_reference
-from bug_gym.reproductions.kept import Kept
+from bug_gym.reproductions.kept import kept_runs
 from bug_gym.reproductions.replayable import Replayable
 from bug_gym.reproductions.result import Reproduction, Settings, Table
 from bug_gym.workers import each, starred
@@ -123,15 +123,15 @@ def reproduce(settings: Settings) -> Reproduction:
         if not is_reference(policy):
             agent(policy)  # an unknown one is found out before the work
     blocks = [seeds[first : first + BLOCK] for first in range(0, len(seeds), BLOCK)]
-    kept = Kept(settings.data, Drive, lambda one: (one.policy, one.seed))
-    asked = [
-        (policy, [seed for seed in block if (policy, seed) not in kept]) for block in blocks for policy in policies
-    ]
-    jobs = [(policy, block) for policy, block in asked if block]
-    with progress_bar(shown=settings.progress) as track:
-        work = each(partial(starred, drives), jobs, settings.workers)
-        for chunk in track(work, "blocks of worlds", len(jobs)):
-            kept.add(chunk)
+    with kept_runs(settings.data, Drive, lambda one: (one.policy, one.seed), policies) as kept:
+        asked = [
+            (policy, [seed for seed in block if (policy, seed) not in kept]) for block in blocks for policy in policies
+        ]
+        jobs = [(policy, block) for policy, block in asked if block]
+        with progress_bar(shown=settings.progress) as track:
+            work = each(partial(starred, drives), jobs, settings.workers)
+            for chunk in track(work, "blocks of worlds", len(jobs)):
+                kept.add(chunk)
     found = sorted(one for one in kept.found.values() if one.policy in policies and one.seed in seeds)
     touched = [one for one in found if one.outcome == "collision"]
     counted = {policy: counts([one for one in found if one.policy == policy]) for policy in policies}

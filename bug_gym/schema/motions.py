@@ -19,7 +19,10 @@ from bug_gym.schema.values import Duration, Flag, Part, Point, Positive, Record,
 
 
 class Bounce(Part):
-    """Constant velocity, reflected by the border and by still obstacles; a polygon as the disc that holds it."""
+    """Constant velocity, reflected by the border and by still obstacles; a polygon as the disc that holds it.
+
+    What would be reflected more than a million times in a step, in a slit, waits for the next one.
+    """
 
     law: Literal["bounce"]
     velocity: Velocity | None = None

@@ -47,17 +47,23 @@ class Shape(Part):
     circle: Positive | None = None
     """Radius of a circle [m]."""
     polygon: Polygon | None = None
-    """Corners x, y [m] relative to the mover's place."""
+    """Corners x, y [m] relative to the mover's place; it has no holes."""
 
     @model_validator(mode="after")
     def _is_one_of_two(self) -> Self:
         if (self.circle is None) == (self.polygon is None):
             raise wrong("expected either circle: radius or polygon: [[x, y], ...]", "circle")
+        if self.polygon is not None and self.polygon.holes:
+            raise wrong(f"got {len(self.polygon.holes)}, expected none: a polygon that moves is solid", "polygon.holes")
         return self
 
 
 class Mover(Part):
-    """A circle or a polygon that moves as one body and doesn't turn."""
+    """A circle or a polygon that moves as one body and doesn't turn.
+
+    Robots meet it on the chord of its way in a step, which it leaves by at most half of its speed times the step where it is
+    reflected or takes a new direction within one.
+    """
 
     shape: Shape
     """Its outline."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import (
@@ -15,7 +16,7 @@ from pydantic import (
 )
 
 from bug_gym.limits import SMALL
-from bug_gym.schema.errors import wrong
+from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.values import Box, Disc, Factor, Part, Point, box_or_corners
 
 if TYPE_CHECKING:
@@ -39,11 +40,11 @@ def _simple(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float
     """Raises where a ring crosses or touches itself."""
     import shapely  # slow to load, and most scenarios need none
 
-    _check_simple(shapely.Polygon(points))
+    check_simple(shapely.Polygon(points))
     return points
 
 
-def _check_simple(outline: BaseGeometry) -> None:
+def check_simple(outline: BaseGeometry) -> None:
     """Raises where an outline is not that of a polygon, with the place of the fault."""
     import shapely  # slow to load, and most scenarios need none
 
@@ -73,11 +74,17 @@ class Polygon(Part):
     @model_validator(mode="before")
     @classmethod
     def _corners_are_enough(cls, data: object) -> object:
-        return {"shell": data} if isinstance(data, (list, tuple)) else data
+        if isinstance(data, (list, tuple)):
+            return {"shell": data}
+        if not isinstance(data, (Mapping, Polygon)):
+            raise wrong(
+                f"got {shortened(data)}, expected its corners [[x, y], ...], or {{shell: corners, holes: [corners]}}"
+            )
+        return data
 
     @model_validator(mode="after")
     def _is_simple(self) -> Self:
-        _check_simple(self.geometry())
+        check_simple(self.geometry())
         return self
 
     @model_serializer(mode="wrap")

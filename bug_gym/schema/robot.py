@@ -55,7 +55,8 @@ class Robot(Part):
     max_speed: DrawnTopSpeed = 1.0
     """Maximum speed, of a differential or ackermann robot ahead [m/s]."""
     max_reverse: DrawnSpeed = 0.3
-    """Maximum speed backwards of a differential or ackermann robot [m/s]."""
+    """Maximum speed backwards of a differential or ackermann robot [m/s]; unless it is said, no more than the least
+    `max_speed`."""
     max_turn_rate: DrawnTurnRate = 1.5
     """Maximum turn rate of a differential robot [rad/s]."""
     wheelbase: DrawnLength = 0.3
@@ -70,7 +71,9 @@ class Robot(Part):
 
     @model_validator(mode="after")
     def _limits_fit(self) -> Self:
-        if most_of(self.max_reverse) > least_of(self.max_speed):
+        if "max_reverse" not in self.model_fields_set and self.max_reverse > least_of(self.max_speed):
+            object.__setattr__(self, "max_reverse", least_of(self.max_speed))  # it is frozen
+        if self.kinematics != "holonomic" and most_of(self.max_reverse) > least_of(self.max_speed):
             raise wrong(f"got {self.max_reverse}, expected at most max_speed ({self.max_speed})", "max_reverse")
         if self.kinematics == "ackermann" and self.greatest_turn_rate > FASTEST_TURN:
             came = f"got {self.wheelbase}, with which the robot turns by up to {self.greatest_turn_rate:g} rad/s"
@@ -126,7 +129,11 @@ FieldOfView = Annotated[
 
 
 class Lidar(Part):
-    """The laser scanner, at the robot's origin. Its ranges, noise and dropout may be drawn for each episode."""
+    """The laser scanner, at the robot's origin. Its ranges, noise and dropout may be drawn for each episode.
+
+    Where the circles of a body leave its origin free, an obstacle may come over it: inside a circle beams read 0, inside a
+    polygon the way to its sides.
+    """
 
     beams: Beams = 180
     """How many beams, spread evenly."""

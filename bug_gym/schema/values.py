@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -316,6 +316,15 @@ class Part(BaseModel):
         """What its keys mean, with their units; a key under which nothing is written is missing."""
         said = {key: field.description for key, field in cls.model_fields.items() if field.description}
         return said | texts_under_fields(base for base in reversed(cls.__mro__) if issubclass(base, Part))
+
+
+PartT = TypeVar("PartT", bound=Part)
+
+
+def unsaid(part: PartT, key: str) -> PartT:
+    """The part with a value marked as one that follows from others: nobody has said it, so `load` finds it anew."""
+    part.model_fields_set.discard(key)
+    return part
 
 
 class Region(Part):

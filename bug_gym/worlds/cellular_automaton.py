@@ -14,6 +14,7 @@ import numpy as np
 
 from bug_gym.geometry import F64
 from bug_gym.schema.errors import wrong
+from bug_gym.schema.ranges import least_of
 from bug_gym.schema.robot import Robot
 from bug_gym.schema.values import Box, Flag, Lines, Neighbours, Point, Pose, Positive, RoundCounts, Shares
 from bug_gym.worlds.family import Crew, Family, Rng, check_cells
@@ -63,7 +64,8 @@ class CellularAutomatonWorld(Family):
     solvable: Positive | None = 0.35
     """Clearance [m] at which a path is certain: of the robot's centre, to cylinders. None: no such promise."""
     is_shut: Flag = False
-    """Whether there is no path even for the body's own radius, instead."""
+    """Whether there is no path, instead, even for the robot's own radius, the least that may be drawn; of a body of several
+    `circles`, for the largest of them alone."""
     start: Pose = (-2.0, 3.0, 0.5 * math.pi)
     """x [m], y [m], heading [rad], in the alley."""
     goal: Point = (-2.0, 13.0)
@@ -111,16 +113,18 @@ class CellularAutomatonWorld(Family):
         alley = self._alley()
         for _ in range(FIELDS):
             cylinders = self._at(grown(self, rng), self._low)
-            if self._is_as_asked(cylinders, crew.robot.reach):
+            if self._is_as_asked(cylinders, crew.robot):
                 places = np.vstack([alley, cylinders])
                 circles = np.column_stack([places, np.full(len(places), self.radius)])
                 return finish(crew, self, self.start, self.goal, circles=circles)
         kind = "without a way" if self.is_shut else f"with a way at a clearance of {self.solvable} m"
         raise ValueError(f"none of {FIELDS} fields of cylinders is one {kind}")
 
-    def _is_as_asked(self, cylinders: F64, reach: float) -> bool:
+    def _is_as_asked(self, cylinders: F64, robot: Robot) -> bool:
         if self.is_shut:
-            return not has_way_through(cylinders, self.radius, reach)
+            # What stops a disc that lies in the body stops the body.
+            disc = max(least_of(radius) for _, _, radius in robot.circles or ((0.0, 0.0, robot.radius),))
+            return not has_way_through(cylinders, self.radius, disc)
         return self.solvable is None or has_way_through(cylinders, self.radius, self.solvable)
 
     def _alley(self) -> F64:

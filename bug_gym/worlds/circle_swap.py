@@ -13,7 +13,7 @@ import numpy as np
 from bug_gym.geometry import F64
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import NotNegative, Positive, Rotation
+from bug_gym.schema.values import Flag, NotNegative, Positive, Rotation
 from bug_gym.worlds.family import Crew, Family, Rng
 from bug_gym.worlds.layout import Layout
 from bug_gym.worlds.places import finish_crew, written_or_drawn
@@ -35,7 +35,7 @@ class CircleSwapWorld(Family):
     """Each start is drawn from the disc of this radius about its place [m]; its goal lies opposite to where it starts."""
     rotation: Rotation = 0.0
     """Angle at which the first robot stands, seen from the middle [rad], or `random`."""
-    evenly: bool = True
+    evenly: Flag = True
     """Whether all neighbours on the circle are as far apart; else angles are drawn, and goals from discs of their own."""
 
     @property
@@ -58,10 +58,10 @@ class CircleSwapWorld(Family):
             ValueError: neighbours on the circle would overlap.
         """
         robots, reach = crew.robots.count, crew.robot.reach
-        nearest = (1.0 if self.evenly else 0.5) * math.pi / max(robots, 2)
-        spacing = 2.0 * self.radius * math.sin(nearest) - 2.0 * self.jitter
-        if robots > 1 and spacing < 2.0 * reach:
-            raise ValueError(f"{robots} robots that reach {reach:g} m overlap on a circle of {self.radius:g} m")
+        if robots > 1 and self._nearest(robots) < 2.0 * reach:
+            what = f"{robots} robots that reach {reach:g} m overlap on a circle of {self.radius:g} m"
+            drawn = f"(jitter {self.jitter:g}, evenly {str(self.evenly).lower()})"
+            raise ValueError(f"{what} {drawn}, expected at most {self._most_robots(reach)}")
         first = float(rng.uniform(-math.pi, math.pi)) if self.rotation == "random" else float(self.rotation)
         angles = first + (2.0 * math.pi * np.arange(robots) / robots if self.evenly else self._angles(robots, rng))
         away = self._places(angles, rng)
@@ -69,6 +69,18 @@ class CircleSwapWorld(Family):
         ahead = -beyond - away
         starts = np.column_stack([self.middle + away, np.arctan2(ahead[:, 1], ahead[:, 0])])
         return finish_crew(crew, self, *written_or_drawn(crew, starts, self.middle - beyond))
+
+    def _nearest(self, robots: int) -> float:
+        """Least distance that two neighbours may have [m]."""
+        half = (1.0 if self.evenly else 0.5) * math.pi / max(robots, 2)
+        return 2.0 * self.radius * math.sin(half) - 2.0 * self.jitter
+
+    def _most_robots(self, reach: float) -> int:
+        """How many robots of some reach [m] never overlap."""
+        most = 1
+        while self._nearest(most + 1) >= 2.0 * reach:
+            most += 1
+        return most
 
     def _angles(self, robots: int, rng: Rng) -> F64:
         """Angles (R,) from that of the first robot on, neighbours at least half as far apart as if evenly spaced [rad]."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 
 from bug_gym.schema.errors import wrong
+from bug_gym.schema.motions import Motion
 from bug_gym.schema.movers import Target
 from bug_gym.schema.robot import Robot
 from bug_gym.schema.values import Goal, NotNegative, Start
@@ -29,6 +31,11 @@ class EmptyWorld(Family):
     """A moving goal, instead of `goal`."""
     separation: NotNegative = 0.0
     """Least distance from start to goal [m]."""
+
+    def motions(self) -> Iterator[tuple[str, Motion]]:
+        """Of the goal."""
+        if self.target is not None:
+            yield "target.motion", self.target.motion
 
     def check(self, robot: Robot) -> None:
         """Start and goal lie within the bounds, and far enough apart."""

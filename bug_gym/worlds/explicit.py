@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 
 from bug_gym.schema.errors import wrong
+from bug_gym.schema.motions import Motion
 from bug_gym.schema.movers import Mover, Target
 from bug_gym.schema.polygons import Polygon
 from bug_gym.schema.robot import Robot
@@ -70,6 +72,12 @@ class ExplicitWorld(Family):
                 if outline.distance(centre) < radius or outline.contains(centre):
                     return name
         return ""
+
+    def motions(self) -> Iterator[tuple[str, Motion]]:
+        """Of movers and of the goal."""
+        yield from ((f"movers.{index}.motion", mover.motion) for index, mover in enumerate(self.movers))
+        if self.target is not None:
+            yield "target.motion", self.target.motion
 
     def check(self, robot: Robot) -> None:
         """Start, goal and movers lie within the bounds, start and goal clear of all obstacles."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -201,6 +201,10 @@ class Family(Part):
             raise wrong(f"got {separation:g}, the default, {expected}: set world.separation", "separation")
         # It is frozen, and whoever draws the world asks for so much; what has been accepted before keeps its digest.
         object.__setattr__(self, "separation", 0.0)
+
+    def motions(self) -> Iterator[tuple[str, Motion]]:
+        """How bodies move of which that is said, each by its key."""
+        yield from ()
 
     def check_motion(self, motion: Motion, key: str) -> None:
         """Raises where a motion leads out of the bounds."""

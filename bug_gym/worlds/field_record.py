@@ -11,6 +11,7 @@ from bug_gym.schema.motions import Bounce, Crowd, Evade, Motion, Replay, Waypoin
 from bug_gym.schema.values import Region, StartRegion
 from bug_gym.worlds.family import Crew
 from bug_gym.worlds.field import FieldWorld
+from bug_gym.worlds.layout import side_by_side
 from bug_gym.worlds.places import check_spacing
 
 TARGET_LAWS = {
@@ -34,12 +35,26 @@ def make_record(crew: Crew, world: FieldWorld) -> np.ndarray:
     check_spacing(crew)
     if crew.robots.places:
         raise ValueError("a field draws the starts of its robots: give robots.count instead of a list of places")
+    check_said_start(crew, world)
     check_target(world.target_motion)
-    values = counts_of(world) | ranges_of(world) | boxes_of(world) | target_of(world.target_motion)
+    reach = crew.robot.reach
+    values = (
+        counts_of(world) | ranges_of(world) | room_of(world, reach) | boxes_of(world) | target_of(world.target_motion)
+    )
     record = np.zeros(1, dtype=kernels.FIELD)
     for name, value in values.items():
         record[name] = value
     return record
+
+
+def check_said_start(crew: Crew, world: FieldWorld) -> None:
+    """Raises where robots side by side about a start that is said do not all lie within the border."""
+    if not isinstance(world.start, tuple):
+        return
+    for number, (x, y, heading) in enumerate(side_by_side(world.start, crew.robots.count).tolist()):
+        if world.obstruction(((x, y, 0.0), *crew.robot.body((x, y, heading)))):
+            row = f"{crew.robots.count} robots start side by side, 2 m apart, about world.start"
+            raise ValueError(f"robot {number} cannot start at {[x, y, heading]}: the border is in its way ({row})")
 
 
 def check_target(target: Motion | None) -> None:
@@ -69,7 +84,7 @@ def counts_of(world: FieldWorld) -> dict[str, float]:
 
 
 def ranges_of(world: FieldWorld) -> dict[str, float]:
-    """From where to where sizes and speeds are drawn, and what is kept free."""
+    """From where to where sizes and speeds are drawn, and how far obstacles and places are apart."""
     return {
         "size_min": world.sizes[0],
         "size_max": world.sizes[1],
@@ -81,8 +96,20 @@ def ranges_of(world: FieldWorld) -> dict[str, float]:
         "horizon": HORIZON,
         "gap": -1.0 if world.solvable is None else 2.0 * world.solvable,
         "separation": world.separation,
-        "start_clearance": world.start_clearance,
-        "goal_clearance": world.goal_clearance,
+    }
+
+
+def room_of(world: FieldWorld, reach: float) -> dict[str, float]:
+    """What is kept free about start, beyond the robot's reach [m], and goal: of obstacles, and of the border (`edge`).
+
+    Places that are said have only to lie within the border.
+    """
+    start, goal = world.start_room(reach), world.goal_room
+    return {
+        "start_clearance": start,
+        "goal_clearance": goal,
+        "start_edge": -reach if isinstance(world.start, tuple) else start,
+        "goal_edge": 0.0 if isinstance(world.goal, tuple) else goal,
     }
 
 

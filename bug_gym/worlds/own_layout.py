@@ -8,9 +8,11 @@ from functools import partial
 from typing import Any, get_args
 
 import numpy as np
+from pydantic_core import PydanticCustomError
 
 from bug_gym.checks import shortened
 from bug_gym.schema.motions import Motion
+from bug_gym.schema.polygons import check_simple
 from bug_gym.worlds.clearance import is_clear
 from bug_gym.worlds.family import Crew, Family, Rng
 from bug_gym.worlds.layout import Layout, Mover
@@ -35,8 +37,8 @@ def checked_layout(family: Family, drawn: Drawn, told: str, crew: Crew, rng: Rng
         twice: whether to draw it once more, to see whether it is a function of its arguments.
 
     Raises:
-        ValueError: what is no layout, or one that cannot be: numbers that are not finite, arrays of another shape, a robot
-            or a goal in an obstacle, or chance that does not come from `rng`.
+        ValueError: what is no layout, or one that cannot be: numbers that are not finite, arrays of another shape, a ring
+            that crosses itself, a robot or a goal in an obstacle, or chance that does not come from `rng`.
     """
     before = copy.deepcopy(rng) if twice else None
     layout = drawn(crew, rng)
@@ -56,6 +58,7 @@ def checked_layout(family: Family, drawn: Drawn, told: str, crew: Crew, rng: Rng
         _require_mover(f"{told}: movers.{number}", mover)
     if layout.target is not None and not isinstance(layout.target, MOTIONS):
         raise ValueError(f"{told}: target: got {shortened(layout.target)}, expected a motion law of bug_gym.config")
+    _require_simple(told, layout)
     try:
         check_places(
             crew, layout, partial(is_clear, np.reshape(layout.circles, (-1, 3)), layout.polygons, layout.border)
@@ -90,6 +93,23 @@ def _require_numbers(told: str, came: Any, shape: tuple[int | None, int], *, lea
     if not np.isfinite(numbers).all():
         wrong = numbers[~np.isfinite(numbers).all(axis=1)][0]
         raise ValueError(f"{told}: got {wrong.tolist()}, expected {expected}")
+
+
+def _require_simple(told: str, layout: Layout) -> None:
+    """Refuse rings that cross or touch themselves, or have no area: no way about them could be found."""
+    import shapely  # slow to load, and most scenarios need none
+
+    outlines = {"border": shapely.Polygon(layout.border)}
+    for number, (shell, *holes) in enumerate(layout.polygons):
+        outlines[f"polygons.{number}"] = shapely.Polygon(shell, holes)
+    for number, mover in enumerate(layout.movers):
+        if not mover.is_circle:
+            outlines[f"movers.{number}.outline"] = shapely.Polygon(mover.outline)
+    for name, outline in outlines.items():
+        try:
+            check_simple(outline)
+        except PydanticCustomError as error:
+            raise ValueError(f"{told}: {name}: {error}") from None
 
 
 def _require_radii(told: str, radii: Any) -> None:

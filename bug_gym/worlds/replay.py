@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import ModelWrapValidatorHandler, model_validator
 
 from bug_gym.geometry import Point
 from bug_gym.schema.errors import wrong
@@ -24,6 +24,7 @@ from bug_gym.schema.values import (
     Start,
     Window,
     existing_path,
+    unsaid,
 )
 from bug_gym.worlds.clearance import Free, is_clear, obstacles_of
 from bug_gym.worlds.family import Crew, Family, Rng
@@ -57,11 +58,11 @@ class ReplayWorld(Family):
     goal: Goal | None = None
     """x, y [m], or a region to draw from; none: straight across, on the other side."""
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _bounds_hold_the_record(cls, data: object) -> object:
+    def _bounds_hold_the_record(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
         if not isinstance(data, Mapping) or data.get("bounds") is not None:
-            return data
+            return handler(data)
         # Without a record there are no bounds; its own fault is told where `path` is checked.
         box, path = (0.0, 0.0, 1.0, 1.0), data.get("path")
         margin, radius = (data.get(name, cls.model_fields[name].default) for name in ("margin", "radius"))
@@ -70,7 +71,7 @@ class ReplayWorld(Family):
             xmin, ymin, xmax, ymax = _recording(str(path)).extent
             room = margin + radius
             box = (xmin - room, ymin - room, xmax + room, ymax + room)
-        return {**data, "bounds": box}
+        return unsaid(handler({**data, "bounds": box}), "bounds")
 
     def data_files(self) -> tuple[Path, ...]:
         """The recording."""

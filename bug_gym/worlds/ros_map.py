@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import model_validator
+from pydantic import ModelWrapValidatorHandler, model_validator
 
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.polygons import Bounds
 from bug_gym.schema.robot import Robot
-from bug_gym.schema.values import ExistingPath, Flag, Positive, Region, StartRegion, existing_path
+from bug_gym.schema.values import ExistingPath, Flag, Positive, Region, StartRegion, existing_path, unsaid
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
 from bug_gym.worlds.layout import Layout, Rings
 from bug_gym.worlds.places import TRIES, border_of, draw_both, finish
@@ -41,14 +41,15 @@ class RosMapWorld(DrawnPlaces):
     solvable: Positive | None = 0.3
     """Clearance [m] at which there is a path from start to goal. None: no such promise."""
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _bounds_are_the_picture(cls, data: object) -> object:
+    def _bounds_are_the_picture(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
         if not isinstance(data, Mapping) or data.get("bounds") is not None:
-            return data
+            return handler(data)
         # Without a map there is no outline; its own fault is told where `path` is checked.
         path = data.get("path")
-        return {**data, "bounds": _ros_map(str(path)).bounds if existing_path(path) else (0.0, 0.0, 1.0, 1.0)}
+        bounds = _ros_map(str(path)).bounds if existing_path(path) else (0.0, 0.0, 1.0, 1.0)
+        return unsaid(handler({**data, "bounds": bounds}), "bounds")
 
     def data_files(self) -> tuple[Path, ...]:
         """The map's YAML file and its picture."""

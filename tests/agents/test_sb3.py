@@ -380,6 +380,22 @@ def test_wrappers_of_stable_baselines3_run_on_it(wrapper: Any) -> None:
     assert made.unwrapped.simulation.count == 3
 
 
+@pytest.mark.parametrize("restart", ["world", "robot"])
+def test_rows_of_robots_tell_of_each_run_once_and_a_monitor_on_them_warns(restart: Any) -> None:
+    made = make_robots_vec_env("crossing_robots", 2, 3, seed=0, overrides={"time.limit": 4.0}, restart=restart)
+    made.reset()
+    drove, told = np.zeros(made.num_envs, dtype=int), []
+    for actions in random_actions(200, made.num_envs):
+        drove += made.simulation.world.active.ravel()
+        for row, info in enumerate(made.step(actions)[3]):
+            if "episode" in info:
+                told.append((info["episode"]["l"], int(drove[row])))
+                drove[row] = 0
+    assert len(told) > 20 and all(length == steps for length, steps in told)
+    with pytest.warns(UserWarning, match="already wrapped with a `Monitor`"):
+        VecMonitor(made)
+
+
 def test_rows_answer_for_the_env_that_holds_them() -> None:
     made = make(3)
     assert made.get_attr("render_mode") == [None] * 3

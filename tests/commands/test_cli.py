@@ -289,6 +289,8 @@ def test_benchmark_measures_something_everywhere(
         ("evaluate --scenario static --set lidar.beems=9", "did you mean 'beams'"),
         ("evaluate --scenario static --set lidar.beams", "expected KEY=VALUE"),
         ("evaluate --scenario static --set lidar.beams=[", "expected a value as YAML has it"),
+        ("evaluate --scenario static --set lidar.beams=9 --set lidar.beams=8", "got 'lidar.beams' twice"),
+        ("evaluate --scenario static --out=~nobody-of-that-name/out", "argument --out: ~nobody-of-that-name/out: "),
         ("evaluate --scenario static --episodes many", "invalid int value"),
         ("evaluate --scenario static --workers 0", "workers must be at least 1"),
         ("evaluate --scenario missing.yaml", "missing.yaml: No such file"),
@@ -412,6 +414,22 @@ def test_an_empty_argument_is_not_taken_for_none(option: str, capsys: pytest.Cap
     """As "$NAME" is where a shell has no NAME: with `--policies ''` all of them would be driven."""
     assert main(["evaluate", "--scenario", "static", option, ""]) == 2
     assert capsys.readouterr().err == f"bug-gym: error: got an empty argument after {option!r}, expected a value\n"
+
+
+def test_blanks_about_commas_are_no_part_of_a_policy(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["evaluate", "--scenario", "empty", "--episodes", "1", "--policies", "bug0, bug2 ,go_to_goal", *OPEN]
+    assert main(command) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in ("bug0", "bug2", "go_to_goal"))
+
+
+@pytest.mark.parametrize("words", [["--out", "~/out"], ["--out=~/out"]])
+def test_results_go_home(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert main(["evaluate", "--scenario", "empty", "--episodes", "1", "--policies", "bug0", *words, *OPEN]) == 0
+    evaluate("bug0", "empty", episodes=1, out="~/other")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "out"]
 
 
 def test_several_faults_are_told_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

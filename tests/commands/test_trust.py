@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from bug_gym.cli import main
+from bug_gym.evaluation import record_episode
 from bug_gym.evaluation.minari_files import open_dataset
 
 CODE = """
@@ -60,6 +61,13 @@ def test_code_of_a_scenario_is_run_where_it_is_trusted_and_nowhere_else(
     assert not (mine.parent / "ran").exists() and not list(mine.parent.glob("out*/*.md"))
     assert main([*command(name, mine), "--trust"]) == 0
     assert (mine.parent / "ran").exists() and list(mine.parent.glob("out*"))
+
+
+def test_an_episode_of_a_trusted_scenario_is_recorded(mine: Path) -> None:
+    with pytest.raises(ValueError, match="trust"):
+        record_episode("go_to_goal", mine)
+    assert not (mine.parent / "ran").exists()
+    assert record_episode("go_to_goal", mine, trust=True).frames > 1
 
 
 def test_a_dataset_of_a_trusted_scenario_has_its_fields(mine: Path) -> None:

@@ -625,6 +625,54 @@ def test_an_override_that_leads_nowhere_says_so(key: str, expected: str) -> None
     assert expected in text
 
 
+@pytest.mark.parametrize("source", ["u_trap", load("u_trap")], ids=["name", "scenario"])
+def test_an_override_of_one_item_of_a_list_that_is_not_said_asks_for_the_whole_list(source: Any) -> None:
+    told = message(source, {"world.start.0": 1.0})
+    assert told.endswith(
+        "override 'world.start.0': 'world.start' is at its default, expected all of it, as an override of 'world.start'"
+    )
+
+
+WALK = "time_s,pedestrian,x_m,y_m\n0,1,0,0\n20,1,8,3\n"
+"""A pedestrian from (0, 0) to (8, 3)."""
+
+
+@pytest.mark.parametrize(
+    ("source", "overrides"),
+    [
+        ({"world": {"family": "replay", "path": RECORDING_FILE}}, {"world.margin": 3.0, "world.radius": 0.5}),
+        ({"world": {"family": "replay", "path": RECORDING_FILE, "bounds": [-3, -3, 9, 9]}}, {"world.margin": 3.0}),
+        ({"world": {"family": "forest", "start": [0, 0, 0], "goal": [3, 0]}}, {"world.goal": [9, 0]}),
+        ({"world": {"family": "forest", "start": [0, 0, 0], "goal": [3, 0]}}, {"lidar.beams": 9}),
+        ({"robot": {"max_speed": 0.2}}, {"robot.max_speed": 1.0}),
+        ({"robot": {"max_speed": 0.2, "max_reverse": 0.1}}, {"robot.max_speed": 1.0}),
+    ],
+)
+def test_overrides_of_a_scenario_give_what_they_give_of_its_file(
+    source: dict[str, Any], overrides: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What follows from other values follows from the new ones."""
+    (tmp_path / RECORDING_FILE).write_text(WALK)
+    monkeypatch.chdir(tmp_path)
+    scenario = load(source)
+    assert load(scenario, overrides) == load(source, overrides)
+    assert load(dump(scenario)) == scenario and load(dump(scenario)).digest == scenario.digest
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential", "ackermann"])
+@pytest.mark.parametrize(("max_speed", "least"), [(0.2, 0.2), ({"uniform": [0.2, 1.0]}, 0.2), (0.5, 0.3)])
+def test_the_default_of_the_reverse_speed_gives_way_to_a_low_top_speed(
+    kinematics: str, max_speed: Any, least: float
+) -> None:
+    scenario = load({"robot": {"kinematics": kinematics, "max_speed": max_speed}})
+    assert scenario.robot.max_reverse == least
+    assert load(dump(scenario)) == scenario
+
+
+def test_a_holonomic_robot_may_say_any_reverse_speed() -> None:
+    assert load({"robot": {"max_speed": 0.2, "max_reverse": 0.3}}).robot.max_reverse == 0.3
+
+
 def test_an_error_after_overrides_says_that_there_were_some() -> None:
     assert message("static", {"lidar.beams": 0}).startswith("static.yaml with overrides: lidar.beams: got 0")
 
@@ -757,7 +805,11 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ({"robot": {"circles": []}}, "robot.circles", "expected a list of at least 1"),
         ({"robot": {"circles": [[0, 0, 0]]}}, "robot.circles.0.2", "expected a number above 0"),
         ({"robot": {"max_speed": math.inf}}, "robot.max_speed", "expected a finite number"),
-        ({"robot": {"max_speed": 0.2}}, "robot.max_reverse", "got 0.3, expected at most max_speed (0.2)"),
+        (
+            {"robot": {"kinematics": "differential", "max_speed": 0.2, "max_reverse": 0.3}},
+            "robot.max_reverse",
+            "got 0.3, expected at most max_speed (0.2)",
+        ),
         ({"robot": {"max_reverse": -0.1}}, "robot.max_reverse", "expected at least 0"),
         ({"robot": {"max_acceleration": 0}}, "robot.max_acceleration", "expected a number above 0"),
         ({"lidar": {"beams": 0}}, "lidar.beams", "got 0, expected at least 1"),
@@ -779,6 +831,18 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ({"world": {"family": "empty", "bounds": [0, 0, 1]}}, "world.bounds", "expected [xmin, ymin, xmax, ymax]"),
         ({"world": {"family": "empty", "separation": 29}}, "world.separation", "got 29, expected at most 28.28"),
         ({"world": {"family": "empty", "start": [9.9, 0, 0]}}, "world.start", "in its way: the border"),
+        (
+            {"world": {"family": "field", "start": {"region": [-10, -5, -8.9, 5]}}},
+            "world.start.region",
+            "expected one that reaches places 1.2 m from the border (world.start_clearance)",
+        ),
+        (
+            {"world": {"family": "field", "goal": {"region": [0, 9.6, 5, 10]}}},
+            "world.goal.region",
+            "expected one that reaches places 0.5 m from the border (world.goal_clearance)",
+        ),
+        ({"world": {"family": "circle_swap", "evenly": "no"}}, "world.evenly", "got 'no', expected true or false"),
+        ({"world": {"family": "circle_swap", "evenly": 1}}, "world.evenly", "got 1, expected true or false"),
         ({"world": {"family": "field", "sizes": [2, 1]}}, "world.sizes", "expected [least, most]"),
         ({"world": {"family": "field", "laws": ["fly"]}}, "world.laws.0", "'random_walk' or 'crowd'"),
         ({"world": {"family": "field", "moving": 0.5, "laws": []}}, "world.laws", "at least one of"),
@@ -816,6 +880,11 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         (explicit(circles=[[1, 2, -1]]), "world.circles.0.2", "expected a number above 0"),
         (explicit(circles=[[0.6, 0, 0.5]]), "world.start", "in its way: circles.0"),
         (explicit(circles=[[8, 0.4, 0.5]]), "world.goal", "in its way: circles.0"),
+        (
+            explicit(polygons=[shapely.box(1, 1, 2, 2)]),
+            "world.polygons.0",
+            "expected its corners [[x, y], ...], or {shell",
+        ),
         (explicit(polygons=[[[0, 0], [1, 1]]]), "world.polygons.0.shell", "got 2 corners, expected at least 3"),
         (explicit(polygons=[[[0.1, -1], [1, -1], [1, 1], [0.1, 1]]]), "world.start", "in its way: polygons.0"),
         (explicit(goal=[4.5, 0], polygons=[SQUARE]), "world.goal", "in its way: polygons.0"),
@@ -834,6 +903,14 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ),
         (mover({"law": "random_walk", "speed": 1, "min_leg": 4}), "world.movers.0.motion.min_leg", "(3.0)"),
         (mover({"law": "bounce", "speed": 1}, shape={}), "world.movers.0.shape.circle", "either circle: radius or"),
+        (
+            mover(
+                {"law": "bounce", "speed": 1},
+                shape={"polygon": {"shell": SQUARE, "holes": [[[4.4, 0], [4.6, 0], [4.5, 1]]]}},
+            ),
+            "world.movers.0.shape.polygon.holes",
+            "expected none: a polygon that moves is solid",
+        ),
         (mover({"law": "bounce", "speed": 1}, at=[0, 9.8]), "world.movers.0.at", "expected a place in"),
         (mover({"law": "bounce", "speed": 1}, at=[0, 0.4]), "world.start", "in its way: movers.0"),
         ({"robots": {"count": 0}}, "robots.count", "got 0, expected at least 1"),
@@ -841,6 +918,14 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
             {"robots": [{"start": [0, 0, 0]}, {"start": [0.3, 0, 0]}]},
             "robots.places.1.start",
             "in its way: robots.places.0",
+        ),
+        (
+            {
+                "world": {"family": "empty", "target": {"at": [1, 1], "motion": {"law": "bounce", "speed": 1}}},
+                "robots": [{"start": [0, 0, 0]}, {"start": [0, 2, 0], "goal": [3, 0]}],
+            },
+            "robots.places.1.goal",
+            "expected none beside world.target: it moves the goals of all robots",
         ),
         ({"robots": [{"start": [0, 0, 0], "goal": [11, 0]}]}, "robots.places.0.goal", "in its way: the border"),
         (

@@ -133,6 +133,16 @@ def test_a_wheel_of_circles_that_spins_within_a_step_is_refused() -> None:
     load({"robot": {**robot, "kinematics": "holonomic"}, "time": {"step": 1.0}})
 
 
+def test_a_robot_whose_way_bends_too_much_within_a_step_is_refused() -> None:
+    robot = {"kinematics": "differential", "max_speed": 100.0, "max_turn_rate": 10.0}
+    told = r"max_turn_rate: got 10, which turns the body by 100 rad in a step \(time.step\), expected at most 10 rad"
+    with pytest.raises(ScenarioError, match=f"robot.{told} with a way of 1000 m"):
+        load({"robot": robot, "time": {"step": 10.0}})
+    load({"robot": robot, "time": {"step": 1.0}})
+    load({"robot": {**robot, "max_turn_rate": 1.0}, "time": {"step": 10.0}})
+    load({"robot": {**robot, "kinematics": "holonomic"}, "time": {"step": 10.0}})
+
+
 # -- Memory ------------------------------------------------------------------------------------------------------------
 
 
@@ -384,10 +394,18 @@ def test_a_hostile_gazebo_world_is_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
 
 
-def test_numbers_within_the_limits_stay_finite_at_their_ends() -> None:
-    """The largest of everything at once."""
+@pytest.mark.parametrize(
+    "fastest",
+    [
+        {"kinematics": "holonomic", "max_speed": 1e4},
+        {"kinematics": "differential", "max_speed": 1e4, "max_turn_rate": 1e-6},
+        {"kinematics": "differential", "max_speed": 1e-5, "max_reverse": 0.0, "max_turn_rate": 1e3},
+    ],
+)
+def test_numbers_within_the_limits_stay_finite_at_their_ends(fastest: dict[str, Any]) -> None:
+    """The largest of everything at once; who goes fast does not turn fast too."""
     scenario = {
-        "robot": {"radius": 1.0, "max_speed": 1e4, "kinematics": "differential", "max_turn_rate": 1e3},
+        "robot": {"radius": 1.0, **fastest},
         "lidar": {"beams": 9, "range": 1e5, "noise": 1e5},
         "odometry": dict.fromkeys(("translation_noise", "rotation_noise", "translation_bias", "rotation_bias"), 100.0),
         "time": {"step": 1e3, "limit": 1e7},

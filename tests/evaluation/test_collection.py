@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -463,17 +464,32 @@ def test_torn_files_are_told_of(copy: Path) -> None:
         open_dataset(copy)
 
 
+def test_a_signature_that_comes_too_late_is_told_of(copy: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The dataset is there already, unsigned; what is asked for beside it is written with the signature."""
+    signed = {"episodes": 2, "forms": ["flat", "dict"], "signature": collection.Signature("Jane Doe", None, CODE)}
+    collected(copy.parents[2], ["bug2"], **signed)
+    (told,) = [one.getMessage() for one in caplog.records if "already" in one.getMessage()]
+    assert told.startswith(f"author, code_permalink not written into what was there already: {FOLDER}/bug2_flat-v0;")
+    shutil.rmtree(copy)
+    caplog.clear()
+    collected(copy.parents[2], ["bug2"], **signed)
+    collected(copy.parents[2], ["bug2"], **signed)
+    assert not [one for one in caplog.records if "already" in one.getMessage()]
+
+
 def test_the_command_writes_what_the_function_does(
-    minari: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    minari: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sets = [part for key, value in SHORT.items() for part in ("--set", f"{key}={value}")]
-    out = str(tmp_path / "command")
-    arguments = ["--policies", "bug2:turn=right", "--episodes", "2", "--observations", "flat", "--expert", "bug2"]
-    assert main(["collect", "dynamic", *arguments, "--out", out, *sets]) == 0
-    assert capsys.readouterr().out.splitlines()[0] == f"{FOLDER}/bug2_turn_right_flat-v0"
+    arguments = ["--policies", "bug2:turn=right", "--episodes", "2", "--observations", " flat", "--expert", "bug2"]
+    monkeypatch.chdir(tmp_path)
+    assert main(["collect", "dynamic", *arguments, "--out", "of the command", *sets]) == 0
+    first, last = capsys.readouterr().out.splitlines()
+    assert first == f"{FOLDER}/bug2_turn_right_flat-v0"
+    assert shlex.split(last)[0] == f"MINARI_DATASETS_PATH={tmp_path / 'of the command'}"
     entry = PolicyEntry("bug2:turn=right", "bug2", {"turn": "right"})
     collected(tmp_path / "function", [entry], episodes=2, seed=0, forms=["flat"])
-    assert files_of(tmp_path / "command") == files_of(tmp_path / "function")
+    assert files_of(tmp_path / "of the command") == files_of(tmp_path / "function")
 
 
 def test_the_random_policy_may_be_the_expert_on_the_command_line_too(tmp_path: Path) -> None:

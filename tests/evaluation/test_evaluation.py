@@ -22,6 +22,8 @@ from bug_gym.evaluation.pictures import typical
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.suites import load_suite, suite_names
+from bug_gym.evaluation.summary import OVERALL
+from bug_gym.evaluation.teams import team_rows
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.view import Sensors, View
 
@@ -198,6 +200,24 @@ def test_a_robot_that_gave_up_stands_while_the_other_goes_on() -> None:
     assert (second.steps, first.steps > 90) == (3, True)
     assert second.path_length == pytest.approx(0.3, abs=1e-6)
     assert drive.simulation.world.pose[0, 1, 0] == pytest.approx(-4.7, abs=1e-6)
+
+
+@pytest.mark.parametrize("robot", [{}, {"latency": 0.2, "max_acceleration": 1.0}])
+def test_a_goal_that_comes_to_a_robot_that_gave_up_ends_no_mission(robot: dict[str, Any]) -> None:
+    target = {"at": [8, 0], "motion": {"law": "bounce", "velocity": [-0.4, 0]}}
+    world = {"family": "explicit", "bounds": [-3, -9, 40, 9], "target": target, "start": [0, 0, 0]}
+    places = [{"start": [0, 0, 0]}, {"start": [0, 4, 0]}]
+    settings = {**OPEN, "mission": "first", "robot": robot, "time": {"limit": 25.0}, "world": world, "robots": places}
+    scenario = load(settings)
+    policy = GivesUp(Sensors.of(scenario))
+    policy.within = 8.5  # robot 0, which starts 8 m from the goal; the other one goes ahead, and meets it nowhere
+    drive = Rollout(PolicyEntry("a", "a", policy=policy), ScenarioEntry("s", scenario, range(1)), [0])
+    ((first, second),) = drive.worlds()
+    assert (first.outcome, second.outcome, second.time) == ("gave_up", "timeout", 25.0)
+    reached = 8.0 - 0.4 * 25.0  # where the goal is by then: it has gone past the one that gave up
+    assert reached < -scenario.goal.radius < 0.0 < first.path_length < 1.0
+    (team,) = team_rows([first, second])
+    assert (team.success, team.winner) == (False, -1)
 
 
 def test_each_robot_of_a_world_has_a_row() -> None:
@@ -378,6 +398,22 @@ def barn_file(tmp_path: Path) -> Path:
     return path
 
 
+def test_results_go_on_where_their_data_has_moved_and_nothing_else(barn_file: Path, tmp_path: Path) -> None:
+    moved, out = tmp_path / "elsewhere" / barn_file.name, tmp_path / "out"
+    one = {"world": {"family": "barn", "path": str(barn_file)}, "time": {"limit": 1.0}}
+    rows = evaluate("go_to_goal", one, episodes=1, out=out)
+    moved.parent.mkdir()
+    barn_file.rename(moved)
+    there = {"world.path": str(moved)}
+    one["world"] = {"family": "barn", "path": str(tmp_path)}
+    assert [row.seed for row in evaluate("go_to_goal", one, episodes=1, out=out, overrides=there)] == [rows[0].seed]
+    with pytest.raises(ValueError, match="another run: scenarios.custom.scenario.time.limit was 1.0, is now 2.0"):
+        evaluate("go_to_goal", one, episodes=1, out=out, overrides={**there, "time.limit": 2.0})
+    moved.write_text(moved.read_text() + "\n")
+    with pytest.raises(ValueError, match="another run: scenarios.custom.data was"):
+        evaluate("go_to_goal", one, episodes=1, out=out, overrides=there)
+
+
 @pytest.mark.parametrize("name", suite_names())
 def test_every_suite_can_be_driven(name: str, barn_file: Path) -> None:
     suite = load_suite(name)
@@ -525,6 +561,13 @@ def test_seeds_of_the_caller_replace_those_of_a_suite() -> None:
 def test_a_suite_that_cannot_be_is_told(suite: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         load_suite(suite)
+
+
+def test_a_scenario_that_is_called_as_all_of_them_is_refused_before_anything_is_driven(tmp_path: Path) -> None:
+    suite = {"scenarios": ["empty", {"scenario": "static", "label": OVERALL}]}
+    with pytest.raises(ValueError, match=r"no scenario may be named '\(all\)'"):
+        evaluate("bug0", suite, episodes=1, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_scenario_twice_without_labels_is_told() -> None:

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import re
+import shlex
 import shutil
 import subprocess
 from collections import Counter
@@ -17,7 +18,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bug_gym.evaluation import evaluate
+from bug_gym.agents import Spec, make_policy
+from bug_gym.assignments import assignments
+from bug_gym.cli import main
+from bug_gym.evaluation import evaluate, make_plan
+from bug_gym.evaluation.by_name import (
+    HEADER,
+    POLICY_OBJECT,
+    SCENARIO_DATA,
+    differing_names,
+    policy_words,
+    scenario_words,
+)
+from bug_gym.evaluation.entries import PolicyEntry
 from bug_gym.evaluation.page import PAGE, page, write_page
 from bug_gym.evaluation.page.distributions import BINS, HEIGHT, counts, histogram
 from bug_gym.evaluation.page.failures import told_seeds
@@ -255,6 +268,44 @@ def test_an_evaluation_ends_with_the_page(tmp_path: Path) -> None:
     evaluate(["bug0", "go_to_goal"], world, episodes=2, out=tmp_path)
     text = (tmp_path / PAGE).read_text(encoding="utf-8")
     assert Counter(row[0] for row in kept(text)["rows"]) == {0: 2, 1: 2}
+
+
+def test_the_command_of_the_report_drives_the_episode_of_a_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Overrides of a suite and of a caller, a label, and the mark of those that read the map stand in no name."""
+    slow = {"scenario": "u_trap", "label": "slow", "overrides": {"world.rotation": "random", "robot.max_speed": 0.5}}
+    left = {"name": "bug2", "label": "left", "parameters": {"turn": "left"}}
+    suite = {"scenarios": [slow], "policies": ["a_star", left], "seeds": {"count": 2}}
+    rows = evaluate(None, suite, out=tmp_path / "out", overrides={"goal.radius": 0.4})
+    header, *lines = next(
+        one for one in Reader((tmp_path / "out" / PAGE).read_text(encoding="utf-8")).tables if one[0][0] == HEADER[0]
+    )
+    words = {label: shlex.split(told) for label, told in lines}
+    assert {row.policy for row in rows} | {row.scenario for row in rows} == set(words)
+    assert all(f"| {told} |" in (tmp_path / "out" / "summary.md").read_text(encoding="utf-8") for _, told in lines)
+    for row in rows:
+        command = ["render", *words[row.policy], *words[row.scenario], "--seed", str(row.seed)]
+        assert main([*command, "--out", str(tmp_path / "one.html")]) == 0
+        assert f" after {row.time:.1f} s and {row.path_length:.2f} m" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("value", ["random", "5", "a b'c", "", 5, 5.0, 1e-05, True, None, [0, 1.5], {"a": [1]}])
+def test_words_of_a_scenario_and_of_a_policy_are_read_back_as_they_were(value: Any) -> None:
+    name, option, pair = shlex.split(scenario_words("my world.yaml", {"key": value}, trust=False))
+    assert (name, option) == ("my world.yaml", "--set")
+    assert json.dumps(assignments([pair])) == json.dumps({"key": value})
+    (text,) = shlex.split(policy_words(PolicyEntry("mine", "bug2", {"turn": value})))
+    assert json.dumps(Spec.of(text).options) == json.dumps({"turn": value})
+
+
+def test_what_has_no_name_has_no_words_and_code_needs_trust() -> None:
+    assert scenario_words({"world": {}}, {}, trust=False) == scenario_words("empty", {"a": nan}, trust=False) == ""
+    assert scenario_words("empty", {"a": Path()}, trust=False) == ""
+    assert scenario_words("mine.yaml", {}, trust=True) == "mine.yaml --trust"
+    assert policy_words(PolicyEntry.of(make_policy("bug2", "empty"))) == ""
+    plan = make_plan([make_policy("bug2", "empty")], [{"world": {"family": "empty"}}], episodes=1)
+    assert [told for _, told in differing_names(plan.policies, plan.scenarios)] == [POLICY_OBJECT, SCENARIO_DATA]
 
 
 # What a reader would do: sort the matrix by a column, filter by policy, choose an outcome, and look at what is left.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -192,7 +192,214 @@ def test_a_contact_comes_too_early_by_what_each_swinging_body_adds_and_by_its_ch
     assert 0.6 * bound < max(gaps) <= bound
 
 
+@pytest.mark.parametrize("robots", [3, 5])
+def test_of_several_robots_that_run_into_one_another_none_ends_within_another(robots: int) -> None:
+    """One step each of bodies that turn, close together at random."""
+    rng = np.random.default_rng(7)
+    count, body = 100, [[0.25, 0.0, 0.12], [-0.25, 0.0, 0.12]]
+    drive = {"kinematics": "differential", "max_reverse": 1.0, "max_turn_rate": 3.0, "circles": body}
+    world = {"family": "empty", "bounds": [-9, -9, 9, 9], "start": [0, 0, 0], "goal": [8, 8]}
+    places = [{"start": [float(3 * number - 6), 0, 0]} for number in range(robots)]
+    parts = {"robot": drive, "lidar": {"beams": 1}, "time": {"step": 0.4}, "world": world, "robots": places}
+    simulation = Simulation(parts, count)
+    simulation.reset(seeds=range(count))
+    begun, met = simulation.save(), 0
+    for _ in range(60):
+        simulation.restore(begun)
+        poses = rng.uniform([-0.9, -0.9, -np.pi], [0.9, 0.9, np.pi], (count, robots, 3))
+        free = least_gaps(poses, body) > 0.0
+        simulation.world.pose[free] = poses[free]
+        simulation.step(rng.uniform(-1.0, 1.0, (count, robots, 2)))
+        met += ((simulation.info()["outcome"] == "collision").sum(axis=1) > 2).sum()
+        assert least_gaps(simulation.world.pose, body).min() >= -1e-9
+    assert met > 10
+
+
+def least_gaps(poses: F64, body: list[list[float]]) -> F64:
+    """Smallest distance (n,) of any two bodies at poses (n, R, 3) [m]."""
+    x, y, radius = np.array(body).T
+    cos, sin = np.cos(poses[..., 2:]), np.sin(poses[..., 2:])
+    circles = np.stack([poses[..., :1] + cos * x - sin * y, poses[..., 1:2] + sin * x + cos * y], axis=-1)
+    gaps = []
+    for a, b in combinations(range(poses.shape[1]), 2):
+        apart = np.hypot(*np.moveaxis(circles[:, a, :, None] - circles[:, b, None], -1, 0))
+        gaps.append((apart - radius[:, None] - radius).min(axis=(1, 2)))
+    least: F64 = np.array(gaps).min(axis=0)
+    return least
+
+
+# ---------------------------------------------------------------------------------------------- long arcs
+
+LOOP = 10.0 / (2.0 * math.pi)
+"""Radius of the circle of a robot that goes 10 m and turns once in a step [m]."""
+
+
+def loop(*, step: float = 1.0, start: tuple[float, float, float] = (0.0, 0.0, 0.0), **parts: Any) -> Simulation:
+    """A robot of 10 m/s that turns once in a second, to its left about (0, LOOP) where it starts at the origin."""
+    drive = {"kinematics": "differential", "max_speed": 10.0, "max_turn_rate": 2.0 * math.pi, **parts.pop("robot", {})}
+    world = {"family": "explicit", "start": list(start), "goal": [9, 9], **parts.pop("world", {})}
+    described = {"robot": drive, "lidar": {"beams": 1}, "time": {"step": step}, "world": world, **parts}
+    simulation = Simulation(described)
+    simulation.reset(seeds=[0])
+    return simulation
+
+
+def test_a_robot_that_goes_once_round_in_a_step_has_gone_all_the_way_and_was_near_what_it_passed() -> None:
+    simulation = loop()
+    simulation.step([[[1.0, 1.0]]])
+    assert simulation.world.pose[0, 0] == pytest.approx(np.zeros(3), abs=1e-12)
+    assert simulation.info()["path_length"][0, 0] == pytest.approx(10.0)
+    assert simulation.info()["min_clearance"][0, 0] == pytest.approx(10.0 - 2.0 * LOOP - 0.2, abs=EARLY)
+
+
+@pytest.mark.parametrize("body", [{}, {"circles": [[0, 0, 0.2]]}, {"circles": [[-0.1, 0, 0.05], [0, 0, 0.2]]}])
+@pytest.mark.parametrize("height", [0.3, 1.0, 2.0, 3.3])
+def test_a_wall_beside_the_chord_of_a_step_stops_the_robot_where_its_arc_comes_to_it(
+    height: float, body: dict[str, Any]
+) -> None:
+    wall = [[-9, height], [9, height], [9, 9], [-9, 9]]
+    simulation = loop(robot=body, world={"polygons": [wall], "goal": [8, -8]})
+    simulation.step([[[1.0, 1.0]]])
+    angle = math.acos(1.0 - (height - 0.2) / LOOP)  # where it has risen by the height less its radius
+    x, y, heading = simulation.world.pose[0, 0].tolist()
+    assert outcome(simulation) == "collision"
+    assert height - 0.2 - 2.0 * EARLY <= y <= height - 0.2 + 1e-12
+    assert math.hypot(x, y - LOOP) == pytest.approx(LOOP, abs=1e-12)
+    assert heading == pytest.approx(angle, abs=2.0 * EARLY / (LOOP * math.sin(angle)))
+    assert simulation.info()["path_length"][0, 0] == pytest.approx(LOOP * (heading % (2.0 * math.pi)))
+
+
+def test_a_goal_beside_the_chord_of_a_step_is_reached_where_the_arc_comes_to_it() -> None:
+    simulation = loop(world={"goal": [0.0, 2.0 * LOOP]})
+    simulation.step([[[1.0, 1.0]]])
+    assert outcome(simulation) == "success"
+    assert simulation.info()["goal_distance"][0, 0] == pytest.approx(0.3, abs=2.0 * EARLY)
+    angle = math.pi - 2.0 * math.asin(0.5 * 0.3 / LOOP)
+    assert simulation.world.pose[0, 0, 2] == pytest.approx(angle, abs=2.0 * EARLY / LOOP)
+
+
+def test_a_mover_is_met_where_it_and_the_arc_are_at_the_same_time() -> None:
+    """It comes to the top of the circle when the robot is there, after half of the step, and is elsewhere before and after."""
+    mover = {"shape": {"circle": 0.1}, "at": [-4.0, 2.0 * LOOP], "motion": {"law": "bounce", "velocity": [8.0, 0.0]}}
+    late = {**mover, "at": [-7.0, 2.0 * LOOP]}
+    for one, expected in ((mover, "collision"), (late, "running")):
+        simulation = loop(world={"movers": [one]})
+        simulation.step([[[1.0, 1.0]]])
+        assert outcome(simulation) == expected
+        if expected == "collision":
+            x, y, heading = simulation.world.pose[0, 0].tolist()
+            time = heading % (2.0 * math.pi) / (2.0 * math.pi)
+            gap = math.dist((x, y), (-4.0 + 8.0 * time, 2.0 * LOOP)) - 0.3
+            assert 0.0 <= gap <= 2.0 * EARLY
+
+
+@pytest.mark.parametrize("kinematics", ["differential", "ackermann"])
+def test_one_long_step_is_as_many_short_ones(kinematics: str) -> None:
+    """On arcs all of them: the longer one leaves its chord by metres, the shorter ones by 7 mm."""
+    drive = {"kinematics": kinematics, "max_speed": 3.0, "max_turn_rate": 2.0, "wheelbase": 1.0, "max_steering": 0.6}
+    odometry = {"translation_bias": 0.1, "rotation_bias": 0.1}
+    long, short = (loop(step=step, robot=drive, odometry=odometry) for step in (1.0, 0.1))
+    for turn in (0.4, -1.0, 0.9):
+        long.step([[[1.0, turn]]])
+        for _ in range(10):
+            short.step([[[1.0, turn]]])
+        for name in ("pose", "path_length"):
+            assert long.world.array(name)[0] == pytest.approx(short.world.array(name)[0], abs=1e-9)
+        assert long.info()["min_clearance"] == pytest.approx(short.info()["min_clearance"], abs=2.0 * EARLY)
+    assert long.info()["path_length"][0, 0] == pytest.approx(9.0)
+
+
+def test_odometry_drifts_with_the_length_of_the_arc() -> None:
+    simulation = loop(odometry={"rotation_bias": 0.01})
+    simulation.step([[[1.0, 1.0]]])
+    assert simulation.world.array("odometry")[0, 2] == pytest.approx(0.01 * 10.0, abs=1e-9)
+
+
+def test_a_radius_that_is_drawn_is_each_worlds_own_on_an_arc() -> None:
+    drive = {"kinematics": "differential", "max_speed": 10.0, "max_turn_rate": 6.0, "radius": {"uniform": [0.1, 0.5]}}
+    world = {"family": "empty", "start": [0, 0, 0], "goal": [8, -8]}
+    parts = {"robot": drive, "lidar": {"beams": 1}, "time": {"step": 1.0}, "world": world}
+    simulation = Simulation(parts, 20)
+    simulation.reset(seeds=range(20))
+    simulation.step(np.ones((20, 1, 2)))
+    for row, nearest in enumerate(simulation.info()["min_clearance"][:, 0].tolist()):
+        assert nearest == pytest.approx(10.0 - 20.0 / 6.0 - simulation.drawn(row)["robot.radius"], abs=EARLY)
+
+
+@pytest.mark.parametrize("body", [None, [[0.3, 0.0, 0.1], [-0.3, 0.1, 0.1]]])
+@pytest.mark.parametrize("robots", [1, 2, 3])
+def test_on_long_arcs_robots_end_where_a_dense_sampling_of_them_first_touches(
+    robots: int, body: list[list[float]] | None
+) -> None:
+    rng = np.random.default_rng(robots)
+    circles = body or [[0.0, 0.0, 0.2]]
+    posts = [[-3.0, 1.0, 0.3], [2.0, -2.5, 0.5], [1.5, 2.0, 0.2]]
+    drive = {"kinematics": "differential", "max_speed": 6.0, "max_reverse": 3.0, "max_turn_rate": 5.0}
+    drive |= {"circles": body} if body else {}
+    world = {"family": "explicit", "bounds": [-6, -6, 6, 6], "circles": posts, "start": [0, 0, 0], "goal": [5.5, 5.5]}
+    places = [{"start": [float(3 * number - 4), -5.0, 0]} for number in range(robots)]
+    parts = {"robot": drive, "lidar": {"beams": 1}, "world": world, "robots": places, "goal": {"radius": 1e-6}}
+    count, shares = 200, np.linspace(0.0, 1.0, 401)
+    simulation = Simulation({**parts, "time": {"step": 0.8}}, count)
+    simulation.reset(seeds=range(count))
+    poses = rng.uniform([-5.5, -5.5, -np.pi], [5.5, 5.5, np.pi], (count, robots, 3))
+    free = gaps_of(poses, circles, posts) > 0.0
+    simulation.world.pose[:] = poses
+    simulation.world.array("min_clearance")[:] = 99.0  # of this step only
+    actions = rng.uniform(-1.0, 1.0, (count, robots, 2))
+    simulation.step(actions)
+    speed, turn = 0.8 * (-3.0 + 4.5 * (actions[..., 0] + 1.0)), 0.8 * 5.0 * actions[..., 1]
+    # How far each has come, by its way; who touched nothing went all of it.
+    stops = simulation.info()["path_length"] / np.abs(speed)
+    outcomes = simulation.info()["outcome"]
+    assert stops[outcomes == "running"] == pytest.approx(1.0)
+    least = np.full(count, np.inf)
+    for share in shares:
+        gone = np.minimum(share, stops)
+        half = 0.5 * gone * turn
+        chord = gone * speed * np.sinc(half / np.pi)
+        middle = poses[..., 2] + half
+        way = np.stack([chord * np.cos(middle), chord * np.sin(middle), 2.0 * half], axis=-1)
+        least = np.minimum(least, gaps_of(poses + way, circles, posts))
+    ends = simulation.world.pose
+    touching = gaps_of(ends, circles, posts)
+    assert least[free].min() >= -1e-9, "nothing is passed through"
+    met = free & (outcomes == "collision").any(axis=1)
+    assert touching[met & (robots == 1)].max(initial=0.0) <= 2.0 * EARLY, "it ends where it touches"
+    assert min(met.sum(), (free & ~met).sum()) > 10
+    clear = simulation.info()["min_clearance"].min(axis=1)
+    assert (clear[free & ~met] <= least[free & ~met] + 2.0 * EARLY).all()
+    assert (clear[free & ~met] >= least[free & ~met] - 0.02).all(), "what lies between two samples is little nearer"
+
+
+def gaps_of(poses: F64, body: list[list[float]], posts: list[list[float]]) -> F64:
+    """Smallest distance (n,) of bodies at poses (n, R, 3) to posts, a border of 6 m and one another [m]."""
+    x, y, radius = np.array(body).T
+    cos, sin = np.cos(poses[..., 2:]), np.sin(poses[..., 2:])
+    circles = np.stack([poses[..., :1] + cos * x - sin * y, poses[..., 1:2] + sin * x + cos * y], axis=-1)
+    centres, radii = np.array(posts)[:, :2], np.array(posts)[:, 2]
+    away = np.linalg.norm(circles[..., None, :] - centres, axis=-1) - radii - radius[:, None]
+    gaps: F64 = np.minimum(away.min(axis=(1, 2, 3)), (6.0 - np.abs(circles).max(axis=-1) - radius).min(axis=(1, 2)))
+    return np.minimum(gaps, least_gaps(poses, body)) if poses.shape[1] > 1 else gaps
+
+
+@pytest.mark.parametrize("speed", [1.0, 1.59])
+def test_the_chord_stands_for_an_arc_that_lies_beside_it_by_no_more_than_3_mm(speed: float) -> None:
+    simulation = loop(step=0.1, robot={"max_speed": speed, "max_turn_rate": 1.5})
+    simulation.step([[[1.0, 1.0]]])
+    chord = 2.0 * speed / 1.5 * math.sin(0.5 * 0.15)
+    assert simulation.info()["path_length"][0, 0] == pytest.approx(chord, abs=1e-12)
+    assert not simulation.scenario.goes_on_arcs
+
+
 # ---------------------------------------------------------------------------------------------- arcs, sampled
+
+
+def on_arc(begin: F64, way: float, turn: float, share: float) -> F64:
+    """Motion x, y, heading of a share of an arc so long [m] that turns by so much [rad]."""
+    half = 0.5 * share * turn
+    chord = share * way * np.sinc(half / np.pi)
+    return np.array([chord * math.cos(begin[2] + half), chord * math.sin(begin[2] + half), 2.0 * half])
 
 
 def gap_at(simulation: Simulation, pose: F64, obstacles: list[list[float]]) -> float:
@@ -217,21 +424,17 @@ def test_random_drives_touch_and_clear_what_a_dense_sampling_of_their_steps_does
         obstacles = [one for one in obstacles if math.hypot(one[0], one[1]) > 1.0]
         simulation = make(circles, step=0.5, circles=obstacles)
         for _ in range(4):
-            before = simulation.world.pose[0, 0].copy()
+            before, gone = simulation.world.pose[0, 0].copy(), simulation.info()["path_length"][0, 0]
             action = rng.uniform(-1.0, 1.0, 2)
             simulation.step([[action]])
-            speed, rate = action[0], 1.5 * action[1]
-            chord = 0.5 * speed * np.sinc(0.25 * rate / np.pi)
-            middle = before[2] + 0.25 * rate
-            motion = np.array([chord * math.cos(middle), chord * math.sin(middle), 0.5 * rate])
-            gaps = np.array(
-                [gap_at(simulation, before + share * motion, obstacles) for share in np.linspace(0, 1, 201)]
-            )
-            moved = simulation.world.pose[0, 0] - before
+            way, turn = 0.5 * action[0], 0.5 * 1.5 * action[1]
+            shares = np.linspace(0.0, 1.0, 201)
+            gaps = np.array([gap_at(simulation, before + on_arc(before, way, turn, u), obstacles) for u in shares])
             if outcome(simulation) == "collision":
-                share = math.hypot(moved[0], moved[1]) / abs(chord)
-                assert 0.0 <= gap_at(simulation, before + share * motion, obstacles) < 3.0 * EARLY
-                assert (gaps[np.linspace(0, 1, 201) < share - 1e-9] > 0.0).all()
+                share = (simulation.info()["path_length"][0, 0] - gone) / abs(way)
+                end = before + on_arc(before, way, turn, share)
+                assert 0.0 <= gap_at(simulation, end, obstacles) < 3.0 * EARLY
+                assert (gaps[shares < share - 1e-9] > 0.0).all()
                 break
             assert gaps.min() > 0.0
             assert simulation.info()["min_clearance"][0, 0] <= gaps.min() + EARLY

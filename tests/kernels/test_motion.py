@@ -89,6 +89,90 @@ def least_distance(places: F64) -> float:
     return float(norms(start + share[..., None] * way).min())
 
 
+# ------------------------------------------------------------------------------------------------ events
+
+
+def alone(motion: dict[str, Any], at: list[float], step: float, steps: int, **world: Any) -> F64:
+    """Places (steps + 1, 2) of a mover of 0.1 m that is the only one."""
+    time = {"step": step, "limit": 100000.0}
+    places: F64 = watch(begin(scenario([circle(at, 0.1, **motion)], time=time, world=world)), steps)[0][:, 0, 0]
+    return places
+
+
+def test_way_points_nearer_to_one_another_than_a_step_is_long_are_all_passed() -> None:
+    """50 of them in each step of 0.1 m."""
+    points = [[-5.0 + 0.002 * number, 0.0] for number in range(1, 5001)]
+    places = alone({"law": "waypoints", "speed": 1.0, "points": points}, [-5.0, 0.0], 0.1, 90)
+    assert places == pytest.approx(np.column_stack([-5.0 + 0.1 * np.arange(91), np.zeros(91)]), abs=1e-9)
+
+
+def test_a_track_sampled_finely_is_followed_at_its_speed_round_after_round() -> None:
+    angles = 2.0 * np.pi * np.arange(126) / 126
+    track = 2.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    points = np.roll(track, -1, axis=0)  # from where it starts on
+    places = alone({"law": "waypoints", "speed": 5.0, "points": points.tolist()}, [2.0, 0.0], 1.0, 20)
+    side = 4.0 * math.sin(math.pi / 126)
+    gone = 5.0 * np.arange(21) % (126.0 * side)
+    closed = np.vstack([track, track[:1]])
+    expected = np.column_stack([np.interp(gone, side * np.arange(127), closed[:, axis]) for axis in range(2)])
+    assert places == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("spare", [1e-2, 1e-3, 1e-5])
+def test_a_body_in_a_narrow_slit_goes_on_along_it(spare: float) -> None:
+    """Between two walls, with so much room to either side, y swings as a triangle does and x grows evenly [m]."""
+    half = 0.1 + spare
+    slit = [[[-9, half], [9, half], [9, 1], [-9, 1]], [[-9, -1], [9, -1], [9, -half], [-9, -half]]]
+    places = alone({"law": "bounce", "velocity": [1.0, 1.0]}, [-5.0, 0.0], 1.0, 8, polygons=slit)
+    time = np.arange(9)
+    there = (time + spare) % (4.0 * spare)
+    y = np.where(there < 2.0 * spare, there, 4.0 * spare - there) - spare
+    assert places == pytest.approx(np.column_stack([-5.0 + time, y]), abs=1e-7)
+
+
+def test_where_a_walker_of_short_legs_is_does_not_depend_on_the_step() -> None:
+    walk = {"law": "random_walk", "speed": 1.0, "min_leg": 0.002, "max_leg": 0.01}
+    fine, coarse = alone(walk, [0.0, 0.0], 0.01, 400), alone(walk, [0.0, 0.0], 1.0, 4)
+    assert coarse == pytest.approx(fine[::100], abs=1e-9)
+    assert np.ptp(fine, axis=0).min() > 0.01
+
+
+@pytest.mark.parametrize("count", [2, 50])
+def test_a_tour_without_length_ends_and_points_that_are_one_take_no_time(count: int) -> None:
+    there = [[1.0, 0.0]] * count
+    assert (alone({"law": "waypoints", "speed": 1.0, "points": there}, [1.0, 0.0], 1.0, 5) == [1.0, 0.0]).all()
+    places = alone({"law": "waypoints", "speed": 1.0, "points": [*there, [1.0, 4.0]]}, [1.0, 0.0], 1.0, 8)
+    assert places[:, 1] == pytest.approx([0, 1, 2, 3, 4, 3, 2, 1, 0], abs=1e-9)
+
+
+def test_a_body_between_walls_that_leave_it_no_room_ends_its_step() -> None:
+    """It touches both at once, all the time."""
+    slit = [[[-9, 0.05], [9, 0.05], [9, 1], [-9, 1]], [[-9, -1], [9, -1], [9, -0.05], [-9, -0.05]]]
+    places = alone({"law": "bounce", "velocity": [0.0, 1.0]}, [0.0, 0.0], 1.0, 5, polygons=slit)
+    assert np.abs(places).max() <= 1e-9
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (
+            {"law": "waypoints", "speed": 10.0, "points": [[0, 0], [1e-5, 0]]},
+            r"movers.0.motion.points: got 1e\+09 turns in a step of 1000 s \(time.step\), expected at most 1,000,000",
+        ),
+        (
+            {"law": "random_walk", "speed": 1.0, "min_leg": 1e-6, "max_leg": 1e-6},
+            r"movers.0.motion.max_leg: got 1e\+09 turns in a step",
+        ),
+    ],
+)
+def test_motion_that_turns_more_often_than_a_step_goes_through_is_refused(motion: dict[str, Any], words: str) -> None:
+    load(scenario([circle([0, 0], 0.1, **motion)], time={"step": 0.1}))
+    with pytest.raises(ScenarioError, match=words):
+        load(scenario([circle([0, 0], 0.1, **motion)], time={"step": 1e3, "limit": 1e6}))
+    with pytest.raises(ScenarioError, match=r"world.target.motion"):
+        load(scenario(world={"target": {"at": [0, 0], "motion": motion}}, time={"step": 1e3, "limit": 1e6}))
+
+
 # ------------------------------------------------------------------------------------------------ half planes
 
 
@@ -265,6 +349,20 @@ def test_two_discs_head_on_keep_their_distance_and_pass(speeds: tuple[float, flo
     places, _ = watch(begin(scenario(pair)), 300)
     assert least_distance(places) >= 2.0 * radius
     assert places[-1, 0] == pytest.approx(np.array([[4.0, 0.0], [-4.0, 0.0]]), abs=1e-6)
+
+
+@pytest.mark.parametrize(("horizon", "step"), [(0.1, 0.5), (0.01, 0.1), (2.0, 2.0), (1.0, 5.0)])
+@pytest.mark.parametrize("beside", [0.0, 0.1, -0.3])
+def test_discs_that_look_less_far_ahead_than_a_step_keep_their_distance(
+    horizon: float, step: float, beside: float
+) -> None:
+    pair = [
+        walker([-4, 0], [4, 0], speed=2.0, horizon=horizon),
+        walker([4, beside], [-4, beside], speed=1.5, horizon=horizon),
+        walker([0.1, 4], [0.1, -4], speed=0.7, horizon=horizon),
+    ]
+    places, _ = watch(begin(scenario(pair, time={"step": step, "limit": 1000.0})), 60)
+    assert least_distance(places) >= 0.6
 
 
 def test_two_discs_head_on_that_hold_each_other_up_turn_to_their_right() -> None:

@@ -126,6 +126,11 @@ def test_a_policy_is_replayed_to_its_end_with_its_states_and_its_drawing() -> No
     assert "boundary following" in data["noteTexts"] and {"m_line", "hit"} <= set(data["labels"])
 
 
+def test_an_episode_tells_whose_it_is_and_not_all_that_it_holds() -> None:
+    episode = driven()
+    assert repr(episode) == f"Episode('{episode.title}', {episode.frames} frames)"
+
+
 def test_four_hundred_frames_of_64_rays_stay_far_below_a_megabyte() -> None:
     episode = record_episode("hd_bug_map", "dynamic", seed=1, overrides={"lidar.beams": 64})
     assert len(episode.packed) * 400 / episode.frames < 250_000

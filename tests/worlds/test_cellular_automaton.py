@@ -105,6 +105,19 @@ def test_a_shut_field_has_no_way_even_for_the_body() -> None:
 
 
 @pytest.mark.parametrize(
+    ("robot", "least"),
+    [
+        ({"radius": {"uniform": [0.05, 0.3]}}, 0.05),
+        ({"circles": [[0.2, 0.0, 0.05], [0.0, 0.0, 0.1], [-0.2, 0.0, 0.05]]}, 0.1),
+    ],
+)
+def test_a_shut_field_has_no_way_for_any_body_that_may_come(robot: dict[str, Any], least: float) -> None:
+    """None for a disc that lies in the body: that stops the body, however it turns."""
+    scenario = load({"robot": robot, **scenario_of(is_shut=True, cell=0.12, solvable=None)})
+    assert not any(is_solved(draw_layout(scenario, seed, 0), least) for seed in range(20))
+
+
+@pytest.mark.parametrize(
     ("world", "says"),
     [
         ({"radius": 0.05}, "world.radius: got 0.05, expected at least half a cell (0.075)"),

@@ -285,6 +285,15 @@ def test_bounds_cut_a_piece_out_of_a_map(tmp_path: Path) -> None:
         assert (layout.starts[0, :2] <= [2.0, 3.6]).all() and (layout.goals <= [2.0, 3.6]).all()
 
 
+def test_a_scenario_with_another_map_has_the_outline_of_that_one(tmp_path: Path) -> None:
+    path = write_map(tmp_path, two_rooms())
+    other = write_map(tmp_path, two_rooms()[:60], "other", origin=[3.0, 0.0, 0.0])
+    given, expected = load(map_scenario(path)), load(map_scenario(other))
+    assert load(given, {"world.path": other}).world == expected.world != given.world
+    said = load(map_scenario(path, bounds=[0.4, 0.4, 2.0, 3.6]))
+    assert load(said, {"world.path": other}).world.bounds == (0.4, 0.4, 2.0, 3.6)
+
+
 def marched(occupied: Bools, place: Any, angle: float, most: float) -> float:
     """Way from a place along a ray to the first occupied cell, or to the picture's end, by small steps [cells]."""
     ways = np.arange(0.0, most, 0.02)

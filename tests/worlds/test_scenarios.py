@@ -14,6 +14,7 @@ from measured import bodies_of, free_room, gap_to_mover, gaps, polygons_of
 from bug_gym import kernels
 from bug_gym.config import MazeWorld, load
 from bug_gym.scenarios import draw_layout, field_record
+from bug_gym.shortest_path import reachable
 from bug_gym.simulation import Simulation
 from bug_gym.worlds.grid import carve
 from bug_gym.worlds.layout import Layout
@@ -163,6 +164,31 @@ def test_worlds_that_found_no_place_leave_the_rows_as_they_were(name: str, extra
 def test_a_field_without_room_for_start_and_goal_says_so() -> None:
     with pytest.raises(ValueError, match="no start and goal with their clearance and separation fit"):
         field(1, separation=27.9)
+
+
+def test_a_field_has_a_way_at_a_clearance_above_the_free_space_asked_for() -> None:
+    world: dict[str, Any] = {"bounds": [-15, -15, 15, 15], "obstacles": 12, "solvable": 1.5, "start_clearance": 0.1}
+    _, layouts = field(100, robot={"radius": 1.0}, **world)
+    for layout in layouts:
+        start, goal = layout.starts[0, :2], layout.goals[0]
+        assert min(free_room(layout, start), free_room(layout, goal)) >= 1.5 - 1e-9
+        assert reachable(layout.circles, layout.polygons, layout.border, start, goal, radius=1.5 - 1e-6)
+
+
+@pytest.mark.parametrize("robots", [1, 3])
+def test_a_start_and_a_goal_that_are_said_may_lie_at_the_border_of_a_field(robots: int) -> None:
+    simulation, layouts = field(20, start=[-9.8, 0.0, 0.0], goal=[9.9, 1.0], solvable=0.3, robots={"count": robots})
+    assert (simulation.world.array("outcome") == kernels.RUNNING).all()
+    for layout in layouts:
+        assert layout.goals.tolist() == [[9.9, 1.0]]
+        for x, y, _ in layout.starts.tolist():
+            assert x == -9.8
+            assert all(math.dist((x, y), (a, b)) - radius >= 1.2 - 1e-9 for a, b, radius in layout.circles)
+
+
+def test_robots_of_a_field_that_would_start_beyond_its_border_are_an_error_that_says_so() -> None:
+    with pytest.raises(ValueError, match=r"robot 0 cannot start at \[-8.0, -10.0, 0.0\]: the border is in its way"):
+        field(1, start=[-8.0, 0.0, 0.0], robots={"count": 11})
 
 
 def test_a_field_with_fixed_start_and_goal_leaves_them_clear() -> None:

@@ -98,6 +98,16 @@ def test_robots_that_would_overlap_on_the_circle_are_an_error() -> None:
         layouts("circle_swap", 1, robots__count=64)
 
 
+@pytest.mark.parametrize("name", ["circle_swap", "random_crossings"])
+def test_the_most_robots_that_an_error_tells_have_room_and_one_more_has_not(name: str) -> None:
+    with pytest.raises(ValueError, match=r"jitter .*, evenly .*, expected at most \d+$") as caught:
+        layouts(name, 1, robots__count=200)
+    most = int(str(caught.value).rsplit(" ", 1)[1])
+    layouts(name, 1, robots__count=most)
+    with pytest.raises(ValueError, match=f"expected at most {most}$"):
+        layouts(name, 1, robots__count=most + 1)
+
+
 def test_written_places_go_before_those_that_a_world_draws() -> None:
     places = [{"start": [1, 2, 0], "goal": [3, 3]}, {"start": [-1, 2, 0]}]
     scenario = load({"world": {"family": "circle_swap"}, "robots": places})

@@ -16,10 +16,11 @@ from string import Template
 from typing import Any, NamedTuple
 
 import bug_gym
+from bug_gym.evaluation.by_name import HEADER, RENDER_ONE, RENDER_SEVERAL
 from bug_gym.evaluation.matrix import matrix
 from bug_gym.evaluation.page.distributions import distributions
 from bug_gym.evaluation.page.failures import end, failures
-from bug_gym.evaluation.page.markup import Markup, element, joined, open_table
+from bug_gym.evaluation.page.markup import Cell, Markup, element, joined, open_table, table
 from bug_gym.evaluation.page.recorded import Key, Recorded, episodes_of
 from bug_gym.evaluation.page.tables import differences_to_baseline, matrix_table, summaries_by_scenario
 from bug_gym.evaluation.report import FEWER_PAIRS
@@ -54,6 +55,7 @@ def write_page(
     differences: Sequence[PairedDifference] = (),
     replays: Mapping[Key, str] | None = None,
     first: Sequence[Section] = (),
+    named: Sequence[tuple[str, str]] | None = None,
 ) -> None:
     """Write the page about some rows.
 
@@ -65,11 +67,12 @@ def write_page(
         differences: what `compare` makes of them.
         replays: episodes that were recorded, packed, by policy, scenario and seed.
         first: what stands before all that.
+        named: labels and what commands are given for them, see `by_name.differing_names`; None: nobody knows.
 
     Raises:
         ValueError: a path that cannot be written to.
     """
-    text = page(title, rows, summaries, differences, replays, first)
+    text = page(title, rows, summaries, differences, replays, first, named)
     with replaced_when_done(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
@@ -81,6 +84,7 @@ def page(
     differences: Sequence[PairedDifference] = (),
     replays: Mapping[Key, str] | None = None,
     first: Sequence[Section] = (),
+    named: Sequence[tuple[str, str]] | None = None,
 ) -> str:
     """The text of the page, see `write_page`."""
     recorded = Recorded(replays or {})
@@ -88,7 +92,7 @@ def page(
     policies, scenarios = _numbered(policy for policy, _ in keys), _numbered(scenario for _, scenario in keys)
     sections = list(first)
     if rows:
-        sections += _about_rows(rows, summaries, differences, policies, scenarios, recorded)
+        sections += _about_rows(rows, summaries, differences, policies, scenarios, recorded, named)
     titles = [one.title for one in sections] + (["Episodes"] if rows else [])
     script = "\n".join([part("player.js"), _part("page.js")])
     return Template(_part("page.html")).substitute(
@@ -112,6 +116,7 @@ def _about_rows(
     policies: Mapping[str, int],
     scenarios: Mapping[str, int],
     recorded: Recorded,
+    named: Sequence[tuple[str, str]] | None,
 ) -> list[Section]:
     """What the page says of all episodes together."""
     return [
@@ -140,17 +145,33 @@ def _about_rows(
             joined(
                 [
                     "With the seeds of their worlds",
-                    "; a button replays the episode. " if recorded.numbers else ". ",
-                    "Any episode of a policy and a scenario by name is replayed by ",
-                    element("code", "bug-gym render POLICY SCENARIO --seed SEED --out race.html"),
-                    ", several policies side by side by ",
-                    element("code", "bug-gym render SCENARIO --policies POLICY,POLICY --seed SEED --out race.html"),
-                    ".",
+                    "; a button replays the episode." if recorded.numbers else ".",
+                    *([] if named is None else [" ", _told_commands(named)]),
                 ]
             ),
-            failures(rows, scenarios, policies, recorded.numbers),
+            joined([*_names(named or ()), failures(rows, scenarios, policies, recorded.numbers)]),
         ),
     ]
+
+
+def _told_commands(named: Sequence[tuple[str, str]]) -> Markup:
+    """The commands that replay any episode that has names."""
+    commands = [
+        *("Any episode of a policy and a scenario with a name is replayed by ", element("code", RENDER_ONE)),
+        *(", several policies side by side by ", element("code", RENDER_SEVERAL), "."),
+    ]
+    if named:
+        commands.append(
+            " Where the command has other words for a policy or a scenario than the tables, they stand here:"
+        )
+    return joined(commands)
+
+
+def _names(named: Sequence[tuple[str, str]]) -> list[Markup]:
+    """A table of what the command is given in the place of labels; nothing where it takes these."""
+    if not named:
+        return []
+    return [table(HEADER, ([Cell(label), Cell(element("code", words))] for label, words in named), policy=None)]
 
 
 def _teams(rows: Sequence[EpisodeRow], differences: Sequence[PairedDifference]) -> list[Section]:

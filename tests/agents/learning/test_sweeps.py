@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shlex
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -339,6 +340,16 @@ def test_the_command_names_sweeps_and_extras(
     assert main(["sweep", "ppo_dynamic", "--out", "nowhere"]) == 2
     assert "a sweep needs optuna, of the extra `sweep`" in capsys.readouterr().err
     assert not Path("nowhere").exists()
+
+
+def test_the_command_says_how_its_best_is_played_as_a_shell_reads_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    best = tmp_path / "my sweep" / "trial-0"
+    monkeypatch.setattr(sweeps, "sweep", lambda *_, **__: best)
+    assert main(["sweep", "ppo_dynamic", "--out", str(best.parent)]) == 0
+    words = shlex.split(capsys.readouterr().out.partition("play it with ")[2].partition(";")[0])
+    assert words == ["--policies", f"{best / 'seed-0'}/"]
 
 
 def test_a_training_that_fails_before_it_has_a_folder_says_why_in_one(

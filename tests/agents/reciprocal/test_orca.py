@@ -25,6 +25,7 @@ from bug_gym.agents.reciprocal.bodies import (
     share_out,
     take_out_disc,
 )
+from bug_gym.agents.reciprocal.borders import BORDER, LATE_DRIVE, move_borders
 from bug_gym.agents.reciprocal.half_planes import CHOSEN, choose_velocities
 from bug_gym.config import load
 from bug_gym.geometry import F64
@@ -471,6 +472,82 @@ def test_robots_that_all_want_to_one_place_do_not_touch(kinematics: str, max_acc
     }
     drive = Drive(scenario, {})
     assert "collision" not in drive.outcomes and drive.nearest >= 2.0 * R
+
+
+@pytest.mark.parametrize("max_acceleration", [None, 1.0])
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_those_whose_commands_act_late_do_not_touch_either(kinematics: str, max_acceleration: float | None) -> None:
+    robot = {"robot.kinematics": kinematics, "robot.max_acceleration": max_acceleration, "robot.latency": 0.3}
+    for robots in (2, 6):
+        drive = Drive("circle_swap", {"robots.count": robots, "lidar.noise": 0.0, **robot}, seeds=2, way="goal")
+        assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
+    starts = [[1.0, 0.0, 3.0], [-1.0, 0.0, 0.0], [0.0, 1.2, -1.5], [0.3, -1.2, 1.5], [2.0, 0.7, 3.0]]
+    world = {"family": "empty", "goal": [0, 0]}  # all of them want to one place, and near one another they begin
+    scenario = {"time": {"limit": 15.0}, "goal": {"radius": 0.05}, "world": world}
+    drive = Drive({**scenario, "robots": [{"start": start} for start in starts]}, robot)
+    assert "collision" not in drive.outcomes and drive.nearest >= 2.0 * R
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_two_who_do_as_they_like_behind_their_borders_never_touch_however_late_that_acts(seed: int) -> None:
+    """They go as fast as they can at one another, past it or at random, up to the border; each works it out by itself."""
+    rng, step, late, kept = np.random.default_rng(seed), 0.1, 3, R + 0.01
+    drive = np.array([kept, 1.0, math.inf, step * late])
+    assert len(drive) == LATE_DRIVE
+    places, velocities, poses = (
+        np.array([[0.0, 0.0], rng.uniform(0.45, 1.5, 2)]),
+        np.zeros((2, 2)),
+        rng.uniform(-3, 3, 2),
+    )
+    borders, pending, aim = np.zeros((2, 1, BORDER)), np.zeros((2, late, 2)), rng.uniform(-2, 2, (2, 2))
+    nearest, turned = math.inf, 0.0
+    for number in range(400):
+        if number % 20 == 0:  # one goes where the other is, or both anywhere
+            aim = places[::-1].copy() if rng.random() < 0.5 else rng.uniform(-2, 2, (2, 2))
+        asked = np.zeros((2, 2))
+        before = borders.copy()
+        for own, its in ((0, 1), (1, 0)):
+            cos, sin = math.cos(poses[own]), math.sin(poses[own])  # each in a frame of its own
+            into, body = np.array([[cos, -sin], [sin, cos]]), np.zeros((1, BODY))
+            body[0, :2], body[0, 2:4] = (places[its] - places[own]) @ into, velocities[its] @ into
+            pose = np.array([*places[own], poses[own]])
+            move_borders(borders[own], body, pose, math.hypot(*velocities[own]), drive)
+            x, y, along = borders[own, 0]
+            then = places[own] + step * pending[own].sum(axis=0)
+            room = along - kept - x * then[0] - y * then[1]
+            assert room >= -1e-9  # to stand is always left
+            wish = rng.uniform(0.3, 1.0) * (aim[own] - then) / max(math.hypot(*(aim[own] - then)), 1e-6)
+            over = max(wish @ (x, y) - max(room, 0.0) / step, 0.0)
+            asked[own] = wish - over * np.array([x, y])
+        np.testing.assert_allclose(borders[1, 0], [-borders[0, 0, 0], -borders[0, 0, 1], -borders[0, 0, 2]], atol=1e-6)
+        turned += abs(before[0, 0, 0] * borders[0, 0, 1] - before[0, 0, 1] * borders[0, 0, 0])
+        velocities, pending = pending[:, 0].copy(), np.concatenate([pending[:, 1:], asked[:, None]], axis=1)
+        places = places + step * velocities
+        nearest = min(nearest, math.hypot(*(places[0] - places[1])))
+    assert nearest >= 2.0 * kept - 1e-6 and turned > 1.0  # and they get past one another
+
+
+def test_what_would_lead_over_a_border_is_not_sent() -> None:
+    late = {"robot.kinematics": "holonomic", "robot.latency": 0.2, "robots.count": 2}
+    simulation = Simulation("circle_swap", overrides=late)
+    policy: Any = make_policy("orca", simulation)
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    x, y, forward = *view.pose[:2], np.array([1.0, 0.0], dtype=np.float32)
+    view.under_way = []  # it stands until this acts
+    for left, goes in ((0.11, True), (0.09, False)):  # a step is 0.1 m
+        memory.borders = np.array([[1.0, 0.0, x + policy.late.kept + left]])
+        expected = forward if goes else [0.0, 0.0]
+        assert view.heading == 0.0 and y == 0.0
+        np.testing.assert_array_equal(policy.last_word(view, memory, forward), expected)
+
+
+def test_borders_are_kept_only_among_others_by_those_whose_commands_act_late() -> None:
+    late = {"robot.latency": 0.2, "robots.count": 2}
+    for overrides, discrete, has in ((late, False, True), (late, True, False), ({}, False, False)):
+        policy = orca.Orca(Sensors.of(load("circle_swap", overrides)), discrete=discrete)
+        assert (policy.late is not None) is has
+    alone: Any = make_policy("orca", load("static", {"robot.latency": 0.2}))
+    assert alone.late is None
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
